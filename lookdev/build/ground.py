@@ -9,7 +9,7 @@ from lookdev.build.assign import loss_notes
 from lookdev.build.faults import Findings
 from lookdev.build.geometry_cache import cached_outline
 from lookdev.errors import AssetError
-from lookdev.job.ground import JobGround
+from lookdev.job.surroundings import JobGround
 from lookdev.material import Look
 from lookdev.material.usd.bound import read_any_look
 from lookdev.scene import Camera

@@ -55,14 +55,9 @@ def assign(text: str, look: int, prims: Sequence[str], material: Wear, covering:
             other_keys = {key: value for key, value in assigns[same].items() if key not in _MATERIAL_KEYS}
             edited = {**other_keys, **material.keys}
             return [(number, edited if number == same else table) for number, table in enumerate(assigns)]
-        position = len(assigns) if covering is None else covering
         remaining = [*_remove_prims(assigns, prims)]
-        inserted: tuple[int | None, _Data] = (None, {"prims": list(prims), **material.keys})
-        return [
-            *(entry for entry in remaining if entry[0] is not None and entry[0] < position),
-            inserted,
-            *(entry for entry in remaining if entry[0] is not None and entry[0] >= position),
-        ]
+        position = len(remaining) if covering is None else sum(number < covering for number, _ in remaining)
+        return [*remaining[:position], (None, {"prims": list(prims), **material.keys}), *remaining[position:]]
 
     return _edit_look(text, look, {}, edit_assigns)
 
@@ -78,7 +73,7 @@ def unassign(text: str, look: int, prims: Iterable[str]) -> str:
     return _edit_look(text, look, {}, lambda assigns: [*_remove_prims(assigns, removed)])
 
 
-def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tuple[int | None, _Data]]:
+def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tuple[int, _Data]]:
     """Yield the assigns that still have prims when `prims` are removed, with their indices."""
     for number, table in enumerate(assigns):
         remaining = [prim for prim in table["prims"] if prim not in prims]
@@ -100,7 +95,7 @@ def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], 
     assigns = edit(copy.deepcopy(looks[look].get("assign", [])))
     expected = copy.deepcopy(data)
     expected["look"][look] = _updated_look(expected["look"][look], keys, [table for _, table in assigns])
-    lines = _lines(text)
+    lines = re.findall(r"[^\n]*\n|[^\n]+$", text)
     blocks = _blocks(lines)
     try:
         if not any(block.keys == ("look",) and block.listed for block in blocks):
@@ -139,11 +134,6 @@ class _Block:
     above: int
     start: int
     end: int
-
-
-def _lines(text: str) -> list[str]:
-    """Return the lines of a text, with their ends."""
-    return re.findall(r"[^\n]*\n|[^\n]+$", text)
 
 
 def _blocks(lines: Sequence[str]) -> list[_Block]:
@@ -219,12 +209,12 @@ def _edit_blocks(
                 edits.append((block.start + 1, block.end, _edit_assign(lines[block.start + 1 : block.end], table)))
         edits += _new_blocks(lines, assign_blocks, last, assigns)
     if keys:
-        _set_material(document, keys)
+        _set_values(document, keys, _MATERIAL_KEYS)
     if (edited_body := document.as_string()) != body:
         edits.append((look_block.start + 1, look_block.end, edited_body))
     # Edits are applied from the last line to the first. At one line, a removal is applied before an insertion.
     for start, end, replacement in sorted(edits, key=lambda edit: (edit[0], edit[1]), reverse=True):
-        lines[start:end] = [_end_line(replacement)] if replacement else []
+        lines[start:end] = [replacement.removesuffix("\n") + "\n"] if replacement else []
     return "".join(lines)
 
 
@@ -261,7 +251,7 @@ def _edit_inline(text: str, look: int, keys: _Data, assigns: list[tuple[int | No
     document = tomlkit.parse(text)
     table = document["look"][look]
     if keys:
-        _set_material(table, keys)
+        _set_values(table, keys, _MATERIAL_KEYS)
     _set_inline_assigns(table, assigns)
     return document.as_string()
 
@@ -284,19 +274,9 @@ def _set_inline_assigns(table: Any, assigns: Sequence[tuple[int | None, _Data]])
             _set_values(array[position], values)
 
 
-def _set_material(table: Any, keys: _Data) -> None:
-    """Replace the keys of the material of a look."""
-    for key in _MATERIAL_KEYS:
-        if key in table and key not in keys:
-            del table[key]
-    for key, value in keys.items():
-        if key not in table or table[key] != value:
-            table[key] = _toml_item(value)
-
-
-def _set_values(table: Any, values: _Data) -> None:
-    """Replace the values of an assign; its list of prims is edited in place where removals suffice."""
-    for key in [key for key in table if key not in values]:
+def _set_values(table: Any, values: _Data, replaced: Iterable[str] = ()) -> None:
+    """Replace the values of a table, or of its keys `replaced`; prims are edited in place where removals suffice."""
+    for key in [key for key in replaced or table if key in table and key not in values]:
         del table[key]
     for key, value in values.items():
         if key in table and table[key] == value:
@@ -326,7 +306,3 @@ def _format_value(value: Any) -> str:
 
 def _format_key(key: str) -> str:
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
-
-
-def _end_line(text: str) -> str:
-    return text if text.endswith("\n") else f"{text}\n"

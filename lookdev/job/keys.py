@@ -156,6 +156,18 @@ class Table(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+def meaningless(word: Literal["without", "beside"], other: str, hint: str) -> Callable[[Any, ValidationInfo], Any]:
+    """Return the validator of a key that has no meaning without, or beside, the earlier key `other`."""
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        # A faulty key is absent from info.data; the table counts as having it.
+        if (info.data.get(other, ...) is None) == (word == "without"):
+            raise key_error(f"has no meaning {word} '{other}'", hint)
+        return value
+
+    return check
+
+
 def instead_of(other: str) -> AfterValidator:
     """Return the validator of a key that a table has exactly if it lacks the earlier key `other`."""
 

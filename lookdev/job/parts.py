@@ -19,9 +19,18 @@ from lookdev.job.keys import (
     UsdFile,
     instead_of,
     key_error,
+    meaningless,
 )
 
 _Variants = dict[Text, Text]
+
+
+def _check_variants(variants: dict[str, str]) -> dict[str, str]:
+    """Return variants, none of which is '*'."""
+    for name, choice in variants.items():
+        if choice == "*":
+            raise key_error(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")
+    return variants
 
 
 class JobAsset(Table):
@@ -61,10 +70,7 @@ class JobAsset(Table):
             raise key_error("has no meaning with a built-in asset", f"'{info.field_name}' goes with 'usd'")
         return value
 
-    @field_validator("variants")
-    @classmethod
-    def _reject_star(cls, value: dict[str, str]) -> dict[str, str]:
-        return _check_variants(value)
+    _reject_star = field_validator("variants")(_check_variants)
 
 
 class JobAssign(Table):
@@ -82,10 +88,7 @@ class JobAssign(Table):
         default_factory=dict, description="The variant chosen in each variant set of the material."
     )
 
-    @field_validator("variants")
-    @classmethod
-    def _reject_star(cls, value: dict[str, str]) -> dict[str, str]:
-        return _check_variants(value)
+    _reject_star = field_validator("variants")(_check_variants)
 
 
 class JobLook(Table):
@@ -118,17 +121,6 @@ class JobLook(Table):
         default=(), description="Materials of some parts; the first entry that names a part counts."
     )
 
-    @field_validator("prim", "parts")
-    @classmethod
-    def _require_material(cls, value: object, info: ValidationInfo) -> object:
-        if info.data.get("material", ...) is None:
-            raise key_error("has no meaning without 'material'", "a look without 'material' has what the asset binds")
-        return value
-
-
-def _check_variants(variants: dict[str, str]) -> dict[str, str]:
-    """Return variants, none of which is '*'."""
-    for name, choice in variants.items():
-        if choice == "*":
-            raise key_error(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")
-    return variants
+    _require_material = field_validator("prim", "parts")(
+        meaningless("without", "material", "a look without 'material' has what the asset binds")
+    )

@@ -14,9 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
 
-from lookdev.job.charts import JobCharts
 from lookdev.job.features import check_feature
-from lookdev.job.ground import JobGround
 from lookdev.job.keys import (
     BackendName,
     Background,
@@ -36,9 +34,11 @@ from lookdev.job.keys import (
     check_folder,
     instead_of,
     key_error,
+    meaningless,
 )
 from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
+from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.job.wedge import JobWedge
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
@@ -133,12 +133,7 @@ class JobCamera(Table):
         default="job", description="'job': one camera frames what all looks show; 'each': each look has its own."
     )
 
-    @field_validator("file")
-    @classmethod
-    def _require_usd(cls, value: Path, info: ValidationInfo) -> Path:
-        if info.data.get("usd", ...) is None:
-            raise key_error("has no meaning without 'usd'", "usd = '/Cameras/shot'")
-        return value
+    _require_usd = field_validator("file")(meaningless("without", "usd", "usd = '/Cameras/shot'"))
 
     @field_validator("fov", "focal_length", "sensor_width", "elevation", "azimuth", "fill", "margin", "framing")
     @classmethod
@@ -147,19 +142,10 @@ class JobCamera(Table):
             raise key_error("has no meaning beside 'usd'", "the camera of the file decides it")
         return value
 
-    @field_validator("focal_length", "sensor_width")
-    @classmethod
-    def _reject_beside_fov(cls, value: float, info: ValidationInfo) -> float:
-        if info.data.get("fov", ...) is not None:
-            raise key_error("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'")
-        return value
-
-    @field_validator("margin")
-    @classmethod
-    def _reject_beside_fill(cls, value: float, info: ValidationInfo) -> float:
-        if info.data.get("fill", ...) is not None:
-            raise key_error("has no meaning beside 'fill'", "give either 'fill' or 'margin'")
-        return value
+    _reject_beside_fov = field_validator("focal_length", "sensor_width")(
+        meaningless("beside", "fov", "give either 'fov' or 'focal_length'")
+    )
+    _reject_beside_fill = field_validator("margin")(meaningless("beside", "fill", "give either 'fill' or 'margin'"))
 
     @property
     def horizontal_fov(self) -> float:
@@ -226,16 +212,10 @@ class JobRender(Table):
         default="black", description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b]."
     )
 
-    @field_validator("device", "denoise", "space")
+    @field_validator("device", "denoise", "space", "brdf_samples", "ibl_samples")
     @classmethod
-    def _check_backend_support(cls, value: str, info: ValidationInfo) -> str:
+    def _check_backend_support(cls, value: object, info: ValidationInfo) -> object:
         check_feature(info.field_name or "", info.data.get("backend", ""), value)
-        return value
-
-    @field_validator("brdf_samples", "ibl_samples")
-    @classmethod
-    def _check_directions(cls, value: int, info: ValidationInfo) -> int:
-        check_feature("directions", info.data.get("backend", ""), value)
         return value
 
     @field_validator("passes")

@@ -12,8 +12,7 @@ from lookdev.build.ground import ground_under
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import AssetError, FaultsError
 from lookdev.job import parse_job
-from lookdev.job.charts import JobCharts
-from lookdev.job.ground import JobGround
+from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.scene import Camera
 from lookdev.scene.charts import Strip
 from lookdev.scene.ground import GREY, PATH, add_ground

@@ -1,17 +1,41 @@
-"""The table of the ground."""
+"""The tables of what is beside the asset: reference props, and the ground."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, field_validator
 
 from lookdev.job.features import check_feature
-from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, key_error
+from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, key_error, meaningless
+from lookdev.scene.charts import FOLDER, Strip
+from lookdev.scene.charts.props import Place
 
 _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
 """The passes that sum up to the beauty or to its alpha; a shadow catcher takes light and coverage away from both."""
+
+
+class JobCharts(Table):
+    """A chrome ball, a grey ball and a colour chart beside the asset."""
+
+    place: Place = Field(default="bottom", description="The edge of the frame that they stand along.")
+    size: Annotated[float, Field(ge=0.02, le=0.5)] = Field(
+        default=0.12, description="The share of the frame's height that they take; at its left or right, of its width."
+    )
+
+    def strip(self, resolution: tuple[int, int]) -> Strip:
+        """Return the strip of a frame that the props take."""
+        return Strip(self.place, self.size, resolution)
+
+    def check(self, resolution: tuple[int, int], backend: str, looks: Iterable[str]) -> None:
+        """Raise the error of a job whose resolution, backend or names of looks rule the props out."""
+        problem, hint = self.strip(resolution).misfit()
+        if problem:
+            raise key_error(problem, hint)
+        check_feature("charts", backend, self)
+        if FOLDER in {name.casefold() for name in looks}:
+            raise key_error(f"a look of the job is called '{FOLDER}', the name of the frames of [charts]", "rename it")
 
 
 class JobGround(Table):
@@ -37,12 +61,9 @@ class JobGround(Table):
         default=None, description="Its z in metres; default: that of the asset's lowest point."
     )
 
-    @field_validator("prim", "variants")
-    @classmethod
-    def _require_material(cls, value: object, info: ValidationInfo) -> object:
-        if info.data.get("material", ...) is None:
-            raise key_error("has no meaning without 'material'", "it chooses among what a file has")
-        return value
+    _require_material = field_validator("prim", "variants")(
+        meaningless("without", "material", "it chooses among what a file has")
+    )
 
     def check(self, backend: str, denoise: str, passes: Iterable[str]) -> None:
         """Raise the error of a job whose [render] rules the ground out."""
