@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.asset.faces import Faces, first_in_each, raise_all
@@ -18,6 +17,8 @@ from lookdev.asset.mesh import Mesh, Subdivision
 from lookdev.asset.normals import area_vectors, batches, blocks, concatenate, face_starts, normalize_or, sum_by
 from lookdev.asset.shape import LARGEST, Attribute, Shape
 from lookdev.errors import AssetError
+
+_Vectors = TypeVar("_Vectors", Floats, Floats32)
 
 
 def finish(shapes: Sequence[Shape], y_up: bool = False) -> list[Mesh | None]:
@@ -115,9 +116,9 @@ def _used_points(faces: Faces) -> tuple[Indices, Indices]:
     return np.where(is_used, np.cumsum(is_used) - 1, -1), np.flatnonzero(is_used)
 
 
-def _to_z_up(vectors: NDArray[Any]) -> NDArray[Any]:
+def _to_z_up(vectors: _Vectors) -> _Vectors:
     """Convert vectors (n, 3) from y up to z up."""
-    return np.stack([vectors[:, 0], -vectors[:, 2], vectors[:, 1]], axis=-1)
+    return np.asarray(np.stack([vectors[:, 0], -vectors[:, 2], vectors[:, 1]], axis=-1))
 
 
 def _single_precision(points: Floats, shapes: Sequence[Shape], used_points: Indices, begins: Indices) -> Floats32:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset.mesh import Asset, Instance, Mesh
@@ -94,21 +92,20 @@ def _join_meshes(meshes: Sequence[Mesh], matrices: Floats) -> Mesh:
     points = np.array([len(mesh.points) for mesh in meshes])
     corners = np.array([len(mesh.corner_points) for mesh in meshes])
 
-    def join(name: str) -> NDArray[Any]:
-        return np.concatenate([getattr(mesh, name) for mesh in meshes])
-
     def transform(name: str, matrices: Floats) -> Floats32:
-        return np.asarray(np.einsum("nij,nj->ni", np.repeat(matrices, corners, axis=0), join(name)), np.float32)
+        vectors = np.concatenate([getattr(mesh, name) for mesh in meshes])
+        return np.asarray(np.einsum("nij,nj->ni", np.repeat(matrices, corners, axis=0), vectors), np.float32)
 
-    world_points = np.einsum("nij,nj->ni", np.repeat(linear, points, axis=0), join("points"))
+    mesh_points = np.concatenate([mesh.points for mesh in meshes])
+    world_points = np.einsum("nij,nj->ni", np.repeat(linear, points, axis=0), mesh_points)
     point_starts = (np.cumsum(points) - points).astype(np.int32)
     first = meshes[0]
     return Mesh(
         name=first.name if len(meshes) == 1 else f"{first.name} and {len(meshes) - 1} others",
         points=(world_points + np.repeat(offsets, points, axis=0)).astype(np.float32),
-        corner_points=join("corner_points") + np.repeat(point_starts, corners),
-        face_sizes=join("face_sizes"),
-        face_slots=join("face_slots"),
+        corner_points=np.concatenate([mesh.corner_points for mesh in meshes]) + np.repeat(point_starts, corners),
+        face_sizes=np.concatenate([mesh.face_sizes for mesh in meshes]),
+        face_slots=np.concatenate([mesh.face_slots for mesh in meshes]),
         normals=transform("normals", np.swapaxes(np.linalg.inv(linear), 1, 2) * scales),
         tangents=None if first.tangents is None else transform("tangents", linear / scales),
         uvs={name: np.concatenate([mesh.uvs[name] for mesh in meshes]) for name in first.uvs},

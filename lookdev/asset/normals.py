@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.arrays import Floats, Indices, Reals
+from lookdev.arrays import Floats, Indices, Ints, Ints32, Reals
 
-Numbers = NDArray[np.signedinteger[Any]]
+Numbers = Ints | Ints32 | Indices
+_Number = TypeVar("_Number", bound=np.generic)
 
 _BLOCK_CORNERS = 1 << 13  # corners
 _BATCH_CORNERS = 1 << 18
 _FEW_CORNERS = 7  # of a face; NumPy adds that few numbers one after the other, whatever their layout
 
 
-def concatenate(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+def concatenate(arrays: Sequence[NDArray[_Number]]) -> NDArray[_Number]:
     """Concatenate arrays; a single array is returned without a copy."""
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from numpy.typing import NDArray
-
-from lookdev.arrays import Floats, Indices
+from lookdev.arrays import Floats, Indices, Reals
 from lookdev.asset.mesh import Interpolation, Subdivision
 
 LARGEST = 1e18
@@ -23,7 +20,7 @@ class Attribute:
     """
 
     name: str
-    values: NDArray[Any]
+    values: Reals
     interpolation: Interpolation
     is_uv: bool = False
 

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.arrays import Floats, Indices
+from lookdev.arrays import Floats, Indices, Reals
 from lookdev.errors import AssetError
 
 # Rows: the coefficients of t^3, t^2, t and 1; columns: the vertices of a segment.
@@ -39,13 +37,14 @@ class Splines:
     pinned: bool = False
     varying: bool = True
 
-    def with_phantoms(self, values: NDArray[Any]) -> NDArray[Any]:
+    def with_phantoms(self, values: Reals) -> Reals:
         """Return the values (n, ...) of the vertices and of the phantom vertices, which UsdGeom extrapolates."""
         if not self.pinned:
             return values
         first = starts_of(self.vertex_counts)
         last = first + self.vertex_counts - 1
-        return np.concatenate([values, 2 * values[first] - values[first + 1], 2 * values[last] - values[last - 1]])
+        before, after = 2 * values[first] - values[first + 1], 2 * values[last] - values[last - 1]
+        return np.asarray(np.concatenate([values, before, after]))
 
 
 def starts_of(counts: Indices) -> Indices:

@@ -9,12 +9,12 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.arrays import Ints
+from lookdev.arrays import Array, Bytes, Ints
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.tangents import tangents_of
@@ -34,6 +34,7 @@ _ARRAYS: dict[str, tuple[type[np.generic], int, str]] = {
     "normals": (np.float32, 3, "corners"),
     "tangents": (np.float32, 3, "tangents"),
 }
+_Number = TypeVar("_Number", bound=np.generic)
 
 
 def make_asset(
@@ -125,13 +126,7 @@ def read_asset(path: Path) -> Asset:
     try:
         with path.open("rb") as stream:
             line = stream.readline()
-        head, offset, arrays = json.loads(line), len(line), {}
-        file_bytes = np.memmap(path, np.uint8, "r")
-        for name, (dtype, shape) in head["columns"].items():
-            offset += -offset % _ALIGNMENT
-            arrays[name] = np.frombuffer(file_bytes, dtype, math.prod(shape), offset).reshape(shape)
-            offset += arrays[name].nbytes
-        return _assemble_asset(head, arrays)
+        return _assemble_asset(line, np.memmap(path, np.uint8, "r"))
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise AssetError(
             f"{path}: is not an asset of this version of lookdev ({error!r}); delete it, it is made again"
@@ -158,14 +153,14 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
     return list(numbers), np.array(rows, np.int64).reshape(-1, 4)
 
 
-def _hash_columns(description: Mapping[str, Any], columns: Iterable[NDArray[Any]]) -> hashlib._Hash:
+def _hash_columns(description: Mapping[str, object], columns: Iterable[Array]) -> hashlib._Hash:
     digest = hashlib.sha256(json.dumps(description).encode())
     for column in columns:
         digest.update(column.data)
     return digest
 
 
-def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, Any]:
+def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, object]:
     return {
         "format": _FORMAT,
         **{name: getattr(asset, name) for name in ("name", *_FLAGS)},
@@ -175,7 +170,7 @@ def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, Any]:
     }
 
 
-def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, NDArray[Any]]]:
+def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, Array]]:
     """Yield the name and the values of each stored array, contiguous."""
     yield "sizes", sizes
     yield "instance_meshes", np.array([instance.mesh for instance in asset.instances], np.int32)
@@ -188,14 +183,19 @@ def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, NDArray[Any]]]:
     yield "primvars", _concatenate(np.zeros(0, np.float32), primvars)
 
 
-def _concatenate(empty: NDArray[Any], parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+def _concatenate(empty: Array, parts: Sequence[Array]) -> Array:
     """Concatenate arrays of the type of `empty`; a single array is not copied."""
     if len(parts) == 1 and parts[0].dtype == empty.dtype:
         return np.ascontiguousarray(parts[0])
     return np.concatenate([empty, *parts], casting="no")
 
 
-def _assemble_asset(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Asset:
+def _assemble_asset(line: bytes, file_bytes: Bytes) -> Asset:
+    head, offset, arrays = json.loads(line), len(line), {}
+    for name, (dtype, shape) in head["columns"].items():
+        offset += -offset % _ALIGNMENT
+        arrays[name] = np.frombuffer(file_bytes, dtype, math.prod(shape), offset).reshape(shape)
+        offset += arrays[name].nbytes
     description = head["description"]
     if description["format"] != _FORMAT:
         raise ValueError(f"format {description['format']}, not {_FORMAT}")
@@ -210,14 +210,18 @@ def _assemble_asset(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]])
     primvars = iter(_split_rows(arrays["primvars"], primvar_sizes))
     meshes = []
     for number, (has_tangents, names, widths, _) in enumerate(mesh_layouts):
-        fields: dict[str, Any] = {name: column[number] for name, column in columns.items()}
-        if not has_tangents:
-            fields["tangents"] = None
-        fields["uvs"] = {uv: next(uvs) for uv in names}
-        fields["primvars"] = {
-            primvar: next(primvars).reshape((-1, width) if width else -1) for primvar, width in widths
-        }
-        meshes.append(Mesh(description["meshes"][number], **fields))
+        mesh = Mesh(
+            name=description["meshes"][number],
+            points=columns["points"][number],
+            corner_points=columns["corner_points"][number],
+            face_sizes=columns["face_sizes"][number],
+            face_slots=columns["face_slots"][number],
+            normals=columns["normals"][number],
+            tangents=columns["tangents"][number] if has_tangents else None,
+            uvs={uv: next(uvs) for uv in names},
+            primvars={primvar: next(primvars).reshape((-1, width) if width else -1) for primvar, width in widths},
+        )
+        meshes.append(mesh)
     placements = zip(arrays["instance_meshes"].tolist(), arrays["instance_matrices"], strict=True)
     return Asset(
         meshes=tuple(meshes),
@@ -229,6 +233,6 @@ def _assemble_asset(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]])
     )
 
 
-def _split_rows(array: NDArray[Any], counts: Sequence[int]) -> list[NDArray[Any]]:
+def _split_rows(array: NDArray[_Number], counts: Sequence[int]) -> list[NDArray[_Number]]:
     """Split an array into views with the given numbers of rows."""
     return [array[end - count : end] for count, end in zip(counts, accumulate(counts), strict=True)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom
@@ -99,7 +98,7 @@ def read_camera(stage: Usd.Stage, path: str) -> UsdCamera:
     )
 
 
-def _camera_faults(file: str, prim: Any) -> Iterator[Fault]:
+def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
     path = str(prim.GetPath())
     for name in _LENS:
         attribute, location = prim.GetAttribute(name), f"{path}.{name}"
@@ -137,12 +136,12 @@ def _camera_faults(file: str, prim: Any) -> Iterator[Fault]:
             )
 
 
-def _is_range(value: Any) -> bool:
+def _is_range(value: object) -> bool:
     """Return whether a value is a pair of increasing numbers; the second may be infinite."""
     return isinstance(value, Gf.Vec2f) and abs(value[0]) <= LARGEST and value[0] < value[1]
 
 
-def _xformable_ancestors(prim: Any) -> Iterator[Any]:
+def _xformable_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
     """Yield the prims whose transforms place a prim: itself and ancestors, up to one that resets the transform."""
     while prim:
         xformable = UsdGeom.Xformable(prim)
@@ -165,7 +164,7 @@ def _transform_problem(matrix: Floats) -> str:
     return "its transform mirrors it" if np.linalg.det(unit) < 0.0 else ""
 
 
-def _camera_axes(prim: Any) -> Floats:
+def _camera_axes(prim: Usd.Prim) -> Floats:
     """Return the unit vectors (3, 3) to the right, up and backwards, exactly orthogonal."""
     _, up, back = _stage_matrix(prim)[:3, :3]
     back = back / np.linalg.norm(back)
@@ -174,11 +173,11 @@ def _camera_axes(prim: Any) -> Floats:
     return np.stack([right, np.cross(back, right), back])
 
 
-def _stage_matrix(prim: Any) -> Floats:
+def _stage_matrix(prim: Usd.Prim) -> Floats:
     return np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(_TIME), np.float64)
 
 
-def _camera_notes(prim: Any, values: dict[str, Any]) -> Iterator[str]:
+def _camera_notes(prim: Usd.Prim, values: dict[str, float]) -> Iterator[str]:
     path = prim.GetPath()
     if values["fStop"] > 0.0 and values["focusDistance"] == 0.0:
         yield f"{path}: fStop is {values['fStop']:g}, but no focusDistance is given: everything is sharp"
@@ -187,7 +186,7 @@ def _camera_notes(prim: Any, values: dict[str, Any]) -> Iterator[str]:
         yield f"{path}: not applied: {', '.join(unsupported)}"
 
 
-def _is_set(prim: Any, name: str) -> bool:
+def _is_set(prim: Usd.Prim, name: str) -> bool:
     """Return whether an attribute differs from its default; older versions of USD lack some attributes."""
     value = prim.GetAttribute(name).Get(_TIME) if prim.HasAttribute(name) else None
     return bool(value) and value != prim.GetPrimDefinition().GetAttributeFallbackValue(name)

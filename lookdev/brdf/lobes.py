@@ -162,7 +162,7 @@ class Bsdf:
 
     `presence`, (...), is the coverage of the surface: a ray continues unchanged with weight ``1 - presence``, which the
     functions of `lookdev.brdf.mixture` exclude. A `two_sided` surface is thin: for a view below the horizon, f is that
-    of both directions flipped. Any other surface is black from below.
+    of both directions flipped. Other surfaces are black from below.
 
     `deltas` is a function of the view and of a mask, (...), that is true where the viewer is inside the solid that the
     surface bounds: where the solid's normals point away from the viewer. The functions of `lookdev.brdf.mixture`

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal, TypedDict
 
 import numpy as np
 
@@ -48,16 +48,35 @@ OF_INDICES = {
 """Quotations from Trent 2017, section 4, by parameter."""
 
 
+class MetalIndex(TypedDict):
+    """The index of each channel, and its deviation."""
+
+    eta: list[float]
+    k: list[float]
+    deviation: list[float]
+
+
+class MetalEntry(TypedDict):
+    """The indices of a metal by `METAL_COLORS`, and the excess of its reflectance below 0 and above 1."""
+
+    nearest: MetalIndex
+    bands: MetalIndex
+    outside: list[float]
+
+
 @cache
-def metal_table() -> Any:
-    """Return the data of `METAL_TABLE`: eta, k and deviation of each channel, by metal and by `METAL_COLORS`."""
-    return json.loads(METAL_TABLE.read_text())
+def metal_table() -> dict[str, MetalEntry]:
+    """Return the data of `METAL_TABLE` by metal."""
+    table: dict[str, MetalEntry] = json.loads(METAL_TABLE.read_text())
+    return table
 
 
 def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, Value]:
     """Return eta and k of one of `METALS`, derived by one of `METAL_COLORS`."""
-    entry = metal_table()[name][color]
-    return {index: tuple(entry[index]) for index in ("eta", "k")}
+    entry = metal_table()[name]
+    index = {"nearest": entry["nearest"], "bands": entry["bands"]}[color]
+    (eta, k) = ((red, green, blue) for red, green, blue in (index["eta"], index["k"]))
+    return {"eta": eta, "k": k}
 
 
 def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:

@@ -15,14 +15,14 @@ A channel is a weighted sum over all wavelengths, some weights negative, so no i
 from __future__ import annotations
 
 import json
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.conductor import METALS, metal_curve, metal_indices
 from lookdev.brdf.fresnel import conductor_fresnel
-from lookdev.brdf.metal import INTERFACE, METAL_TABLE
+from lookdev.brdf.metal import INTERFACE, METAL_TABLE, MetalEntry, MetalIndex
 
 COSINES: Floats = np.cos(np.radians(np.arange(91.0)))
 """Cosines of the angles at which curves are compared."""
@@ -70,25 +70,26 @@ def band_means(name: str) -> Floats:
     return np.array(rows)
 
 
-def make_table() -> dict[str, Any]:
+def make_table() -> dict[str, MetalEntry]:
     """Return the table."""
-    table = {}
+    table: dict[str, MetalEntry] = {}
     for name in METALS:
         curve = np.asarray(metal_curve(name, COSINES))
         target = np.clip(curve, 0.0, 1.0)
-        indices = {"nearest": np.stack([nearest_index(channel) for channel in target.T]), "bands": band_means(name)}
         table[name] = {
-            color: {
-                "eta": _round(index[:, 0]),
-                "k": _round(index[:, 1]),
-                "deviation": _round(largest_deviation(index, target.T)),
-            }
-            for color, index in indices.items()
-        } | {"outside": _round([max(-curve.min(), 0.0), max(curve.max() - 1.0, 0.0)])}
+            "nearest": _rounded_index(np.stack([nearest_index(channel) for channel in target.T]), target),
+            "bands": _rounded_index(band_means(name), target),
+            "outside": _round([max(-curve.min(), 0.0), max(curve.max() - 1.0, 0.0)]),
+        }
     return table
 
 
-def _round(values: Any) -> list[float]:
+def _rounded_index(index: Floats, target: Floats) -> MetalIndex:
+    eta, k = index.T
+    return {"eta": _round(eta), "k": _round(k), "deviation": _round(largest_deviation(index, target.T))}
+
+
+def _round(values: Iterable[float]) -> list[float]:
     return [float(f"{round(float(value), 8):.5g}") for value in values]
 
 

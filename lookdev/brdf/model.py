@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.parameters import Parameter, Value, complete
 from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix
@@ -152,7 +153,7 @@ class Model:
             if parameter.kind == "token"
         } | dict(values)
 
-    def complete(self, constants: Mapping[str, object]) -> dict[str, Any]:
+    def complete(self, constants: Mapping[str, object]) -> dict[str, Floats | str]:
         """Return `lookdev.brdf.parameters.complete` of this model."""
         return complete(self.name, self.parameters, constants)
 
@@ -169,8 +170,8 @@ def _share_and_presence(below: Parameters, layer: StackLayer) -> tuple[Real, Rea
     return np.where(presence > 0.0, coverage / np.where(presence > 0.0, presence, 1.0), 0.0), presence
 
 
-def _blend(parameter: Parameter, below: Any, above: Any, mask: Real) -> Any:
-    if parameter.kind != "token":
+def _blend(parameter: Parameter, below: Real | str, above: Real | str, mask: Real) -> Real | str:
+    if not isinstance(below, str) and not isinstance(above, str):
         return mix(below, above, mask if parameter.kind == "float" else np.expand_dims(mask, -1))
     if below != above:
         values = f"'{below}' below, '{above}' above"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
+from lookdev.arrays import Floats
 from lookdev.brdf.classic.ashikhmin_shirley import ASHIKHMIN_SHIRLEY
 from lookdev.brdf.classic.lafortune import LAFORTUNE
 from lookdev.brdf.classic.lambert import LAMBERT
@@ -56,6 +56,6 @@ def layer_shaders() -> dict[str, str]:
     return {model.identifier: name for name, model in MODELS.items()}
 
 
-def complete_parameters(model: str, constants: Mapping[str, object]) -> dict[str, Any]:
+def complete_parameters(model: str, constants: Mapping[str, object]) -> dict[str, Floats | str]:
     """Complete parameters by `Model.complete` of a model; an unknown name raises ModelError."""
     return model_named(model).complete(constants)

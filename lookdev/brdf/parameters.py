@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -78,7 +78,7 @@ def expand_tokens(owner: str, parameters: Mapping[str, Parameter], values: Mappi
         return dict(values)
     tokens = {name: str(parameter.default) for name, parameter in parameters.items() if parameter.kind == "token"}
     tokens |= {
-        name: _check_value(f"{owner}.{name}", parameters[name], values[name]) for name in tokens if name in values
+        name: str(_check_value(f"{owner}.{name}", parameters[name], values[name])) for name in tokens if name in values
     }
     expanded: dict[str, _T | Value] = {name: value for name, value in values.items() if name not in shorthands}
     for name in shorthands:
@@ -96,7 +96,9 @@ def _equals(value: object, expected: Value) -> bool:
     return value == expected if numbers is None or isinstance(expected, str) else np.array_equal(numbers, expected)
 
 
-def complete(owner: str, parameters: Mapping[str, Parameter], constants: Mapping[str, object]) -> dict[str, Any]:
+def complete(
+    owner: str, parameters: Mapping[str, Parameter], constants: Mapping[str, object]
+) -> dict[str, Floats | str]:
     """Check constant values of `parameters` and fill in the defaults; `owner` names them in messages.
 
     Floats become float64 scalars, colours and normals arrays of shape (3,), tokens stay strings.
@@ -127,14 +129,14 @@ def as_numbers(value: object) -> Floats | None:
         return None
 
 
-def _check_value(location: str, parameter: Parameter, value: object) -> Any:
+def _check_value(location: str, parameter: Parameter, value: object) -> Floats | str:
     if parameter.kind == "token":
         if parameter.file:
             if not isinstance(value, str) or not value or "\0" in value:
                 raise ModelError(f"{location} is {value!r}; the path of a file would be right")
             parameter.file(value)
             return value
-        if value not in parameter.choices:
+        if not isinstance(value, str) or value not in parameter.choices:
             raise ModelError(f"{location} is {value!r}; one of {', '.join(parameter.choices)} would be right")
         return value
     shape = () if parameter.kind == "float" else (3,)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Array
 
 
@@ -17,7 +16,7 @@ from lookdev.brdf.vectors import Array
 class Table:
     """Numbers (rows, columns), or colours (rows, columns, 3); generated code stores them in float32."""
 
-    values: NDArray[Any]
+    values: Floats
 
     @cached_property
     def digest(self) -> str:

@@ -275,7 +275,7 @@ def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Flo
         "found": float(estimate.value[view, side, channel]),
         "standard_error": float(estimate.error[view, side, channel]),
         "layers": [
-            case_layer(layer.model, layer_tokens(layer) | constant_numbers(layer), layer.mode) for layer in layers
+            case_layer(layer.model, {**layer_tokens(layer), **constant_numbers(layer)}, layer.mode) for layer in layers
         ],
     }
     return json.dumps(case)

@@ -6,10 +6,10 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.metal import INTERFACE
 from lookdev.brdf.parameters import add_followers, as_numbers, complete, expand_tokens
+from lookdev.brdf.vectors import Parameters
 from lookdev.codegen.osl.points import generate_points
 from lookdev.codegen.points import PointLayer, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shorten
@@ -61,7 +62,7 @@ def _round(values: Floats) -> Floats:
     return values.astype(np.float32).astype(np.float64)
 
 
-def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]], wo: Array) -> Bsdf:
+def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[Mapping[str, Floats]], wo: Array) -> Bsdf:
     # Seen from behind, the normal faces the viewer.
     view = np.abs(wo[..., 2])
     return stack_bsdf([layer.at(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
@@ -159,16 +160,16 @@ def point_table(batch: Batch) -> Floats32:
 
 @dataclass(frozen=True)
 class _Case:
-    line: dict[str, Any]
+    line: dict[str, object]
     layers: tuple[PointLayer, ...]
-    numbers: tuple[dict[str, Any], ...]
+    numbers: tuple[dict[str, Floats], ...]
     wo: Floats
     wi: Floats
 
 
 @dataclass(frozen=True)
 class _Reflectance:
-    line: dict[str, Any]
+    line: dict[str, object]
     value: float
 
 
@@ -200,10 +201,10 @@ def _parse_case(number: int, line: str, backend: Backend) -> _Case | _Reflectanc
         raise ModelError(f"line {number}: {error}") from error
 
 
-def _parse_fresnel(case: dict[str, Any], backend: Backend) -> _Reflectance:
+def _parse_fresnel(case: dict[str, object], backend: Backend) -> _Reflectance:
     if backend != "numpy":
         raise ModelError(f"'{_FRESNEL}' is not a surface, so Cycles cannot render it; --backend numpy would be right")
-    values = complete(_FRESNEL, INTERFACE, _parse_object(case["params"]))
+    values: Parameters = complete(_FRESNEL, INTERFACE, _parse_object(case["params"]))
     cosine = as_numbers(case["cosTheta"])
     if cosine is None or cosine.shape or not 0.0 <= cosine <= 1.0:
         raise ModelError(f"cosTheta is {case['cosTheta']!r}; a number from 0 to 1 would be right")
@@ -211,7 +212,7 @@ def _parse_fresnel(case: dict[str, Any], backend: Backend) -> _Reflectance:
     return _Reflectance(case, float(np.asarray(conductor_fresnel(cosine, *arguments))))
 
 
-def _parse_stack(stack: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, Any], ...]]:
+def _parse_stack(stack: object) -> tuple[tuple[PointLayer, ...], tuple[dict[str, Floats], ...]]:
     if not isinstance(stack, list) or not stack:
         raise ModelError("layers must be a list of at least one layer, the base first")
     layers, numbers = [], []
@@ -238,7 +239,9 @@ def _parse_stack(stack: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, An
     return tuple(layers), tuple(numbers)
 
 
-def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -> tuple[PointLayer, dict[str, Any]]:
+def _parse_layer(
+    model: object, params: object, mode: Mode = "over", mask: float | str = 1.0
+) -> tuple[PointLayer, dict[str, Floats]]:
     """Return a layer, and its numbers including the mask."""
     if not isinstance(model, str) or model not in MODELS:
         raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack', _FRESNEL])})")
@@ -256,7 +259,11 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -
     folds = {
         name: default for name, default in defaults.items() if parameters[name] == default and name not in formulas
     }
-    numbers = {name: value for name, value in parameters.items() if name not in {*tokens, *folds, *formulas}}
+    numbers = {
+        name: value
+        for name, value in parameters.items()
+        if not isinstance(value, str) and name not in {*folds, *formulas}
+    }
     if isinstance(mask, str):
         formulas["mask"] = mask
     else:
@@ -271,13 +278,13 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -
     return PointLayer(model, tokens, mode, folds, formulas=formulas), numbers
 
 
-def _parse_object(params: Any) -> dict[str, Any]:
+def _parse_object(params: object) -> dict[str, object]:
     if not isinstance(params, dict):
         raise ModelError("params must be an object of names and values")
     return params
 
 
-def _parse_direction(name: str, value: Any) -> Floats:
+def _parse_direction(name: str, value: object) -> Floats:
     vector = as_numbers(value)
     if vector is None or vector.shape != (3,) or not abs(float(np.linalg.norm(vector)) - 1.0) < _UNIT_TOLERANCE:
         raise ModelError(f"{name} is {value!r}; a unit vector of three numbers would be right")

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
-from lookdev.material import Formula, Layer, Look, Primvar
+from lookdev.material import Formula, Input, Layer, Look, Primvar
 from lookdev.material.expression import Kind
-from lookdev.material.look import depends_on_view
+from lookdev.material.look import Source, depends_on_view
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import Values, look_layers
 
@@ -50,7 +49,7 @@ class _RandomPoints(ImagePoints):
     def view(self) -> Floats:
         return self._draw_once("view", lambda: 1.0 - self.rng.random(self.count))
 
-    def _draw_once(self, key: object, draw: Any) -> Floats:
+    def _draw_once(self, key: object, draw: Callable[[], Floats]) -> Floats:
         if key not in self._known:
             self._known[key] = draw()
         return self._known[key]
@@ -108,7 +107,9 @@ class _RandomPoint:
     def layers(self, layer: Layer) -> Iterator[Layer]:
         """Yield the constant layers that equal a layer of a look at this point."""
         view_inputs = {
-            name: source for name, source in {**layer.inputs, "mask": layer.mask}.items() if depends_on_view(source)
+            name: source
+            for name, source in {**layer.inputs, "mask": layer.mask}.items()
+            if isinstance(source, Formula) and depends_on_view(source)
         }
         for values in look_layers(Look("", (layer,)), self.points):
             numbers = constant_numbers(values) | {
@@ -116,30 +117,34 @@ class _RandomPoint:
                 for name, value in varying_numbers(values).items()
                 if name not in view_inputs
             }
-            inputs: dict[str, Any] = {
+            inputs: dict[str, Input] = {
                 name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()
             }
-            inputs |= {name: self._fix_source(source, "float") for name, source in view_inputs.items()}
+            inputs |= {name: self._fix_formula(source) for name, source in view_inputs.items()}
             mask = inputs.pop("mask")
+            assert isinstance(mask, float | Formula), "masks are numbers"
             yield Layer(values.name, values.model, layer_tokens(values) | inputs, mask, values.mode)
 
-    def _fix_source(self, source: Any, kind: Kind) -> Any:
+    def _fix_source(self, source: Source, kind: Kind) -> Source:
         """Return the number of a source at this point or, if it depends on the view, an expression of just the view."""
-        if not depends_on_view(source):
-            color = kind == "color"
-            value = np.asarray(Values(self.points).read(source, color))
-            number = (value[self.index] if value.ndim > color else value).tolist()
-            return tuple(number) if color else number
-        if isinstance(source, Formula) and id(source) not in self._formulas:
+        if depends_on_view(source):
+            return self._fix_formula(source) if isinstance(source, Formula) else source
+        color = kind == "color"
+        value = np.asarray(Values(self.points).read(source, color))
+        number = (value[self.index] if value.ndim > color else value).tolist()
+        return tuple(number) if color else number
+
+    def _fix_formula(self, source: Formula) -> Formula:
+        if id(source) not in self._formulas:
             inputs = {name: self._fix_source(argument, source.kinds[name]) for name, argument in source.inputs.items()}
             self._formulas[id(source)] = replace(source, inputs=inputs)
-        return self._formulas.get(id(source), source)
+        return self._formulas[id(source)]
 
 
-def case_layer(model: str, values: Mapping[str, Any], mode: str) -> dict[str, Any]:
+def case_layer(model: str, values: Mapping[str, object], mode: str) -> dict[str, object]:
     """Return a layer as `lookdev eval` reads it, without inputs that have their default; `values` include the mask."""
 
-    def to_list(value: Any) -> Any:
+    def to_list(value: object) -> object:
         return list(value) if isinstance(value, tuple) else value
 
     inputs = {name: to_list(value) for name, value in values.items() if name != "mask"}

@@ -6,7 +6,6 @@ lobe's normal. Weights are colours.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +19,7 @@ from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.microfacet import smith_ggx
 from lookdev.brdf.vectors import TINY, Array, Real, are_equal, mix, mix_color, scale
 from lookdev.closures.closure import Closure, StandIn, rough_diffuse_albedo
-from lookdev.closures.fits import fit, shape
+from lookdev.closures.fits import AnisotropicShape, CoatShape, fit, table
 from lookdev.errors import CodegenError
 
 
@@ -60,7 +59,7 @@ def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Fram
     """Return a closure with a directional albedo, (..., 3), whose retroreflection grows with `retro`, (...)."""
     if are_equal(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
-    sigma = shape("retro")["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
+    sigma = table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
     # The floor: Cycles divides by 1 minus an albedo that is nearly 1, in float32.
     sigma = np.maximum(sigma, 0.01)
     # Of the light that is not scattered once, white scatters all again, a colour about the square of itself.
@@ -105,7 +104,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     x, y = alphas
     within: Real = 1.0
     if not are_equal(*alphas):
-        alphas_of_view = seen_alphas(alphas, wo, shape("anisotropic"))
+        alphas_of_view = seen_alphas(alphas, wo, table()["shapes"]["anisotropic"])
         # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
         # Shadowing removes about the part of a wider lobe that the limit cuts off. Shadowing of the 2012 variant does
@@ -170,7 +169,7 @@ class SeenAlphas:
     skew: Real
 
 
-def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, float]) -> SeenAlphas:
+def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> SeenAlphas:
     """Return the alphas for a view `wo`, (..., 3): their mean from above, the one along its azimuth at grazing views.
 
     `shape` has three numbers: `azimuth` is the share of the alpha along the azimuth in the ratio's alpha; `skew` is for
@@ -199,11 +198,11 @@ def clearcoat_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
             frame,
             f0=COAT_F0 * np.ones(3),
         )
-        for share, part_alpha in coat_mix(alpha, shape("clearcoat"))
+        for share, part_alpha in coat_mix(alpha, table()["shapes"]["clearcoat"])
     )
 
 
-def coat_mix(alpha: Array, shape: Mapping[str, Sequence[float]]) -> list[tuple[float, Array]]:
+def coat_mix(alpha: Array, shape: CoatShape) -> list[tuple[float, Array]]:
     """Return the share and the alpha of each GGX lobe in the mix for GTR1 of an `alpha`, (...), the broadest first.
 
     `shape` has the `shares`, and the `powers` to which alpha is raised.

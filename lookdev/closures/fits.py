@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict
 
 from lookdev.brdf.rational import Rational
 
@@ -17,10 +17,72 @@ DATA = Path(__file__).parent / "data" / "closure_fits.json"
 """The file of the table."""
 
 
+class RetroShape(TypedDict):
+    """The roughness of Oren and Nayar's closure at grazing views; all shapes have distances from the lobes."""
+
+    strength: float
+    distance: dict[str, float]
+
+
+class CoatShape(TypedDict):
+    """The parameters of `lookdev.closures.disney.coat_mix`."""
+
+    powers: list[float]
+    shares: list[float]
+    distance: NotRequired[dict[str, float]]
+
+
+class HighlightShape(TypedDict):
+    """The parameters of `lookdev.closures.pixar.highlight_mix`."""
+
+    start: float
+    slope: float
+    width: float
+    distance: NotRequired[dict[str, float]]
+
+
+class AnisotropicShape(TypedDict):
+    """The parameters of `lookdev.closures.disney.seen_alphas`, and the errors of albedos."""
+
+    azimuth: float
+    skew: float
+    skew_rise: float
+    residual: NotRequired[dict[str, float]]
+
+
+class MixShapes(TypedDict):
+    """The shapes of mixes that fits depend on."""
+
+    clearcoat: CoatShape
+    highlight: HighlightShape
+
+
+class ClosureShapes(MixShapes):
+    """All shapes."""
+
+    retro: RetroShape
+    anisotropic: AnisotropicShape
+
+
+class ClosureFit(TypedDict):
+    """The coefficients of a `Rational`, and its errors."""
+
+    numerator: Sequence[Sequence[float]]
+    denominator: Sequence[Sequence[float]]
+    residual: dict[str, float]
+
+
+class ClosureTable(TypedDict):
+    """The shapes of mixes of closures, and the fits of their factors."""
+
+    shapes: ClosureShapes
+    fits: dict[str, ClosureFit]
+
+
 @cache
-def table() -> dict[str, Any]:
+def table() -> ClosureTable:
     """Return the whole table."""
-    loaded: dict[str, Any] = json.loads(DATA.read_text())
+    loaded: ClosureTable = json.loads(DATA.read_text())
     return loaded
 
 
@@ -29,9 +91,3 @@ def fit(name: str) -> Rational:
     """Return the fit of a name in the table."""
     entry = table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])
-
-
-def shape(name: str) -> Mapping[str, Any]:
-    """Return the parameters of the mix of closures of a name in the table."""
-    numbers: Mapping[str, Any] = table()["shapes"][name]
-    return numbers

@@ -16,7 +16,6 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,17 @@ from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import relative_cosine
 from lookdev.closures.closure import Closure, closure_cosine, oren_nayar_g
 from lookdev.closures.disney import seen_alphas, shadowing_2012
-from lookdev.closures.fits import DATA
+from lookdev.closures.fits import (
+    DATA,
+    AnisotropicShape,
+    ClosureFit,
+    ClosureShapes,
+    ClosureTable,
+    CoatShape,
+    HighlightShape,
+    MixShapes,
+    RetroShape,
+)
 from lookdev.closures.pixar import ggx_share
 from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import (
@@ -40,7 +49,6 @@ from lookdev.closures.setups import (
     Albedos,
     Grid,
     Setup,
-    Shape,
     coat_setups,
     disney_lobe,
     distance,
@@ -129,7 +137,7 @@ def retro_goal(grid: Grid) -> Goal:
     return Goal(problem, lambda values: np.abs(values - target) / np.pi, grid.angles)
 
 
-def retro_shape() -> dict[str, Any]:
+def retro_shape() -> RetroShape:
     """Search the roughness of Oren and Nayar's closure, at grazing views, for Disney's diffuse lobe of roughness 1."""
     wi, weight = hemisphere_grid(48)
     lobes = []
@@ -152,9 +160,10 @@ def retro_shape() -> dict[str, Any]:
     return {"strength": best, "distance": _summary(distances(best))}
 
 
-def coat_shape() -> dict[str, Any]:
+def coat_shape() -> CoatShape:
     """Search powers and shares of three GGX lobes for the clearcoat, the same for every gloss."""
-    best, smallest = {}, np.inf
+    best: CoatShape = {"powers": [], "shares": []}
+    smallest = np.inf
     grid = replace(FULL, angles=SHAPE_ANGLES, gloss=np.array([0.0, 0.5, 0.9, 1.0]))
     powers = [round(0.05 * k, 2) for k in range(2, 21)]
     lobes = _normalised_lobes(
@@ -174,7 +183,7 @@ def coat_shape() -> dict[str, Any]:
     return best
 
 
-def highlight_shape() -> dict[str, Any]:
+def highlight_shape() -> HighlightShape:
     """Search the width of GGX relative to Beckmann, and how its share grows as a highlight widens."""
     widths = (0.8, 0.85, 0.9, 0.95, 1.0)
     setups = highlight_setups({"start": 1.0, "slope": 1.0, "width": 1.0}, grid=_SHAPE_GRID)
@@ -186,7 +195,7 @@ def highlight_shape() -> dict[str, Any]:
         ],
     )
 
-    def mean_distance(shape: Shape) -> float:
+    def mean_distance(shape: HighlightShape) -> float:
         column = 1 + widths.index(shape["width"])
         total = 0.0
         for setup, (whole, parts) in zip(setups, lobes, strict=True):
@@ -194,7 +203,7 @@ def highlight_shape() -> dict[str, Any]:
             total += 0.5 * np.abs((1.0 - share) * parts[0] + share * parts[column] - whole).sum()
         return total
 
-    shapes = [
+    shapes: list[HighlightShape] = [
         {"start": start, "slope": slope, "width": width}
         for start in (0.1, 0.125, 0.15, 0.175, 0.2)
         for slope in (1.4, 1.6, 1.8, 2.0, 2.2, 2.4)
@@ -216,19 +225,16 @@ def _normalised_lobes(
     return lobes
 
 
-def make_shapes() -> dict[str, dict[str, Any]]:
+def make_shapes() -> MixShapes:
     """Search the shapes of clearcoat and highlight, and add their distances from the lobes."""
-    shapes = {"clearcoat": coat_shape(), "highlight": highlight_shape()}
-    for name, setups in {
-        "clearcoat": coat_setups(shapes["clearcoat"], _SHAPE_GRID),
-        "highlight": highlight_setups(shapes["highlight"], grid=_SHAPE_GRID),
-    }.items():
-        shapes[name]["distance"] = _summary([distance(setup) for setup in setups])
-    return shapes
+    coat, highlight = coat_shape(), highlight_shape()
+    coat["distance"] = _summary([distance(setup) for setup in coat_setups(coat, _SHAPE_GRID)])
+    highlight["distance"] = _summary([distance(setup) for setup in highlight_setups(highlight, grid=_SHAPE_GRID)])
+    return {"clearcoat": coat, "highlight": highlight}
 
 
 def make_fits(
-    shapes: Mapping[str, Shape], grid: Grid = FULL, load_fit: Callable[[str], Rational] | None = None
+    shapes: MixShapes, grid: Grid = FULL, load_fit: Callable[[str], Rational] | None = None
 ) -> dict[str, tuple[Rational, Goal]]:
     """Return every fit for mixes of these shapes, with its goal; `load_fit` returns stored fits instead, by name."""
     fits: dict[str, tuple[Rational, Goal]] = {}
@@ -274,7 +280,7 @@ def make_fits(
     return fits
 
 
-def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
+def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
     """Search the shape of anisotropic lobes, dielectric and metal: how they deviate from isotropic ones."""
     cases = []
     for roughness, anisotropic, angle, azimuth in product(
@@ -289,7 +295,7 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
         albedos = measure([Setup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", ONE, x, y),))])
         cases.append(((x, y), wo, albedos.whole, albedos.weighted, albedos.mix))
 
-    def errors(shape: Shape) -> Floats:
+    def errors(shape: AnisotropicShape) -> Floats:
         deviations = []
         for alphas, wo, whole, weighted, mix in cases:
             alphas_of_view = seen_alphas(alphas, wo, shape)
@@ -303,14 +309,14 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
                 deviations.append(np.abs(value - target) / np.maximum(target, _FLOOR))
         return np.concatenate(deviations)
 
-    shapes = [
+    shapes: list[AnisotropicShape] = [
         {"azimuth": azimuth, "skew": skew, "skew_rise": rise}
         for azimuth in (0.0, 0.2, 0.4, 0.6, 0.8)
         for skew in (0.1, 0.2, 0.3, 0.4, 0.5)
         for rise in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75)
     ]
     best = min(shapes, key=lambda shape: float(np.mean(errors(shape) ** 2)))
-    return best | {"residual": _residual(errors(best))}
+    return {**best, "residual": _residual(errors(best))}
 
 
 _CONSTANT = Degree(0, 0, 0)
@@ -320,7 +326,7 @@ def _relative_goal(a: Albedos) -> Goal:
     return ratio_goal(a, np.asarray(relative_cosine(a.cosine, a.alpha)), a.whole / a.mix)
 
 
-def _tilt_goal(shape: Shape, bent: Sequence[Albedos], straight: Rational) -> Goal:
+def _tilt_goal(shape: HighlightShape, bent: Sequence[Albedos], straight: Rational) -> Goal:
     """Return the goal for the change of a wide lobe's ratio in a refracted view, over the tilt.
 
     The tilt is 1 minus the cosine of the angle by which refraction bends the view.
@@ -335,7 +341,7 @@ def _tilt_goal(shape: Shape, bent: Sequence[Albedos], straight: Rational) -> Goa
     return Goal(problem, lambda values: whole.error(base + factor * values), a.angle)
 
 
-def _entry(rational: Rational, goal: Goal) -> dict[str, Any]:
+def _entry(rational: Rational, goal: Goal) -> ClosureFit:
     error = goal.error(np.asarray(rational(goal.problem.x, goal.problem.y)))[goal.angle <= 85.0]
     return {"numerator": rational.numerator, "denominator": rational.denominator, "residual": _residual(error)}
 
@@ -355,12 +361,12 @@ def _round_figures(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def make_table() -> dict[str, Any]:
+def make_table() -> ClosureTable:
     """Return the table of shapes and fits."""
-    shapes = make_shapes()
-    fits = make_fits(shapes)
-    shapes["retro"] = retro_shape()
-    shapes["anisotropic"] = anisotropic_shape({name: rational for name, (rational, _) in fits.items()})
+    mixes = make_shapes()
+    fits = make_fits(mixes)
+    anisotropic = anisotropic_shape({name: rational for name, (rational, _) in fits.items()})
+    shapes: ClosureShapes = {**mixes, "retro": retro_shape(), "anisotropic": anisotropic}
     return {"shapes": shapes, "fits": {name: _entry(*fit_and_goal) for name, fit_and_goal in fits.items()}}
 
 

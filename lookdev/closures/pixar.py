@@ -9,7 +9,6 @@ as half vectors, and less across it: alpha is twice as large, times the root of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.reflectance import relative_cosine
 from lookdev.brdf.vectors import Array, are_equal, dot, scale
 from lookdev.closures.closure import Closure, Kind, StandIn
-from lookdev.closures.fits import fit, shape
+from lookdev.closures.fits import HighlightShape, fit, table
 
 IOR = 1000.0
 """Index of refraction of transmitted highlights."""
@@ -43,7 +42,7 @@ def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     relative = relative_cosine(cos_theta, alpha)
     if lobe.transmits:
         tilt = 1.0 - np.minimum(dot(local, view), 1.0)
-        factor = ggx_share(alpha, shape("highlight")) * alpha * tilt
+        factor = ggx_share(alpha, table()["shapes"]["highlight"]) * alpha * tilt
         ratio = fit("transmitted")(relative, alpha) + factor * fit("transmitted_tilt")(tilt, cos_theta)
     else:
         ratio = fit("highlight")(relative, alpha)
@@ -51,12 +50,12 @@ def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     ratio = np.clip(ratio, 0.0, _LARGEST_RATIO)
     typical = np.clip(fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
     fresnel = p["term"].weight(typical)
-    mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, shape("highlight"))
+    mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, table()["shapes"]["highlight"])
     return tuple(replace(closure, weight=scale(fresnel, ratio * closure.weight)) for closure in mix)
 
 
 def highlight_mix(
-    alpha: Array, view: Array, frame: Frame, transmits: bool, shape: Mapping[str, float]
+    alpha: Array, view: Array, frame: Frame, transmits: bool, shape: HighlightShape
 ) -> tuple[Closure, ...]:
     """Return the closures of a highlight with their shares, (...), as weights.
 
@@ -76,7 +75,7 @@ def highlight_mix(
     )
 
 
-def ggx_share(alpha: Array, shape: Mapping[str, float]) -> Array:
+def ggx_share(alpha: Array, shape: HighlightShape) -> Array:
     """Return the share of GGX in a highlight's mix, (...): exactly 0 where it is narrow."""
     return np.clip(shape["slope"] * (alpha - shape["start"]), 0.0, 1.0)
 

@@ -9,7 +9,6 @@ views up to 85 degrees.
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +16,14 @@ from lookdev.arrays import Floats
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import DATA, relative_cosine
+from lookdev.closures.fits import ClosureFit
 from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import FULL, Grid, measure, specular_setups
 
 _TOLERANCE = 0.01
 
 
-def make_table(grid: Grid = FULL) -> dict[str, Any]:
+def make_table(grid: Grid = FULL) -> dict[str, ClosureFit]:
     """Return the table: coefficients and residuals of both fits."""
     albedos = measure(specular_setups("2014", grid))
     inside = albedos.angle < 89.2  # beyond, both fits change faster than they matter
@@ -45,7 +45,7 @@ def make_table(grid: Grid = FULL) -> dict[str, Any]:
     }
 
 
-def _entry(rational: Rational, error: Floats) -> dict[str, Any]:
+def _entry(rational: Rational, error: Floats) -> ClosureFit:
     residual = {"largest": np.abs(error).max(), "rms": np.sqrt(np.mean(error * error))}
     return {
         "numerator": rational.numerator,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, Term, partit
 from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.closures.closure import Closure, closure_cosine
 from lookdev.closures.disney import coat_mix
+from lookdev.closures.fits import CoatShape, HighlightShape
 from lookdev.closures.pixar import highlight_mix
 
 ONE = np.ones(3)
@@ -46,8 +46,6 @@ FULL = Grid(
     np.array([0.25, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 10, 12, 15, 18, 21, 25, 30, 35, 40, 45, 50, 54]),
     np.array([0.05, 0.2, 0.33, 0.5, 0.8, 1.5]),
 )
-
-Shape = Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +102,7 @@ def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
     ]
 
 
-def coat_setups(shape: Shape, grid: Grid = FULL) -> list[Setup]:
+def coat_setups(shape: CoatShape, grid: Grid = FULL) -> list[Setup]:
     """Return setups of the clearcoat."""
     setups = []
     for angle in grid.angles:
@@ -118,7 +116,7 @@ def coat_setups(shape: Shape, grid: Grid = FULL) -> list[Setup]:
     return setups
 
 
-def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL) -> list[Setup]:
+def highlight_setups(shape: HighlightShape, bend: float | None = None, grid: Grid = FULL) -> list[Setup]:
     """Return setups of Pixar's highlights: reflected, or transmitted with an index of refraction of 1 + `bend`."""
     setups = []
     for angle in grid.angles:

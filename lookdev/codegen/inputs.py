@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
 from lookdev.cache import Content
 from lookdev.codegen.source import HANDEDNESS, AttributeBinding, short_name
@@ -51,7 +51,7 @@ class Inputs:
     graph: Graph
     resolve: Callable[[Texture | Bump], Path]
     attributes: dict[str, AttributeBinding] = field(default_factory=dict)
-    _lookups: dict[Any, str] = field(default_factory=dict)
+    _lookups: dict[tuple[object, ...], str] = field(default_factory=dict)
     _images: dict[str, Texture | Bump] = field(default_factory=dict)
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
@@ -142,7 +142,9 @@ class Inputs:
         self._sources |= dict.fromkeys(names, (source, self._uv_attribute(texture.st)) if texture else (source,))
         return symbols(self.graph, names)
 
-    def _attribute(self, name: str, attribute: str, kind: Any, fallback: tuple[float, ...] | None) -> str:
+    def _attribute(
+        self, name: str, attribute: str, kind: Literal["uv", "float", "color"], fallback: tuple[float, ...] | None
+    ) -> str:
         """Bind an attribute to a parameter, and return its name; two different bindings of one raise CodegenError."""
         binding = AttributeBinding(name, attribute, kind, fallback)
         if self.attributes.setdefault(name, binding) != binding:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, StackLayer, stack_bsdf
+from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, Real, StackLayer, stack_bsdf
 from lookdev.brdf.parameters import add_followers
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO
@@ -52,7 +51,7 @@ class PointLayer:
         computed = {*self.following, *self.formulas}
         return {name: shape for name, shape in ({"mask": ()} | shapes).items() if name not in computed}
 
-    def at(self, numbers: Mapping[str, Any], view: Array) -> StackLayer:
+    def at(self, numbers: Mapping[str, Array], view: Array) -> StackLayer:
         """Return the layer with the `numbers` that are read, for views at the cosines `view`, (...), to its normal."""
         parameters = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
@@ -60,16 +59,17 @@ class PointLayer:
             name: view_dependent_value(text, (parameters | {"mask": MASK})[name], view)
             for name, text in self.formulas.items()
         }
-        values = {**MODELS[self.model].tokens(self.tokens), **constants, **numbers, **computed}
+        values: dict[str, Real] = {**constants, **numbers, **computed}
         mask = values.pop("mask")
-        return StackLayer(self.model, add_followers(parameters, values), mask, self.mode)
+        all_values = add_followers(parameters, {**MODELS[self.model].tokens(self.tokens), **values})
+        return StackLayer(self.model, all_values, mask, self.mode)
 
 
 def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
     """Return the BSDF of layers whose numbers are symbols, named by `point_columns`."""
     stack = []
     for number, layer in enumerate(layers):
-        values: dict[str, Any] = {}
+        values: dict[str, Array] = {}
         for name, shape in layer.shapes().items():
             if name not in layer.constants:
                 names = _columns(number, name, shape)

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from lookdev.brdf import complete_parameters
+from lookdev.brdf.vectors import Parameters
 from lookdev.codegen.source import PrincipledSource
 from lookdev.errors import CodegenError
 from lookdev.material import Look, Varying
@@ -35,9 +36,10 @@ def generate_principled(look: Look) -> PrincipledSource:
     for name, value in inputs.items():
         if isinstance(value, Varying):
             raise CodegenError(f"{prefix} constants, and {name} varies over the surface")
-    values, defaults = complete_parameters("disney", inputs), complete_parameters("disney", {})
-    for name, value in values.items():
-        if name not in _SUPPORTED and not np.array_equal(value, defaults[name]):
+    values: Parameters = complete_parameters("disney", inputs)
+    defaults = complete_parameters("disney", {})
+    for name in values:
+        if name not in _SUPPORTED and not np.array_equal(values[name], defaults[name]):
             raise CodegenError(f"{prefix} no {name} but its default")
     red, green, blue = map(float, values["baseColor"])
     sockets: dict[str, float | tuple[float, ...]] = {

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -36,10 +35,10 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
 
     passes: dict[str, Floats32] = {}  # noqa: RUF012  (of the last render; Blender creates the instances)
 
-    def update_script_node(self, node: Any) -> None:
+    def update_script_node(self, node: bpy.types.Node) -> None:
         """Do nothing: `lookdev.cycles.shaders` adds the sockets, so that Blender need not parse the shader."""
 
-    def render(self, depsgraph: Any) -> None:
+    def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Render, then copy every pass as an array (height, width, channels), rows bottom-up."""
         super().render(depsgraph)
         result = self.get_result()
@@ -53,7 +52,7 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
 bpy.utils.register_class(Capture)
 
 
-def render_passes(scene: Any, samples: int, seed: int = 0, box: Box | None = None) -> dict[str, Floats32]:
+def render_passes(scene: bpy.types.Scene, samples: int, seed: int = 0, box: Box | None = None) -> dict[str, Floats32]:
     """Render the scene with `samples` a pixel; return its passes by Blender's names, rows bottom-up.
 
     Cycles places sample 0 of every pixel at the pixel's centre, which would bias coverage by up to half a sample. So
@@ -72,14 +71,14 @@ def render_passes(scene: Any, samples: int, seed: int = 0, box: Box | None = Non
         return _render(scene, seed)
 
 
-def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, Floats32]:
+def render_whole(scene: bpy.types.Scene, samples: int, seed: int = 0) -> dict[str, Floats32]:
     """Render the whole frame like `render_passes`, but with the first block of samples, as Cycles does."""
     scene.cycles.samples = samples
     scene.cycles.use_sample_subset = False
     return _render(scene, seed)
 
 
-def render_features(scene: Any, samples: int) -> dict[str, Floats32]:
+def render_features(scene: bpy.types.Scene, samples: int) -> dict[str, Floats32]:
     """Render with Cycles' own features for a denoiser: the passes ``Denoising Albedo`` and ``Denoising Normal``."""
     layer = scene.view_layers[0].cycles
     layer.denoising_store_passes = True
@@ -89,7 +88,7 @@ def render_features(scene: Any, samples: int) -> dict[str, Floats32]:
         layer.denoising_store_passes = False
 
 
-def fill_sample_table(scene: Any) -> None:
+def fill_sample_table(scene: bpy.types.Scene) -> None:
     """Make Cycles compute its table of sample points at full length.
 
     The table grows to the largest number of samples rendered so far, and its first entries change when it grows.
@@ -104,7 +103,7 @@ def fill_sample_table(scene: Any) -> None:
         _render(scene, seed=0)
 
 
-def compile_shaders(scene: Any) -> None:
+def compile_shaders(scene: bpy.types.Scene) -> None:
     """Render a tiny picture of a scene, so that Blender's persistent data has the compiled shaders for its frames."""
     render = scene.render
     size = render.resolution_x, render.resolution_y
@@ -116,7 +115,7 @@ def compile_shaders(scene: Any) -> None:
 
 
 @contextmanager
-def _crop_render(render: Any, box: Box) -> Iterator[None]:
+def _crop_render(render: bpy.types.RenderSettings, box: Box) -> Iterator[None]:
     """Restrict renders to a box of the frame."""
     left, bottom, right, top = box
     if min(right - left, top - bottom) < MIN_SIDE:
@@ -144,7 +143,7 @@ def _mute_statistics() -> Iterator[None]:
         handlers.extend(removed)
 
 
-def _render(scene: Any, seed: int) -> dict[str, Floats32]:
+def _render(scene: bpy.types.Scene, seed: int) -> dict[str, Floats32]:
     scene.cycles.seed = seed
     # Cycles' settings are custom properties: without the tag, a later render would use their old values.
     scene.update_tag()
@@ -160,13 +159,13 @@ _MOST_COINCIDENT = 64
 """Coincident surfaces that a path may pass through in total."""
 
 
-def empty_scene() -> Any:
+def empty_scene() -> bpy.types.Scene:
     """Delete all data and return an empty scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     return bpy.data.scenes[0]
 
 
-def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
+def configure(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int) -> None:
     """Set everything that a picture depends on, for OSL shaders that integrate the light."""
     render, settings = scene.render, scene.cycles
     _configure_common(scene, resolution)
@@ -187,7 +186,7 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
 
 
 def configure_closures(
-    scene: Any, resolution: tuple[int, int], bounces: int, device: str, *, see_through: bool = False
+    scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int, device: str, *, see_through: bool = False
 ) -> None:
     """Set everything that a picture depends on, except its world, for Cycles' own closures.
 
@@ -199,7 +198,7 @@ def configure_closures(
     _set_bounces(scene.cycles, reflected=bounces, transparent=bounces if see_through else _MOST_COINCIDENT)
 
 
-def configure_portals(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:
+def configure_portals(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int, device: str) -> None:
     """Set everything that a picture depends on, except its world, for surfaces that send all light through ray portals.
 
     The rays of portals are camera rays, which see no world with a transparent film, so the film is opaque. Coverage is
@@ -213,7 +212,7 @@ def configure_portals(scene: Any, resolution: tuple[int, int], bounces: int, dev
     scene.cycles.min_transparent_bounces = bounces + 1
 
 
-def _configure_nodes(scene: Any, resolution: tuple[int, int], device: str) -> None:
+def _configure_nodes(scene: bpy.types.Scene, resolution: tuple[int, int], device: str) -> None:
     settings = scene.cycles
     _configure_common(scene, resolution)
     scene.render.use_motion_blur = False
@@ -231,7 +230,7 @@ def _configure_nodes(scene: Any, resolution: tuple[int, int], device: str) -> No
     _use_device(settings, device)
 
 
-def _configure_common(scene: Any, resolution: tuple[int, int]) -> None:
+def _configure_common(scene: bpy.types.Scene, resolution: tuple[int, int]) -> None:
     """Set what is the same for all backends; Blender's defaults change between versions."""
     render, settings, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = _ENGINE
@@ -264,7 +263,7 @@ def _configure_common(scene: Any, resolution: tuple[int, int]) -> None:
     layer.samples = 0
 
 
-def _set_bounces(settings: Any, reflected: int, transparent: int) -> None:
+def _set_bounces(settings: cycles.properties.CyclesRenderSettings, reflected: int, transparent: int) -> None:
     settings.max_bounces = settings.diffuse_bounces = settings.glossy_bounces = reflected
     settings.transmission_bounces = reflected
     settings.volume_bounces = 0
@@ -272,7 +271,7 @@ def _set_bounces(settings: Any, reflected: int, transparent: int) -> None:
     settings.min_light_bounces = settings.min_transparent_bounces = 0
 
 
-def _use_device(settings: Any, device: str) -> None:
+def _use_device(settings: cycles.properties.CyclesRenderSettings, device: str) -> None:
     """Set Cycles to render on all devices of a kind, or on the CPU."""
     settings.device = "CPU"
     if device == "cpu":

@@ -12,7 +12,6 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import bpy
 
@@ -34,7 +33,7 @@ _DEFAULT_VIEW = "Standard"
 """Blender's view for any other view. It has no tone curve, like 'lookdev' below its highlights."""
 
 
-def export_file(request: Path) -> dict[str, Any]:
+def export_file(request: Path) -> dict[str, object]:
     """Write the .blend of a `BlendTask` in a JSON file; return `notes` for the user, or the `error`."""
     try:
         return {"notes": write_blend(BLEND_TASK.validate_json(request.read_bytes()))}
@@ -59,7 +58,7 @@ def write_blend(task: BlendTask) -> list[str]:
         # This machine may lack the job's device, which `_set_render_settings` sets.
         scenes[look] = BlenderScene(replace(scene_task, device="cpu"), into, groups, separate=True)
     animated: list[BlenderScene] = []
-    rigs: dict[int, list[Any]] = {}
+    rigs: dict[int, list[bpy.types.Collection]] = {}
     for scene in scenes.values():
         leader = next((other for other in animated if other.task.camera == scene.task.camera), None)
         _remove_lamps(scene)
@@ -99,7 +98,7 @@ def _share_camera(first: BlenderScene, other: BlenderScene) -> None:
     other.scene.collection.objects.link(first.camera)
 
 
-def _curves_name(item: Any) -> str:
+def _curves_name(item: bpy.types.Object) -> str:
     """Return the name of a lamp's animation curves, which is unique like the name of its object."""
     return f"light {item.name}"
 
@@ -113,7 +112,7 @@ def _remove_lamps(scene: BlenderScene) -> None:
     scene.lamps = []
 
 
-def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[Any]:
+def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[bpy.types.Collection]:
     """Add a collection for each rig with its lamps; a rig without lamps has an empty one. Return the collections."""
     collections = []
     for rig in task.rigs:
@@ -123,7 +122,7 @@ def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[Any]:
     return collections
 
 
-def _link_rigs(rigs: Sequence[Any], scene: Any) -> None:
+def _link_rigs(rigs: Sequence[bpy.types.Collection], scene: bpy.types.Scene) -> None:
     """Link the collections of rigs with lamps into a scene; its view layer excludes all but the first rig."""
     for number, rig in enumerate(rigs):
         if rig.objects:
@@ -131,7 +130,7 @@ def _link_rigs(rigs: Sequence[Any], scene: Any) -> None:
             scene.view_layers[0].layer_collection.children[rig.name].exclude = number > 0
 
 
-def _add_worlds(task: BlendTask) -> Any:
+def _add_worlds(task: BlendTask) -> bpy.types.World:
     """Add the world of every rig; return the first."""
     worlds = []
     for rig in task.rigs:
@@ -141,7 +140,7 @@ def _add_worlds(task: BlendTask) -> Any:
     return worlds[0]
 
 
-def _set_render_settings(scene: Any, scene_task: SceneTask, task: BlendTask) -> None:
+def _set_render_settings(scene: bpy.types.Scene, scene_task: SceneTask, task: BlendTask) -> None:
     """Set what a user's own render needs besides: Cycles as the engine, samples, device and frame rate."""
     render, settings = scene.render, scene.cycles
     render.engine = "CYCLES"
@@ -154,7 +153,7 @@ def _set_render_settings(scene: Any, scene_task: SceneTask, task: BlendTask) -> 
     settings.device = "CPU" if scene_task.device == "cpu" else "GPU"
 
 
-def _set_view(scene: Any, view: str) -> str:
+def _set_view(scene: bpy.types.Scene, view: str) -> str:
     """Set Blender's nearest view to a view of a job, without other adjustments; return its name."""
     scene.display_settings.display_device = "sRGB"
     settings = scene.view_settings
@@ -188,7 +187,7 @@ def _set_image_paths(task: BlendTask) -> None:
             packed.filepath = image.filepath
 
 
-def _open_with(scene: Any) -> None:
+def _open_with(scene: bpy.types.Scene) -> None:
     """Make the file open with a scene, seen through its camera, in the workspace of the shader editor."""
     window = bpy.context.window_manager.windows[0]
     window.scene = scene

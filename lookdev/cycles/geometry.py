@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix
-from numpy.typing import NDArray
 
-from lookdev.arrays import Floats32
+from lookdev.arrays import Array, Floats, Floats32, Indices, Ints
 from lookdev.asset.gather import join_small_meshes, move_stretch_to_meshes
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import blocks, face_starts
@@ -33,17 +31,17 @@ class AssetObjects:
     of Blender's mesh and the asset's mesh.
     """
 
-    root: Any
-    objects: list[Any]
-    meshes: list[tuple[Any, Mesh]]
+    root: bpy.types.Object
+    objects: list[bpy.types.Object]
+    meshes: list[tuple[bpy.types.Mesh, Mesh]]
 
 
 def add_asset(
-    scene: Any,
+    scene: bpy.types.Scene,
     asset: Asset,
     sources: Sequence[Source],
     slot_sources: Sequence[int],
-    materials: Sequence[Any],
+    materials: Sequence[bpy.types.Material],
     *,
     groups: Sequence[int] = (),
     separate: bool = False,
@@ -103,14 +101,14 @@ def add_asset(
     return AssetObjects(root, objects, list(zip(meshes, asset.meshes, strict=True)))
 
 
-def _prepare_groups(asset: Asset, groups: NDArray[Any]) -> Asset:
+def _prepare_groups(asset: Asset, groups: Ints) -> Asset:
     """Return an asset that keeps the angles of `_mark_groups`: marked meshes have triangles and no stretch."""
     marked = {number for number, mesh in enumerate(asset.meshes) if groups[mesh.face_slots].any()}
     meshes = (triangulate(mesh) if number in marked else mesh for number, mesh in enumerate(asset.meshes))
     return move_stretch_to_meshes(replace(asset, meshes=tuple(meshes)), marked)
 
 
-def _mark_groups(data: Any, mesh: Mesh, groups: NDArray[Any]) -> None:
+def _mark_groups(data: bpy.types.Mesh, mesh: Mesh, groups: Ints) -> None:
     """Encode the group of each face in the mesh's normals: group n tilts them by n degrees off the facet.
 
     On Blender 4.5, normals are all that Cycles gives a shader of the surface that a ray has hit.
@@ -130,7 +128,7 @@ def _mark_groups(data: Any, mesh: Mesh, groups: NDArray[Any]) -> None:
     _add_attribute(data, "custom_normal", np.repeat(tilted, 3, axis=0).astype(np.float32))
 
 
-def _add_object(collection: Any, name: str, data: Any) -> Any:
+def _add_object(collection: bpy.types.Collection, name: str, data: bpy.types.Mesh) -> bpy.types.Object:
     item = bpy.data.objects.new(name, data)
     collection.objects.link(item)
     # Nothing moves while the shutter is open: without this, Cycles evaluates every object at three times.
@@ -140,7 +138,7 @@ def _add_object(collection: Any, name: str, data: Any) -> Any:
     return item
 
 
-def _add_second_user(scene: Any, data: Any, asset: Asset) -> None:
+def _add_second_user(scene: bpy.types.Scene, data: bpy.types.Mesh, asset: Asset) -> None:
     """Give a mesh a second user, so that Cycles keeps it as an instance with its own acceleration structure.
 
     Otherwise Cycles merges a mesh with one user into the acceleration structure of the scene and rebuilds that after
@@ -155,7 +153,9 @@ def _add_second_user(scene: Any, data: Any, asset: Asset) -> None:
     speck.visible_volume_scatter = True
 
 
-def _add_instances(scene: Any, name: str, meshes: Sequence[Any], numbers: NDArray[Any], matrices: NDArray[Any]) -> Any:
+def _add_instances(
+    scene: bpy.types.Scene, name: str, meshes: Sequence[bpy.types.Mesh], numbers: Indices, matrices: Floats
+) -> bpy.types.Object:
     """Add an object that shows `meshes[numbers[i]]` at `matrices[i]` (n, 4, 4); its colour is that of the instances."""
     # In no scene, so that only instances are visible. Blender orders the objects of a collection by name.
     prototypes = bpy.data.collections.new("prototypes")
@@ -171,13 +171,13 @@ def _add_instances(scene: Any, name: str, meshes: Sequence[Any], numbers: NDArra
     return item
 
 
-def _instancing_tree(prototypes: Any) -> Any:
+def _instancing_tree(prototypes: bpy.types.Collection) -> bpy.types.GeometryNodeTree:
     """Return geometry nodes that replace each point by the prototype and the matrix of its attributes."""
     tree = bpy.data.node_groups.new("instances", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
 
-    def add(kind: str, **inputs: Any) -> Any:
+    def add(kind: str, **inputs: object) -> bpy.types.Node:
         node = tree.nodes.new(kind)
         for name, value in inputs.items():
             socket = next(candidate for candidate in node.inputs if candidate.identifier == name)
@@ -187,7 +187,7 @@ def _instancing_tree(prototypes: Any) -> Any:
                 socket.default_value = value
         return node
 
-    def attribute(name: str, kind: str) -> Any:
+    def attribute(name: str, kind: str) -> bpy.types.NodeSocket:
         node = add("GeometryNodeInputNamedAttribute", Name=name)
         node.data_type = kind
         return next(output for output in node.outputs if output.enabled and output.name == "Attribute")
@@ -209,8 +209,8 @@ def _instancing_tree(prototypes: Any) -> Any:
 
 
 def _build_mesh(
-    mesh: Mesh, sources: Sequence[Source], slot_sources: NDArray[Any], materials: Sequence[Any], *, whole: bool
-) -> Any:
+    mesh: Mesh, sources: Sequence[Source], slot_sources: Ints, materials: Sequence[bpy.types.Material], *, whole: bool
+) -> bpy.types.Mesh:
     data = bpy.data.meshes.new(mesh.name)
     data.vertices.add(len(mesh.points))
     data.loops.add(len(mesh.corner_points))
@@ -265,7 +265,7 @@ def _compact(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
 
 
 def _read_attributes(
-    mesh: Mesh, face_sources: NDArray[Any], bindings: dict[int, tuple[AttributeBinding, ...]]
+    mesh: Mesh, face_sources: Ints, bindings: dict[int, tuple[AttributeBinding, ...]]
 ) -> dict[str, Floats32]:
     """Return the attributes that sources read, except UV sets, by name; those that a mesh lacks have the fallbacks."""
     attributes: dict[str, Floats32] = {}
@@ -302,7 +302,7 @@ Colours are vectors, too: no colour space applies to those.
 """
 
 
-def _add_attribute(data: Any, name: str, values: NDArray[Any], domain: str = "CORNER") -> None:
+def _add_attribute(data: bpy.types.Mesh, name: str, values: Array, domain: str = "CORNER") -> None:
     kind, field = _ATTRIBUTE_TYPES[values.dtype.kind, values.ndim]
     attribute = data.attributes.new(name, kind, domain)
     attribute.data.foreach_set(field, np.ascontiguousarray(values).ravel())

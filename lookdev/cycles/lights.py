@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeAlias
 
 import bpy
 import numpy as np
@@ -32,7 +32,7 @@ class LightObject:
     `turns` is whether it turns with the rig. `offset` is a constant turn of the rig in degrees, added to that of poses.
     """
 
-    item: Any
+    item: bpy.types.Object
     turns: bool
     location: Floats
     angles: tuple[float, float, float]
@@ -52,7 +52,9 @@ class LightObject:
         self.item.rotation_euler = (self.angles[0], self.angles[1], self.angles[2] + angle)
 
 
-def add_lights(collection: Any, lights: Sequence[Light], origin: Floats, strength: float = 1.0) -> list[LightObject]:
+def add_lights(
+    collection: bpy.types.Collection, lights: Sequence[Light], origin: Floats, strength: float = 1.0
+) -> list[LightObject]:
     """Add the lights that are not domes to a collection of Blender, with `origin` at 0; return their objects.
 
     Parameters
@@ -84,7 +86,7 @@ def add_lights(collection: Any, lights: Sequence[Light], origin: Floats, strengt
     return objects
 
 
-def _configure(item: Any) -> None:
+def _configure(item: bpy.types.Object) -> None:
     """Set the visibility to rays: the camera sees no light, mirrors do, and lights cast no shadow."""
     item.visible_camera = False
     item.visible_diffuse = item.visible_glossy = item.visible_transmission = True
@@ -110,7 +112,7 @@ def _angles(axes: Axes) -> tuple[float, float, float]:
     )
 
 
-def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> Any:
+def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> bpy.types.Light:
     """Add the data of a light. The largest channel of its colour is scaled to 1, its power by the inverse."""
     data = bpy.data.lights.new(name, kind)
     largest = max(color) or 1.0
@@ -127,7 +129,9 @@ def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> Any
     return data
 
 
-def _build_area(name: str, light: RectLight | DiskLight, shape: str, size: tuple[float, float], strength: float) -> Any:
+def _build_area(
+    name: str, light: RectLight | DiskLight, shape: str, size: tuple[float, float], strength: float
+) -> bpy.types.AreaLight:
     data = _add_data(name, "AREA", light.emission.color, math.pi * light.size_factor * strength)
     data.shape = shape
     data.size, data.size_y = size
@@ -135,7 +139,7 @@ def _build_area(name: str, light: RectLight | DiskLight, shape: str, size: tuple
     return data
 
 
-def _build_rect(name: str, light: RectLight, strength: float) -> Any:
+def _build_rect(name: str, light: RectLight, strength: float) -> bpy.types.AreaLight:
     data = _build_area(name, light, "RECTANGLE", (light.width, light.height), strength)
     if light.texture or light.emission.shaping:
         nodes = _LightNodes(data)
@@ -143,14 +147,14 @@ def _build_rect(name: str, light: RectLight, strength: float) -> Any:
     return data
 
 
-def _build_disk(name: str, light: DiskLight, strength: float) -> Any:
+def _build_disk(name: str, light: DiskLight, strength: float) -> bpy.types.AreaLight:
     data = _build_area(name, light, "ELLIPSE", (2.0 * light.radii[0], 2.0 * light.radii[1]), strength)
     if light.emission.shaping:
         _LightNodes(data).add_output(None, light.emission.shaping)
     return data
 
 
-def _build_sphere(name: str, light: SphereLight, strength: float) -> Any:
+def _build_sphere(name: str, light: SphereLight, strength: float) -> bpy.types.PointLight:
     data = _add_data(name, "POINT", light.emission.color, math.pi * light.size_factor * strength)
     data.shadow_soft_size = light.radius
     data.use_soft_falloff = False
@@ -160,14 +164,14 @@ def _build_sphere(name: str, light: SphereLight, strength: float) -> Any:
     return data
 
 
-def _build_distant(name: str, light: DistantLight, strength: float) -> Any:
+def _build_distant(name: str, light: DistantLight, strength: float) -> bpy.types.SunLight:
     versine = light.versine
     data = _add_data(name, "SUN", light.sent, math.pi * versine * (2.0 - versine) * strength)
     data.angle = 2.0 * math.acos(1.0 - versine) if versine > 1e-3 else 2.0 * math.sqrt(2.0 * versine)
     return data
 
 
-def _build_cylinder(name: str, light: CylinderLight, strength: float) -> Any:
+def _build_cylinder(name: str, light: CylinderLight, strength: float) -> bpy.types.Mesh:
     """Build the lateral surface as a mesh that emits outwards and that rays pass through."""
     angle = 2.0 * math.pi * np.arange(_SIDES) / _SIDES
     # The polygon has the circle's perimeter, and so its width on average over directions.
@@ -194,7 +198,7 @@ def _build_cylinder(name: str, light: CylinderLight, strength: float) -> Any:
     return data
 
 
-BUILDERS: dict[str, Callable[[str, Any, float], Any]] = {
+BUILDERS: dict[str, Callable[..., bpy.types.Light | bpy.types.Mesh]] = {
     "rect": _build_rect,
     "disk": _build_disk,
     "sphere": _build_sphere,
@@ -204,39 +208,43 @@ BUILDERS: dict[str, Callable[[str, Any, float], Any]] = {
 """Functions that add the data of a light's object, by kind; arguments: name, light, factor of the radiance."""
 
 
+SocketInput: TypeAlias = "bpy.types.NodeSocket | float | Sequence[float]"
+"""The output of a node, or a value."""
+
+
 class _LightNodes:
     """The nodes of a light, or of the material of a mesh that is a light."""
 
-    def __init__(self, owner: Any) -> None:
+    def __init__(self, owner: bpy.types.Light | bpy.types.Material) -> None:
         self.tree = version.clear_node_tree(owner)
 
-    def add(self, kind: str) -> Any:
+    def add(self, kind: str) -> bpy.types.Node:
         node = self.tree.nodes.new(f"ShaderNode{kind}")
         node.location = (200.0 * len(self.tree.nodes), 0.0)
         return node
 
-    def link(self, start: Any, end: Any) -> None:
+    def link(self, start: SocketInput, end: bpy.types.NodeSocket) -> None:
         """Link an input to the output of another node, or set it to a value."""
         if isinstance(start, bpy.types.NodeSocket):
             self.tree.links.new(start, end)
         else:
             end.default_value = start
 
-    def add_math(self, operation: str, *inputs: Any) -> Any:
+    def add_math(self, operation: str, *inputs: SocketInput) -> bpy.types.NodeSocket:
         node = self.add("Math")
         node.operation, node.use_clamp = operation, False
         for socket, value in zip(node.inputs, inputs, strict=False):
             self.link(value, socket)
         return node.outputs[0]
 
-    def add_vector_math(self, operation: str, *inputs: Any) -> Any:
+    def add_vector_math(self, operation: str, *inputs: SocketInput) -> bpy.types.NodeSocket:
         node = self.add("VectorMath")
         node.operation = operation
         for socket, value in zip(node.inputs, inputs, strict=False):
             self.link(value, socket)
         return node.outputs[0]
 
-    def scale(self, color: Any, factor: Any) -> Any:
+    def scale(self, color: SocketInput, factor: SocketInput) -> bpy.types.NodeSocket:
         """Return a colour times a number."""
         node = self.add("VectorMath")
         node.operation = "SCALE"
@@ -244,19 +252,19 @@ class _LightNodes:
         self.link(factor, node.inputs["Scale"])
         return node.outputs[0]
 
-    def separate(self, vector: Any) -> Sequence[Any]:
+    def separate(self, vector: SocketInput) -> Sequence[bpy.types.NodeSocket]:
         node = self.add("SeparateXYZ")
         self.link(vector, node.inputs[0])
         return list(node.outputs)
 
-    def emitted_direction(self) -> Any:
+    def emitted_direction(self) -> bpy.types.NodeSocket:
         """Return the direction, in the space of the light, from the emitting point to the receiver."""
         transform = self.add("VectorTransform")
         transform.vector_type, transform.convert_from, transform.convert_to = "VECTOR", "WORLD", "OBJECT"
         self.link(self.add("NewGeometry").outputs["Incoming"], transform.inputs[0])
         return transform.outputs[0]
 
-    def outward_factor(self) -> Any:
+    def outward_factor(self) -> bpy.types.NodeSocket:
         """Return 1 where a sphere emits away from its centre, else 0."""
         node = self.add("VectorMath")
         node.operation = "DOT_PRODUCT"
@@ -264,7 +272,7 @@ class _LightNodes:
         self.link(self.emitted_direction(), node.inputs[1])
         return self.add_math("GREATER_THAN", node.outputs["Value"], 0.0)
 
-    def texel(self, light: RectLight) -> Any:
+    def texel(self, light: RectLight) -> bpy.types.NodeSocket:
         """Return the colour of a rectangle's texture; its first column is at +x, its top row at +y."""
         assert light.texture
         position = self.separate(self.add("TexCoord").outputs["Object"])
@@ -280,7 +288,9 @@ class _LightNodes:
         self.link(st.outputs[0], image.inputs["Vector"])
         return image.outputs["Color"]
 
-    def add_emission(self, color: Any, shaping: Shaping | None, strength: float = 1.0) -> Any:
+    def add_emission(
+        self, color: SocketInput | None, shaping: Shaping | None, strength: float = 1.0
+    ) -> bpy.types.NodeSocket:
         """Add the emission of a colour, shaped by the beam of a light; without a colour it is white."""
         node = self.add("Emission")
         node.inputs["Strength"].default_value = strength
@@ -292,11 +302,11 @@ class _LightNodes:
         self.link(color, node.inputs["Color"])
         return node.outputs[0]
 
-    def add_output(self, color: Any, shaping: Shaping | None) -> None:
+    def add_output(self, color: SocketInput | None, shaping: Shaping | None) -> None:
         """Add a light's output with the emission of a colour."""
         self.link(self.add_emission(color, shaping), self.add("OutputLight").inputs["Surface"])
 
-    def beam_factor(self, shaping: Shaping) -> Any:
+    def beam_factor(self, shaping: Shaping) -> bpy.types.NodeSocket:
         """Return the factor of the radiance that `Shaping.factor` computes, without the profile."""
         x, y, z = self.separate(self.add_vector_math("NORMALIZE", self.emitted_direction()))
         down = self.add_math("MULTIPLY", z, -1.0)

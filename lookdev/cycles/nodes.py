@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sized
 from pathlib import Path
-from typing import Any
 
 import bpy
+from bpy.types import NodeTreeInterface, NodeTreeInterfacePanel, ShaderNodeTree
 
 from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
+from lookdev.codegen.source import SocketValue
 from lookdev.cycles import version
 from lookdev.errors import ContentError, RenderError, nearest_hint
 
 # Nodes whose sockets are looked up by name: Blender generates the identifiers of a group's sockets.
 _SOCKETS_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
 
-Groups = dict[str, Any]
+Groups = dict[str, ShaderNodeTree]
 """Built node groups by a digest of their content: equal groups of several looks are one datablock."""
 
 
-def build_material(source: NodeSource, built: Groups | None = None) -> Any:
+def build_material(source: NodeSource, built: Groups | None = None) -> bpy.types.Material:
     """Build a material and its node groups; groups are taken from `built`, or added to it.
 
     Raises
@@ -28,7 +30,7 @@ def build_material(source: NodeSource, built: Groups | None = None) -> Any:
         Blender lacks a kind of node, a property or a socket, or a group or an image is missing.
     """
     cache: Groups = {} if built is None else built
-    groups: dict[str, Any] = {}
+    groups: Groups = {}
     digests: dict[str, str] = {}
     for tree in source.trees[:-1]:
         group_digests = [digests.get(node.group) for node in tree.nodes if node.group]
@@ -45,7 +47,7 @@ def build_material(source: NodeSource, built: Groups | None = None) -> Any:
     return material
 
 
-def load_image(file: Path) -> Any:
+def load_image(file: Path) -> bpy.types.Image:
     """Load a linear image once, without conversion or premultiplication; a RenderError reports a missing image."""
     try:
         image = bpy.data.images.load(str(file), check_existing=True)
@@ -56,9 +58,9 @@ def load_image(file: Path) -> Any:
     return image
 
 
-def _build_group(source: NodeSource, tree: NodeTree, groups: dict[str, Any]) -> Any:
+def _build_group(source: NodeSource, tree: NodeTree, groups: Groups) -> ShaderNodeTree:
     group = bpy.data.node_groups.new(tree.name, "ShaderNodeTree")
-    panels: dict[str, Any] = {}
+    panels: dict[str, NodeTreeInterfacePanel] = {}
     for in_out, sockets in (("OUTPUT", tree.outputs), ("INPUT", tree.inputs)):
         for socket in sockets:
             if socket.panel and socket.panel not in panels:
@@ -68,7 +70,9 @@ def _build_group(source: NodeSource, tree: NodeTree, groups: dict[str, Any]) -> 
     return group
 
 
-def _add_socket(interface: Any, socket: GroupSocket, in_out: str, panel: Any) -> None:
+def _add_socket(
+    interface: NodeTreeInterface, socket: GroupSocket, in_out: str, panel: NodeTreeInterfacePanel | None
+) -> None:
     kind = f"NodeSocket{socket.kind.title()}"
     socket_item = interface.new_socket(
         socket.name, description=socket.help, in_out=in_out, socket_type=kind, parent=panel
@@ -82,7 +86,7 @@ def _add_socket(interface: Any, socket: GroupSocket, in_out: str, panel: Any) ->
     socket_item.default_value = _pad_color(socket.default, socket_item.default_value)
 
 
-def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: Any, groups: dict[str, Any]) -> None:
+def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: ShaderNodeTree, groups: Groups) -> None:
     """Add the nodes of a tree, then their links."""
     location = f"look '{source.name}', nodes '{tree.name}'"
     nodes = {}
@@ -109,7 +113,7 @@ def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: Any, groups: dict[
             node_tree.links.new(start, end)
 
 
-def _add_node(node: ShaderNode, node_tree: Any, groups: dict[str, Any]) -> Any:
+def _add_node(node: ShaderNode, node_tree: ShaderNodeTree, groups: Groups) -> bpy.types.Node:
     kind = node.kind if node.kind.startswith("Node") else f"ShaderNode{node.kind}"
     try:
         built = node_tree.nodes.new(kind)
@@ -135,7 +139,7 @@ def _add_node(node: ShaderNode, node_tree: Any, groups: dict[str, Any]) -> Any:
     return built
 
 
-def _set_property(node: Any, name: str, value: Any) -> None:
+def _set_property(node: bpy.types.Node, name: str, value: SocketValue | bool) -> None:
     try:
         if name not in node.bl_rna.properties:
             raise AttributeError("there is none")
@@ -146,14 +150,14 @@ def _set_property(node: Any, name: str, value: Any) -> None:
         raise RenderError(f"property '{name}' cannot be {value!r}: {error}") from error
 
 
-def _set_changed(owner: Any, name: str, value: Any) -> None:
+def _set_changed(owner: bpy.types.Node | bpy.types.NodeSocket, name: str, value: object) -> None:
     """Set an attribute if its value changes."""
     old = getattr(owner, name)
     if (tuple(old) if isinstance(value, tuple) else old) != value:
         setattr(owner, name, value)
 
 
-def _socket(node: Any, side: str, identifier: str) -> Any:
+def _socket(node: bpy.types.Node, side: str, identifier: str) -> bpy.types.NodeSocket:
     """Return an enabled socket of a node; a disabled one could be set and linked, without effect."""
     key = "name" if node.bl_idname in _SOCKETS_BY_NAME else "identifier"
     enabled = {getattr(socket, key): socket for socket in getattr(node, side) if socket.enabled}
@@ -162,7 +166,7 @@ def _socket(node: Any, side: str, identifier: str) -> Any:
     return enabled[identifier]
 
 
-def _pad_color(value: Any, old: Any) -> Any:
+def _pad_color(value: SocketValue, old: Sized) -> SocketValue:
     """Return a value for a socket: a colour gets the fourth channel that the old value has."""
     if isinstance(value, tuple) and len(value) == 3 and len(old) == 4:
         return (*value, 1.0)

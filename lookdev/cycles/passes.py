@@ -9,8 +9,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
+import bpy
 import numpy as np
 
 from lookdev.arrays import Bools, Floats, Floats32
@@ -177,7 +177,7 @@ def _render_surfaces(
     """
     has_mattes, has_albedo = "cryptomatte" in requested, "albedo" in requested
     scene.set_controls(task.pose, 0, ALBEDOS if has_albedo else MATTE)
-    settings: dict[str, Any] = {}
+    settings: dict[str, int | bool] = {}
     if has_mattes:
         settings |= {"pass_cryptomatte_depth": _MATTE_DEPTH}
         settings |= {f"use_pass_cryptomatte_{kind}": True for kind in ("object", "material")}
@@ -234,7 +234,7 @@ def _rotate_z(vectors: Floats, degrees: float) -> Floats:
 
 
 @contextmanager
-def _override(owner: Any, values: Mapping[str, Any]) -> Iterator[None]:
+def _override(owner: bpy.types.ViewLayer, values: Mapping[str, object]) -> Iterator[None]:
     """Set other values for settings of Blender, and restore the previous ones, also after an error."""
     before = {name: getattr(owner, name) for name in values}
     try:

@@ -10,7 +10,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import bpy
 
@@ -19,7 +19,17 @@ from lookdev.lifetime import leaving
 from lookdev.rendering.answers import Answers, peak_memory
 
 
-def render(request: dict[str, Any], answers: Answers) -> None:
+class ImportRequest(TypedDict):
+    """A file to import, its camera's distance, and the light: a name of Blender's worlds."""
+
+    file: str
+    light: str
+    resolution: tuple[int, int]
+    bounces: int
+    distance: float
+
+
+def render(request: ImportRequest, answers: Answers) -> None:
     """Import a file and render it with one sample."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=request["file"])

@@ -12,7 +12,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import bpy
 import numpy as np
@@ -27,7 +27,38 @@ from lookdev.cycles.principled import build_principled_material
 from lookdev.lifetime import leaving
 
 
-def render(request: dict[str, Any]) -> None:
+class SequenceCamera(TypedDict):
+    """Angles in degrees, lengths in metres."""
+
+    fov: float
+    elevation: float
+    distance: float
+    target: list[float]
+
+
+class SequenceFrame(TypedDict):
+    """The files of a frame and its light, and the turns of asset and light in degrees."""
+
+    file: str
+    light: str
+    element: float
+    lighting: float
+
+
+class SequenceRequest(TypedDict):
+    """The frames to render, and everything that they have in common."""
+
+    asset: str
+    principled: dict[str, float | tuple[float, ...]]
+    camera: SequenceCamera
+    resolution: tuple[int, int]
+    samples: int
+    bounces: int
+    seed: int
+    frames: list[SequenceFrame]
+
+
+def render(request: SequenceRequest) -> None:
     """Render every frame of a request to its file."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.data.scenes[0]
@@ -50,7 +81,7 @@ def render(request: dict[str, Any]) -> None:
         bpy.ops.render.render(write_still=True)
 
 
-def _configure(scene: Any, request: dict[str, Any]) -> None:
+def _configure(scene: bpy.types.Scene, request: SequenceRequest) -> None:
     settings, output = scene.cycles, scene.render.image_settings
     scene.render.engine = "CYCLES"
     scene.render.resolution_x, scene.render.resolution_y = request["resolution"]
@@ -65,7 +96,7 @@ def _configure(scene: Any, request: dict[str, Any]) -> None:
     settings.sample_clamp_indirect = settings.blur_glossy = 0.0
 
 
-def _add_asset(scene: Any, asset: Asset, material: Any) -> Any:
+def _add_asset(scene: bpy.types.Scene, asset: Asset, material: bpy.types.Material) -> bpy.types.Object:
     root = bpy.data.objects.new("turntable", None)
     scene.collection.objects.link(root)
     meshes = [_build_mesh(mesh, material) for mesh in asset.meshes]
@@ -77,7 +108,7 @@ def _add_asset(scene: Any, asset: Asset, material: Any) -> Any:
     return root
 
 
-def _build_mesh(mesh: Mesh, material: Any) -> Any:
+def _build_mesh(mesh: Mesh, material: bpy.types.Material) -> bpy.types.Mesh:
     data = bpy.data.meshes.new(mesh.name)
     faces = np.split(mesh.corner_points, np.cumsum(mesh.face_sizes)[:-1])
     data.from_pydata(mesh.points.tolist(), [], [face.tolist() for face in faces])
@@ -88,7 +119,7 @@ def _build_mesh(mesh: Mesh, material: Any) -> Any:
     return data
 
 
-def _add_camera(scene: Any, camera: dict[str, Any], asset: Asset) -> None:
+def _add_camera(scene: bpy.types.Scene, camera: SequenceCamera, asset: Asset) -> None:
     lens = bpy.data.cameras.new("camera")
     lens.sensor_fit, lens.angle = "HORIZONTAL", math.radians(camera["fov"])
     lens.clip_start, lens.clip_end = 1e-3 * camera["distance"], 1e3 * camera["distance"]
@@ -101,7 +132,9 @@ def _add_camera(scene: Any, camera: dict[str, Any], asset: Asset) -> None:
     scene.camera = item
 
 
-def add_environment_texture(scene: Any) -> tuple[Any, Any]:
+def add_environment_texture(
+    scene: bpy.types.Scene,
+) -> tuple[bpy.types.ShaderNodeTexEnvironment, bpy.types.ShaderNodeMapping]:
     """Light a scene by an environment texture; return its node and the node that rotates it."""
     scene.world = bpy.data.worlds.new("light")
     tree = version.clear_node_tree(scene.world)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
 import OpenEXR
-from numpy.typing import NDArray
 
-from lookdev.arrays import Floats32
+from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, atomic_path, cache_dir
 from lookdev.codegen import ShaderSource, TableBinding
 from lookdev.codegen.osl.points import generate_points
@@ -44,7 +42,7 @@ def render_table(
     table: Floats32,
     cells: int,
     samples: int = 1,
-    arrays: Mapping[str, NDArray[Any]] | None = None,
+    arrays: Mapping[str, Ints32 | Floats32] | None = None,
     **values: int,
 ) -> Floats32:
     """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), a row for a pixel.
@@ -74,7 +72,7 @@ def render_table(
         return engine.render_passes(scene, samples)["Combined"][..., :3].reshape(-1, 3)[:count].copy()
 
 
-def add_plane(scene: Any, height: float) -> Any:
+def add_plane(scene: bpy.types.Scene, height: float) -> bpy.types.Mesh:
     """Add a plane from (-1, -height) to (1, height) and a camera above it that sees just the plane; return its mesh."""
     mesh = bpy.data.meshes.new("plane")
     corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]

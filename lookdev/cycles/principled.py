@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 from lookdev.codegen import PrincipledSource
@@ -11,7 +9,7 @@ from lookdev.cycles import version
 from lookdev.cycles.geometry import AssetObjects
 
 
-def build_principled_material(source: PrincipledSource) -> Any:
+def build_principled_material(source: PrincipledSource) -> bpy.types.Material:
     """Build a material of a single Principled BSDF node."""
     material = bpy.data.materials.new(source.name)
     tree = version.clear_node_tree(material)
@@ -36,7 +34,7 @@ def shade_by_normals(added: AssetObjects) -> None:
         item.shadow_terminator_geometry_offset = 0.1
 
 
-def configure_user_defaults(scene: Any) -> None:
+def configure_user_defaults(scene: bpy.types.Scene) -> None:
     """Set Blender's defaults where `engine.configure_closures` differs."""
     settings = scene.cycles
     if scene.world.cycles.sampling_method == "MANUAL":

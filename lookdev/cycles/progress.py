@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 import bpy
 
@@ -28,7 +27,7 @@ def refine_progress(samples: int, report: Progress) -> Iterator[Progress]:
         done, total, error = now_done, now_total, relmse
         report(done, total, error)
 
-    def read(text: str, *_: Any) -> None:
+    def read(text: str, *_: object) -> None:
         # Called by a thread of Cycles while the caller's thread waits for the render.
         if (match := _SAMPLE.search(text)) and 0 < (rendered := int(match[1])) < total - done:
             report(done + rendered, total, error)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import bpy
 import numpy as np
@@ -51,7 +50,12 @@ class BlenderScene:
     """
 
     def __init__(
-        self, task: SceneTask, into: Any = None, groups: Groups | None = None, *, separate: bool = False
+        self,
+        task: SceneTask,
+        into: bpy.types.Scene | None = None,
+        groups: Groups | None = None,
+        *,
+        separate: bool = False,
     ) -> None:
         """Build a task's scene.
 
@@ -138,7 +142,7 @@ class BlenderScene:
     def _add_materials(self) -> None:
         self._materials = [self._build_material(number, source) for number, source in enumerate(self.task.shaders)]
 
-    def _build_material(self, number: int, source: Source) -> Any:
+    def _build_material(self, number: int, source: Source) -> bpy.types.Material:
         match source:
             case ShaderSource():
                 x, y, z = self._asset.center
@@ -298,7 +302,7 @@ def _placement_key(task: SceneTask) -> tuple[object, ...]:
     return () if coded(task.lights) else (task.asset, task.camera)
 
 
-def _set_camera(item: Any, camera: Camera) -> None:
+def _set_camera(item: bpy.types.Object, camera: Camera) -> None:
     """Set a camera's lens and its location and angles; angles, unlike a target, need no exception at the poles."""
     lens = item.data
     lens.type = "PERSP"

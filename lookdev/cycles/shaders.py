@@ -6,11 +6,11 @@ import hashlib
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import _cycles
 import bpy
 import numpy as np
+from bpy.types import ShaderNodeScript, ShaderNodeTree
 
 from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, cache_dir, cached_files, from_memory
@@ -81,7 +81,9 @@ def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, 
     return {f"look_{number}_{i}": tuple(values[3 * i : 3 * i + 3]) for i in range(len(values) // 3)}
 
 
-def build_surface_material(source: ShaderSource, number: int, lights: Sequence[Light], stand: Stand) -> Any:
+def build_surface_material(
+    source: ShaderSource, number: int, lights: Sequence[Light], stand: Stand
+) -> bpy.types.Material:
     """Create the material of a look whose shader integrates the light.
 
     Its varying constants are the properties `varying_values` of that number. Cycles reads the properties of an object
@@ -111,8 +113,11 @@ def build_surface_material(source: ShaderSource, number: int, lights: Sequence[L
 
 
 def add_script_node(
-    tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, str] | None = None
-) -> Any:
+    tree: ShaderNodeTree,
+    source: ShaderSource,
+    values: Mapping[str, str | int | float],
+    arrays: Mapping[str, str] | None = None,
+) -> ShaderNodeScript:
     """Add a script node with its sockets and link it to the surface output.
 
     Sockets are added here because Blender's `oslquery` would load an OpenImageIO that clashes with the installed one.
@@ -178,7 +183,9 @@ def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
     return "\n".join(lines)
 
 
-def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str, owner: str = "GEOMETRY") -> None:
+def _link_attribute(
+    tree: ShaderNodeTree, script: ShaderNodeScript, parameter: str, attribute: str, kind: str, owner: str = "GEOMETRY"
+) -> None:
     node = tree.nodes.new("ShaderNodeAttribute")
     node.attribute_type = owner
     node.attribute_name = attribute

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Any
+
+import bpy
 
 from lookdev.cycles import engine
 from lookdev.cycles.streams import capture_output
@@ -12,7 +13,7 @@ from lookdev.errors import RenderError
 _OVERFLOW = re.compile(r"out of SVM stack space, shader \"(?P<material>[^\"]*)\"", re.IGNORECASE)
 
 
-def check_stack(scene: Any) -> None:
+def check_stack(scene: bpy.types.Scene) -> None:
     """Compile the shaders of a scene, and check that each fits into the stack of SVM.
 
     Raises

@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 import bpy
 import numpy as np
+from bpy.types import Object
 
 from lookdev.arrays import Floats
 from lookdev.rendering.blend import BlendTurntable
@@ -19,7 +19,7 @@ _KEY_GAP = 1.0 / 64.0
 """Frames from a reset to the next key: exact in float32, and larger than the interval in which Blender merges keys."""
 
 
-def animate(objects: Mapping[str, Any], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
+def animate(objects: Mapping[str, Object], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
     """Animate objects, by their names in the action, over consecutive turntables from frame 1, in a single action.
 
     `pose` sets location and XYZ Euler angles of the objects.
@@ -34,13 +34,13 @@ def animate(objects: Mapping[str, Any], turntables: Sequence[BlendTurntable], po
         data.action, data.action_slot = action, slot
 
 
-def share_animation(item: Any, other: Any) -> None:
+def share_animation(item: Object, other: Object) -> None:
     """Animate an object by the curves of another object."""
     data = item.animation_data_create()
     data.action, data.action_slot = other.animation_data.action, other.animation_data.action_slot
 
 
-def mark_turntables(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
+def mark_turntables(scene: bpy.types.Scene, turntables: Sequence[BlendTurntable]) -> None:
     """Set the frame range of a scene to that of its turntables; add a marker at the start of each."""
     frame = 1
     for turntable in turntables:
@@ -50,7 +50,7 @@ def mark_turntables(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
     scene.frame_set(1)
 
 
-def _sample_transforms(objects: Sequence[Any], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
+def _sample_transforms(objects: Sequence[Object], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
     """Return the locations and rotations of objects over a turntable: (objects, frames, 6)."""
     frames = []
     for turntable_pose in turntable.poses:
@@ -59,7 +59,7 @@ def _sample_transforms(objects: Sequence[Any], turntable: BlendTurntable, pose: 
     return np.array(frames).transpose(1, 0, 2)
 
 
-def _add_curves(bag: Any, tables: Sequence[Floats]) -> None:
+def _add_curves(bag: bpy.types.ActionChannelbag, tables: Sequence[Floats]) -> None:
     """Add curves for the varying columns of tables (frames, 6), one for each turntable."""
     together = np.concatenate(tables)
     for column, (path, index) in enumerate((path, index) for path in _PATHS for index in range(3)):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import bpy
 
 BLENDER_5 = bpy.app.version >= (5, 0, 0)
@@ -15,7 +13,7 @@ VERSION: str = ".".join(str(number) for number in bpy.app.version)
 OSL_DEFINES: tuple[str, ...] = (f"#define LOOKDEV_ROW_0_AT_T_1 {int(BLENDER_5)}",)
 
 
-def clear_node_tree(datablock: Any) -> Any:
+def clear_node_tree(datablock: bpy.types.Material | bpy.types.World | bpy.types.Light) -> bpy.types.ShaderNodeTree:
     """Remove all nodes from the shader node tree of a material, world or light; return the tree."""
     if not BLENDER_5:  # 5.x always has a tree, and warns if this is set
         datablock.use_nodes = True
@@ -23,7 +21,7 @@ def clear_node_tree(datablock: Any) -> Any:
     return datablock.node_tree
 
 
-def center_motion_blur_on_frame(scene: Any) -> None:
+def center_motion_blur_on_frame(scene: bpy.types.Scene) -> None:
     """Open the shutter symmetrically about the frame; the setting moved to the render settings in 5.x."""
     owner = scene.render if hasattr(scene.render, "motion_blur_position") else scene.cycles
     owner.motion_blur_position = "CENTER"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import bpy
 import numpy as np
@@ -30,7 +29,7 @@ def build_world(
     after_portals: bool = False,
     strength: float = 1.0,
     turn: float = 0.0,
-) -> Any:
+) -> bpy.types.World:
     """Build a world from the lat-long images of a scene's domes; without domes it is black.
 
     Parameters
@@ -77,7 +76,7 @@ def build_world(
     return world
 
 
-def _add_dome(tree: Any, dome: Dome, turn: float, height: float) -> Any:
+def _add_dome(tree: bpy.types.ShaderNodeTree, dome: Dome, turn: float, height: float) -> bpy.types.ShaderNodeBackground:
     """Add the nodes of a dome; return its background node."""
     coordinates = tree.nodes.new("ShaderNodeTexCoord")
     mapping = tree.nodes.new("ShaderNodeMapping")
@@ -113,7 +112,7 @@ def _add_dome(tree: Any, dome: Dome, turn: float, height: float) -> Any:
     return background
 
 
-def _add_portal_strength(tree: Any, strength: float) -> Any:
+def _add_portal_strength(tree: bpy.types.ShaderNodeTree, strength: float) -> bpy.types.NodeSocket:
     """Add nodes of a strength that is 0 for rays that did not pass a portal; return their output."""
     path = tree.nodes.new("ShaderNodeLightPath")
     has_passed = tree.nodes.new("ShaderNodeMath")

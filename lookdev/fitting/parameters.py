@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Model, Parameter
@@ -47,7 +47,7 @@ class Free:
         value = np.clip(value, self.low, self.high)
         return np.asarray(value if self.width == 3 else value[..., 0])
 
-    def unit(self, value: Any) -> Floats:
+    def unit(self, value: ArrayLike) -> Floats:
         """Return the numbers (width,) in [0, 1] of a value."""
         value = np.clip(np.atleast_1d(np.asarray(value, np.float64)), self.low, self.high)
         if self._is_logarithmic:
@@ -55,7 +55,7 @@ class Free:
         return np.asarray((value - self.low) / (self.high - self.low))
 
 
-def free_parameters(model: Model, fixed: Mapping[str, Any], names: Sequence[str] = ()) -> tuple[Free, ...]:
+def free_parameters(model: Model, fixed: Mapping[str, object], names: Sequence[str] = ()) -> tuple[Free, ...]:
     """Return the parameters to fit: those of `names`, by default all numbers and colours that are not optional.
 
     By default, fixed parameters and presence, which does not change f, are not fitted. The range of a parameter is its

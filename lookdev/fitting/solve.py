@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Model, evaluate
+from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.fitting.data import Data, evaluate_pairs
 from lookdev.fitting.loss import LOSSES
@@ -50,7 +50,7 @@ class Fit:
 
     model: Model
     subject: Subject
-    values: Mapping[str, Any]
+    values: Mapping[str, object]
     unknown: tuple[str, ...]
     loss_name: str
     loss: float
@@ -59,13 +59,16 @@ class Fit:
     samples: int
     seconds: float
 
-    def data(self) -> dict[str, Any]:
-        """Return the fit as plain data."""
-        parameters = {
+    def parameters(self) -> dict[str, object]:
+        """Return the values as plain data."""
+        return {
             name: value if isinstance(value, str) else np.asarray(value).tolist() for name, value in self.values.items()
         }
+
+    def data(self) -> dict[str, object]:
+        """Return the fit as plain data."""
         return {
-            "model": self.model.name, "parameters": parameters, "without_effect": list(self.unknown),
+            "model": self.model.name, "parameters": self.parameters(), "without_effect": list(self.unknown),
             "loss": {"name": self.loss_name, "value": self.loss, "per_channel": list(self.per_channel)},
             "starts": list(self.starts), "samples": self.samples, "seconds": self.seconds,
         }  # fmt: skip
@@ -75,7 +78,7 @@ def format_fit(result: Fit) -> str:
     """Return a fit as lines of text."""
     channels = ", ".join(f"{loss:.3g}" for loss in result.per_channel)
     lines = [f"{result.model.title}: {result.loss_name} loss {result.loss:.3g} (red, green, blue: {channels})"]
-    for name, value in result.data()["parameters"].items():
+    for name, value in result.parameters().items():
         numbers = value if isinstance(value, list) else [value]
         text = ", ".join(number if isinstance(number, str) else f"{number:.5g}" for number in numbers)
         lines.append(f"  {name} = {text}" + "  (without effect)" * (name in result.unknown))
@@ -86,7 +89,7 @@ def format_fit(result: Fit) -> str:
 def fit(
     data: Subject,
     model: Model,
-    fixed: Mapping[str, Any] | None = None,
+    fixed: Mapping[str, object] | None = None,
     *,
     wanted: Sequence[str] = (),
     loss: str = "log",
@@ -150,7 +153,7 @@ def fit(
 
 
 def _select_effective(
-    model: Model, constant: Mapping[str, Any], free: Sequence[Free], data: Data, loss: str
+    model: Model, constant: Parameters, free: Sequence[Free], data: Data, loss: str
 ) -> Sequence[Free]:
     """Return the parameters that change f at some random point; those of other forms of the model do not."""
     problem = _Problem(model, constant, free, data.part(_SPARSE), loss)
@@ -160,7 +163,7 @@ def _select_effective(
     return tuple(parameter for parameter, part in problem.parts(effect) if part.max() > limit)
 
 
-def _to_tuple(value: Any) -> Any:
+def _to_tuple(value: object) -> object:
     return tuple(value) if isinstance(value, list) else value
 
 
@@ -171,7 +174,7 @@ class _Solution:
 
 
 class _Problem:
-    def __init__(self, model: Model, constant: Mapping[str, Any], free: Sequence[Free], data: Data, loss: str) -> None:
+    def __init__(self, model: Model, constant: Parameters, free: Sequence[Free], data: Data, loss: str) -> None:
         self.model, self.constant, self.free, self.data, self.loss = model, constant, free, data, loss
         self.compress = LOSSES[loss]
         self.target = self.compress(data.f * data.cosine)

@@ -87,9 +87,11 @@ def _complete_parameters(layer: Layer, values: Values) -> Parameters:
     inputs = expand_tokens(layer.model, records, layer.inputs)
     varying = {name: source for name, source in inputs.items() if isinstance(source, Varying)}
     constants = {name: source for name, source in inputs.items() if name not in varying}
-    parameters = complete(layer.model, records, constants)
-    normals = {name: values.in_shading_frame(parameters[name]) for name in constants if records[name].kind == "normal"}
-    parameters |= normals | {name: values.of(source, records[name]) for name, source in varying.items()}
+    parameters: dict[str, Real | str] = {**complete(layer.model, records, constants)}
+    for name, value in parameters.items():
+        if records[name].kind == "normal" and name in constants and not isinstance(value, float | str):
+            parameters[name] = values.in_shading_frame(value)
+    parameters |= {name: values.of(source, records[name]) for name, source in varying.items()}
     return parameters | add_followers(records, {name: parameters[name] for name in inputs})
 
 

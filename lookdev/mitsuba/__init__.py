@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from functools import partial
 from importlib.util import find_spec
-from typing import Any
 
 
 def _register(old: str | None, new: str | None) -> None:
@@ -27,13 +26,13 @@ def _register(old: str | None, new: str | None) -> None:
     mitsuba.register_bsdf("lookdev_look", _create_look_bsdf)
 
 
-def _create_model_bsdf(name: str, properties: Any) -> Any:
+def _create_model_bsdf(name: str, properties: mitsuba.Properties) -> mitsuba.BSDF:
     from lookdev.mitsuba.plugins import model_bsdf  # imported here, as the worker needs no plug-ins
 
     return model_bsdf(name, properties)
 
 
-def _create_look_bsdf(properties: Any) -> Any:
+def _create_look_bsdf(properties: mitsuba.Properties) -> mitsuba.BSDF:
     from lookdev.mitsuba.plugins import look_bsdf
 
     return look_bsdf(properties)

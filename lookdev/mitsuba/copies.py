@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 import drjit as dr
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.arrays import Floats
+from lookdev.arrays import Floats, Indices
 from lookdev.asset import Asset
 from lookdev.mitsuba.frozen import device_array
+from lookdev.mitsuba.types import Bool, Float, Intersection, Mitsuba, UInt, Vector3f
 from lookdev.scene.shading import LIFT
 
 _LAST = (1 << 32) - 1
@@ -58,7 +58,7 @@ class Copies:
     `matrices` is by the numbers of instances.
     """
 
-    def __init__(self, mi: Any, bodies: int, matrices: Mapping[int, Floats], first: Sequence[int], row: Sequence[int]):
+    def __init__(self, mi: Mitsuba, bodies: int, matrices: Mapping[int, Floats], first: list[int], row: list[int]):
         self._mi, self.bodies, self.matrices = mi, bodies, matrices
         self._firsts = list(first)
         self._count = len(first)
@@ -79,7 +79,7 @@ class Copies:
 
     @classmethod
     def from_bodies(
-        cls, mi: Any, bodies: Sequence[Body], body_of_row: NDArray[Any], asset: Asset, center: Floats
+        cls, mi: Mitsuba, bodies: Sequence[Body], body_of_row: Indices, asset: Asset, center: Floats
     ) -> Copies:
         """Return the copies of bodies; `body_of_row` has the number of each row's body."""
         sizes = np.bincount(body_of_row, minlength=len(bodies))
@@ -98,7 +98,7 @@ class Copies:
                 end += int(sizes[number])
         return cls(mi, len(copied), matrices, first, row)
 
-    def find_instances(self, shapes: Mapping[str, Any]) -> None:
+    def find_instances(self, shapes: Mapping[str, object]) -> None:
         """Record the numbers of the instances among a scene's shapes in Dr.Jit's registry."""
         if self.bodies:
             indices = [self._registry_index(shapes.get(f"instance{number}")) for number in self.matrices]
@@ -106,65 +106,66 @@ class Copies:
             firsts[indices] = self._firsts[1:]
             self._first_of = device_array(self._mi.UInt32, firsts)
 
-    def _registry_index(self, instance: Any) -> int:
+    def _registry_index(self, instance: object) -> int:
         if instance is None:  # its mesh has no area
             return 0
         return int(np.asarray(dr.reinterpret_array(self._mi.UInt32, self._mi.ShapePtr(instance)))[0])
 
-    def triangle_of(self, intersection: Any) -> Any:
+    def triangle_of(self, intersection: Intersection) -> UInt:
         """Return the numbers of the triangles that rays have hit."""
         if not self.bodies:
             return intersection.prim_index
-        index: Any = dr.reinterpret_array(self._mi.UInt32, intersection.instance)  # 0: none
+        index = cast("UInt", dr.reinterpret_array(self._mi.UInt32, intersection.instance))  # 0: none
         return intersection.prim_index + dr.gather(self._mi.UInt32, self._first_of, index, intersection.is_valid())
 
-    def copy_of(self, triangle: Any) -> Any:
+    def copy_of(self, triangle: UInt) -> UInt | None:
         """Return the copies of triangles, or None if no body has copies."""
-        if not self.bodies:
-            return None
+        return self._find_copies(triangle) if self.bodies else None
 
-        def starts_before(number: Any) -> Any:
+    def _find_copies(self, triangle: UInt) -> UInt:
+        def starts_before(number: UInt) -> Bool:
             return dr.gather(self._mi.UInt32, self._next_firsts, number) <= triangle
 
-        return dr.binary_search(0, self._count - 1, starts_before)  # type: ignore[no-untyped-call]
+        copy: UInt = dr.binary_search(0, self._count - 1, starts_before)  # type: ignore[no-untyped-call]
+        return copy
 
-    def row(self, triangle: Any, copy: Any = None) -> Any:
+    def row(self, triangle: UInt, copy: UInt | None = None) -> UInt:
         """Return the rows of triangles; the instances of a body share its rows."""
         if not self.bodies:
             return triangle
-        copy = self.copy_of(triangle) if copy is None else copy
+        copy = self._find_copies(triangle) if copy is None else copy
         return triangle - dr.gather(self._mi.UInt32, self._row_shifts, copy)
 
-    def instance(self, triangle: Any, single: Any) -> Any:
+    def instance(self, triangle: UInt, single: UInt) -> UInt:
         """Return the instances of triangles: `single` for those of copy 0."""
         if not self.bodies:
             return single
-        copy = self.copy_of(triangle)
+        copy = self._find_copies(triangle)
         return dr.select(copy == 0, single, dr.gather(self._mi.UInt32, self._instance_numbers, copy))
 
-    def point(self, copy: Any, p: Any) -> Any:
+    def point(self, copy: UInt | None, p: Vector3f) -> Vector3f:
         """Return points of copies in world space."""
         if copy is None:
             return p
         return self._multiply(self._linear_parts, copy, p) + dr.gather(self._mi.Vector3f, self._offsets, copy)
 
-    def vector(self, copy: Any, v: Any) -> Any:
+    def vector(self, copy: UInt | None, v: Vector3f) -> Vector3f:
         """Return tangential vectors of copies in world space."""
         return v if copy is None else self._multiply(self._linear_parts, copy, v)
 
-    def normal(self, copy: Any, n: Any) -> Any:
+    def normal(self, copy: UInt | None, n: Vector3f) -> Vector3f:
         """Return unit normals of copies in world space."""
         return n if copy is None else dr.normalize(self._multiply(self._inverse_transposes, copy, n))
 
-    def facet(self, copy: Any, n: Any) -> Any:
+    def facet(self, copy: UInt | None, n: Vector3f) -> Vector3f:
         """Return unit normals of facets in world space, whose sides follow the order of the corners."""
         return n if copy is None else self.normal(copy, n) * dr.gather(self._mi.Float, self._handedness, copy)
 
-    def hand(self, copy: Any, hand: Any) -> Any:
+    def hand(self, copy: UInt | None, hand: Float) -> Float:
         """Return handedness, negated where copies are mirrored."""
         return hand if copy is None else hand * dr.gather(self._mi.Float, self._handedness, copy)
 
-    def lift(self, copy: Any, lift: Any) -> Any:
+    def lift(self, copy: UInt | None, lift: Float) -> Float:
         """Return the distances above facets at which rays start."""
         if copy is None:
             return lift
@@ -172,7 +173,7 @@ class Copies:
             self._mi.Float, self._lift_offsets, copy
         )
 
-    def _multiply(self, matrices: Any, copy: Any, v: Any) -> Any:
+    def _multiply(self, matrices: Float, copy: UInt, v: Vector3f) -> Vector3f:
         mi = self._mi
         rows = [dr.gather(mi.Vector3f, matrices, 3 * copy + i) for i in range(3)]
         return mi.Vector3f(*(dr.dot(row, v) for row in rows))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -13,6 +12,7 @@ from lookdev.light.dome.files import read_exr
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.files import file_array, pad_to_rgba
 from lookdev.mitsuba.frozen import device_array
+from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 
 
 class DomeLight:
@@ -21,7 +21,7 @@ class DomeLight:
     Directions are in its own axes. `sampled` is false for a constant map that is not `local`: it needs no tables.
     """
 
-    def __init__(self, mi: Any, dome: Dome, *, local: bool = False) -> None:
+    def __init__(self, mi: Mitsuba, dome: Dome, *, local: bool = False) -> None:
         self._mi = mi
         self.number = mi.Float
         self.sampled = dome.slots_file is not None and not (dome.constant and not local)
@@ -34,7 +34,7 @@ class DomeLight:
             self._bins = file_array(mi.Float, dome.bins_file, np.load)
             self._cells, self._first = device_array(mi.UInt32, bins.CELLS), device_array(mi.UInt32, bins.FIRST)
 
-    def radiance(self, w: Any, active: Any) -> Any:
+    def radiance(self, w: Vector3f, active: Bool) -> Color3f:
         """Return the radiance from directions: bilinear, periodic in azimuth, clamped at the poles."""
         mi = self._mi
         x = 0.5 - dr.atan2(w.y, w.x) / (2.0 * math.pi)
@@ -46,7 +46,7 @@ class DomeLight:
         top = mi.UInt32(j)
         bottom = dr.minimum(top + 1, self._height - 1)
 
-        def texel(row: Any, column: Any) -> Any:
+        def texel(row: UInt, column: UInt) -> Color3f:
             rgba = dr.gather(mi.Vector4f, self._texels.array, row * self._width + column, active)
             return mi.Color3f(rgba.x, rgba.y, rgba.z)
 
@@ -54,7 +54,7 @@ class DomeLight:
         below = dr.lerp(texel(bottom, left), texel(bottom, right), s)
         return dr.lerp(above, below, t)
 
-    def bin(self, n: Any) -> NormalBin:
+    def bin(self, n: Vector3f) -> NormalBin:
         """Return the bin of normals (`lookdev.light.dome.bins`)."""
         mi = self._mi
         row = mi.UInt32(dr.clip(dr.acos(dr.clip(n.z, -1.0, 1.0)) * (bins.ROWS / math.pi), 0, bins.ROWS - 1))
@@ -82,18 +82,18 @@ class NormalBin:
     The bin of all directions has no axis.
     """
 
-    def __init__(self, light: DomeLight, number: Any, axis: Any | None, scale: Any, share: Any) -> None:
+    def __init__(self, light: DomeLight, number: UInt, axis: Vector3f | None, scale: Float, share: Float) -> None:
         self._light = light
         self._number = number
         self._axis = axis
         self.scale = scale
         self._share = share
 
-    def pdf(self, w: Any, radiance: Any) -> Any:
+    def pdf(self, w: Vector3f, radiance: Color3f) -> Float:
         """Return the pdf q over solid angle, for the weights of directions."""
         return self.scale * self._widened_cosine(w) * dr.mean(radiance)
 
-    def draw_numbered(self, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any]:
+    def draw_numbered(self, number: UInt, seed: UInt, active: Bool) -> tuple[Vector3f, Color3f, Float]:
         """Return the direction of a numbered sample, its radiance, and q / p; q / p is 0 where there is no direction.
 
         The bits of the number are reversed, so that consecutive samples are far apart on the curve of the points.
@@ -102,12 +102,12 @@ class NormalBin:
         u = sobol.unit_float(kind, sobol.hash_integers(seed ^ (number * 0x2C1B3C6D + 0x297A2D39)))
         return self._sample(sobol.reverse_bits(number) >> (33 - slots.SLOTS.bit_length()), u, active)
 
-    def draw_uniform(self, u1: Any, u2: Any, active: Any) -> tuple[Any, Any, Any]:
+    def draw_uniform(self, u1: Float, u2: Float, active: Bool) -> tuple[Vector3f, Color3f, Float]:
         """Return a direction, its radiance, and q / p, as `draw_numbered`, from two uniform numbers."""
         slot = dr.minimum(dr.uint32_array_t(self._light.number)(u1 * slots.SLOTS), slots.SLOTS - 1)
         return self._sample(slot, u2, active)
 
-    def _sample(self, slot: Any, u: Any, active: Any) -> tuple[Any, Any, Any]:
+    def _sample(self, slot: UInt, u: Float, active: Bool) -> tuple[Vector3f, Color3f, Float]:
         light = self._light
         mi = light._mi
         packed = dr.gather(mi.UInt32, light._slots.array, self._number * slots.SLOTS + slot, active)
@@ -126,10 +126,10 @@ class NormalBin:
         ratio = self._share * mi.Float(count) / mi.Float(times) * self._widened_cosine(w)
         return w, color, dr.select(code > 0, ratio, 0.0)
 
-    def _widened_cosine(self, w: Any) -> Any:
+    def _widened_cosine(self, w: Vector3f) -> Float | float:
         if self._axis is None:
             return 1.0
         cosine = dr.dot(w, self._axis)
         near, far = math.cos(bins.RADIUS), math.sin(bins.RADIUS)
-        rotated = near * cosine + far * dr.safe_sqrt(1.0 - cosine * cosine)
-        return dr.select(cosine > near, 1.0, dr.maximum(rotated, 0.0))
+        rotated = dr.maximum(near * cosine + far * dr.safe_sqrt(1.0 - cosine * cosine), 0.0)
+        return dr.select(cosine > near, 1.0, rotated)

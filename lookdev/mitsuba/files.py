@@ -5,30 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.arrays import Floats32
+from lookdev.arrays import Array, Floats32
 from lookdev.cache import Content
 from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import device_array
+from lookdev.mitsuba.types import AnyArray
 
 
 @dataclass(frozen=True, eq=False)
 class FileArray:
     """The numbers of a file, as a flat array, and their shape."""
 
-    array: Any
+    array: AnyArray
     shape: tuple[int, ...]
 
 
 _arrays: WeakValueDictionary[tuple[type, Content], FileArray] = WeakValueDictionary()
 
 
-def file_array(kind: Any, file: Content, read: Callable[[Path], NDArray[Any]]) -> FileArray:
+def file_array(kind: type[AnyArray], file: Content, read: Callable[[Path], Array]) -> FileArray:
     """Return the numbers of a file as an array of a kind; calls `read` unless a scene in memory has the array."""
     stored = _arrays.get((kind, file))
     if stored is None:

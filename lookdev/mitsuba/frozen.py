@@ -5,13 +5,16 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TypeVar
 
 import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lookdev.mitsuba.programs import Program
+from lookdev.mitsuba.types import AnyArray
+
+_Array = TypeVar("_Array", bound=AnyArray)
 
 
 @contextmanager
@@ -25,7 +28,7 @@ def pause_garbage_collection() -> Iterator[None]:
         gc.enable()
 
 
-def device_array(kind: Any, values: ArrayLike) -> Any:
+def device_array(kind: type[_Array], values: ArrayLike) -> _Array:
     """Return numbers as a flat array of a kind, `mi.Float` or `mi.UInt32`, in memory that Dr.Jit allocates.
 
     Otherwise Dr.Jit uses NumPy's memory, and gathers four numbers at once where that happens to be aligned: the kernel
@@ -39,9 +42,9 @@ def device_array(kind: Any, values: ArrayLike) -> Any:
     return copy
 
 
-def collect_arrays(root: object) -> list[Any]:
+def collect_arrays(root: object) -> list[object]:
     """Return the arrays of Dr.Jit and the scenes of Mitsuba that objects of this package refer to, each once."""
-    arrays: list[Any] = []
+    arrays: list[object] = []
     visited: set[int] = set()
     pending = [root]
     while pending:

@@ -7,9 +7,8 @@ from typing import Any
 
 import drjit as dr
 import numpy as np
-from numpy.typing import NDArray
 
-from lookdev.arrays import Bools, Floats, Floats32
+from lookdev.arrays import Array, Bools, Floats, Floats32, Ints
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -17,6 +16,7 @@ from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError, RenderError
 from lookdev.mitsuba.copies import Body, Copies, bodies_of
 from lookdev.mitsuba.frozen import device_array
+from lookdev.mitsuba.types import UV, AnyArray, Bool, Float, Intersection, Mitsuba, Ray3f, TracedScene, UInt, Vector3f
 from lookdev.scene.shading import LIFT
 
 MOST_TRIANGLES = 40_000_000
@@ -32,7 +32,7 @@ class Geometry:
     those of each instance of the others. A row has the data of a triangle that all instances share.
     """
 
-    def __init__(self, mi: Any, asset: Asset) -> None:
+    def __init__(self, mi: Mitsuba, asset: Asset) -> None:
         self._mi = mi
         self.asset = asset
         self.center = np.array(asset.center)
@@ -78,11 +78,11 @@ class Geometry:
         self._normals = self._over_corners(
             lambda body, mesh: mesh.normals.astype(np.float64) @ np.linalg.inv(body.matrix[:3, :3]), 3
         )
-        self._attributes: dict[AttributeBinding, Any] = {}
+        self._attributes: dict[AttributeBinding, Float] = {}
         self._vertices, self._first = index, first
         self._copies = Copies.from_bodies(mi, self._bodies, self._body_of_row, asset, self.center)
         self.scene = self._scene(np.ones(len(index), np.bool_), numbered=True)
-        self._shadow_scenes: dict[tuple[int, ...], Any] = {}
+        self._shadow_scenes: dict[tuple[int, ...], TracedScene] = {}
 
     def assign_looks(self, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
         """Set the look of each slot, and the group of each slot, which shadows of some lights may exclude."""
@@ -90,7 +90,7 @@ class Geometry:
         self._groups = np.asarray(groups)[self._slots] if groups else self._slots
         self._shadow_scenes = {(): self.scene}
 
-    def _scene(self, rows: Bools, *, numbered: bool = False) -> Any:
+    def _scene(self, rows: Bools, *, numbered: bool = False) -> TracedScene:
         """Return Mitsuba's scene of the triangles of some rows; with `numbered`, copies are identified in it."""
         mi, shapes = self._mi, {}
         single = self._body_of_row < len(self._bodies) - self._copies.bodies
@@ -106,12 +106,12 @@ class Geometry:
             for instance in self._bodies[number].instances:
                 matrix = mi.ScalarTransform4f(self._copies.matrices[instance])
                 shapes[f"instance{instance}"] = mi.load_dict({"type": "instance", "group": group, "to_world": matrix})
-        scene = mi.load_dict({"type": "scene", **shapes})
+        scene: TracedScene = mi.load_dict({"type": "scene", **shapes})
         if numbered:
             self._copies.find_instances(shapes)
         return scene
 
-    def _mesh(self, index: NDArray[Any], first: int, last: int) -> Any:
+    def _mesh(self, index: Ints, first: int, last: int) -> object:
         mi = self._mi
         mesh = mi.Mesh("asset", last - first, len(index))
         parameters = mi.traverse(mesh)
@@ -122,13 +122,13 @@ class Geometry:
         parameters.update()
         return mesh
 
-    def shadow_scene(self, excluded: tuple[int, ...]) -> Any:
+    def shadow_scene(self, excluded: tuple[int, ...]) -> TracedScene:
         """Return the scene of the parts that cast shadows of a light that excludes some groups."""
         if excluded not in self._shadow_scenes:
             self._shadow_scenes[excluded] = self._scene(~np.isin(self._groups, excluded))
         return self._shadow_scenes[excluded]
 
-    def attribute(self, binding: AttributeBinding) -> Any:
+    def attribute(self, binding: AttributeBinding) -> Float:
         """Return an attribute of all corners, 1, 2 or 3 numbers each; raises AssetError where a mesh lacks it."""
         if binding not in self._attributes:
             width = {"uv": 2, "float": 1}.get(binding.kind, 3)
@@ -137,7 +137,7 @@ class Geometry:
             )
         return self._attributes[binding]
 
-    def _read_attribute(self, binding: AttributeBinding, body: Body, mesh: Mesh) -> NDArray[Any]:
+    def _read_attribute(self, binding: AttributeBinding, body: Body, mesh: Mesh) -> Array:
         if binding.attribute == TANGENT:
             (tangents,) = tangents_of([mesh])
             return tangents @ body.matrix[:3, :3].T
@@ -150,39 +150,39 @@ class Geometry:
             raise AssetError(f"{mesh.name}: no UV set '{binding.attribute}'; it has: {', '.join(mesh.uvs)}")
         return np.broadcast_to(np.array(binding.fallback), (len(mesh.corner_points), len(binding.fallback)))
 
-    def _over_corners(self, read: Callable[[Body, Mesh], NDArray[Any]], width: int) -> Any:
+    def _over_corners(self, read: Callable[[Body, Mesh], Array], width: int) -> Float:
         rows = [read(body, self.asset.meshes[body.mesh]) for body in self._bodies]
         return device_array(self._mi.Float, np.concatenate([row.reshape(-1, width) for row in rows]))
 
-    def look_of(self, triangle: Any) -> Any:
+    def look_of(self, triangle: UInt) -> UInt:
         """Return the number of the look of a triangle."""
         return dr.gather(self._mi.UInt32, self._look_of_row, self._copies.row(triangle))
 
-    def first_hit(self, ray: Any, active: Any = True) -> tuple[Any, Any, Any, Any]:
+    def first_hit(self, ray: Ray3f, active: Bool | bool = True) -> tuple[UInt, UV, Bool, Float]:
         """Return the triangles that rays hit (0 for none), barycentric coordinates, hit masks, and distances."""
         intersection = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         hit = intersection.is_valid()
         return dr.select(hit, self.triangle_of(intersection), 0), intersection.prim_uv, hit, intersection.t
 
-    def triangle_of(self, intersection: Any) -> Any:
+    def triangle_of(self, intersection: Intersection) -> UInt:
         """Return the numbers of the triangles that rays have hit in `scene`."""
         return self._copies.triangle_of(intersection)
 
-    def instance(self, triangle: Any) -> Any:
+    def instance(self, triangle: UInt) -> UInt:
         """Return the number of the instance that has a triangle."""
         return self._copies.instance(
             triangle, dr.gather(self._mi.UInt32, self._first_instance, self._copies.row(triangle))
         )
 
-    def first_uv(self) -> Any:
+    def first_uv(self) -> Float:
         """Return the first UV set of each mesh, at all corners; 0 where a mesh has none."""
 
-        def read(body: Body, mesh: Mesh) -> NDArray[Any]:
+        def read(body: Body, mesh: Mesh) -> Array:
             return next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2), np.float32))
 
         return self._over_corners(read, 2)
 
-    def at(self, triangle: Any, uv: Any, active: Any) -> Hit:
+    def at(self, triangle: UInt, uv: UV, active: Bool) -> Hit:
         """Return the interpolated attributes at barycentric coordinates of triangles."""
         return Hit(self, triangle, uv, active)
 
@@ -190,7 +190,7 @@ class Geometry:
 class Hit:
     """Interpolated attributes at positions on triangles."""
 
-    def __init__(self, geometry: Geometry, triangle: Any, uv: Any, active: Any) -> None:
+    def __init__(self, geometry: Geometry, triangle: UInt, uv: UV, active: Bool) -> None:
         self._geometry = geometry
         self._copies = geometry._copies
         self._copy = self._copies.copy_of(triangle)
@@ -199,46 +199,47 @@ class Hit:
         self._active = active
 
     @property
-    def point(self) -> Any:
+    def point(self) -> Vector3f:
         geometry = self._geometry
         return self._copies.point(self._copy, self._mean(geometry._position, geometry._index, 3))
 
     @property
-    def normal(self) -> Any:
+    def normal(self) -> Vector3f:
         mean = self._mean(self._geometry._normals, self._geometry._corners, 3)
         return dr.normalize(mean) if self._copy is None else self._copies.normal(self._copy, mean)
 
     @property
-    def facet(self) -> Any:
+    def facet(self) -> Vector3f:
         facet = dr.gather(self._geometry._mi.Vector3f, self._geometry._facets, self._triangle, self._active)
         return self._copies.facet(self._copy, facet)
 
     @property
-    def hand(self) -> Any:
+    def hand(self) -> Float:
         hand = dr.gather(self._geometry._mi.Float, self._geometry._hands, self._triangle, self._active)
         return self._copies.hand(self._copy, hand)
 
     @property
-    def lift(self) -> Any:
+    def lift(self) -> Float:
         """The distance above the facet at which a ray starts, by `lookdev.scene.shading.LIFT`."""
         lift = dr.gather(self._geometry._mi.Float, self._geometry._lifts, self._triangle, self._active)
         return self._copies.lift(self._copy, lift)
 
     @property
-    def first_uv(self) -> Any:
-        return self._mean(self._geometry.first_uv(), self._geometry._corners, 2)
+    def first_uv(self) -> UV:
+        uv: UV = self._mean(self._geometry.first_uv(), self._geometry._corners, 2)
+        return uv
 
     def attribute(self, binding: AttributeBinding) -> Any:
         width = {"uv": 2, "float": 1}.get(binding.kind, 3)
         value = self._mean(self._geometry.attribute(binding), self._geometry._corners, width)
         return self._copies.vector(self._copy, value) if binding.attribute == TANGENT else value
 
-    def _mean(self, values: Any, corners: Any, width: int) -> Any:
+    def _mean(self, values: Float, corners: UInt, width: int) -> Any:
         mi = self._geometry._mi
-        kind = {1: mi.Float, 2: mi.Vector2f, 3: mi.Vector3f}[width]
+        kinds: dict[int, type[AnyArray]] = {1: mi.Float, 2: mi.Vector2f, 3: mi.Vector3f}
         numbers = dr.gather(mi.Vector3u, corners, self._triangle, self._active)
         return sum(
-            weight * dr.gather(kind, values, number, self._active)
+            weight * dr.gather(kinds[width], values, number, self._active)
             for weight, number in zip(self._weights, numbers, strict=True)
         )
 

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 
 from lookdev.codegen import ImageBinding
 from lookdev.mitsuba.files import FileArray, file_array, read_image
+from lookdev.mitsuba.types import UV, Bool, Float, Mitsuba, UInt, Vector4f
 
 
 class Images:
     """The images of a binding, in a variant's arrays."""
 
-    def __init__(self, mi: Any, binding: ImageBinding) -> None:
+    def __init__(self, mi: Mitsuba, binding: ImageBinding) -> None:
         self._mi = mi
         self._binding = binding
         self._tiles = {number: file_array(mi.Float, file, read_image) for number, file in binding.files.items()}
 
-    def texels(self, uv: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+    def texels(self, uv: UV, active: Bool) -> tuple[Float, Float, Float, Float]:
         """Return the four channels at coordinates of the UV set; all are 0 where there is no tile."""
         binding = self._binding
         m = binding.transform
@@ -39,7 +38,7 @@ class Images:
         return texels.x, texels.y, texels.z, texels.w
 
 
-def bilinear(mi: Any, image: FileArray, s: Any, t: Any, wrap_s: str, wrap_t: str, active: Any) -> Any:
+def bilinear(mi: Mitsuba, image: FileArray, s: Float, t: Float, wrap_s: str, wrap_t: str, active: Bool) -> Vector4f:
     """Return the four channels of an image at coordinates, (0, 0) lower left."""
     texels, (height, width, _) = image.array, image.shape
     x, y = s * width - 0.5, (1.0 - t) * height - 0.5
@@ -54,7 +53,7 @@ def bilinear(mi: Any, image: FileArray, s: Any, t: Any, wrap_s: str, wrap_t: str
     return total
 
 
-def _wrap(mi: Any, position: Any, size: int, wrap: str) -> tuple[Any, Any]:
+def _wrap(mi: Mitsuba, position: Float, size: int, wrap: str) -> tuple[UInt, Bool | bool]:
     """Return the texel at an integer position along an axis, and whether there is one."""
     match wrap:
         case "repeat":
@@ -69,7 +68,7 @@ def _wrap(mi: Any, position: Any, size: int, wrap: str) -> tuple[Any, Any]:
     return mi.UInt32(dr.clip(position, 0, size - 1)), True
 
 
-def _wrap_slope(position: Any, wrap: str) -> Any:
+def _wrap_slope(position: Float, wrap: str) -> Float | float:
     """Return the derivative of wrapping along an axis: -1 in mirrored copies, 0 beyond a clamped edge."""
     if wrap == "mirror":
         half = 0.5 * dr.floor(position)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 
@@ -21,6 +20,7 @@ from lookdev.mitsuba.dual import Dual, difference, path_weight, product, sum_of,
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.lights import Lighting, Lights
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
+from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, Ray3f, UInt, Vector2f, Vector3f
 from lookdev.mitsuba.view import Rectangle, View
 
 # Russian roulette begins below this throughput: with 1, dielectrics had five times the error in equal time.
@@ -39,6 +39,21 @@ class Counts:
     resampled: bool = False  # whether only one of the directions from the light is traced
 
 
+class Record:
+    """A path at a hit: throughput, whether it is straight from the camera, and if not, the shares of groups of lobes.
+
+    Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a record.
+    """
+
+    def __init__(self, throughput: Dual, straight: Bool, shares: list[Color3f]) -> None:
+        self.throughput, self.straight, self.shares = throughput, straight, shares
+
+
+_Path = tuple[Float, Dual, UInt, UV, Vector3f, list[Bool], list[Color3f]]
+_DrawArguments = tuple[Lighting, Record, UInt, UInt, UInt, UInt, Bool]
+_Sample = tuple[Vector3f, list[Response], Color3f, Float, tuple[Float, ...], Bool, Float]
+
+
 class Estimator:
     """Estimates the radiance and the coverage of pixels of a scene: geometry, looks and lights.
 
@@ -48,7 +63,7 @@ class Estimator:
 
     def __init__(
         self,
-        mi: Any,
+        mi: Mitsuba,
         geometry: Geometry,
         looks: Looks,
         light: Lights,
@@ -67,7 +82,7 @@ class Estimator:
         self._shadows = shadows
         self._groups, self._direct = groups, direct
 
-    def pixels(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> list[Any]:
+    def pixels(self, view: View, rectangle: Rectangle, lane: UInt, seed: UInt, first: UInt, shift: UInt) -> list[Float]:
         """Return the channels of radiance, the coverage, and the channels of each part, of samples of pixels.
 
         `lane` has the numbers of the samples, from 0. The samples of a pixel are consecutive, and so are the pixels of
@@ -88,8 +103,8 @@ class Estimator:
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
     def _first_hits(
-        self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any
-    ) -> tuple[Any, ...]:
+        self, view: View, rectangle: Rectangle, lane: UInt, seed: UInt, first: UInt, shift: UInt
+    ) -> tuple[UInt, UV, Ray3f, Bool, list[Color3f], Bool, UInt, UInt]:
         """Return the first hits of samples of pixels; arguments as of `pixels`.
 
         These are: triangle, coordinates on it, ray, whether a triangle is hit, the light that the camera sees directly
@@ -109,8 +124,8 @@ class Estimator:
 
     @dr.syntax
     def _trace_paths(
-        self, triangle: Any, uv: Any, viewer: Any, active: Any, turns: Any, index: Any, scramble: Any
-    ) -> Any:
+        self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool, turns: Vector2f, index: UInt, scramble: UInt
+    ) -> tuple[Dual, list[Float]]:
         """Return the light that triangles send to `viewer`, as `_reflect` returns it, and the coverage.
 
         Variables that loops only read are excluded from their state: otherwise Dr.Jit traces the bodies twice.
@@ -189,18 +204,18 @@ class Estimator:
             depth += 1
         return total, difference(whole, seen_background) if seen_background else whole
 
-    def _surface(self, triangle: Any, uv: Any, viewer: Any, active: Any) -> Surface:
+    def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> Surface:
         return Surface(self._looks, triangle, uv, viewer, active)
 
     def _constant(self, value: float) -> Dual:
         return [self._mi.Color3f(value)]
 
-    def _sample_light(self, surface: Surface, *arguments: Any) -> list[Any]:
+    def _sample_light(self, surface: Surface, *arguments: *_DrawArguments) -> Dual:
         """Return the reflected light of directions drawn from the light, as `_reflect` returns it."""
         if not self._light.sampled:
             return self._no_light()
         estimate = self._resample_light if self._counts.resampled else self._sample_light_fully
-        return estimate(surface, *arguments)  # type: ignore[no-any-return]
+        return estimate(surface, *arguments)
 
     @dr.syntax
     def _sample_light_fully(
@@ -208,12 +223,12 @@ class Estimator:
         surface: Surface,
         lighting: Lighting,
         record: Record,
-        index: Any,
-        brdf_count: Any,
-        light_count: Any,
-        seed: Any,
-        active: Any,
-    ) -> Any:
+        index: UInt,
+        brdf_count: UInt,
+        light_count: UInt,
+        seed: UInt,
+        active: Bool,
+    ) -> Dual:
         total, j = self._no_light(), self._mi.UInt32(0)
         while dr.hint(active & (j < light_count), exclude=[index, brdf_count, light_count, seed, active]):
             sample = self._draw_from_light(surface, lighting, index, j, brdf_count, seed, active)
@@ -227,12 +242,12 @@ class Estimator:
         surface: Surface,
         lighting: Lighting,
         record: Record,
-        index: Any,
-        brdf_count: Any,
-        light_count: Any,
-        seed: Any,
-        active: Any,
-    ) -> Any:
+        index: UInt,
+        brdf_count: UInt,
+        light_count: UInt,
+        seed: UInt,
+        active: Bool,
+    ) -> Dual:
         """Return the light of one direction, selected in proportion to its unoccluded contribution, for all of them.
 
         For glossy surfaces, whose lobes most directions from the light miss (Talbot et al. 2005, "Importance Resampling
@@ -253,8 +268,8 @@ class Estimator:
         return self._reflect_drawn(surface, record, sample, sum_ / selected_weight)
 
     def _draw_from_light(
-        self, surface: Surface, lighting: Lighting, index: Any, j: Any, brdf_count: Any, seed: Any, active: Any
-    ) -> tuple[Any, ...]:
+        self, surface: Surface, lighting: Lighting, index: UInt, j: UInt, brdf_count: UInt, seed: UInt, active: Bool
+    ) -> _Sample:
         """Return a direction from the light, responses, radiance / density, distance, controls, mask, contribution."""
         w, radiance, distance, density, controls = lighting.draw(index, j, seed, active)
         wi = surface.to_local(w)
@@ -265,7 +280,7 @@ class Estimator:
         contribution = dr.select(valid, dr.mean(responses[0].value * weight), 0.0)
         return w, responses, weight, distance, controls, valid, contribution
 
-    def _reflect_drawn(self, surface: Surface, record: Record, sample: tuple[Any, ...], factor: Any) -> list[Any]:
+    def _reflect_drawn(self, surface: Surface, record: Record, sample: _Sample, factor: Float) -> Dual:
         """Return the reflected light of a direction of `_draw_from_light`, as `_reflect` returns it."""
         w, responses, weight, distance, controls, valid, _ = sample
         specular, diffuse = self._unoccluded_shares(surface, w, distance, controls, valid)
@@ -273,11 +288,11 @@ class Estimator:
         arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
         return self._reflect(record, responses, arriving, valid)
 
-    def _no_light(self) -> list[Any]:
+    def _no_light(self) -> Dual:
         """Return zero light and zero parts, as `_reflect` returns them."""
         return [self._mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct + self._light.groups)]
 
-    def _reflect(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Any) -> list[Any]:
+    def _reflect(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
         """Return the reflected light and its parts: by groups of lobes, direct, and by groups of lights."""
         (throughput, *_), (response, *_) = record.throughput, responses
         whole, *of_lights = where(active, [throughput * response.to(light) for light in arriving])
@@ -290,8 +305,8 @@ class Estimator:
         return [whole, *of_lobes, *direct, *of_lights]
 
     def _follow(
-        self, surface: Surface, lighting: Lighting, record: Record, active: Any, onward: Any, seed: Any
-    ) -> tuple[Any, Any, Any]:
+        self, surface: Surface, lighting: Lighting, record: Record, active: Bool, onward: Bool, seed: UInt
+    ) -> tuple[_Path, Dual, Dual]:
         """Follow the single directions of the BSDF, which sampling the light never draws.
 
         Where the surface is absent, a path goes straight on; from the camera, the background is black. Returns the path
@@ -302,7 +317,7 @@ class Estimator:
         mi, see_through = self._mi, self._looks.see_through
         total, share = self._no_light(), mi.Float(0.0)
         background = self._constant(0.0) if see_through else []
-        next_path = (
+        next_path: tuple[Dual, UInt, UV, Vector3f] = (
             self._constant(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer)
         )  # fmt: skip
         next_through = [mi.Bool(False)] * see_through
@@ -327,10 +342,10 @@ class Estimator:
             next_shares = dr.select(accepted & record.straight & ~straight_on, responses[0].shares(), next_shares)
         return (share, *next_path, next_through, next_shares), total, background
 
-    def _single_directions(self, surface: Surface) -> list[tuple[Any, list[Response], bool]]:
+    def _single_directions(self, surface: Surface) -> list[tuple[Vector3f, list[Response], bool]]:
         """Return the single directions in world space, the responses to them, and whether they pass the surface."""
         black = self._mi.Color3f(0.0)
-        singles: list[tuple[Any, list[Response], bool]] = []
+        singles: list[tuple[Vector3f, list[Response], bool]] = []
         for number in range(self._looks.deltas):
             wi, value, group = surface.delta(number)
             w = surface.to_world(wi)
@@ -344,18 +359,18 @@ class Estimator:
             singles.append((-surface.viewer, absent, True))
         return singles
 
-    def _is_on_side(self, surface: Surface, wi: Any, w: Any) -> Any:
+    def _is_on_side(self, surface: Surface, wi: Vector3f, w: Vector3f) -> Bool:
         """Return where a direction is on the same side of shading normal and facet, and on one that the looks allow."""
         height = dr.dot(w, surface.facet)
         if self._looks.transmits:
             return wi.z * height > 0.0
         return (wi.z > 0.0) & (height > 0.0)
 
-    def _ray(self, surface: Surface, w: Any) -> Any:
+    def _ray(self, surface: Surface, w: Vector3f) -> Ray3f:
         side = dr.select(dr.dot(w, surface.facet) < 0.0, -surface.lift, surface.lift)
         return self._mi.Ray3f(self._mi.Point3f(surface.point + side * surface.facet), w)
 
-    def _trace(self, surface: Surface, w: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+    def _trace(self, surface: Surface, w: Vector3f, active: Bool) -> tuple[Bool, Float, UInt, UV]:
         """Return which directions hit the asset, the distances, and the triangles and coordinates of the hits."""
         if not self._shadows:
             return self._mi.Bool(False), self._mi.Float(FAR), surface.triangle, surface.uv
@@ -365,7 +380,7 @@ class Estimator:
         hit = intersection.is_valid()
         return hit, dr.select(hit, intersection.t, FAR), self._geometry.triangle_of(intersection), intersection.prim_uv
 
-    def _occluders(self, surface: Surface, w: Any, occluder: Any, blocked: Any) -> list[Any]:
+    def _occluders(self, surface: Surface, w: Vector3f, occluder: Float, blocked: Bool) -> list[Float]:
         """Return the distances of occluders for each set of `shadow_excluded`; `occluder` is that of any part."""
         distances = []
         for number, excluded in enumerate(self._light.shadow_excluded):
@@ -374,7 +389,7 @@ class Estimator:
         return distances
 
     def _unoccluded_shares(
-        self, surface: Surface, w: Any, distance: Any, controls: tuple[Any, ...], active: Any
+        self, surface: Surface, w: Vector3f, distance: Float, controls: tuple[Float, ...], active: Bool
     ) -> Arriving:
         """Return the shares of lights at a distance that occluders transmit."""
         occluders = [
@@ -383,7 +398,7 @@ class Estimator:
         ]
         return self._light.shadow_shares(controls, distance, occluders)
 
-    def _occluder(self, number: int, surface: Surface, w: Any, distance: Any, active: Any) -> Any:
+    def _occluder(self, number: int, surface: Surface, w: Vector3f, distance: Float, active: Bool) -> Float:
         """Return the distance of the first occluder for a set of `shadow_excluded`; `FAR` beyond `distance`."""
         mi = self._mi
         if not self._shadows:
@@ -397,17 +412,7 @@ class Estimator:
         return dr.select(intersection.is_valid(), intersection.t, FAR)
 
 
-class Record:
-    """A path at a hit: throughput, whether it is straight from the camera, and if not, the shares of groups of lobes.
-
-    Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a record.
-    """
-
-    def __init__(self, throughput: Any, straight: Any, shares: list[Any]) -> None:
-        self.throughput, self.straight, self.shares = throughput, straight, shares
-
-
-def _contributes(responses: list[Response]) -> Any:
+def _contributes(responses: list[Response]) -> Bool:
     """Return where the light of a direction is reflected, or has a derivative."""
     first, *slopes = responses
     contributes = dr.max(first.value) > _NEGLIGIBLE

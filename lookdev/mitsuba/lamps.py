@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import numpy as np
 
@@ -15,6 +13,7 @@ from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.images import bilinear
 from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.surface import Arriving
+from lookdev.mitsuba.types import AnyArray, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 
 _NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
 _SPLIT = ("diffuse", "specular")
@@ -27,52 +26,52 @@ class Rows:
     all.
     """
 
-    def __init__(self, mi: Any, rows: Floats32, links: Bools | None) -> None:
+    def __init__(self, mi: Mitsuba, rows: Floats32, links: Bools | None) -> None:
         self._mi = mi
         self.count = len(rows)
         self._rows = device_array(mi.Float, rows)
         self._links = None if links is None else device_array(mi.Float, links)
 
-    def field(self, lamp: Any, name: str) -> Any:
+    def field(self, lamp: UInt, name: str) -> Float:
         """Return a field of lamps, by their numbers."""
         return dr.gather(self._mi.Float, self._rows, lamp * len(_NUMBERS) + _NUMBERS[name])
 
-    def turns(self, lamp: Any) -> Any:
+    def turns(self, lamp: UInt) -> Bool:
         """Return where lamps turn with the rig."""
         return self.field(lamp, "turns") > 0.0
 
-    def link_of(self, lamp: Any, look: Any) -> Any:
+    def link_of(self, lamp: UInt, look: UInt) -> Float | float:
         """Return 1 where lamps reach a look, else 0."""
         if self._links is None:
             return 1.0
         return dr.gather(self._mi.Float, self._links, look * self.count + lamp)
 
-    def to_local_point(self, lamp: Any, point: Any) -> Any:
+    def to_local_point(self, lamp: UInt, point: Vector3f) -> Vector3f:
         """Return points in the frame of lamps."""
         return self.to_local(lamp, point - self._vector(lamp, "x", "y", "z"))
 
-    def to_local(self, lamp: Any, v: Any) -> Any:
+    def to_local(self, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return vectors in the axes of lamps."""
         return self._mi.Vector3f(*(dr.dot(v, self._axis(lamp, axis)) for axis in "xyz"))
 
-    def to_rig(self, lamp: Any, v: Any) -> Any:
+    def to_rig(self, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return vectors in the axes of the rig, from vectors in the axes of lamps."""
         return v.x * self._axis(lamp, "x") + v.y * self._axis(lamp, "y") + v.z * self._axis(lamp, "z")
 
-    def color(self, lamp: Any) -> Any:
+    def color(self, lamp: UInt) -> Color3f:
         """Return the radiance of lamps."""
         return self._mi.Color3f(self._vector(lamp, "red", "green", "blue"))
 
-    def _vector(self, lamp: Any, *names: str) -> Any:
+    def _vector(self, lamp: UInt, *names: str) -> Vector3f:
         return self._mi.Vector3f(*(self.field(lamp, name) for name in names))
 
-    def _axis(self, lamp: Any, axis: str) -> Any:
+    def _axis(self, lamp: UInt, axis: str) -> Vector3f:
         return self._vector(lamp, *(f"{axis}{i}" for i in range(3)))
 
-    def evaluate(self, program: Program, lamp: Any, name: str, **inputs: Any) -> tuple[Any, ...]:
+    def evaluate(self, program: Program, lamp: UInt, name: str, **inputs: Float | Vector3f) -> tuple[Float, ...]:
         """Return an output of a program whose symbols are fields of lamps and the `inputs`."""
 
-        def value(symbol: str) -> Any:
+        def value(symbol: str) -> AnyArray | float:
             vector, _, index = symbol.partition("[")
             if index:
                 return inputs[vector][int(index[:-1])]
@@ -84,7 +83,7 @@ class Rows:
 class Lamps(Rows):
     """The lamps of one kind in a rig; each lamp with a texture is a kind of its own."""
 
-    def __init__(self, mi: Any, rig: CodedRig, kind: str, rows: Floats32, links: Bools | None) -> None:
+    def __init__(self, mi: Mitsuba, rig: CodedRig, kind: str, rows: Floats32, links: Bools | None) -> None:
         super().__init__(mi, rows, links)
         shapings = [emission.shaping for emission in rig.emissions if emission.shaping]
         steps = max((shaping.profile.steps for shaping in shapings if shaping.profile), default=0)
@@ -96,21 +95,21 @@ class Lamps(Rows):
             assert light.texture, "a picture has a texture"
             self._image = file_array(mi.Float, light.texture, read_image)
 
-    def weight(self, lamp: Any, p: Any, n: Any) -> Any:
+    def weight(self, lamp: UInt, p: Vector3f, n: Vector3f) -> Float:
         """Return `lookdev.light.lamps.weight` times the mean radiance."""
         return self.evaluate(self._program, lamp, "weight", p=p, n=n)[0]
 
-    def meet(self, lamp: Any, p: Any, w: Any) -> tuple[Any, Any]:
+    def meet(self, lamp: UInt, p: Vector3f, w: Vector3f) -> tuple[Float, Float]:
         """Return the distance along directions, `FAR` where they miss the lamp, and the density of its samples."""
         distance, pdf = self.evaluate(self._program, lamp, "meet", p=p, w=w)
         return distance, pdf
 
-    def draw(self, lamp: Any, p: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any]:
+    def draw(self, lamp: UInt, p: Vector3f, u1: Float, u2: Float) -> tuple[Vector3f, Float, Float]:
         """Return sampled directions to lamps, distances and densities."""
         x, y, z, distance, pdf = self.evaluate(self._program, lamp, "draw", p=p, u1=u1, u2=u2)
         return self._mi.Vector3f(x, y, z), distance, pdf
 
-    def radiance(self, lamp: Any, p: Any, w: Any) -> Any:
+    def radiance(self, lamp: UInt, p: Vector3f, w: Vector3f) -> Color3f:
         """Return the radiance that lamps send to points along -w; w has to hit them."""
         radiance = self._mi.Color3f(*self.evaluate(self._program, lamp, "sent", p=p, w=w))
         if self._image is not None:
@@ -121,7 +120,7 @@ class Lamps(Rows):
         return radiance
 
 
-def lamps_by_kind(mi: Any, rig: CodedRig, rows: Floats32, links: Bools | None) -> list[Lamps]:
+def lamps_by_kind(mi: Mitsuba, rig: CodedRig, rows: Floats32, links: Bools | None) -> list[Lamps]:
     """Return the lamps of a rig by kind, from their rows and links, in the rig's order."""
     kinds = []
     for kind in rig.kinds:
@@ -136,7 +135,7 @@ class Controls:
     The light of the first `groups` groups of lights is recorded separately.
     """
 
-    def __init__(self, mi: Any, rig: CodedRig, groups: int) -> None:
+    def __init__(self, mi: Mitsuba, rig: CodedRig, groups: int) -> None:
         self._mi = mi
         self.groups = groups
         self.shadow_excluded = rig.spared or ((),)
@@ -146,15 +145,15 @@ class Controls:
         operations, outputs = shadow_operations()
         self._program = Program(operations, outputs, mi.Float)
 
-    def none(self) -> tuple[Any, ...]:
+    def none(self) -> tuple[Float, ...]:
         """Return the controls of no light."""
         return tuple(self._mi.Float(0.0) for _ in self._names)
 
-    def lamp_controls(self, rows: Rows, lamp: Any) -> tuple[Any, ...]:
+    def lamp_controls(self, rows: Rows, lamp: UInt) -> tuple[Float, ...]:
         """Return the controls of lamps, an argument of `shadow_shares`."""
         return tuple(rows.field(lamp, name) for name in self._names)
 
-    def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
+    def by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
         """Return light, and the part of it from each recorded group."""
         specular, diffuse = arriving
         masks = [controls[-1] == number for number in range(self.groups)]
@@ -163,13 +162,13 @@ class Controls:
             *((dr.select(in_group, specular, 0.0), dr.select(in_group, diffuse, 0.0)) for in_group in masks),
         ]
 
-    def excludes(self, controls: tuple[Any, ...], number: int) -> Any:
+    def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
         """Return whether lights exclude a set of parts, by its number in `shadow_excluded`."""
         return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
 
     def shadow_shares(
-        self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False
-    ) -> tuple[Any, Any]:
+        self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], straight: bool = False
+    ) -> Arriving:
         """Return the shares of light that reach specular and diffuse lobes; `straight` light is not reflected.
 
         `distance` is that of the light; `occluders` has the distance of the first occluder for each set of
@@ -184,7 +183,7 @@ class Controls:
         transmitted = mi.Color3f(0.0)
         if self.shadowed:
 
-            def value(name: str) -> Any:
+            def value(name: str) -> Float:
                 return dr.select(occluded, occluder, 0.0) if name == "distance" else values[name]
 
             transmitted = mi.Color3f(*Evaluation(self._program, value).values("passed"))

@@ -7,7 +7,7 @@ that turn with the rig, and that of the others.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import drjit as dr
 
@@ -16,13 +16,17 @@ from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
 from lookdev.mitsuba.surface import Arriving, Surface
+from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
+
+LightSample = tuple[Vector3f, Color3f, Float, Float, tuple[Float, ...]]
+"""A direction from a light, its radiance, its distance, its density, and the light's controls."""
 
 
 class Lighting(Protocol):
     """The light at points of a surface, from which a number of directions is drawn."""
 
     def arriving(
-        self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
+        self, w: Vector3f, own_density: Float, weighed: float, occluders: list[Float], active: Bool, straight: bool
     ) -> list[Arriving]:
         """Return the sum over lights of unoccluded radiance over density, as `Lights.by_group`.
 
@@ -31,7 +35,7 @@ class Lighting(Protocol):
         `straight` is not reflected.
         """
 
-    def draw(self, index: Any, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
+    def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
         """Return direction `number` of sample `index`, its radiance, distance, the density of all directions, controls.
 
         The radiance is multiplied by the ratio of that density to the one with which the direction was drawn.
@@ -48,30 +52,32 @@ class Lights(Protocol):
     visible: bool  # the camera sees some lights
     groups: int  # the number of groups of lights whose light is recorded separately
 
-    def at(self, surface: Surface, turns: Any, count: Any, both_sides: bool) -> Lighting:
+    def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         """Return the lighting of a surface; `count` directions are drawn from it, on `both_sides` or in front."""
 
-    def camera_radiance(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+    def camera_radiance(
+        self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
+    ) -> tuple[list[Color3f], Bool]:
         """Return the radiance of visible lights nearer than a distance (all, then by group), and where one is hit."""
 
-    def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
+    def by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
         """Return the light of a light, and the part of it from each recorded group."""
 
-    def excludes(self, controls: tuple[Any, ...], number: int) -> Any:
+    def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
         """Return whether the shadow of a light excludes a set of parts, by the set's number."""
 
     def shadow_shares(
-        self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False
+        self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], straight: bool = False
     ) -> Arriving:
         """Return the shares of a light at a distance that occluders transmit, for specular and diffuse lobes."""
 
 
-def split_count(count: Any) -> tuple[Any, Any]:
+def split_count(count: UInt) -> tuple[UInt, UInt]:
     """Return the numbers of directions in front and behind, as in the shader."""
     return count - count // 2, count // 2
 
 
-def rotate_z(v: Any, angle: Any) -> Any:
+def rotate_z(v: Vector3f, angle: Float) -> Vector3f:
     """Return vectors rotated about z, counter-clockwise seen from above."""
     s, c = dr.sincos(angle)
     return type(v)(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
@@ -85,25 +91,27 @@ class OneDome:
     shadowed = split = visible = False
     groups = 0
 
-    def __init__(self, mi: Any, dome: Dome) -> None:
+    def __init__(self, mi: Mitsuba, dome: Dome) -> None:
         self._mi = mi
         self._dome = DomeLight(mi, dome)
         self.sampled = self._dome.sampled
 
-    def at(self, surface: Surface, turns: Any, count: Any, both_sides: bool) -> Lighting:
+    def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         return _DomeLighting(self._mi, self._dome, surface, turns.x, count, both_sides and self.sampled)
 
-    def camera_radiance(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+    def camera_radiance(
+        self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
+    ) -> tuple[list[Color3f], Bool]:
         return [self._mi.Color3f(0.0)], self._mi.Bool(False)
 
-    def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
+    def by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
         return [arriving]
 
-    def excludes(self, controls: tuple[Any, ...], number: int) -> Any:
+    def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
         return self._mi.Bool(True)
 
     def shadow_shares(
-        self, controls: tuple[Any, ...], distance: Any, occluders: list[Any], straight: bool = False
+        self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], straight: bool = False
     ) -> Arriving:
         share = self._mi.Color3f(dr.select(distance > occluders[0], self._mi.Float(0.0), 1.0))
         return share, share
@@ -111,17 +119,17 @@ class OneDome:
 
 class _DomeLighting:
     def __init__(
-        self, mi: Any, dome: DomeLight, surface: Surface, turn: Any, drawn_count: Any, both_sides: bool
+        self, mi: Mitsuba, dome: DomeLight, surface: Surface, turn: Float, drawn_count: UInt, both_sides: bool
     ) -> None:
         self._mi, self._dome, self._turn = mi, dome, turn
-        self._bins: list[tuple[Any, NormalBin]] = []
+        self._bins: list[tuple[UInt, NormalBin]] = []
         if dome.sampled:
             counts = split_count(drawn_count) if both_sides else (drawn_count,)
             normals = (surface.normal, -surface.normal)
             self._bins = [(count, dome.bin(rotate_z(n, -turn))) for count, n in zip(counts, normals, strict=False)]
 
     def arriving(
-        self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
+        self, w: Vector3f, own_density: Float, weighed: float, occluders: list[Float], active: Bool, straight: bool
     ) -> list[Arriving]:
         active = active & (occluders[0] >= FAR)
         local = rotate_z(w, -self._turn)
@@ -130,7 +138,7 @@ class _DomeLighting:
         arriving_light = dr.select(active, radiance / density, 0.0)
         return [(arriving_light, arriving_light)]
 
-    def draw(self, index: Any, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
+    def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
         start = sobol.hash_integers(seed ^ 0x2545F491)
         front, bin = self._bins[0]
         back = number >= front
@@ -143,7 +151,7 @@ class _DomeLighting:
         density = self._density(local, radiance)
         return rotate_z(local, self._turn), ratio * radiance, self._mi.Float(INFINITE), density, ()
 
-    def _density(self, local: Any, radiance: Any) -> Any:
+    def _density(self, local: Vector3f, radiance: Color3f) -> Float:
         total = self._mi.Float(0.0)
         for count, bin in self._bins:
             total += self._mi.Float(count) * bin.pdf(local, radiance)

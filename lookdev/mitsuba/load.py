@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 import os
 from functools import cache
-from typing import Any
 
 from lookdev.errors import RenderError
+from lookdev.mitsuba.types import Mitsuba
 from lookdev.rendering.llvm import VARIABLE, check_device, find_llvm
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
@@ -15,12 +15,12 @@ VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 
 
 @cache
-def load_mitsuba(device: str) -> Any:
+def load_mitsuba(device: str) -> Mitsuba:
     """Return Mitsuba in the variant of a device; raises RenderError where the device cannot be used."""
     check_device(device)
     if device == "cpu":
         os.environ[VARIABLE] = find_llvm()
-    mi: Any = importlib.import_module("mitsuba")
+    mi: Mitsuba = importlib.import_module("mitsuba")
     try:
         mi.set_variant(VARIANTS[device])
         mi.Float(0.0, 1.0) + 1.0  # the first array starts the device

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.arrays import Floats, Floats32
+from lookdev.arrays import Floats, Floats32, Ints
 from lookdev.light.mapping import rotate_z
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.surface import Looks, Surface
+from lookdev.mitsuba.types import AnyArray, Mitsuba
 from lookdev.mitsuba.view import View
 from lookdev.rendering.cryptomatte import RANKS, matte_id, matte_samples, normalize_coverage
 from lookdev.rendering.frame import FEATURE_SAMPLES
@@ -28,7 +28,7 @@ _MOST_SAMPLES = 1 << 22  # in a launch
 class Features:
     """The features of the surfaces that the camera sees, in one variant's arrays."""
 
-    def __init__(self, mi: Any, geometry: Geometry, looks: Looks, bounces: int) -> None:
+    def __init__(self, mi: Mitsuba, geometry: Geometry, looks: Looks, bounces: int) -> None:
         self._mi = mi
         self._geometry = geometry
         self._looks = looks
@@ -61,7 +61,7 @@ class Features:
         hit_point = self._geometry.at(triangle, uv, hit)
         arrays: dict[str, Floats32] = {}
 
-        def array(value: Any, background: float = 0.0) -> Floats:
+        def array(value: AnyArray, background: float = 0.0) -> Floats:
             channels = [value] if isinstance(value, mi.Float) else list(value)
             values = [np.array(dr.select(hit, channel, background), np.float64) for channel in channels]
             return np.stack(values, axis=-1).reshape(view.height, view.width, -1)
@@ -88,7 +88,7 @@ class Features:
 
     def mattes(
         self, view: View, task: FrameTask, alpha: Floats32, samples: int
-    ) -> tuple[dict[str, Floats32], dict[str, Any]]:
+    ) -> tuple[dict[str, Floats32], dict[str, tuple[str, ...]]]:
         """Return the mattes of a frame, (H, W, channels) by name, and the names in each matte.
 
         They take half the samples of the frame (`matte_samples`), and sum up to its alpha.
@@ -124,7 +124,7 @@ class Features:
         arrays = {MATTES[kind]: normalize_coverage(matte.reshape(shape), alpha) for kind, matte in mattes.items()}
         return arrays, {MATTES[kind]: tuple(sorted({*names})) for kind, names in names_of_kind.items()}
 
-    def _hits_in_depth(self, view: View, first: int, count: int, size: int) -> Iterator[tuple[Any, Any, Floats]]:
+    def _hits_in_depth(self, view: View, first: int, count: int, size: int) -> Iterator[tuple[Ints, Ints, Floats]]:
         """Yield the instances and the sources that samples of pixels hit, and their visible shares, hit by hit."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count * size)
@@ -151,7 +151,7 @@ class Features:
                 dr.eval(triangle, uv, remaining, hit)
 
 
-def _rank_by_coverage(keys: NDArray[Any], weights: Floats, ids: NDArray[np.uint32], pixels: int) -> Floats32:
+def _rank_by_coverage(keys: Ints, weights: Floats, ids: NDArray[np.uint32], pixels: int) -> Floats32:
     """Return the ids and coverages (P, 2 RANKS) of pixels, largest coverage first.
 
     keys : (N,) a pixel times the number of ids, plus the number of the id.

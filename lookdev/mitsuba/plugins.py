@@ -6,11 +6,11 @@ densities of sampled directions are not differentiated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import drjit as dr
 import numpy as np
@@ -25,13 +25,18 @@ from lookdev.material.usd import read_look
 from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Evaluation, Program
+from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, Vector3f
 
-mi: Any = import_module("mitsuba")  # its annotations lack the members of variants
+if TYPE_CHECKING:
+    from mitsuba import BSDF, Properties, Texture, TraversalCallback
+    from mitsuba import SurfaceInteraction3f as Interaction
+
+mi: Mitsuba = import_module("mitsuba")
 
 _FILE, _PRIM, _VARIANT = "file", "prim", "variant_"
 
 
-def model_bsdf(name: str, properties: Any) -> Any:
+def model_bsdf(name: str, properties: Properties) -> BSDF:
     """Return the BSDF of a model. Parameters are numbers, colours or textures of Mitsuba; tokens are strings.
 
     Raises ModelError where a parameter is unknown or outside its range.
@@ -48,7 +53,7 @@ def model_bsdf(name: str, properties: Any) -> Any:
     )
 
 
-def look_bsdf(properties: Any) -> Any:
+def look_bsdf(properties: Properties) -> BSDF:
     """Return the BSDF of a look of a USD file.
 
     Raises
@@ -68,7 +73,7 @@ def look_bsdf(properties: Any) -> Any:
     return _create_bsdf(properties, read_look(file, prim, variants), {})
 
 
-def _constant(value: Any, parameter: Parameter) -> Any:
+def _constant(value: object, parameter: Parameter) -> Any:
     """Return an input of a layer; for a texture, the default of the parameter stands in."""
     if isinstance(value, mi.Texture):
         return parameter.default if parameter.kind == "float" else tuple(np.broadcast_to(parameter.default, 3).tolist())
@@ -78,7 +83,7 @@ def _constant(value: Any, parameter: Parameter) -> Any:
     return float(numbers[0]) if parameter.kind == "float" else tuple(map(float, np.broadcast_to(numbers, 3)))
 
 
-def _create_bsdf(properties: Any, look: Look, textures: Mapping[str, tuple[Any, Parameter]]) -> Any:
+def _create_bsdf(properties: Properties, look: Look, textures: Mapping[str, tuple[Texture, Parameter]]) -> BSDF:
     live = stated_constants(look)
     source = generate_program(look, image_file, live=live)
     source.check_plugin(look.name)
@@ -86,19 +91,21 @@ def _create_bsdf(properties: Any, look: Look, textures: Mapping[str, tuple[Any, 
 
 
 @cache
-def _bsdf_class(variant: str) -> Any:
+def _bsdf_class(variant: str) -> Callable[..., BSDF]:
     """Return the BSDF class of a variant, which has to be the current one."""
 
-    class LookBSDF(mi.BSDF):  # type: ignore[misc]
+    base: Any = mi.BSDF
+
+    class LookBSDF(base):  # type: ignore[misc]
         """The program of a look."""
 
         def __init__(
             self,
-            properties: Any,
+            properties: Properties,
             look: Look,
             source: ProgramSource,
             numbers: Mapping[str, tuple[float, ...]],
-            textures: Mapping[str, tuple[Any, Parameter]],
+            textures: Mapping[str, tuple[Texture, Parameter]],
         ) -> None:
             mi.BSDF.__init__(self, properties)
             self._title = look.name
@@ -119,17 +126,19 @@ def _bsdf_class(variant: str) -> Any:
             self.m_components = components
             self.m_flags = components[0] | components[-1]
 
-        def traverse(self, callback: Any) -> None:
+        def traverse(self, callback: TraversalCallback) -> None:
             inputs = self._numbers | {name: texture for name, (texture, _) in self._textures.items()}
             single_layer = len({name.partition("_")[0] for name in inputs}) == 1
             for name, value in inputs.items():
                 parameter = name.partition("_")[2] if single_layer else name
                 callback.put(parameter, value, mi.ParamFlags.Differentiable)
 
-        def parameters_changed(self, keys: Any = ()) -> None:
+        def parameters_changed(self, keys: Sequence[str] = ()) -> None:
             pass
 
-        def sample(self, context: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
+        def sample(
+            self, context: object, si: Interaction, sample1: Float, sample2: UV, active: Bool | bool = True
+        ) -> tuple[object, Color3f]:
             evaluation, side = self._evaluation(si)
             wi = mi.Vector3f(*evaluation.values("wi", u1=dr.detach(sample2.x), u2=dr.detach(sample2.y)))
             wi = dr.detach(wi)
@@ -153,17 +162,19 @@ def _bsdf_class(variant: str) -> Any:
                 weight = dr.select(passes, mi.Color3f(absent / dr.select(share > 0.0, share, 1.0)), weight)
             return bs, weight & active
 
-        def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def eval(self, context: object, si: Interaction, wo: Vector3f, active: Bool | bool = True) -> Color3f:
             return self.eval_pdf(context, si, wo, active)[0]
 
-        def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def pdf(self, context: object, si: Interaction, wo: Vector3f, active: Bool | bool = True) -> Float:
             return self.eval_pdf(context, si, wo, active)[1]
 
-        def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+        def eval_pdf(
+            self, context: object, si: Interaction, wo: Vector3f, active: Bool | bool = True
+        ) -> tuple[Color3f, Float]:
             evaluation, side = self._evaluation(si)
             return self._respond(evaluation, side(wo), active)
 
-        def eval_null_transmission(self, si: Any, active: Any = True) -> Any:
+        def eval_null_transmission(self, si: Interaction, active: Bool | bool = True) -> Color3f:
             if not self._source.see_through:
                 return mi.Color3f(0.0)
             return mi.Color3f(1.0 - self._evaluation(si)[0].values("presence")[0])
@@ -171,7 +182,7 @@ def _bsdf_class(variant: str) -> Any:
         def to_string(self) -> str:
             return f"LookBSDF[{self._title}: {', '.join((*self._numbers, *self._textures))}]"
 
-        def _respond(self, evaluation: Evaluation, wi: Any, active: Any) -> tuple[Any, Any]:
+        def _respond(self, evaluation: Evaluation, wi: Vector3f, active: Bool | bool) -> tuple[Color3f, Float]:
             """Return the BSDF times the cosine, and the density of sampled directions that do not pass the surface."""
             directions = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
             value = mi.Color3f(*evaluation.values("value", **directions))
@@ -181,14 +192,14 @@ def _bsdf_class(variant: str) -> Any:
             valid = active & (wi.z != 0.0) if self._source.transmits else active & (wi.z > 0.0)
             return value & valid, dr.detach(dr.select(valid, pdf, 0.0))
 
-        def _evaluation(self, si: Any) -> tuple[Evaluation, Callable[[Any], Any]]:
+        def _evaluation(self, si: Any) -> tuple[Evaluation, Callable[[Vector3f], Vector3f]]:
             """Return the program at points, and a function between Mitsuba's frame and the program's, its own inverse.
 
             Seen from behind, the frame is rotated by 180 degrees about its tangent.
             """
             turn = dr.select(si.wi.z < 0.0, mi.Float(-1.0), mi.Float(1.0))
 
-            def side(w: Any) -> Any:
+            def side(w: Vector3f) -> Vector3f:
                 return mi.Vector3f(w.x, turn * w.y, turn * w.z)
 
             wo = side(si.wi)
@@ -210,7 +221,7 @@ def _bsdf_class(variant: str) -> Any:
 
             return Evaluation(self._program, symbol), side
 
-        def _read(self, source: str, si: Any) -> Any:
+        def _read(self, source: str, si: Interaction) -> Any:
             if source in self._images:
                 return self._images[source].texels(si.uv, mi.Bool(True))
             if source in self._textures:

@@ -9,12 +9,13 @@ from typing import Any
 import drjit as dr
 
 from lookdev.codegen import Operation
+from lookdev.mitsuba.types import AnyArray, Float
 
 VARYING = frozenset(("wi_x", "wi_y", "wi_z", "u1", "u2"))
 """Symbols that vary between the directions at one point."""
 
 
-def _expm1(x: Any) -> Any:
+def _expm1(x: Float) -> Float:
     """Return exp(x) - 1 without cancellation (Higham 2002, "Accuracy and Stability", section 1.14.1)."""
     e = dr.exp(x)
     power = dr.log(e)
@@ -59,9 +60,9 @@ class Program:
 
     operations: Sequence[Operation]
     outputs: Mapping[str, tuple[int, ...]]
-    number: Any
-    constants: Sequence[Any] = ()
-    tables: Sequence[Any] = ()
+    number: type[Float]
+    constants: Sequence[Float] = ()
+    tables: Sequence[Float] = ()
     needs: Mapping[str, tuple[int, ...]] = field(init=False)
     varying: frozenset[int] = field(init=False)
 
@@ -88,7 +89,7 @@ def _dependencies(operations: Sequence[Operation], roots: Sequence[int]) -> tupl
 class Evaluation:
     """A program at points of a surface, with the values computed so far; `symbol` returns a symbol's value by name."""
 
-    def __init__(self, program: Program, symbol: Callable[[str], Any]) -> None:
+    def __init__(self, program: Program, symbol: Callable[[str], AnyArray | float]) -> None:
         self._program = program
         self._symbol = symbol
         self._values: dict[int, Any] = {}
@@ -97,7 +98,7 @@ class Evaluation:
         """Return whether the program has an output of this name."""
         return name in self._program.needs
 
-    def values(self, name: str, **inputs: Any) -> tuple[Any, ...]:
+    def values(self, name: str, **inputs: AnyArray) -> tuple[Float, ...]:
         """Return the elements of an output; `inputs` are the values of symbols that vary between directions."""
         program = self._program
         local: dict[int, Any] = {}
@@ -114,7 +115,7 @@ class Evaluation:
                 if number not in self._program.varying and number not in self._values:
                     self._values[number] = self._compute(self._program.operations[number], {}, {})
 
-    def _compute(self, operation: Operation, local: Mapping[int, Any], inputs: Mapping[str, Any]) -> Any:
+    def _compute(self, operation: Operation, local: Mapping[int, Any], inputs: Mapping[str, AnyArray]) -> object:
         program = self._program
         match operation.op:
             case "constant":

@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -23,6 +22,7 @@ from lookdev.mitsuba.integrator import Counts, Estimator
 from lookdev.mitsuba.passes import CENTRAL, Features
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
+from lookdev.mitsuba.types import Mitsuba
 from lookdev.mitsuba.view import Rectangle, View
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.frame import Denoiser, Progress, RenderedFrame, render_halves
@@ -43,7 +43,7 @@ _QUICK_FILTER_SAMPLES = 64
 class MitsubaScene:
     """A scene task in a variant's arrays. It takes over the asset of the `previous` scene, which then is not used."""
 
-    def __init__(self, mi: Any, task: SceneTask, previous: MitsubaScene | None = None) -> None:
+    def __init__(self, mi: Mitsuba, task: SceneTask, previous: MitsubaScene | None = None) -> None:
         self._mi = mi
         self._task = task
         self._samples_per_second = _FIRST_LAUNCH / LONGEST_LAUNCH
@@ -147,11 +147,11 @@ class MitsubaScene:
 
     def _passes(
         self, task: FrameTask, view: View, frame: RenderedFrame
-    ) -> tuple[dict[str, Floats32], Mapping[str, Any]]:
+    ) -> tuple[dict[str, Floats32], Mapping[str, tuple[str, ...]]]:
         """Return the passes that are not parts of the light, and the names in mattes."""
         requested = {*task.scene.sampling.passes}
         passes: dict[str, Floats32] = {}
-        names: Mapping[str, Any] = {}
+        names: Mapping[str, tuple[str, ...]] = {}
         if requested & CENTRAL:
             passes |= self._features.central(view, task)
         if "albedo" in requested:

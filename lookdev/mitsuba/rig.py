@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import drjit as dr
 import numpy as np
 
-from lookdev.arrays import Bools, Floats32
+from lookdev.arrays import Bools, Floats, Floats32
 from lookdev.codegen.program.lamps import ball_operations
 from lookdev.light import Light, coded
 from lookdev.light.dome import Dome
@@ -18,16 +17,17 @@ from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
 from lookdev.mitsuba.lamps import Controls, Lamps, Rows, lamps_by_kind
-from lookdev.mitsuba.lights import Lighting, Lights, OneDome, rotate_z, split_count
+from lookdev.mitsuba.lights import Lighting, Lights, LightSample, OneDome, rotate_z, split_count
 from lookdev.mitsuba.programs import Program
 from lookdev.mitsuba.surface import Arriving, Surface
+from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
 
 
 def lights_of(
-    mi: Any,
+    mi: Mitsuba,
     lights: Sequence[Light],
     links: Sequence[Sequence[int]],
-    center: Any,
+    center: Floats,
     pivot: tuple[float, float],
     groups: Sequence[int] = (),
 ) -> Lights:
@@ -47,10 +47,10 @@ class Rig:
 
     def __init__(
         self,
-        mi: Any,
+        mi: Mitsuba,
         lights: Sequence[Light],
         links: Sequence[Sequence[int]],
-        center: Any,
+        center: Floats,
         pivot: tuple[float, float],
         groups: Sequence[int] = (),
     ) -> None:
@@ -82,11 +82,13 @@ class Rig:
         self.controls, self.none = self._controls.lamp_controls, self._controls.none
         self.groups, self.by_group = self._controls.groups, self._controls.by_group
 
-    def at(self, surface: Surface, turns: Any, count: Any, both_sides: bool) -> Lighting:
+    def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         return _RigLighting(self._mi, self, surface, turns, count, both_sides)
 
     @dr.syntax
-    def camera_radiance(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+    def camera_radiance(
+        self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
+    ) -> tuple[list[Color3f], Bool]:
         mi = self._mi
         radiance, hidden = self.dark(), mi.Bool(False)
         frames = _LightFrames(mi, self, start, turns)
@@ -110,7 +112,7 @@ class Rig:
 class _RigDome(Rows):
     """A dome of a rig: its map, axes, colour, and whether it turns. A local dome has a centre and a radius."""
 
-    def __init__(self, mi: Any, dome: Light, rows: Floats32, links: Bools | None) -> None:
+    def __init__(self, mi: Mitsuba, dome: Light, rows: Floats32, links: Bools | None) -> None:
         super().__init__(mi, rows, links)
         assert dome.map_dome is not None, "a dome has a map"
         self.is_local = not dome.far
@@ -123,7 +125,7 @@ class _RigDome(Rows):
         self.mean = self.field(self.first, "mean")
         self._program = Program(*ball_operations(), mi.Float)
 
-    def ball(self, name: str, **inputs: Any) -> tuple[Any, ...]:
+    def ball(self, name: str, **inputs: Float | Vector3f) -> tuple[Float, ...]:
         """Return an output of `ball_operations`."""
         return self.evaluate(self._program, self.first, name, **inputs)
 
@@ -131,44 +133,44 @@ class _RigDome(Rows):
 class _LightFrames:
     """A point about the geometry's centre, in the frames of lights."""
 
-    def __init__(self, mi: Any, rig: Rig, point: Any, turns: Any) -> None:
+    def __init__(self, mi: Mitsuba, rig: Rig, point: Vector3f | Point3f, turns: Vector2f) -> None:
         self._mi, self._turns = mi, turns
         from_axis = mi.Vector3f(point) + rig.offset
         self._in_turning, self._in_fixed = rotate_z(from_axis, -turns.x), rotate_z(from_axis, -turns.y)
 
-    def turn(self, lights: Rows, lamp: Any) -> Any:
+    def turn(self, lights: Rows, lamp: UInt) -> Float:
         """Return the angle by which lights are rotated."""
         return dr.select(lights.turns(lamp), self._turns.x, self._turns.y)
 
-    def point(self, lights: Rows, lamp: Any) -> Any:
+    def point(self, lights: Rows, lamp: UInt) -> Vector3f:
         """Return the point in the frame of lights."""
         return lights.to_local_point(lamp, dr.select(lights.turns(lamp), self._in_turning, self._in_fixed))
 
-    def into(self, lights: Rows, lamp: Any, v: Any) -> Any:
+    def into(self, lights: Rows, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return world vectors in the axes of lights."""
         return lights.to_local(lamp, rotate_z(v, -self.turn(lights, lamp)))
 
-    def out_of(self, lights: Rows, lamp: Any, v: Any) -> Any:
+    def out_of(self, lights: Rows, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return world vectors, from vectors in the axes of lights."""
         return rotate_z(lights.to_rig(lamp, v), self.turn(lights, lamp))
 
-    def to_frame(self, lights: Rows, lamp: Any, v: Any) -> tuple[Any, Any]:
+    def to_frame(self, lights: Rows, lamp: UInt, v: Vector3f) -> tuple[Vector3f, Vector3f]:
         """Return the point, and world vectors, in the frame of lights."""
         return self.point(lights, lamp), self.into(lights, lamp, v)
 
 
 class _RigLighting:
-    def __init__(self, mi: Any, rig: Rig, surface: Surface, turns: Any, count: Any, both_sides: bool) -> None:
+    def __init__(self, mi: Mitsuba, rig: Rig, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> None:
         self._mi, self._rig = mi, rig
         self._surface = surface
         self._frames = _LightFrames(mi, rig, surface.point, turns)
         self._sides = [surface.normal, -surface.normal][: 1 + both_sides]
         self._counts = split_count(count) if both_sides else (count,)
         self._bins = [self._side_bins(dome) for dome in rig.domes]
-        self._dome_points = [self._frames.point(dome, dome.first) if dome.is_local else None for dome in rig.domes]
+        domes = [*enumerate(rig.domes)]
+        self._dome_points = {n: self._frames.point(dome, dome.first) for n, dome in domes if dome.is_local}
         self._shares = [
-            dome.ball("share", p=point)[0] if dome.is_local else mi.Float(1.0)
-            for dome, point in zip(rig.domes, self._dome_points, strict=True)
+            dome.ball("share", p=self._dome_points[n])[0] if dome.is_local else mi.Float(1.0) for n, dome in domes
         ]
         self._side_sums = [self._sum(side) for side in range(len(self._sides))]
 
@@ -179,7 +181,7 @@ class _RigLighting:
             return []
         return [dome.map.bin(self._frames.into(dome, dome.first, n)) for n in self._sides]
 
-    def _dome_weight(self, number: int, side: int) -> Any:
+    def _dome_weight(self, number: int, side: int) -> Float:
         dome = self._rig.domes[number]
         weight = dome.mean * math.pi
         if dome.map.sampled:
@@ -189,12 +191,12 @@ class _RigLighting:
             weight = dr.select(scale > 0.0, around * dome.mean / scale, 0.0)
         return weight * dome.link_of(dome.first, self._surface.source)
 
-    def _lamp_weight(self, lamps: Lamps, lamp: Any, n: Any) -> Any:
+    def _lamp_weight(self, lamps: Lamps, lamp: UInt, n: Vector3f) -> Float:
         p, local = self._frames.to_frame(lamps, lamp, n)
         return lamps.weight(lamp, p, local) * lamps.link_of(lamp, self._surface.source)
 
     @dr.syntax
-    def _sum(self, side: int) -> Any:
+    def _sum(self, side: int) -> Float:
         """Return the sum of the estimated irradiances of all lights on a side."""
         mi = self._mi
         total = mi.Float(0.0)
@@ -205,7 +207,7 @@ class _RigLighting:
         return total
 
     @dr.syntax
-    def _sum_of_lamps(self, lamps: Lamps, side: int) -> Any:
+    def _sum_of_lamps(self, lamps: Lamps, side: int) -> Float:
         total = self._mi.Float(0.0)
         lamp = self._mi.UInt32(0)
         while lamp < lamps.count:
@@ -213,7 +215,7 @@ class _RigLighting:
             lamp += 1
         return total
 
-    def _drawn_count(self, weight_of: Any) -> Any:
+    def _drawn_count(self, weight_of: Callable[[int], Float]) -> Float:
         """Return the mean number of directions drawn from a light, whose weight on a side `weight_of` returns."""
         total = self._mi.Float(0.0)
         for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
@@ -221,10 +223,10 @@ class _RigLighting:
             total += self._mi.Float(count) * dr.select(sum_ > 0.0, share, 0.0)
         return total
 
-    def _lamp_density(self, lamps: Lamps, lamp: Any, pdf: Any) -> Any:
+    def _lamp_density(self, lamps: Lamps, lamp: UInt, pdf: Float) -> Float:
         return self._drawn_count(lambda side: self._lamp_weight(lamps, lamp, self._sides[side])) * pdf
 
-    def _dome_density(self, number: int, local: Any, w: Any, radiance: Any) -> Any:
+    def _dome_density(self, number: int, local: Vector3f, w: Vector3f, radiance: Color3f) -> Float:
         """Return the density of directions drawn from a dome: `local` in its axes, w in world space."""
         dome, total = self._rig.domes[number], self._mi.Float(0.0)
         for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
@@ -232,13 +234,14 @@ class _RigLighting:
             if dome.map.sampled:
                 pdf = self._bins[number][side].pdf(local, radiance)
             else:
-                pdf = dr.maximum(dr.dot(w, self._sides[side]), 0.0) / math.pi
+                cosine = dr.dot(w, self._sides[side])
+                pdf = dr.maximum(cosine, 0.0) / math.pi
             total += self._mi.Float(count) * share * pdf
         return total
 
     @dr.syntax
     def arriving(
-        self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
+        self, w: Vector3f, own_density: Float, weighed: float, occluders: list[Float], active: Bool, straight: bool
     ) -> list[Arriving]:
         total = self._rig.dark()
         for number in range(len(self._rig.domes)):
@@ -250,7 +253,14 @@ class _RigLighting:
         return total
 
     def _arriving_from_dome(
-        self, number: int, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
+        self,
+        number: int,
+        w: Vector3f,
+        own_density: Float,
+        weighed: float,
+        occluders: list[Float],
+        active: Bool,
+        straight: bool,
     ) -> list[Arriving]:
         dome = self._rig.domes[number]
         local = self._frames.into(dome, dome.first, w)
@@ -261,9 +271,10 @@ class _RigLighting:
         shares = self._rig.shadow_shares(controls, distance, occluders, straight)
         return self._rig.by_group(controls, (light * shares[0], light * shares[1]))
 
-    def _along_dome(self, number: int, local: Any, w: Any, active: Any) -> tuple[Any, Any, Any]:
+    def _along_dome(self, number: int, local: Vector3f, w: Vector3f, active: Bool) -> tuple[Float, Color3f, Float]:
         """Return the distance of a dome along directions, its radiance, and the density of directions drawn from it."""
-        dome, map_direction, distance, density_factor = self._rig.domes[number], local, self._mi.Float(INFINITE), 1.0
+        dome, map_direction, distance = self._rig.domes[number], local, self._mi.Float(INFINITE)
+        density_factor: Float | float = 1.0
         if dome.is_local:
             point = self._dome_points[number]
             inside, distance, density_factor = dome.ball("meet", p=point, w=local)
@@ -275,7 +286,14 @@ class _RigLighting:
 
     @dr.syntax
     def _arriving_from_lamps(
-        self, lamps: Lamps, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
+        self,
+        lamps: Lamps,
+        w: Vector3f,
+        own_density: Float,
+        weighed: float,
+        occluders: list[Float],
+        active: Bool,
+        straight: bool,
     ) -> list[Arriving]:
         total = self._rig.dark()
         lamp = self._mi.UInt32(0)
@@ -291,7 +309,7 @@ class _RigLighting:
             lamp += 1
         return total
 
-    def draw(self, index: Any, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
+    def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
         mi = self._mi
         front = self._counts[0]
         back = (number >= front) if len(self._sides) > 1 else mi.Bool(False)
@@ -323,7 +341,9 @@ class _RigLighting:
         return result
 
     @dr.syntax
-    def _choose(self, lamps: Lamps, target: Any, begin: Any, back: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+    def _choose(
+        self, lamps: Lamps, target: Float, begin: Float, back: Bool, active: Bool
+    ) -> tuple[UInt, Float, Float, Float]:
         """Return the lamp whose interval contains a number, its start and length (0 for none), and the end of all."""
         mi = self._mi
         selected, start, length = mi.UInt32(0), mi.Float(0.0), mi.Float(0.0)
@@ -340,7 +360,7 @@ class _RigLighting:
             lamp += 1
         return selected, start, length, end
 
-    def _draw_from_lamp(self, lamps: Lamps, lamp: Any, u1: Any, u2: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
+    def _draw_from_lamp(self, lamps: Lamps, lamp: UInt, u1: Float, u2: Float) -> LightSample:
         p = self._frames.point(lamps, lamp)
         local, distance, pdf = lamps.draw(lamp, p, u1, u2)
         radiance = dr.select(distance < FAR, lamps.radiance(lamp, p, local), 0.0)
@@ -348,8 +368,8 @@ class _RigLighting:
         return w, radiance, distance, density, self._rig.controls(lamps, lamp)
 
     def _draw_from_dome(
-        self, number: int, dome: _RigDome, back: Any, u1: Any, u2: Any, active: Any
-    ) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
+        self, number: int, dome: _RigDome, back: Bool, u1: Float, u2: Float, active: Bool
+    ) -> LightSample:
         mi, controls = self._mi, self._rig.controls(dome, dome.first)
         if not dome.map.sampled:
             # Density proportional to the cosine.
@@ -362,7 +382,8 @@ class _RigLighting:
         map_direction, map_radiance, ratio = dr.select(
             back, behind.draw_uniform(u1, u2, active), front.draw_uniform(u1, u2, active)
         )
-        local, distance, density_factor = map_direction, mi.Float(INFINITE), 1.0
+        local, distance = map_direction, mi.Float(INFINITE)
+        density_factor: Float | float = 1.0
         if dome.is_local:
             local = mi.Vector3f(*dome.ball("draw", p=self._dome_points[number], onto=map_direction))
             _, distance, density_factor = dome.ball("meet", p=self._dome_points[number], w=local)

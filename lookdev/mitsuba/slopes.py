@@ -12,7 +12,6 @@ loops are those of `lookdev.mitsuba.integrator`; its lists (`lookdev.mitsuba.dua
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import drjit as dr
 import numpy as np
@@ -24,10 +23,12 @@ from lookdev.codegen.program.look import slope_name
 from lookdev.mitsuba.dual import Dual, product, where
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Counts, Estimator, Record
+from lookdev.mitsuba.lights import Lights
 from lookdev.mitsuba.programs import Evaluation
 from lookdev.mitsuba.render import direction_counts
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
+from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 from lookdev.mitsuba.view import Rectangle, View
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.slopes import SlopeTask
@@ -39,7 +40,7 @@ _LAUNCH = 1 << 21  # samples, each with four numbers and their derivatives
 class SlopeScene:
     """A scene task whose looks have live inputs."""
 
-    def __init__(self, mi: Any, task: SceneTask) -> None:
+    def __init__(self, mi: Mitsuba, task: SceneTask) -> None:
         self.task = task
         self._mi = mi
         self._sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
@@ -81,7 +82,9 @@ class SlopeScene:
 class LiveSurface(Surface):
     """A surface whose looks have derivatives by some symbols."""
 
-    def __init__(self, looks: Looks, symbols: Sequence[str], split: bool, *position: Any) -> None:
+    def __init__(
+        self, looks: Looks, symbols: Sequence[str], split: bool, *position: *tuple[UInt, UV, Vector3f, Bool]
+    ) -> None:
         super().__init__(looks, *position)
         self._symbols, self._split = symbols, split
         if (evaluation := self._single) is not None:
@@ -89,10 +92,10 @@ class LiveSurface(Surface):
             outputs += [slope_name("value", symbol) for symbol in symbols]
             evaluation.prepare(*filter(evaluation.has, outputs))
 
-    def respond(self, wi: Any, active: Any, split: bool, groups: Sequence[str]) -> tuple[list[Response], Any]:
+    def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
         mi = self.looks.mi
 
-        def respond(evaluation: Evaluation, wi: Any) -> tuple[Dual, Dual, Any]:
+        def respond(evaluation: Evaluation, wi: Vector3f) -> tuple[Dual, Dual, Float]:
             directions = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
             value = self._dual(evaluation, "value", mi.Color3f, **directions)
             diffuse = (
@@ -114,7 +117,7 @@ class LiveSurface(Surface):
         present, *slopes = self._call_programs(presence, active=self.active)
         return [1.0 - present, *(-slope for slope in slopes)]
 
-    def delta(self, number: int) -> tuple[Any, Dual, Any]:
+    def delta(self, number: int) -> tuple[Vector3f, Dual, Float]:
         mi = self.looks.mi
 
         def delta(evaluation: Evaluation) -> Dual:
@@ -125,7 +128,7 @@ class LiveSurface(Surface):
         wi, _, group = super().delta(number)
         return wi, self._call_programs(delta, active=self.active), group
 
-    def _dual(self, evaluation: Evaluation, output: str, kind: Callable[..., Any], **inputs: Any) -> Dual:
+    def _dual(self, evaluation: Evaluation, output: str, kind: Callable[..., Color3f], **inputs: Float) -> Dual:
         names = [slope_name(output, symbol) for symbol in self._symbols]
         zero = self.looks.mi.Color3f(0.0)
         slopes = [kind(*evaluation.values(name, **inputs)) if evaluation.has(name) else zero for name in names]
@@ -137,10 +140,10 @@ class SlopeEstimator(Estimator):
 
     def __init__(
         self,
-        mi: Any,
+        mi: Mitsuba,
         geometry: Geometry,
         looks: Looks,
-        light: Any,
+        light: Lights,
         counts: Counts,
         task: SceneTask,
         symbols: Sequence[str],
@@ -149,7 +152,7 @@ class SlopeEstimator(Estimator):
         super().__init__(mi, geometry, looks, light, counts, task.sampling.bounces, shadows)
         self._symbols = symbols
 
-    def duals(self, view: View, rectangle: Rectangle, count: int, seed: Any, first: Any, shift: Any) -> list[Any]:
+    def duals(self, view: View, rectangle: Rectangle, count: int, seed: UInt, first: UInt, shift: UInt) -> list[Float]:
         """Return radiance and coverage, then the derivatives of these four channels by each symbol; as `pixels`."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
@@ -164,7 +167,7 @@ class SlopeEstimator(Estimator):
         whole = dr.zeros(mi.Float, count)  # makes arrays of channels that are 0 everywhere, which are single numbers
         return [part + whole for color, alpha in zip(radiance, cover, strict=True) for part in (*color, alpha)]
 
-    def _surface(self, triangle: Any, uv: Any, viewer: Any, active: Any) -> Surface:
+    def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> Surface:
         return LiveSurface(self._looks, self._symbols, self._light.split, triangle, uv, viewer, active)
 
     def _constant(self, value: float) -> Dual:
@@ -173,7 +176,7 @@ class SlopeEstimator(Estimator):
     def _no_light(self) -> Dual:
         return self._constant(0.0)
 
-    def _reflect(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Any) -> Dual:
+    def _reflect(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
         """Return the reflected light; the arriving light does not depend on the inputs."""
         (light,) = arriving
         return where(active, product(record.throughput, [response.to(light) for response in responses]))

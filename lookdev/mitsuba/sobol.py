@@ -6,29 +6,29 @@ Hash-based Owen Scrambling").
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 
+from lookdev.mitsuba.types import Float, UInt
 
-def reverse_bits(x: Any) -> Any:
+
+def reverse_bits(x: UInt) -> UInt:
     """Reverse the bits of 32-bit integers."""
     return dr.brev(x)
 
 
-def hash_integers(x: Any) -> Any:
+def hash_integers(x: UInt) -> UInt:
     """Return hashed integers, by Wellons' "lowbias32"."""
     x = (x ^ (x >> 16)) * 0x7FEB352D
     x = (x ^ (x >> 15)) * 0x846CA68B
     return x ^ (x >> 16)
 
 
-def unit_float(kind: type, x: Any) -> Any:
+def unit_float(kind: type[Float], x: UInt) -> Float:
     """Return the upper 24 bits of integers as numbers in [0, 1)."""
     return kind(x >> 8) * (1.0 / 16777216.0)
 
 
-def points(kind: type, index: Any, seed: Any) -> tuple[Any, Any]:
+def points(kind: type[Float], index: UInt, seed: UInt) -> tuple[Float, Float]:
     """Return the point with an index in the sequence that a seed scrambles: two numbers in [0, 1)."""
     i = reverse_bits(_laine_karras(reverse_bits(index), seed))
     p = i ^ (i >> 16)
@@ -42,7 +42,7 @@ def points(kind: type, index: Any, seed: Any) -> tuple[Any, Any]:
     )
 
 
-def _laine_karras(x: Any, seed: Any) -> Any:
+def _laine_karras(x: UInt, seed: UInt) -> UInt:
     """Permute at random: whether a bit is flipped depends on the bits below it only."""
     x = (x ^ (x * 0x3D20ADEA)) + seed
     x *= (seed >> 16) | 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import drjit as dr
 import numpy as np
@@ -15,9 +15,13 @@ from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Evaluation, Program
+from lookdev.mitsuba.types import UV, AnyArray, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 
-Arriving = tuple[Any, Any]
+Arriving = tuple[Color3f, Color3f]
 """The light that arrives, as two colours: for specular lobes and for diffuse lobes."""
+
+_Frame = tuple[Vector3f, Vector3f, Vector3f, Vector3f]
+_Result = TypeVar("_Result")
 
 
 class Looks:
@@ -27,7 +31,11 @@ class Looks:
     """
 
     def __init__(
-        self, mi: Any, sources: Sequence[ProgramSource], geometry: Geometry, inputs: Mapping[str, Any] | None = None
+        self,
+        mi: Mitsuba,
+        sources: list[ProgramSource],
+        geometry: Geometry,
+        inputs: Mapping[str, AnyArray] | None = None,
     ) -> None:
         self.mi = mi
         self.inputs = inputs or {}
@@ -68,7 +76,7 @@ class Looks:
         self.sources = updated
         return True
 
-    def program_of(self, triangle: Any) -> Any:
+    def program_of(self, triangle: UInt) -> UInt:
         """Return the number of the program of triangles."""
         return dr.gather(self.mi.UInt32, self._numbers, self.geometry.look_of(triangle))
 
@@ -77,7 +85,7 @@ def _without_constants(source: ProgramSource) -> ProgramSource:
     return replace(source, name="", digest="", constants=(0.0,) * len(source.constants))
 
 
-def _program(mi: Any, source: ProgramSource) -> Program:
+def _program(mi: Mitsuba, source: ProgramSource) -> Program:
     constants = [dr.opaque(mi.Float, value) for value in source.constants]
     tables = [device_array(mi.Float, np.load(table.path)) for table in source.tables]
     return Program(source.operations, source.outputs, mi.Float, constants, tables)
@@ -89,24 +97,24 @@ class Response:
     `parts` has the same pairs for groups of lobes.
     """
 
-    def __init__(self, whole: tuple[Any, Any], parts: list[tuple[Any, Any]], split: bool) -> None:
+    def __init__(self, whole: tuple[Color3f, Color3f], parts: list[tuple[Color3f, Color3f]], split: bool) -> None:
         self.value, self.diffuse = whole
         self._parts, self._split = parts, split
 
-    def to(self, arriving: Arriving) -> Any:
+    def to(self, arriving: Arriving) -> Color3f:
         """Return the reflected light."""
         return self._reflected((self.value, self.diffuse), arriving)
 
-    def parts_to(self, arriving: Arriving) -> list[Any]:
+    def parts_to(self, arriving: Arriving) -> list[Color3f]:
         """Return the light that each group of lobes reflects."""
         return [self._reflected(part, arriving) for part in self._parts]
 
-    def shares(self) -> list[Any]:
+    def shares(self) -> list[Color3f]:
         """Return the shares of the groups in the value, by channel."""
         safe = dr.select(self.value > 0.0, self.value, 1.0)
         return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
 
-    def _reflected(self, part: tuple[Any, Any], arriving: Arriving) -> Any:
+    def _reflected(self, part: tuple[Color3f, Color3f], arriving: Arriving) -> Color3f:
         value, diffuse = part
         specular_light, diffuse_light = arriving
         if not self._split:
@@ -120,7 +128,7 @@ class Surface:
     Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a surface.
     """
 
-    def __init__(self, looks: Looks, triangle: Any, uv: Any, viewer: Any, active: Any) -> None:
+    def __init__(self, looks: Looks, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> None:
         mi, hit = looks.mi, looks.geometry.at(triangle, uv, active)
         self.looks, self.triangle, self.uv, self.viewer, self.active = looks, triangle, uv, viewer, active
         self.point, self.lift = hit.point, hit.lift
@@ -134,8 +142,8 @@ class Surface:
             evaluation.prepare("value", "pdf", "wi")
         else:
 
-            def axes_of(number: int) -> Callable[..., Any]:
-                def axes(triangle: Any, uv: Any, viewer: Any, *, active: Any) -> Any:
+            def axes_of(number: int) -> Callable[..., _Frame]:
+                def axes(triangle: UInt, uv: UV, viewer: Vector3f, *, active: Bool) -> _Frame:
                     hit_there = looks.geometry.at(triangle, uv, active)
                     return _axes(mi, Evaluation(looks.programs[number], _Symbols(looks, number, hit_there, viewer)))
 
@@ -146,25 +154,25 @@ class Surface:
             self.wo = _local(axes, viewer)
         self.tangent, self.bitangent, self.normal, self.facet = axes
 
-    def to_world(self, w: Any) -> Any:
+    def to_world(self, w: Vector3f) -> Vector3f:
         return w.x * self.tangent + w.y * self.bitangent + w.z * self.normal
 
-    def to_local(self, w: Any) -> Any:
+    def to_local(self, w: Vector3f) -> Vector3f:
         return _local((self.tangent, self.bitangent, self.normal), w)
 
     @property
-    def source(self) -> Any:
+    def source(self) -> UInt:
         """The number of the source of the triangle's slot, by which lights are linked."""
         return self.looks.geometry.look_of(self.triangle)
 
-    def respond(self, wi: Any, active: Any, split: bool, groups: Sequence[str]) -> tuple[list[Response], Any]:
+    def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
         """Return the response to light from local directions, with its derivatives, and the pdf of `draw` for these.
 
         The response has diffuse parts if light is `split`, and the parts of the `groups` of lobes.
         """
         mi = self.looks.mi
 
-        def respond(evaluation: Evaluation, wi: Any) -> tuple[Any, ...]:
+        def respond(evaluation: Evaluation, wi: Vector3f) -> tuple[Float, list[Color3f]]:
             directions = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
             value = mi.Color3f(*evaluation.values("value", **directions))
             pdf = mi.Float(evaluation.values("pdf", **directions)[0])
@@ -173,22 +181,22 @@ class Surface:
             for group in groups:
                 part = evaluation.values(f"of_{group}", **directions) if evaluation.has(f"of_{group}") else (0.0,) * 6
                 values += [mi.Color3f(*part[:3]), mi.Color3f(*part[3:])]
-            return pdf, *values
+            return pdf, values
 
-        pdf, value, diffuse, *parts = self._call_programs(respond, wi, active=active)
+        pdf, (value, diffuse, *parts) = self._call_programs(respond, wi, active=active)
         return [Response((value, diffuse), list(zip(parts[::2], parts[1::2], strict=True)), split)], pdf
 
-    def draw(self, u1: Any, u2: Any, active: Any) -> Any:
+    def draw(self, u1: Float, u2: Float, active: Bool) -> Vector3f:
         """Return local directions, sampled from the BSDF."""
         mi = self.looks.mi
         return self._call_programs(
             lambda evaluation, u1, u2: mi.Vector3f(*evaluation.values("wi", u1=u1, u2=u2)), u1, u2, active=active
         )
 
-    def presence(self) -> Any:
+    def presence(self) -> Float:
         mi = self.looks.mi
 
-        def presence(evaluation: Evaluation) -> Any:
+        def presence(evaluation: Evaluation) -> Float:
             return mi.Float(evaluation.values("presence")[0]) if evaluation.has("presence") else mi.Float(1.0)
 
         return self._call_programs(presence, active=self.active)
@@ -197,11 +205,11 @@ class Surface:
         """Return the factor of light that passes straight through the surface, with derivatives."""
         return [self.looks.mi.Color3f(1.0 - self.presence())]
 
-    def delta(self, number: int) -> tuple[Any, Dual, Any]:
+    def delta(self, number: int) -> tuple[Vector3f, Dual, Float]:
         """Return a single direction (local), the factor of light from there (0 for none), and its group of lobes."""
         mi = self.looks.mi
 
-        def delta(evaluation: Evaluation) -> tuple[Any, Any, Any]:
+        def delta(evaluation: Evaluation) -> tuple[Vector3f, Color3f, Float]:
             if not evaluation.has(f"delta{number}"):
                 return mi.Vector3f(0.0), mi.Color3f(0.0), mi.Float(0.0)
             values = evaluation.values(f"delta{number}")
@@ -210,11 +218,11 @@ class Surface:
         wi, value, group = self._call_programs(delta, active=self.active)
         return wi, [value], group
 
-    def guide(self) -> tuple[Any, Any]:
+    def guide(self) -> tuple[Color3f, Vector3f]:
         """Return the albedo and the normal in world space, which guide a denoiser."""
         mi = self.looks.mi
 
-        def guide(evaluation: Evaluation) -> tuple[Any, Any]:
+        def guide(evaluation: Evaluation) -> tuple[Color3f, Vector3f]:
             return mi.Color3f(*evaluation.values("albedo")), mi.Vector3f(*evaluation.values("bent"))
 
         albedo, bent = self._call_programs(guide, active=self.active)
@@ -222,14 +230,16 @@ class Surface:
             albedo *= self.presence()
         return albedo, self.to_world(bent)
 
-    def _call_programs(self, function: Callable[..., Any], *arguments: Any, active: Any) -> Any:
+    def _call_programs(self, function: Callable[..., _Result], *arguments: AnyArray, active: Bool) -> _Result:
         """Call a function with the evaluation of each look's program, on the triangles with that look."""
         if self._single is not None:
             return function(self._single, *arguments)
         looks = self.looks
 
-        def call_of(number: int) -> Callable[..., Any]:
-            def call(triangle: Any, uv: Any, viewer: Any, wo: Any, *arguments: Any, active: Any) -> Any:
+        def call_of(number: int) -> Callable[..., _Result]:
+            def call(
+                triangle: UInt, uv: UV, viewer: Vector3f, wo: Vector3f, *arguments: AnyArray, active: Bool
+            ) -> _Result:
                 symbols = _Symbols(looks, number, looks.geometry.at(triangle, uv, active), viewer)
                 symbols.wo = wo
                 return function(Evaluation(looks.programs[number], symbols), *arguments)
@@ -244,8 +254,8 @@ class Surface:
 class _Symbols:
     """The values of a program's symbols at points of a surface."""
 
-    def __init__(self, looks: Looks, number: int, hit: Hit, viewer: Any) -> None:
-        self.wo: Any = None
+    def __init__(self, looks: Looks, number: int, hit: Hit, viewer: Vector3f) -> None:
+        self.wo: Vector3f | None = None
         self._hit = hit
         self._viewer = viewer
         self._images = looks.images[number]
@@ -282,13 +292,13 @@ class _Symbols:
         return self._hit.attribute(self._bindings["shading_tangent" if name == "mesh_tangent" else name])
 
 
-def _axes(mi: Any, evaluation: Evaluation) -> tuple[Any, Any, Any, Any]:
+def _axes(mi: Mitsuba, evaluation: Evaluation) -> _Frame:
     tangent, bitangent, normal, facet = (
         mi.Vector3f(*evaluation.values(name)) for name in ("tangent", "bitangent", "normal", "facet")
     )
     return tangent, bitangent, normal, facet
 
 
-def _local(axes: Sequence[Any], w: Any) -> Any:
+def _local(axes: Sequence[Vector3f], w: Vector3f) -> Vector3f:
     tangent, bitangent, normal = axes[:3]
     return type(w)(dr.dot(w, tangent), dr.dot(w, bitangent), dr.dot(w, normal))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 
+from lookdev.arrays import Floats
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
+from lookdev.mitsuba.types import UV, AnyArray, Bool, Float, Mitsuba, Ray3f, UInt, Vector2f, Vector3f
 from lookdev.rendering.adaptive import Region
 from lookdev.scene import Camera, Pose
 
@@ -21,11 +22,11 @@ class View:
     The first of `turns` rotates lights that turn with the rig, the second those that do not.
     """
 
-    origin: Any
-    right: Any
-    up: Any
-    back: Any
-    turns: Any
+    origin: Vector3f
+    right: Vector3f
+    up: Vector3f
+    back: Vector3f
+    turns: Vector2f
     width: int
     height: int
     aperture: float
@@ -33,7 +34,7 @@ class View:
     near: float
 
     @classmethod
-    def of(cls, mi: Any, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Any) -> View:
+    def of(cls, mi: Mitsuba, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Floats) -> View:
         """Return the view of a pose: the camera orbits, the lights turn, the asset is fixed (`lookdev.scene.Pose`).
 
         `right` and `up` span half the frame at depth 1, and `back` is shifted with it.
@@ -52,11 +53,11 @@ class View:
         origin, right, up, back = (mi.Vector3f(*opaque[3 * i : 3 * i + 3]) for i in range(4))
         return cls(origin, right, up, back, turns, width, height, aperture, focus, camera.clip[0])
 
-    def rays(self, mi: Any, x: Any, y: Any, u: Any, v: Any) -> Any:
+    def rays(self, mi: Mitsuba, x: Float, y: Float, u: Float, v: Float) -> Ray3f:
         """Return the rays through positions on the film, in pixels from the upper left; u and v sample the lens."""
         sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height
         direction = sx * self.right + sy * self.up - self.back
-        origin = mi.Point3f(self.origin)
+        origin: AnyArray = mi.Point3f(self.origin)
         if self.aperture > 0.0:
             radius = 0.5 * self.aperture * dr.sqrt(u)
             s, c = dr.sincos(2.0 * math.pi * v)
@@ -65,8 +66,8 @@ class View:
         return mi.Ray3f(origin + self.near * direction, dr.normalize(direction))
 
     def first_hits(
-        self, mi: Any, geometry: Geometry, pixel: Any, index: Any, scramble: Any
-    ) -> tuple[Any, Any, Any, Any, Any]:
+        self, mi: Mitsuba, geometry: Geometry, pixel: UInt, index: UInt, scramble: UInt
+    ) -> tuple[UInt, UV, Ray3f, Bool, Float]:
         """Return the triangles, barycentric coordinates, rays, hit masks and distances of samples of pixels.
 
         `index` is the number of a sample in its pixel, `scramble` the seed of that pixel's samples.
@@ -87,11 +88,11 @@ class View:
 class Rectangle:
     """A part of the frame: its upper left pixel and its width, as inputs of a kernel."""
 
-    left: Any
-    top: Any
-    width: Any
+    left: UInt
+    top: UInt
+    width: UInt
 
     @classmethod
-    def of(cls, mi: Any, region: Region) -> Rectangle:
+    def of(cls, mi: Mitsuba, region: Region) -> Rectangle:
         left, right = region.columns.start, region.columns.stop
         return cls(*(dr.opaque(mi.UInt32, number) for number in (left, region.rows.start, right - left)))

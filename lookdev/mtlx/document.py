@@ -7,7 +7,6 @@ names. Documents are not upgraded to the version of the package: that takes minu
 from __future__ import annotations
 
 import re
-from typing import Any
 from xml.parsers import expat
 
 import MaterialX as mx
@@ -21,7 +20,7 @@ _MAX_DEPTH = 32
 _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
 
 
-def read_document(data: bytes, file: str) -> tuple[Any, tuple[Fault, ...]]:
+def read_document(data: bytes, file: str) -> tuple[mx.Document, tuple[Fault, ...]]:
     """Return a MaterialX document, and its includes as faults, since they are not followed.
 
     Raises

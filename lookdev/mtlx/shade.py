@@ -17,7 +17,6 @@ import re
 from functools import cache
 from itertools import count
 from pathlib import Path
-from typing import Any
 
 import MaterialX as mx
 from pxr import Ar, Sdf, Tf
@@ -98,7 +97,7 @@ class _Writer:
         # whose prims still lack inputs.
         self._material: Sdf.PrimSpec
         self._written: dict[str, Sdf.PrimSpec] = {}
-        self._pending: list[tuple[Any, Sdf.PrimSpec]] = []
+        self._pending: list[tuple[mx.Node, Sdf.PrimSpec]] = []
 
     def layer_text(self) -> str:
         """Return the layer as text; raises LookError with every fault of the document."""
@@ -120,10 +119,10 @@ class _Writer:
             self._layer.customLayerData = {NOTES: "\n".join(lines)}
         return str(self._layer.ExportToString())
 
-    def _add_fault(self, element: Any, message: str, hint: str = "") -> None:
+    def _add_fault(self, element: mx.Element, message: str, hint: str = "") -> None:
         self.faults.append(Fault(self.file, element.getNamePath(), message, hint))
 
-    def _add_note(self, element: Any, message: str, hint: str = "") -> None:
+    def _add_note(self, element: mx.Element, message: str, hint: str = "") -> None:
         self.notes.append(Fault(self.file, element.getNamePath(), message, hint))
 
     def _define_prim(self, parent: Sdf.Layer | Sdf.PrimSpec, name: str, kind: str) -> Sdf.PrimSpec:
@@ -137,7 +136,7 @@ class _Writer:
         unique = next(candidate for n in count(1) if (candidate := valid if n == 1 else f"{valid}_{n}") not in siblings)
         return Sdf.PrimSpec(parent, unique, Sdf.SpecifierDef, kind)
 
-    def _write_material(self, materials: Sdf.PrimSpec, node: Any) -> None:
+    def _write_material(self, materials: Sdf.PrimSpec, node: mx.Node) -> None:
         self._material = self._define_prim(materials, node.getName(), "Material")
         self._written.clear()
         for name, terminal in _TERMINALS.items():
@@ -170,7 +169,7 @@ class _Writer:
             if name in ports:
                 self._set_attribute(outer, ports[name], node.getParent())
 
-    def _write_node(self, node: Any, shader: Sdf.PrimSpec) -> None:
+    def _write_node(self, node: mx.Node, shader: Sdf.PrimSpec) -> None:
         for port in node.getInputs():
             self._set_attribute(
                 self._get_attribute(shader, f"inputs:{port.getName()}", port.getType()), port, node.getParent()
@@ -181,7 +180,7 @@ class _Writer:
         attribute = prim.attributes.get(valid)
         return attribute or Sdf.AttributeSpec(prim, valid, _TYPES.get(kind, Sdf.ValueTypeNames.Token))
 
-    def _set_attribute(self, attribute: Sdf.AttributeSpec, port: Any, scope: Any) -> None:
+    def _set_attribute(self, attribute: Sdf.AttributeSpec, port: mx.PortElement, scope: mx.GraphElement) -> None:
         """Set the value or the connection of an attribute to those of a port."""
         if target := self._write_target(port, scope):
             if channels := port.getAttribute("channels"):
@@ -200,7 +199,9 @@ class _Writer:
         if space and port.getType() in ("color3", "color4", "filename"):
             attribute.SetInfo("colorSpace", space)
 
-    def _add_swizzle(self, attribute: Sdf.AttributeSpec, target: Sdf.Path, port: Any, channels: str) -> Sdf.Path:
+    def _add_swizzle(
+        self, attribute: Sdf.AttributeSpec, target: Sdf.Path, port: mx.PortElement, channels: str
+    ) -> Sdf.Path:
         """Add a swizzle between a port and its source, for the channels that the port names; return its output."""
         parent = attribute.owner.nameParent
         swizzle = self._define_shader(
@@ -215,7 +216,7 @@ class _Writer:
         Sdf.AttributeSpec(shader, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = identifier
         return shader
 
-    def _write_target(self, port: Any, scope: Any) -> Sdf.Path | None:
+    def _write_target(self, port: mx.PortElement, scope: mx.GraphElement) -> Sdf.Path | None:
         """Write the prims that a port is connected to, and return the connected property; None for a value.
 
         `scope` is the document or the node graph whose children the port's connections name. Missing elements get a
@@ -244,7 +245,7 @@ class _Writer:
             )
         return None
 
-    def _define_container(self, scope: Any) -> Sdf.PrimSpec:
+    def _define_container(self, scope: mx.GraphElement) -> Sdf.PrimSpec:
         """Return the parent prim of the nodes of a scope: the material for the document, else a NodeGraph."""
         if not isinstance(scope, mx.NodeGraph):
             return self._material
@@ -257,7 +258,7 @@ class _Writer:
                 )
         return self._written[path]
 
-    def _write_graph_output(self, graph: Any, name: str) -> Sdf.Path:
+    def _write_graph_output(self, graph: mx.NodeGraph, name: str) -> Sdf.Path:
         outputs = graph.getOutputs()
         name = name or (outputs[0].getName() if len(outputs) == 1 else "out")
         prim = self._define_container(graph)
@@ -267,7 +268,7 @@ class _Writer:
             self._set_attribute(self._get_attribute(prim, path.name, output.getType()), output, graph)
         return path
 
-    def _define_node(self, node: Any) -> Sdf.PrimSpec:
+    def _define_node(self, node: mx.Node) -> Sdf.PrimSpec:
         path = node.getNamePath()
         if path not in self._written:
             version = _VERSIONS.get((node.getCategory(), node.getVersionString()), "")
@@ -277,7 +278,7 @@ class _Writer:
             self._pending.append((node, self._written[path]))
         return self._written[path]
 
-    def _read_value(self, port: Any) -> object:
+    def _read_value(self, port: mx.PortElement) -> object:
         """Return the value of a port; None, with a note for an unknown type, or a fault for a malformed value."""
         kind, text = port.getType(), port.getValueString()
         if kind == "filename":
@@ -304,14 +305,14 @@ class _Writer:
         self._add_fault(port, f"'{text:.40}' is not a value", "true or false" if kind == "boolean" else hint)
         return None
 
-    def _unit_scale(self, port: Any) -> float:
+    def _unit_scale(self, port: mx.PortElement) -> float:
         """Return the factor from the unit of a port to metres or degrees."""
         unit = port.getUnit()
         if unit and unit not in _UNITS:
             self._add_note(port, f"the unit '{unit:.40}' is unknown", f"one of {', '.join(_UNITS)} is read")
         return _UNITS.get(unit, 1.0)
 
-    def _read_asset(self, port: Any) -> Sdf.AssetPath | None:
+    def _read_asset(self, port: mx.PortElement) -> Sdf.AssetPath | None:
         """Return the absolute path of an image, whose path in the document may be relative to this."""
         # Documents come from all operating systems: either slash separates folders.
         prefix, name = port.getActiveFilePrefix(), port.getValueString()
@@ -335,7 +336,7 @@ class _Writer:
         return posixpath.normpath(posixpath.join(Path(self.file).absolute().parent.as_posix(), name))
 
 
-def _is_connected(port: Any) -> bool:
+def _is_connected(port: mx.PortElement) -> bool:
     return any(port.getAttribute(name) for name in _LINKS)
 
 

@@ -109,7 +109,7 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
             strict=True,
         )
     )
-    figure, axes = create_figure(size=(6.8, 4.6), subplot_kw={"projection": "polar"})
+    figure, axes = create_figure(size=(6.8, 4.6), projection="polar")
     ax = axes[0, 0]
     peak = max((float(np.max(values)) for _, values in curves), default=0.0) or 1.0
     floor = peak * 10.0**-_DECADES
@@ -203,7 +203,7 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     degrees = surface_values[0]["x"]
     curves = list(zip(labels, (surface["f"] for surface in surface_values), strict=True))
     errors = dict(zip(labels, (surface["error"] for surface in surface_values), strict=True))
-    columns = draw_curves(ax, degrees, curves, options, marker=".", markersize=4)
+    columns = draw_curves(ax, degrees, curves, options, marker=".")
     for index, (label, values) in enumerate(curves):
         bands = zip(
             split_channels(values, options).values(), split_channels(errors[label], options).items(), strict=True

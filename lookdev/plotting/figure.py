@@ -6,7 +6,6 @@ import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -14,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lookdev.arrays import Bools, Floats
+from lookdev.arrays import Array, Bools, Floats
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.plotting.angles import LUMINANCE
@@ -30,7 +29,7 @@ DASHES = ("-", "--", ":", "-.")
 
 _LONGEST_LABEL = 56
 # Without dates and random names, the same plot is the same file.
-_STABLE: dict[str, dict[str, Any]] = {
+_STABLE: dict[str, dict[str, None]] = {
     ".png": {"Software": None},
     ".svg": {"Date": None},
     ".pdf": {"CreationDate": None},
@@ -45,7 +44,7 @@ class Plot:
     """
 
     figure: Figure
-    columns: Mapping[str, NDArray[Any]]
+    columns: Mapping[str, Array]
     notes: tuple[str, ...] = ()
 
     def write(self, file: Path, dpi: float = 120.0) -> None:
@@ -76,11 +75,11 @@ def check_suffix(file: Path) -> str:
 
 
 def create_figure(
-    columns: int = 1, rows: int = 1, size: tuple[float, float] = (6.4, 4.4), **axes: Any
-) -> tuple[Figure, Any]:
+    columns: int = 1, rows: int = 1, size: tuple[float, float] = (6.4, 4.4), projection: str | None = None
+) -> tuple[Figure, NDArray[np.object_]]:
     """Return a figure with a grid of axes, each of `size` in inches, and the axes, (rows, columns)."""
     figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **axes)
+    return figure, figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": projection})
 
 
 def legend_label(label: str) -> str:
@@ -105,7 +104,7 @@ def split_channels(values: Floats, options: Options) -> dict[str, Floats]:
 
 
 def draw_curves(
-    axes: Axes, x: Floats, curves: Sequence[tuple[str, Floats]], options: Options, **style: Any
+    axes: Axes, x: Floats, curves: Sequence[tuple[str, Floats]], options: Options, marker: str = "None"
 ) -> dict[str, Floats]:
     """Draw labelled colours (n, 3) as curves over x (n,), and return them as columns."""
     columns: dict[str, Floats] = {}
@@ -113,7 +112,15 @@ def draw_curves(
         for channel, (ending, curve) in enumerate(split_channels(values, options).items()):
             color = RGB[channel] if ending else COLORS[index % len(COLORS)]
             dashes = DASHES[(index if ending else index // len(COLORS)) % len(DASHES)]
-            axes.plot(x, curve, color=color, linestyle=dashes, label=f"{legend_label(label)}{ending}", **style)
+            axes.plot(
+                x,
+                curve,
+                color=color,
+                linestyle=dashes,
+                label=f"{legend_label(label)}{ending}",
+                marker=marker,
+                markersize=4,
+            )
             columns[f"{label}{ending}"] = curve
     return columns
 

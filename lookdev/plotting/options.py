@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 from lookdev.errors import LookdevError, nearest_hint
 
@@ -68,7 +67,7 @@ class Options:
         if 0 < self.size < 4:
             raise LookdevError(f"--size {self.size}: 4 to 2048 would be right")
 
-    def given(self) -> dict[str, Any]:
+    def given(self) -> dict[str, str | float]:
         """Return the options that are not at their defaults, by name."""
         return {
             option.name: getattr(self, option.name)

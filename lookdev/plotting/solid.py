@@ -28,7 +28,7 @@ _ROOT = 1.1673039782614187
 def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f for one view and all lights above the horizon as the radius of a surface; the view is a line."""
     theta, phi, view = lobe_grid(options)
-    figure, axes = create_figure(len(subjects), size=(4.6, 4.4), subplot_kw={"projection": "3d"})
+    figure, axes = create_figure(len(subjects), size=(4.6, 4.4), projection="3d")
     columns = {"theta_i (degrees)": np.repeat(np.degrees(theta), len(phi))}
     columns["phi_i (degrees)"] = np.tile(np.degrees(phi), len(theta))
     for ax, label, subject in zip(

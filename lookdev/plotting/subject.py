@@ -11,14 +11,15 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf import MODELS, Bsdf, Model, complete_parameters, model_named, stack_bsdf
+from lookdev.brdf import MODELS, Array, Bsdf, Model, Real, complete_parameters, model_named, stack_bsdf
 from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.model import StackLayer
+from lookdev.brdf.parameters import Value
+from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, LookError, ModelError, nearest_hint
 from lookdev.material import Look, Primvar
 from lookdev.material.library import SUFFIXES, find_preset, library_folders, read_library
@@ -55,7 +56,7 @@ class Subject:
         return self.layers[0].model if len(self.layers) == 1 else ""
 
     @property
-    def parameters(self) -> Mapping[str, Any] | None:
+    def parameters(self) -> Parameters | None:
         """All parameters of a single layer; None for a stack."""
         return self.layers[0].parameters if len(self.layers) == 1 else None
 
@@ -137,7 +138,7 @@ def _is_file(words: str, locate: Locate, folders: bool = False) -> bool:
         return False
 
 
-def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, Any]]:
+def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, Value]]:
     """Return the model and the given parameters of words such as ``disney:sheen=0``; raises as `read_subject` does."""
     name, _, rest = words.partition(":")
     model = model_named(name)
@@ -150,9 +151,9 @@ def model_subject(model: Model, constants: Mapping[str, object], label: str) -> 
     return Subject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
 
 
-def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) -> dict[str, Any]:
+def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) -> dict[str, Value]:
     """Parse a model's parameters from text such as ``roughness=.3,baseColor=.8/.2/.1``; `words` are for messages."""
-    parameters: dict[str, Any] = {}
+    parameters: dict[str, Value] = {}
     for pair in filter(None, text.split(",")):
         name, equals, value = pair.partition("=")
         name = name.strip()
@@ -167,7 +168,7 @@ def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) 
     return parameters
 
 
-def _parse_value(words: str, kind: str, name: str, text: str) -> object:
+def _parse_value(words: str, kind: str, name: str, text: str) -> Value:
     if kind == "token":
         return text
     try:
@@ -179,7 +180,7 @@ def _parse_value(words: str, kind: str, name: str, text: str) -> object:
     if kind == "color" and len(numbers) == 1:
         return (numbers[0],) * 3
     if kind != "float" and len(numbers) == 3:
-        return tuple(numbers)
+        return numbers[0], numbers[1], numbers[2]
     right = "a number" if kind == "float" else "R/G/B or one number" if kind == "color" else "X/Y/Z"
     raise ModelError(f"{words}: {name} is '{text}'; {right} would be right")
 
@@ -218,7 +219,7 @@ def _look_subject(
         depends_on_view(source) for candidate in look.layers for source in (*candidate.inputs.values(), candidate.mask)
     ):
         # The parameters are functions of the view, so each view has its own stack.
-        def bsdf_for_view(wo: Any) -> Bsdf:
+        def bsdf_for_view(wo: Array) -> Bsdf:
             return stack_bsdf(_layers_at(look, uv, np.abs(np.asarray(wo)[..., 2]), is_squeezed=False))
 
         upright_bsdf = bsdf_for_view(np.array([[0.0, 0.0, 1.0]]))
@@ -236,7 +237,7 @@ def _look_subject(
 def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed: bool = True) -> list[StackLayer]:
     """Return the layers at texture coordinates; if squeezed, parameters are single numbers and colours."""
 
-    def squeeze(value: Any) -> Any:
+    def squeeze(value: Real) -> Real:
         return np.squeeze(np.asarray(value), 0) if np.ndim(value) and np.shape(value)[0] == 1 else value
 
     layers = look_layers(look, _Point(uv, cosine))
@@ -245,7 +246,9 @@ def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed:
     return [
         replace(
             layer,
-            parameters={name: squeeze(value) for name, value in layer.parameters.items()},
+            parameters={
+                name: value if isinstance(value, str) else squeeze(value) for name, value in layer.parameters.items()
+            },
             mask=squeeze(layer.mask),
         )
         for layer in layers

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from numpy.typing import NDArray
 
-from lookdev.arrays import Bools, Floats, Floats32, Ints
+from lookdev.arrays import Array, Bools, Floats, Floats32, Ints, Records
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -27,7 +25,7 @@ from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_bsdf
 from lookdev.scene.shading import shading_frame
 
-Places = NDArray[Any]
+Places = Records
 
 _HIT = np.dtype([("triangle", np.int64), ("weights", np.float64, (3,))])
 _LIFT = 3e-7  # relative to the asset's size: above the rounding to float32 of a hit and of its triangle
@@ -169,7 +167,7 @@ class MeshScene:
             yield index, look_bsdf(self._looks[number], MeshPoints(self, hits[index], view[index]))
 
     def interpolate(
-        self, hits: Places, key: object, label: str, read: Callable[[Mesh], NDArray[Any] | None], width: int
+        self, hits: Places, key: object, label: str, read: Callable[[Mesh], Array | None], width: int
     ) -> Floats:
         """Interpolate an attribute of corners, (N, width).
 
@@ -263,7 +261,7 @@ class MeshPoints(ImagePoints):
     def primvar(self, primvar: Primvar) -> Floats:
         fallback = np.atleast_1d(np.asarray(primvar.fallback, np.float64))
 
-        def read(mesh: Mesh) -> NDArray[Any]:
+        def read(mesh: Mesh) -> Array:
             return mesh.primvars.get(primvar.name, np.broadcast_to(fallback, (len(mesh.corner_points), len(fallback))))
 
         value = self.scene.interpolate(self.place, primvar, f"primvar '{primvar.name}'", read, len(fallback))

@@ -15,19 +15,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from lookdev.arrays import Bools, Floats, Ints
+from lookdev.arrays import Bools, Floats, Ints, Records
 from lookdev.brdf import Bsdf, Delta, bsdf_for_views, evaluate_cosine, evaluate_diffuse, pdf, sample
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
 
-Places = NDArray[Any]
+_Element = TypeVar("_Element", bound=np.generic)
+
+Places = Records
 """Hits of rays on a surface, one a row; the scene defines the content of a row."""
 
 _BLOCK = 2**14  # rays at a time: enough to outweigh the cost of calls, few enough for the processor's cache
@@ -269,13 +271,16 @@ def _choose_rays(alternatives: Sequence[_TracedRays], u: Floats) -> _TracedRays:
     number = np.minimum((u * total >= ends).sum(axis=0), len(alternatives) - 1)
     rows = np.arange(len(u))
 
-    def pick(name: str) -> Any:
-        return np.stack([getattr(rays, name) for rays in alternatives])[number, rows]
+    def pick(values: Callable[[_TracedRays], NDArray[_Element]]) -> NDArray[_Element]:
+        picked: NDArray[_Element] = np.stack([values(rays) for rays in alternatives])[number, rows]
+        return picked
 
     share = shares[number, rows]
     scale = np.divide(total, share, out=np.zeros_like(total), where=share > 0.0)
-    weight = pick("weight") * scale[:, None]
-    return _TracedRays(pick("direction"), pick("direct"), pick("blocked") & (share > 0.0), pick("place"), weight)
+    blocked = pick(lambda rays: rays.blocked) & (share > 0.0)
+    direction, direct = pick(lambda rays: rays.direction), pick(lambda rays: rays.direct)
+    weight = pick(lambda rays: rays.weight) * scale[:, None]
+    return _TracedRays(direction, direct, blocked, pick(lambda rays: rays.place), weight)
 
 
 @dataclass(frozen=True)

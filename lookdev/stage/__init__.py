@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Any, Literal
+from typing import Literal
 
 from pxr import Ar, Sdf, Tf, Usd, UsdLux, UsdUtils
 
@@ -298,7 +298,7 @@ def _ineffective_overrides(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> li
     return notes
 
 
-def _warning_text(messages: Any) -> str:
+def _warning_text(messages: UsdUtils.CoalescingDiagnosticDelegateItem) -> str:
     """Return the text of a group of USD's warnings from one source line, and how many more there are."""
     try:
         texts = list(dict.fromkeys(message.commentary for message in messages.unsharedItems))

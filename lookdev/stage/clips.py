@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd, Vt
@@ -36,7 +35,7 @@ def clip_faults(stage: Usd.Stage, file: Path, open_layer: Callable[[Path], Sdf.L
 
 
 def _clip_set_problems(
-    clips: Usd.ClipsAPI, name: str, clip_set: Any, open_layer: Callable[[Path], Sdf.Layer]
+    clips: Usd.ClipsAPI, name: str, clip_set: object, open_layer: Callable[[Path], Sdf.Layer]
 ) -> Iterator[str]:
     if not isinstance(clip_set, dict):
         yield "is not a dictionary"

@@ -17,7 +17,7 @@ from lookdev.codegen import HANDEDNESS, AttributeBinding, GroupSocket, Link, Nod
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
-from lookdev.codegen.trace.graph import Graph, reachable_nodes
+from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import TextureError
 from lookdev.material import Bump, Coordinates, Formula, Primvar, Texture
@@ -57,7 +57,7 @@ def tree_of(
     inputs = Inputs(Graph(), resolve)
     value = elements_of(Values(inputs).of(source, parameter))
     builder = TreeBuilder("inputs")
-    names = [str(node.args[0]) for node in reachable_nodes(value) if node.op == "symbol"]
+    names = [node.name for node in reachable_nodes(value) if isinstance(node, Symbol)]
     attributes = bind_inputs(builder, inputs, [*names, "wo_x"])
     out = builder.scalar(value[0]) if len(value) == 1 else builder.vector(value)
     builder.add("NodeGroupOutput", inputs={"out": out})

@@ -12,7 +12,17 @@ from lookdev.brdf.lobes import Delta, Directions
 from lookdev.brdf.table import Table, look_up
 from lookdev.codegen.osl.block import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
-from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, dependent_nodes, post_order, reachable_nodes
+from lookdev.codegen.trace.graph import (
+    OPERATIONS,
+    Graph,
+    Node,
+    Symbol,
+    TableCell,
+    Uniform,
+    dependent_nodes,
+    post_order,
+    reachable_nodes,
+)
 from lookdev.codegen.trace.lobes import INSIDE, present_deltas, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols, uniforms
 from lookdev.errors import CodegenError
@@ -141,12 +151,12 @@ def compute(value: Any, symbols: dict[str, Any], results: dict[Node, Any]) -> An
     if not isinstance(value, Node):
         return value
     if value not in results:
-        if value.op == "symbol":
-            results[value] = symbols[value.args[0]]
-        elif value.op == "look_up":
-            table, channel, *cell = value.args
-            row, column = (np.asarray(compute(index, symbols, results)).astype(np.intp) for index in cell)
-            results[value] = table.values[row, column] if channel is None else table.values[row, column, channel]
+        if isinstance(value, Symbol):
+            results[value] = symbols[value.name]
+        elif isinstance(value, TableCell):
+            row, column = (np.asarray(compute(index, symbols, results)).astype(np.intp) for index in value.args)
+            cell = value.table.values[row, column]
+            results[value] = cell if value.channel is None else cell[..., value.channel]
         else:
             function: Any = getattr(np, value.op)
             results[value] = function(*(compute(arg, symbols, results) for arg in value.args))

@@ -17,7 +17,7 @@ from lookdev.codegen import Link, NodeSource, NodeTree
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.inputs import bind_inputs
-from lookdev.codegen.trace.graph import Graph, reachable_nodes
+from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.material import Bump, Coordinates, Formula, Texture
 from lookdev.material.expression import parse
@@ -130,7 +130,7 @@ def emission_material(source: Any) -> NodeSource:
     else:
         value = elements_of(Values(inputs).of(source, COLOR))
     builder = TreeBuilder("emitting")
-    bind_inputs(builder, inputs, [str(node.args[0]) for node in reachable_nodes(value) if node.op == "symbol"])
+    bind_inputs(builder, inputs, [node.name for node in reachable_nodes(value) if isinstance(node, Symbol)])
     light = builder.add("Emission", inputs={"Color": builder.vector(value)})
     builder.add("OutputMaterial", inputs={"Surface": Link(light, "Emission")})
     return NodeSource("emitting", (use_positions_as_uv(builder.tree()),), (), "", False)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.codegen.trace.graph import Graph, Node, reachable_nodes
+from lookdev.codegen.trace.graph import Graph, Node, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.material.expression import ExpressionError, Kind, parse, shaping
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS
@@ -200,7 +200,7 @@ def trace(graph: Graph, text: str) -> Any:
 
 
 def reads(text: str) -> set[str]:
-    return {str(node.args[0]) for node in reachable_nodes(elements_of(trace(Graph(), text))) if node.op == "symbol"}
+    return {node.name for node in reachable_nodes(elements_of(trace(Graph(), text))) if isinstance(node, Symbol)}
 
 
 @pytest.mark.parametrize(
@@ -233,8 +233,8 @@ def compute(value: Any, symbols: dict[str, Any], kind: Any) -> Any:
         if not isinstance(item, Node):
             return item if isinstance(item, bool) else kind(item)
         if item not in done:
-            if item.op == "symbol":
-                done[item] = symbols[item.args[0]].astype(kind)
+            if isinstance(item, Symbol):
+                done[item] = symbols[item.name].astype(kind)
             else:
                 done[item] = getattr(np, item.op)(*(visit(arg) for arg in item.args))
         return done[item]

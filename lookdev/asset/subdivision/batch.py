@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from lookdev.arrays import Indices
+from lookdev.arrays import Floats32, Indices
 from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
 from lookdev.asset.subdivision.cage import Control, Tags, read_tags
 from lookdev.asset.subdivision.refine import Refined, refine_cage
@@ -46,7 +45,7 @@ def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
 
 def batches(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
     """Yield (numbers, level) of cages that share level, rules and kinds of values, in batches of `_BATCH_CORNERS`."""
-    groups: dict[tuple[Any, ...], list[int]] = {}
+    groups: dict[tuple[int, *tuple[object, ...]], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):
         if (rules := mesh.subdivision) is not None:
             value_kinds = tuple((interpolation, values.shape[1:]) for interpolation, values in _values(mesh, rules))
@@ -59,7 +58,7 @@ def batches(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[lis
             yield group.tolist(), level
 
 
-def _values(mesh: Mesh, rules: Subdivision) -> list[tuple[Interpolation, Any]]:
+def _values(mesh: Mesh, rules: Subdivision) -> list[tuple[Interpolation, Floats32]]:
     """Return the interpolation and the values at corners of each UV set, then of each primvar."""
     arrays = [*mesh.uvs.items(), *mesh.primvars.items()]
     return [(rules.interpolation.get(name, "faceVarying"), values) for name, values in arrays]

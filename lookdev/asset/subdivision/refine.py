@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -62,7 +61,7 @@ def refine_cage(control: Control, subdivision: Subdivision, level: int) -> Refin
         return _visible_faces(cage, cage.level, control.points, normals, np.arange(len(control.sizes)), columns)
 
     surface, others, linear = _group_values(control, cage, rules, subdivision)
-    at_corners: list[Any] = [None] * len(control.values)
+    at_corners = [np.zeros(0, np.float32)] * len(control.values)
     origin, half_edges, values = np.arange(len(control.sizes)), surface.level, surface.values
     for _ in range(level):
         values = interpolate(half_edges, values, rules)
@@ -151,7 +150,7 @@ def _refine_stack(stack: _Stack, rules: Rules, level: int) -> tuple[Level, Float
     return half_edges, limit(half_edges, values, rules, has_normals=False)[0]
 
 
-def _assign_columns(level: Level, values: Floats, columns: list[tuple[int, int]], at_corners: list[Any]) -> None:
+def _assign_columns(level: Level, values: Floats, columns: list[tuple[int, int]], at_corners: list[Floats32]) -> None:
     """Write the columns of a stack, at the corners, to `at_corners` by their numbers."""
     start = 0
     for number, width in columns:

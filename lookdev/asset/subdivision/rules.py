@@ -9,10 +9,8 @@ to zero, both masks are blended.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Scheme
@@ -71,7 +69,7 @@ def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules
     """
     edges, half, sharpness = _soft_edges(level)
     a, b = level.faces[half], level.faces[level.twins[half]]
-    weight: Any = 0.25
+    weight: Floats | float = 0.25
     if rules.smooth_triangles:
         face_weight = np.where(level.sizes == 3, _TRIANGLE_WEIGHT, 0.25)
         weight = 0.5 * (face_weight[a] + face_weight[b])[:, None]
@@ -126,7 +124,7 @@ def _transition_weights(level: Level) -> Floats:
     return np.asarray(total / np.maximum(np.bincount(ends, minlength=count) + is_fading_point, 1))
 
 
-def smooth_weights(valence: NDArray[Any], rules: Rules) -> tuple[Floats, Floats]:
+def smooth_weights(valence: Indices, rules: Rules) -> tuple[Floats, Floats]:
     """Return the weights (n,) of a smooth point itself and of each term of its ring, from its valence (n,)."""
     n = np.maximum(valence, 1).astype(np.float64)
     if rules.scheme == "loop":

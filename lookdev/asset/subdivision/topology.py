@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import face_starts, next_corners
+
+_Array = TypeVar("_Array", Floats, Indices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +204,7 @@ def parent_faces(level: Level, triangles: bool) -> Indices:
     return np.repeat(np.arange(len(level.sizes)), 4) if triangles else level.faces
 
 
-def split_corners(level: Level, values: NDArray[Any], triangles: bool) -> NDArray[Any]:
+def split_corners(level: Level, values: Floats, triangles: bool) -> Floats:
     """Return values (m', k) at the corners of the next level, bilinear over each face, from (m, k) at corners."""
     before = level.previous
     middles = 0.5 * (values + values[level.next])
@@ -219,7 +220,7 @@ def next_sharpness(sharpness: Floats) -> Floats:
     return np.maximum(sharpness - 1.0, 0.0)
 
 
-def _interleave(outer: list[NDArray[Any]], middle: NDArray[Any]) -> NDArray[Any]:
+def _interleave(outer: list[_Array], middle: _Array) -> _Array:
     """Interleave the values of the triangles at each triangle's corners with those of its middle triangle."""
     three = np.stack(outer, axis=1).reshape(-1, 9, *middle.shape[1:])
     four = np.concatenate([three, middle.reshape(-1, 3, *middle.shape[1:])], axis=1)

@@ -7,20 +7,21 @@ value of a layer, whatever the attribute's type. The caller checks the number of
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, get_args
+from typing import TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, Vt
 
-from lookdev.arrays import Floats
+from lookdev.arrays import Array, Floats, Indices, Reals
 from lookdev.asset.faces import index_rule
 from lookdev.asset.mesh import Interpolation
 from lookdev.asset.shape import LARGEST
 from lookdev.errors import AssetError, nearest_hint
 from lookdev.stage import quote
 
-_Array = NDArray[Any]
+_T = TypeVar("_T", bound=np.generic)
+_Token = TypeVar("_Token", bound=str)
 
 # The shape of a value of each type of array.
 _FLOATS: Mapping[type, tuple[int, ...]] = {
@@ -36,12 +37,12 @@ _INTEGERS: Mapping[type, tuple[int, ...]] = dict.fromkeys(
     (Vt.IntArray, Vt.UIntArray, Vt.Int64Array, Vt.UInt64Array, Vt.UCharArray), ()
 )
 _NEEDED = {(): "float[]", (2,): "float2[]", (3,): "float3[]", (4,): "quatf[]", (4, 4): "matrix4d[]"}
-_INTERPOLATIONS = get_args(Interpolation)
+_INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
 
 
 def read_array(
-    prim: Usd.Prim, name: str, time: Usd.TimeCode, kind: Any, shape: tuple[int, ...] = (), *, bounded: bool = True
-) -> _Array:
+    prim: Usd.Prim, name: str, time: Usd.TimeCode, kind: type[_T], shape: tuple[int, ...] = (), *, bounded: bool = True
+) -> NDArray[_T]:
     """Return the values (k, *shape) of an array attribute as floats or integers; none where it has no value.
 
     Raises
@@ -54,21 +55,21 @@ def read_array(
 
 
 def checked_array(
-    value: Any, prim: Usd.Prim, name: str, kind: Any, shape: tuple[int, ...] = (), *, bounded: bool = True
-) -> _Array:
+    value: object, prim: Usd.Prim, name: str, kind: type[_T], shape: tuple[int, ...] = (), *, bounded: bool = True
+) -> NDArray[_T]:
     """Return a value that USD computed for an attribute as `read_array` does, with the same checks."""
     if value is None:
         return np.zeros((0, *shape), kind)
     whole = kind is np.intp
     if (_INTEGERS if whole else _FLOATS).get(type(value)) != shape:
         raise wrong_type(prim, name, value, "int[]" if whole else _NEEDED[shape])
-    values: _Array = np.asarray(value).astype(kind)
+    values = np.asarray(value).astype(kind)
     if bounded and not whole:
         check_bounded(values, prim, name)
     return values
 
 
-def checked_floats(value: Any, attribute: Usd.Attribute, width: int, is_array: bool) -> _Array:
+def checked_floats(value: object, attribute: Usd.Attribute, width: int, is_array: bool) -> Reals:
     """Return the value of an attribute as floats (k,) or (k, width); k is 1 for an attribute that is not an array."""
     shape = (width,) if width > 1 else ()
     if is_array:
@@ -81,7 +82,7 @@ def checked_floats(value: Any, attribute: Usd.Attribute, width: int, is_array: b
     )
 
 
-def check_bounded(values: _Array, prim: Usd.Prim, name: str) -> None:
+def check_bounded(values: Array, prim: Usd.Prim, name: str) -> None:
     """Raise AssetError if a number of an array (k, ...) is not within +-`LARGEST`."""
     wrong = ~(np.abs(values) <= LARGEST)
     if wrong.any():
@@ -90,7 +91,7 @@ def check_bounded(values: _Array, prim: Usd.Prim, name: str) -> None:
         raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {number:g}; a number within +-{LARGEST:g} is needed")
 
 
-def check_range(indices: _Array, count: int, prim: Usd.Prim, name: str, noun: str) -> None:
+def check_range(indices: Indices, count: int, prim: Usd.Prim, name: str, noun: str) -> None:
     """Raise AssetError if an index of an attribute is not in 0..count-1; `noun` names the elements."""
     wrong = (indices < 0) | (indices >= count)
     if wrong.any():
@@ -108,14 +109,14 @@ def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -LAR
     return float(value)
 
 
-def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[str]) -> Any:
+def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[_Token]) -> _Token:
     """Return one of the allowed values of an attribute; raises AssetError if it has another."""
     value = prim.GetAttribute(name).Get(time)
     if not isinstance(value, str):
         raise wrong_type(prim, name, value, "token")
     if value not in allowed:
         raise AssetError(f"{prim.GetPath()}: {name} is {quote(value)} ({nearest_hint(value, allowed)})")
-    return value
+    return allowed[allowed.index(value)]
 
 
 def read_texts(prim: Usd.Prim, name: str, time: Usd.TimeCode | None = None) -> tuple[str, ...]:
@@ -138,20 +139,20 @@ def read_matrix(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats:
     return matrix
 
 
-def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Any:
+def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Interpolation:
     """Return an interpolation of USD; raises AssetError for any other text."""
     if interpolation not in _INTERPOLATIONS:
         names = ", ".join(_INTERPOLATIONS)
         raise AssetError(f"{prim.GetPath()}: {name} has interpolation {quote(interpolation)}; known: {names}")
-    return interpolation
+    return _INTERPOLATIONS[_INTERPOLATIONS.index(interpolation)]
 
 
-def wrong_type(prim: Usd.Prim, name: str, value: Any, required: str) -> AssetError:
+def wrong_type(prim: Usd.Prim, name: str, value: object, required: str) -> AssetError:
     """Return the error for an attribute whose value has another type than required."""
     actual = "empty" if value is None else f"of type {type_name(value)}"
     return AssetError(f"{prim.GetPath()}: {name} is {actual}; {required} is needed")
 
 
-def type_name(value: Any) -> str:
+def type_name(value: object) -> str:
     """Return USD's name for the type of a value."""
     return str(Sdf.GetValueTypeNameForValue(value)) or type(value).__name__

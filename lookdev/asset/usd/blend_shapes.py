@@ -8,7 +8,6 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd, UsdSkel
@@ -95,7 +94,7 @@ def blend_offsets(
         yield Offsets(str(target), indices if len(indices) else None, points, normals)
 
 
-def _read_offsets(points: Any, normals: Any) -> tuple[Floats, Floats]:
+def _read_offsets(points: Usd.Attribute, normals: Usd.Attribute) -> tuple[Floats, Floats]:
     """Return the values (k, 3) of two attributes, (0, 3) for one that is not authored."""
     point_offsets, normal_offsets = (
         read_array(attribute.GetPrim(), attribute.GetName(), _DEFAULT_TIME, np.float64, (3,))

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Usd, UsdGeom
 
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
@@ -37,7 +36,7 @@ _COINCIDENT = 1e-6  # relative distance up to which points of float32 coincide
 
 
 def curve_shape(
-    prim: Any, time: Any, unit: float, attributes: Sequence[Attribute] = (), points: Floats | None = None
+    prim: Usd.Prim, time: Usd.TimeCode, unit: float, attributes: Sequence[Attribute] = (), points: Floats | None = None
 ) -> Shape:
     """Return the curves of a prim at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
@@ -90,7 +89,7 @@ def curve_shape(
 
 
 def point_shape(
-    prim: Any, time: Any, unit: float, error: float = 1e-4, points: Floats | None = None
+    prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = 1e-4, points: Floats | None = None
 ) -> tuple[Shape, Floats]:
     """Return a sphere in metres for UsdGeom.Points, and its placements: matrices (k, 4, 4) for row vectors.
 
@@ -247,7 +246,7 @@ def _rings(
     return Rings(positions, directions, radii, pieces, curves, is_closed | samples.splines.periodic), numbers
 
 
-def _splines(prim: Any, time: Any, counts: Indices) -> Splines:
+def _splines(prim: Usd.Prim, time: Usd.TimeCode, counts: Indices) -> Splines:
     path = str(prim.GetPath())
     if prim.IsA(UsdGeom.NurbsCurves):
         orders, knots = read_array(prim, "order", time, np.intp), read_array(prim, "knots", time, np.float64)
@@ -258,7 +257,7 @@ def _splines(prim: Any, time: Any, counts: Indices) -> Splines:
     return basis_splines(curve_type if curve_type == "linear" else basis, wrap, counts, path)
 
 
-def _widths(prim: Any, time: Any) -> Attribute:
+def _widths(prim: Usd.Prim, time: Usd.TimeCode) -> Attribute:
     """Return widths (k, 1)."""
     widths = _curve_attribute(prim, "widths", time, 1) or Attribute("widths", np.ones((1, 1)), "constant")
     if (widths.values < 0.0).any():
@@ -266,7 +265,7 @@ def _widths(prim: Any, time: Any) -> Attribute:
     return widths
 
 
-def _curve_attribute(prim: Any, name: str, time: Any, width: int) -> Attribute | None:
+def _curve_attribute(prim: Usd.Prim, name: str, time: Usd.TimeCode, width: int) -> Attribute | None:
     """Return values (k, width) of a primvar, possibly inherited, or else of the attribute of the same name."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if primvar and primvar.HasValue():

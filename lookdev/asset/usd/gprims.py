@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from pxr import Usd
@@ -16,6 +15,7 @@ from lookdev.asset.usd.mesh import mesh_shape
 from lookdev.asset.usd.primitives import (
     LEAST_ERROR,
     PRIMITIVES,
+    PrimitiveKey,
     allotted_errors,
     primitive_key,
     primitive_shape,
@@ -55,15 +55,15 @@ class GprimReader:
         self._time = time
         self._unit = unit
         self._note = note
-        self._errors: dict[tuple[Any, ...], float] = {}
-        self._shared: dict[tuple[Any, ...], tuple[tuple[Any, ...], float]] = {}
+        self._errors: dict[PrimitiveKey, float] = {}
+        self._shared: dict[PrimitiveKey, tuple[PrimitiveKey, float]] = {}
 
     def allot(self, gprims: Iterable[PlacedGprim]) -> None:
         """Allot the errors of implicit surfaces, from all visible gprims.
 
         If they are too many for the least error, surfaces of equal proportions become scaled copies of one surface.
         """
-        radii: dict[tuple[Any, ...], float] = {}
+        radii: dict[PrimitiveKey, float] = {}
         for gprim in gprims:
             if gprim.prim.GetTypeName() in PRIMITIVES:
                 try:
@@ -78,7 +78,7 @@ class GprimReader:
         if (errors > LEAST_ERROR).any():
             self._shared = {key: proportions(key, error) for key, error in self._errors.items()}
 
-    def key(self, prim: Usd.Prim) -> tuple[Any, ...]:
+    def key(self, prim: Usd.Prim) -> tuple[object, ...]:
         """Return a key that is equal for gprims that share a surface: instances of a gprim, and equal primitives."""
         skinning_key = self.skinning.key(prim)
         if prim.GetTypeName() in PRIMITIVES and not skinning_key:

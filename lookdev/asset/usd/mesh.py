@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
@@ -62,14 +62,12 @@ def mesh_shape(
 def _read_subdivision(
     prim: Usd.Prim, time: Usd.TimeCode, scheme: Scheme, authored: set[str], point_count: int
 ) -> Subdivision:
-    rules: dict[str, Any] = {}
-    for field, name, rule_type in (
+    fields = (
         ("interpolate_boundary", "interpolateBoundary", BoundaryRule),
         ("face_varying", "faceVaryingLinearInterpolation", FaceVaryingRule),
         ("triangle_rule", "triangleSubdivisionRule", TriangleRule),
-    ):
-        if name in authored:
-            rules[field] = read_token(prim, name, time, get_args(rule_type))
+    )
+    rules = {field: read_token(prim, name, time, get_args(rule)) for field, name, rule in fields if name in authored}
     if not authored.isdisjoint(_TAGS):
         rules["crease_edges"], rules["crease_sharpness"] = _read_creases(prim, time, point_count)
         rules["corner_points"], rules["corner_sharpness"] = _read_corners(prim, time, point_count)

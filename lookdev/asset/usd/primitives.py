@@ -17,10 +17,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from pxr import UsdGeom
+from pxr import Usd, UsdGeom
 
 from lookdev.arrays import Floats, Indices
 from lookdev.asset.shape import Attribute, Shape
@@ -33,8 +32,11 @@ LEAST_ERROR, _MOST_ERROR = 1e-4, 0.03
 _MOST_FACES = 4_000_000
 _TAPER_ROWS = 16  # texture coordinates are linear over a triangle, and those of a cone are not
 
+PrimitiveKey = tuple[str, str, *tuple[float, ...]]
+"""The type, the axis and the sizes of an implicit surface."""
 
-def primitive_shape(prim: Any, time: Any, unit: float, error: float = LEAST_ERROR) -> Shape:
+
+def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = LEAST_ERROR) -> Shape:
     """Return an implicit surface at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
     `error` bounds the distance of the mesh, and so of any silhouette, from a curved surface, relative to its radius:
@@ -49,7 +51,7 @@ def primitive_shape(prim: Any, time: Any, unit: float, error: float = LEAST_ERRO
     return _scaled_shape(str(prim.GetPath()), _unit_surface(*surface), size * unit)
 
 
-def proportions(key: tuple[Any, ...], error: float) -> tuple[tuple[Any, ...], float]:
+def proportions(key: PrimitiveKey, error: float) -> tuple[tuple[str, str, int, *tuple[float, ...]], float]:
     """Return the parameters of a surface scaled to size 1, and its size, from its `primitive_key`."""
     type_name, axis, *sizes = key
     size = max(sizes)
@@ -80,7 +82,7 @@ def _scaled_shape(name: str, surface: _Surface, scale: float) -> Shape:
     )
 
 
-def primitive_key(prim: Any, time: Any) -> tuple[Any, ...]:
+def primitive_key(prim: Usd.Prim, time: Usd.TimeCode) -> PrimitiveKey:
     """Return the parameters of a surface; prims with equal keys can share a mesh. Raises as `primitive_shape` does."""
     type_name = prim.GetTypeName()
     if type_name == "Cube":

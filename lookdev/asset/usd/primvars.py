@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
+from lookdev.arrays import Reals
 from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.attributes import check_range, checked_floats, read_array
 
@@ -29,7 +28,7 @@ _SKINNING = "skel:"
 class InheritedPrimvars:
     """Primvars that the children of a prim inherit. Equal `key`s mean equal names and values."""
 
-    primvars: tuple[Any, ...] = ()
+    primvars: tuple[UsdGeom.Primvar, ...] = ()
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
     key: tuple[tuple[str, bytes], ...] = ()
 
@@ -41,7 +40,7 @@ class PrimvarReader:
         self._time = time
         self._note = note
         self._inherited: dict[Sdf.Path, InheritedPrimvars] = {}
-        self._kinds: dict[Any, tuple[int, bool, bool]] = {}
+        self._kinds: dict[Sdf.ValueTypeName, tuple[int, bool, bool]] = {}
 
     def local_primvars(self, prim: Usd.Prim) -> tuple[tuple[Attribute, ...], str]:
         """Return the primvars authored on a prim itself, and its `default_uv`."""
@@ -89,7 +88,7 @@ class PrimvarReader:
             interpolation = UsdGeom.PointBased(prim).GetNormalsInterpolation()
         return Attribute(_NORMALS, values, interpolation) if len(values) else None
 
-    def _attribute(self, primvar: Any) -> Attribute | None:
+    def _attribute(self, primvar: UsdGeom.Primvar) -> Attribute | None:
         name, kind = primvar.GetPrimvarName(), primvar.GetTypeName()
         if kind not in self._kinds:
             width = _WIDTHS.get(kind.scalarType.cppTypeName, 0)
@@ -111,10 +110,10 @@ class PrimvarReader:
             return None
         return Attribute(name, values[:, :2] if is_uv else values, primvar.GetInterpolation(), is_uv)
 
-    def _note_dropped(self, primvar: Any, reason: str) -> None:
+    def _note_dropped(self, primvar: UsdGeom.Primvar, reason: str) -> None:
         self._note(f"with {primvar.GetName()} {reason}, left out", primvar.GetAttr().GetPrim())
 
-    def _values(self, primvar: Any, width: int, is_array: bool) -> NDArray[Any]:
+    def _values(self, primvar: UsdGeom.Primvar, width: int, is_array: bool) -> Reals:
         """Return a primvar's values (k,) or (k, width), with its indices applied; (0,) if it has no value."""
         value = primvar.Get(self._time)
         if value is None:
@@ -128,7 +127,7 @@ class PrimvarReader:
         return values
 
 
-def _is_texture_coordinate(kind: Any) -> bool:
+def _is_texture_coordinate(kind: Sdf.ValueTypeName) -> bool:
     return bool(kind.role == Sdf.ValueRoleNames.TextureCoordinate)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd, UsdSkel
@@ -135,7 +134,7 @@ class Skeletons:
         return names & set(joints)
 
 
-def _joint_matrices(prim: Usd.Prim, name: str, count: int) -> Any:
+def _joint_matrices(prim: Usd.Prim, name: str, count: int) -> Floats | None:
     """Return matrices (count, 4, 4), one for each joint; None if the attribute has no value."""
     matrices = read_array(prim, name, Usd.TimeCode.Default(), np.float64, (4, 4))
     if len(matrices) == 0:

@@ -10,7 +10,6 @@ not deformed if its skeleton has neither. `Skinning.notes` lists bindings withou
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
@@ -202,13 +201,13 @@ class Skinning:
         return _Binding(prim if influences is None else skeleton, key, influences, offsets)
 
 
-def _binding_properties(prim: Usd.Prim) -> dict[str, Any]:
+def _binding_properties(prim: Usd.Prim) -> dict[str, Usd.Property]:
     """Return the binding properties of a prim below a SkelRoot, by name, its own and inherited ones; {} if not bound.
 
     As in USD, only properties with a value on prims with the SkelBindingAPI count. A prim below a gprim, or below one
     that is not Imageable, is not bound.
     """
-    properties: dict[str, Any] = {}
+    properties: dict[str, Usd.Property] = {}
     ancestor = prim
     while True:
         if ancestor.HasAPI(UsdSkel.BindingAPI):
@@ -227,7 +226,7 @@ def _binding_properties(prim: Usd.Prim) -> dict[str, Any]:
             return {}
 
 
-def _read_influences(path: str, properties: dict[str, Any], pose: Pose, time: Usd.TimeCode) -> _Influences:
+def _read_influences(path: str, properties: dict[str, Usd.Property], pose: Pose, time: Usd.TimeCode) -> _Influences:
     primvars = [UsdGeom.Primvar(properties[name]) for name in (_INDICES, _WEIGHTS)]
     sizes = {primvar.GetElementSize() for primvar in primvars}
     interpolations = {primvar.GetInterpolation() for primvar in primvars}
@@ -237,10 +236,8 @@ def _read_influences(path: str, properties: dict[str, Any], pose: Pose, time: Us
             "interpolation constant or both vertex"
         )
     (size,), (interpolation,) = sizes, interpolations
-    indices, weights = (
-        checked_array(primvar.ComputeFlattened(time), primvar.GetAttr().GetPrim(), primvar.GetName(), dtype)
-        for primvar, dtype in zip(primvars, (np.intp, np.float64), strict=True)
-    )
+    values = [(primvar.ComputeFlattened(time), primvar.GetAttr().GetPrim(), primvar.GetName()) for primvar in primvars]
+    indices, weights = checked_array(*values[0], np.intp), checked_array(*values[1], np.float64)
     if len(indices) != len(weights) or len(indices) % size or (interpolation == "constant" and len(indices) != size):
         raise AssetError(
             f"{path}: has {len(indices)} {_INDICES} and {len(weights)} {_WEIGHTS}; {size} of both for "

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
-from lookdev.arrays import Floats
+from lookdev.arrays import Bools, Floats
 from lookdev.asset.shape import LARGEST
 from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token
 from lookdev.asset.usd.velocities import sample_time
@@ -24,7 +23,7 @@ _SCENE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 _PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _VISIBILITIES = (UsdGeom.Tokens.inherited, UsdGeom.Tokens.invisible)
 # The attributes of a point instancer with a value for each instance.
-_INSTANCES: tuple[tuple[str, Any, tuple[int, ...]], ...] = (
+_INSTANCES: tuple[tuple[str, type[np.generic], tuple[int, ...]], ...] = (
     ("positions", np.float64, (3,)),
     ("scales", np.float64, (3,)),
     ("orientations", np.float64, (4,)),
@@ -49,10 +48,10 @@ class PlacedGprim:
     placed: Floats
 
 
-def is_affine(matrices: Floats) -> Any:
+def is_affine(matrices: Floats) -> Bools:
     """Return which matrices (..., 4, 4) for row vectors are bounded and affine: with 0 0 0 1 as last column."""
     is_bounded = (np.abs(matrices) <= LARGEST).all(axis=(-2, -1))
-    return is_bounded & (np.abs(matrices[..., 3] - (0.0, 0.0, 0.0, 1.0)) < 1e-9).all(axis=-1)
+    return np.asarray(is_bounded & (np.abs(matrices[..., 3] - (0.0, 0.0, 0.0, 1.0)) < 1e-9).all(axis=-1))
 
 
 def faulty_transform_path(prim: Usd.Prim, time: Usd.TimeCode) -> str:
@@ -122,7 +121,7 @@ class Walk:
     def _walk(
         self,
         root: Usd.Prim,
-        predicate: Any,
+        predicate: Usd._PrimFlagsPredicate,
         origin: Usd.Prim | None,
         placed: Floats,
         outer_instancers: tuple[Sdf.Path, ...],

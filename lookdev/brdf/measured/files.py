@@ -18,7 +18,6 @@ import stat
 from functools import lru_cache
 from math import prod
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -71,7 +70,7 @@ def _read_merl(file: Path, size: int, head: list[int]) -> Isotropic:
         raise ModelError(f"{file}: its header gives {_dimensions(head[:3])} samples; {expected}")
     if size != 12 + 24 * prod(MERL_SIZE):
         raise ModelError(f"{file}: has {size} bytes; {expected}")
-    samples = _read_samples(file, np.dtype("<f8"), 12, MERL_SIZE) * MERL_SCALES
+    samples = _read_samples(file, "<f8", 12, MERL_SIZE) * MERL_SCALES
     return Isotropic(samples)
 
 
@@ -89,12 +88,12 @@ def _read_anisotropic(file: Path, size: int, head: list[int]) -> Anisotropic:
     if size != 64 + 12 * prod(shape):
         expected = f"{_dimensions(shape)} samples of three channels, as its header gives, are {64 + 12 * prod(shape)}"
         raise ModelError(f"{file}: has {size} bytes; {expected}")
-    return Anisotropic(_read_samples(file, np.dtype("<f4"), 64, shape), half=head[9] == 1)
+    return Anisotropic(_read_samples(file, "<f4", 64, shape), half=head[9] == 1)
 
 
-def _read_samples(file: Path, dtype: np.dtype[Any], offset: int, shape: tuple[int, ...]) -> Floats:
+def _read_samples(file: Path, dtype: str, offset: int, shape: tuple[int, ...]) -> Floats:
     """Read samples (*shape, 3) in the units of the file; negative samples become 0."""
-    stored = np.fromfile(file, dtype, offset=offset).reshape(3, *shape)
+    stored = np.fromfile(file, np.dtype(dtype), offset=offset).reshape(3, *shape)
     is_invalid = ~(np.isfinite(stored) & (stored <= _LARGEST))
     if is_invalid.any():
         index = tuple(int(coordinate) for coordinate in np.argwhere(is_invalid)[0])

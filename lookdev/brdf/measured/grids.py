@@ -15,16 +15,16 @@ from dataclasses import dataclass
 from functools import cached_property, reduce
 from itertools import product
 from operator import mul
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.table import Table, look_up
-from lookdev.brdf.vectors import TINY, Array, dot, scale
+from lookdev.brdf.vectors import TINY, Array, Real, dot
 
-Corner: TypeAlias = tuple[Array, Any]
+Corner: TypeAlias = tuple[Array, Real]
 """The index of a sample, and its weight, (...)."""
 
 HALF_PI = 0.5 * np.pi
@@ -38,7 +38,7 @@ class Isotropic:
     light's direction about the half vector. phi_d covers [0, pi): by reciprocity f is the same at phi_d + pi.
     """
 
-    samples: NDArray[Any]
+    samples: Floats
 
     @cached_property
     def table(self) -> Table:
@@ -79,7 +79,7 @@ class Anisotropic:
     covers only [0, pi], and the rest follows by reciprocity. A negative sample counts as 0.
     """
 
-    samples: NDArray[Any]
+    samples: Floats
     half: bool = False
 
     @cached_property
@@ -169,16 +169,16 @@ def _interpolate(
     columns: tuple[tuple[Corner, ...], ...],
 ) -> Array:
     """Sum the samples of a table at all corners by the products of their weights."""
-    total: Any = 0.0
+    total: Real = 0.0
     for row_corners in product(*rows):
         row_index = row(*(index for index, _ in row_corners))
-        across: Any = 0.0
+        across: Real = 0.0
         for column_corners in product(*columns):
             sample = look_up(table, row_index, column(*(index for index, _ in column_corners)))
             across = across + _apply_weights(sample, column_corners)
         total = total + _apply_weights(across, row_corners)
-    return total  # type: ignore[no-any-return]
+    return total  # type: ignore[return-value]
 
 
-def _apply_weights(color: Array, corners: tuple[Corner, ...]) -> Array:
-    return scale(color, reduce(mul, (weight for _, weight in corners)))
+def _apply_weights(color: Real, corners: tuple[Corner, ...]) -> Real:
+    return color * np.expand_dims(reduce(mul, (weight for _, weight in corners)), -1)

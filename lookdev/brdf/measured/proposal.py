@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from lookdev.brdf.measured.grids import HALF_PI, Anisotropic, Grid, arc_tangent
 from lookdev.brdf.microfacet import sample_cosine
 from lookdev.brdf.mixture import BELOW_ONE
 from lookdev.brdf.table import Table, look_up
-from lookdev.brdf.vectors import TINY, Array, reflect, vector
+from lookdev.brdf.vectors import TINY, Array, Real, reflect, vector
 
 # The keys are `Proposal.directed`: whether the data are anisotropic.
 # Elevations and azimuths of half vectors; powers of two, for bisection.
@@ -103,7 +102,7 @@ class Proposal:
         cosine_sample = sample_cosine(np.minimum(u1 / cosine_share, BELOW_ONE), u2)
         return np.where(np.expand_dims(u1 < cosine_share, -1), cosine_sample, reflect(wo, wm))
 
-    def _axis(self, wo: Array) -> tuple[Any, Any]:
+    def _axis(self, wo: Array) -> tuple[Real, Real]:
         """Return x and y of the direction from which the azimuths of half vectors are measured."""
         if self.directed:
             return 1.0, 0.0
@@ -132,7 +131,7 @@ class Proposal:
 def _bisect(cumulative: Table, row: Array, u: Array) -> tuple[Array, Array]:
     """Return the cells of numbers in [0, 1), and their positions in them, by the cumulative distribution of a row."""
     count = cumulative.values.shape[1] - 1
-    cell: Any = 0.0 * u
+    cell: Array = 0.0 * u
     step = count // 2
     while step:
         cell = np.where(look_up(cumulative, row, cell + float(step)) <= u, cell + float(step), cell)
@@ -141,9 +140,9 @@ def _bisect(cumulative: Table, row: Array, u: Array) -> tuple[Array, Array]:
     return cell, np.clip((u - begin) / np.maximum(end - begin, TINY), 0.0, BELOW_ONE)
 
 
-def _edge_sin2(edge: Any, thetas: int) -> Any:
+def _edge_sin2(edge: Array, thetas: int) -> Array:
     """Return sin^2(theta_h / 2) at an edge between cells, by the number of the edge."""
-    root = np.sin(0.5 * HALF_PI / thetas**2 * edge * edge)
+    root: Array = np.sin(0.5 * HALF_PI / thetas**2 * edge * edge)
     return root * root
 
 
@@ -174,9 +173,10 @@ def make_proposal(grid: Grid) -> Proposal:
         )
         albedo.append(color)
     nodes, conditional = np.stack(density), _cumulative(np.concatenate(parts))
+    widths: Floats = np.diff(conditional, axis=-1)
     return Proposal(
         density=Table(nodes),
-        part=Table(np.diff(conditional, axis=-1) * phis),
+        part=Table(widths * phis),
         marginal=Table(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid)),
         conditional=Table(conditional),
         albedo=np.stack(albedo),
@@ -230,7 +230,7 @@ def _view_cells(directed: bool) -> Iterator[list[Floats]]:
 def _evaluate_views(grid: Grid, views: Sequence[Floats], wm: Floats) -> tuple[Floats, Floats]:
     """Return f (views, ..., 3) at half vectors, and the cosine times the Jacobian; 0 for light from below."""
     wo = np.stack([np.broadcast_to(view, wm.shape) for view in views])
-    wi: Any = reflect(wo, wm)
+    wi = np.asarray(reflect(wo, wm))
     valid = (wi[..., 2] > 0.0) & ((wm * wo).sum(axis=-1) > 0.0)
     f, weight = np.zeros(wo.shape), np.zeros(valid.shape)
     d = Directions.of(wo[valid], wi[valid])

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from lookdev.arrays import Floats32
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import Table
 from lookdev.codegen.points import PointLayer, point_bsdf
@@ -209,7 +210,7 @@ def _literal(value: float) -> str:
     return f"({text})" if value < 0.0 else text
 
 
-def table_texels(table: Table) -> np.ndarray[Any, np.dtype[np.float32]]:
+def table_texels(table: Table) -> Floats32:
     """Return the texture of a table, (rows, `TABLE_WIDTH`)."""
     numbers = np.asarray(table.values, np.float32).ravel()
     texels = np.zeros((-(-len(numbers) // TABLE_WIDTH), TABLE_WIDTH), np.float32)

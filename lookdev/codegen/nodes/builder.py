@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypeGuard
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from lookdev.cache import Content
 from lookdev.codegen.nodes.layout import lay_out_nodes
 from lookdev.codegen.nodes.match import depth_of, match_operation
 from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
-from lookdev.codegen.trace.graph import Node, Scalar
+from lookdev.codegen.trace.graph import Node, Scalar, Symbol
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.errors import CodegenError
 
@@ -30,18 +30,22 @@ Term: TypeAlias = "Node | Triple"
 """The value of one output of a node: a number, or three that are not all the same number."""
 
 
+Operand: TypeAlias = "Scalar | Triple | Link"
+"""What a socket of a node is set to or linked with: a term, or a constant."""
+
+
 @dataclass(frozen=True)
 class _Recipe:
     """The node that computes a term, and the terms or constants of its sockets."""
 
     kind: str
-    inputs: Mapping[str, Any]
+    inputs: Mapping[str, Operand]
     output: str
     properties: Mapping[str, SocketValue | bool] = field(default_factory=dict)
     group: str = ""
 
 
-Outline: TypeAlias = "Callable[[Node], tuple[str, dict[str, Any]] | None]"
+Outline: TypeAlias = "Callable[[Node], tuple[str, Mapping[str, Scalar]] | None]"
 """Returns the group whose output ``"Value"`` computes a graph's node, and the values of its sockets; or None."""
 
 
@@ -56,7 +60,7 @@ class TreeBuilder:
         self.name = name
         self._outline = outline
         self._nodes: dict[str, ShaderNode] = {}
-        self._names: dict[tuple[Any, ...], str] = {}
+        self._names: dict[tuple[object, ...], str] = {}
         self._bound: dict[tuple[str, ...], Link] = {}
         # For a symbol bound as a component of a vector: the link of the vector, and the index of the component.
         self._parts: dict[str, tuple[Link, int]] = {}
@@ -169,16 +173,18 @@ class TreeBuilder:
             term = vectors.pop() if vectors else scalars.pop()
             if term in self._links or term in self._recipes or self._is_bound(term):
                 continue
-            if isinstance(term, Node) and term.op == "symbol" and term.args[0] not in self._parts:
-                unbound.add(str(term.args[0]))
+            if isinstance(term, Symbol) and term.name not in self._parts:
+                unbound.add(term.name)
                 continue
             for node in [term] if isinstance(term, Node) else term:
                 depth_of(node, self._depths)
             recipe = self._vector_recipe(term) if isinstance(term, tuple) else self._scalar_recipe(term)
             self._recipes[term] = recipe
-            for operand in recipe.inputs.values():
-                if _is_term(operand):
-                    (scalars if isinstance(operand, Node) else vectors).append(operand)
+            for operand in filter(_is_term, recipe.inputs.values()):
+                if isinstance(operand, Node):
+                    scalars.append(operand)
+                else:
+                    vectors.append(operand)
         if unbound:
             missing, bound = (
                 ", ".join(sorted(unbound)),
@@ -189,9 +195,10 @@ class TreeBuilder:
     def _is_bound(self, term: Term) -> bool:
         """Return whether a term is a bound symbol, or three symbols bound together; if so, record its link."""
         nodes = (term,) if isinstance(term, Node) else term
-        if not all(isinstance(node, Node) and node.op == "symbol" for node in nodes):
+        names = tuple(node.name for node in nodes if isinstance(node, Symbol))
+        if len(names) < len(nodes):
             return False
-        link = self._bound.get(tuple(str(node.args[0]) for node in nodes))
+        link = self._bound.get(names)
         if link is not None:
             self._links[term] = link
         return link is not None
@@ -201,8 +208,8 @@ class TreeBuilder:
         if node in self._components:
             triple, index = self._components[node]
             return _Recipe("SeparateXYZ", {"Vector": triple}, _AXES[index])
-        if node.op == "symbol":
-            link, index = self._parts[str(node.args[0])]
+        if isinstance(node, Symbol):
+            link, index = self._parts[node.name]
             return _Recipe("SeparateXYZ", {"Vector": link}, _AXES[index])
         group = self._outline(node)
         if group:
@@ -222,7 +229,7 @@ class TreeBuilder:
         if recipe is None:
             return _Recipe("CombineXYZ", dict(zip(_AXES, triple, strict=True)), "Vector")
         for index, node in enumerate(triple):
-            if node not in self._components and node not in self._links:
+            if isinstance(node, Node) and node not in self._components and node not in self._links:
                 self._components[node] = triple, index
                 # This also replaces the recipe of a component that was planned by itself before the vector.
                 self._recipes[node] = self._scalar_recipe(node)
@@ -232,7 +239,7 @@ class TreeBuilder:
         """Return whether three values are a vector already, or a single node can compute them."""
         term = _term(triple)
         return (
-            not isinstance(term, tuple) or not _is_term(term) or self._is_bound(term) or bool(self._single_recipe(term))
+            not _is_term(term) or not isinstance(term, tuple) or self._is_bound(term) or bool(self._single_recipe(term))
         )
 
     def _single_recipe(self, triple: Triple) -> _Recipe | None:
@@ -253,22 +260,22 @@ class TreeBuilder:
         operation = matches[0][0]
         if operation not in _VECTOR_OPERATIONS or any(other[0] != operation for other in matches):
             return None
-        operands = [_term(parts) for parts in list(zip(*matches, strict=True))[1:]]
+        operands = [_term(parts) for parts in zip(*(match[1:] for match in matches), strict=True)]
         if operation == "MIX":
             return _mix("Vector", *operands)
         if operation == "MULTIPLY":
-            for vector, factor in (operands, reversed(operands)):
+            for scaled, factor in (operands, reversed(operands)):
                 if not isinstance(factor, tuple):
-                    return _Recipe("VectorMath", {"Vector": vector, "Scale": factor}, "Vector", {"operation": "SCALE"})
+                    return _Recipe("VectorMath", {"Vector": scaled, "Scale": factor}, "Vector", {"operation": "SCALE"})
         return _vector_math(operation, operands)
 
 
-def _vector_math(operation: str, operands: Sequence[Any], output: str = "Vector") -> _Recipe:
+def _vector_math(operation: str, operands: Sequence[Scalar | Triple], output: str = "Vector") -> _Recipe:
     spread = (operand if isinstance(operand, Node | tuple) else (operand,) * 3 for operand in operands)
     return _Recipe("VectorMath", dict(zip(_VECTOR_SOCKETS, spread, strict=False)), output, {"operation": operation})
 
 
-def _mix(kind: str, a: Any, b: Any, factor: Any) -> _Recipe:
+def _mix(kind: str, a: Scalar | Triple, b: Scalar | Triple, factor: Scalar | Triple) -> _Recipe:
     """Return the recipe of a (1 - factor) + b factor: exactly a at factor 0, exactly b at factor 1."""
     properties: dict[str, SocketValue | bool] = {"data_type": kind.upper(), "clamp_factor": False}
     factor_socket = "Factor_Float"
@@ -279,24 +286,28 @@ def _mix(kind: str, a: Any, b: Any, factor: Any) -> _Recipe:
     return _Recipe("Mix", {factor_socket: factor, f"A_{kind}": a, f"B_{kind}": b}, f"Result_{kind}", properties)
 
 
-def _term(values: Sequence[Any]) -> Any:
+def _term(values: Sequence[Scalar]) -> Scalar | Triple:
     """Return three values as a triple, or one value if all are the same."""
     # Constants are compared by repr, as 0.0 == -0.0 in Python.
     different = {value if isinstance(value, Node) else repr(value) for value in values}
-    return values[0] if len(different) == 1 else tuple(values)
+    if len(different) == 1:
+        return values[0]
+    x, y, z = values
+    return x, y, z
 
 
-def _is_term(value: Any) -> bool:
+def _is_term(value: Operand) -> TypeGuard[Term]:
     return isinstance(value, Node) or (isinstance(value, tuple) and any(isinstance(element, Node) for element in value))
 
 
-def _constant(value: Any) -> SocketValue | Link:
+def _constant(value: Operand) -> SocketValue | Link:
     if isinstance(value, Link):
         return value
     return tuple(_number(element) for element in value) if isinstance(value, tuple) else _number(value)
 
 
-def _number(value: Any) -> float:
+def _number(value: Scalar) -> float:
+    assert not isinstance(value, Node)
     if not np.isfinite(value):
         raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
     return float(value)

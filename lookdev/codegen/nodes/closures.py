@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,10 +14,12 @@ from lookdev.brdf.vectors import are_equal, scale
 from lookdev.closures import Closure, lobe_closures
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.group import add_value, bind_symbols
-from lookdev.codegen.source import Link
+from lookdev.codegen.source import Link, SocketValue
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
+
+SocketInputs: TypeAlias = dict[str, SocketValue | Link]
 
 _X = np.array([1.0, 0.0, 0.0])
 
@@ -65,7 +67,7 @@ def _trace_closures(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
 
 def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
     """Return closures, summed where they differ in weight alone, without those whose weight is 0."""
-    merged: dict[tuple[Any, ...], tuple[Closure, str]] = {}
+    merged: dict[tuple[object, ...], tuple[Closure, str]] = {}
     for closure, label in closures:
         if are_equal(closure.weight, 0.0):
             continue
@@ -92,7 +94,7 @@ def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]
 
 def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
     """Add the node of a closure, and return its output."""
-    inputs: dict[str, Any] = {"Normal": add_value(builder, _to_world(frame, closure.frame.normal))}
+    inputs: SocketInputs = {"Normal": add_value(builder, _to_world(frame, closure.frame.normal))}
     properties = {}
     color = add_value(builder, closure.weight)
     match closure.kind:
@@ -123,7 +125,7 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
     return Link(builder.add(kind, properties, {"Color": color} | inputs, label), "BSDF")
 
 
-def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: dict[str, Any]) -> Link:
+def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: SocketInputs) -> Link:
     """Add a metal or a conductor, whose node has no socket for a weight."""
     exact = closure.kind == "conductor"
     if exact:
@@ -143,7 +145,7 @@ def _multiply_weight(builder: TreeBuilder, closure: Closure, node: str) -> Link:
     return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, weight), "Shader_001": shader}), "Shader")
 
 
-def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, Any]) -> Link:
+def _add_sheen(builder: TreeBuilder, color: SocketValue | Link, label: str, inputs: SocketInputs) -> Link:
     """Add sheen: a black metal, multiplied by the tint of a coat.
 
     The coat's index of refraction is 1, so it does not reflect. Its normal is the direction to the viewer: along it,
@@ -155,7 +157,7 @@ def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, A
     return Link(builder.add("BsdfPrincipled", {"distribution": "GGX"}, inputs, label), "BSDF")
 
 
-def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, Any]:
+def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> SocketInputs:
     """Return the sockets for roughness r, anisotropy a and tangent.
 
     Cycles has alpha_x = r^2 / s and alpha_y = r^2 s. For a metal, s^2 = 1 - 0.9 a, as in Disney's BRDF; for other

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import Lobe
+from lookdev.brdf import Array, Lobe
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import BELOW_ONE
 from lookdev.brdf.vectors import dot, scale
@@ -23,7 +22,7 @@ from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import add_lift
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, Link, NodeSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
-from lookdev.codegen.trace.graph import Graph, Node, reachable_nodes
+from lookdev.codegen.trace.graph import Graph, Node, Symbol, reachable_nodes
 from lookdev.codegen.trace.lobes import assume_positive, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
@@ -67,15 +66,13 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     weight = scale(weight, np.where(valid & (symbol(graph, "depth") < bounces + 0.5), 1.0, 0.0))
 
     position = symbols(graph, [f"place_{axis}" for axis in "xyz"])
-    lift: Any = symbol(graph, "lift")
+    lift = symbol(graph, "lift")
     ray_start = position + scale(axes["facet"], np.where(facet_cosine < 0.0, -1.0, 1.0) * lift)
 
     builder = TreeBuilder(look.name)
     roots = [elements_of(value) for value in (weight, world, ray_start)]
     names = [
-        str(node.args[0])
-        for node in reachable_nodes([value for root in roots for value in root])
-        if node.op == "symbol"
+        node.name for node in reachable_nodes([value for root in roots for value in root]) if isinstance(node, Symbol)
     ]
     directed = depends_on_tangent(graph, lobes)
     attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
@@ -102,7 +99,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     return NodeSource(look.name, trees, attributes, node_digest(trees, attributes), True, transmits)
 
 
-def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
+def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Array, Array]:
     """Trace one sample of lobes, at the symbols ``wo_x wo_y wo_z u1 u2``.
 
     Return its weight, (3,), and its direction in the surface's frame, (3,). The weight is f times the cosine over the
@@ -112,15 +109,15 @@ def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
         return np.zeros(3), ZENITH
     mixture = trace_mixture(graph, lobes)
     assume_positive(graph, mixture.wo[..., 2])
-    numbers: Any = symbols(graph, ("u1", "u2"))
-    u1, u2 = np.minimum(numbers, BELOW_ONE)
+    numbers = np.minimum(symbols(graph, ("u1", "u2")), BELOW_ONE)
+    u1, u2 = numbers
     # Built from the last lobe to the first: the result is the direction of the first lobe whose `below` is true.
     *others, last = mixture.choices(u1)
-    wi: Any = last.lobe.draw(last.stretched, u2)
+    wi = last.lobe.draw(last.stretched, u2)
     for choice in reversed(others):
         wi = np.where(np.expand_dims(choice.below, -1), choice.lobe.draw(choice.stretched, u2), wi)
-    value: Any = np.zeros(3)
-    density: Any = np.array(0.0)
+    value: Array = np.zeros(3)
+    density: Array = np.array(0.0)
     for term in mixture.terms(wi):
         value, density = value + term.value, density + term.density
     return scale(value, 1.0 / mixture.normalised(density)), wi

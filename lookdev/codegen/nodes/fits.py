@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from lookdev.closures.fits import fit, table
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import GroupSocket, Link, NodeTree
-from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.graph import Graph, Node, Scalar
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol
 
 _PREFIX = "Lookdev Fit "
 _INPUTS = ("x", "y")
 
 
-def match_fit(node: Node) -> tuple[str, dict[str, Any]] | None:
+def match_fit(node: Node) -> tuple[str, dict[str, Node]] | None:
     """Return the group that computes a node, and the values of its sockets; None if it is not a fit of x and y."""
     variables = _variables(node)
     if variables is None:
@@ -49,11 +47,11 @@ def _variables(node: Node) -> tuple[Node, Node] | None:
     """Return x and y where a node may be a polynomial of both, (... y + c) x + (... y + c), or a quotient of two."""
     numerator = node.args[0] if node.op == "divide" else node
     outer = _factor(numerator)
-    inner = _factor(numerator.args[1]) if outer is not None else None
+    inner = _factor(numerator.args[1]) if isinstance(numerator, Node) and outer is not None else None
     return (outer, inner) if outer is not None and inner is not None else None
 
 
-def _factor(value: Any) -> Node | None:
+def _factor(value: Scalar) -> Node | None:
     """Return b of a b + c, a step of Horner's rule."""
     if not isinstance(value, Node) or value.op != "add":
         return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.group import bind_symbols
 from lookdev.codegen.source import TANGENT, GroupSocket, Link, NodeTree, SocketValue
 from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.symbolic import elements_of
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of
 from lookdev.scene.shading import shading_frame
 
 GROUP = "Lookdev Frame"
@@ -69,7 +68,7 @@ def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
     def of_mesh(name: str) -> Link:
         return Link(builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": name}), "Vector")
 
-    def symbols(name: str, link: Link) -> Any:
+    def symbols(name: str, link: Link) -> SymbolicArray:
         return bind_symbols(graph, builder, name, link, vector=True)
 
     geometry = builder.add("NewGeometry")

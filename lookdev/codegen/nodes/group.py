@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Literal
 
-from lookdev.brdf import Parameter
+from lookdev.brdf import Array, Parameter, Real
+from lookdev.brdf.vectors import Parameters
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.fits import match_fit
-from lookdev.codegen.source import GroupSocket, Link, NodeTree
-from lookdev.codegen.trace.graph import Graph, Node
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+from lookdev.codegen.source import GroupSocket, Link, NodeTree, SocketValue
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 
 
 class Group:
@@ -22,18 +23,18 @@ class Group:
         self.graph = Graph()
         self.builder = TreeBuilder(name, match_fit)
         # The values of sockets by name: arrays of the graph of the tree that contains the group's node.
-        self._values: dict[str, Any] = {}
+        self._values: dict[str, Array] = {}
         self._sockets: list[GroupSocket] = []
         self._input = self.builder.add("NodeGroupInput")
 
-    def take(self, parameters: Mapping[str, Parameter], values: Mapping[str, Any], panel: str = "") -> dict[str, Any]:
+    def take(self, parameters: Mapping[str, Parameter], values: Parameters, panel: str = "") -> Parameters:
         """Add sockets for parameters, and return their values inside the group.
 
         A value inside is the symbols of a socket, or a constant at which terms vanish. `values` are tokens, and arrays
         of the graph outside. Names of sockets begin with that of their panel. A parameter that follows another, and has
         its value, shares its socket.
         """
-        inside: dict[str, Any] = {}
+        inside: dict[str, Array | str] = {}
         for name, value in values.items():
             parameter = parameters[name]
             if followed := followed_parameter(parameter, values):
@@ -54,10 +55,12 @@ class Group:
         self._sockets.append(GroupSocket(name, "shader", panel=panel))
         return Link(self._input, name)
 
-    def tree(self, values: Mapping[GroupSocket, Any], shader: Link | None = None, *, shades: bool = True) -> NodeTree:
+    def tree(self, values: Mapping[GroupSocket, Real], shader: Link | None = None, *, shades: bool = True) -> NodeTree:
         """Return the tree, whose outputs are `values` of the graph and, if it `shades`, a shader, black if None."""
         self.builder.prepare(_vectors(values.values()))
-        inputs: dict[str, Any] = {socket.name: add_value(self.builder, value) for socket, value in values.items()}
+        inputs: dict[str, SocketValue | Link] = {
+            socket.name: add_value(self.builder, value) for socket, value in values.items()
+        }
         outputs = list(values)
         if shader is not None:
             inputs["Shader"] = shader
@@ -70,15 +73,15 @@ class Group:
         """Add a node of the finished group, with the values of its sockets, to the tree outside; return its name."""
         values = self.input_values(tree)
         outside.prepare(_vectors(values.values()))
-        inputs: dict[str, Any] = {name: add_value(outside, value) for name, value in values.items()}
+        inputs = {name: add_value(outside, value) for name, value in values.items()}
         return outside.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
 
-    def input_values(self, tree: NodeTree) -> dict[str, Any]:
+    def input_values(self, tree: NodeTree) -> dict[str, Array]:
         """Return the values of the sockets that the finished tree has, by name."""
         return {socket.name: self._values[socket.name] for socket in tree.inputs if socket.kind != "shader"}
 
 
-def followed_parameter(parameter: Parameter, values: Mapping[str, Any]) -> str:
+def followed_parameter(parameter: Parameter, values: Parameters) -> str:
     """Return the parameter that a parameter follows, if `values` has the same value for both, else ``""``."""
     followed = parameter.follows
     same = followed and elements_of(values[parameter.name]) == elements_of(values[followed])
@@ -87,32 +90,34 @@ def followed_parameter(parameter: Parameter, values: Mapping[str, Any]) -> str:
 
 def socket_of(parameter: Parameter) -> GroupSocket:
     """Return the socket of a parameter, which has the parameter's name."""
-    kind: Any = "vector" if parameter.kind == "normal" else parameter.kind
+    assert parameter.kind != "token"
+    kind: Literal["float", "color", "vector"] = "vector" if parameter.kind == "normal" else parameter.kind
     return GroupSocket(parameter.name, kind, parameter.default, parameter.soft, parameter.help)
 
 
-def bind_symbols(graph: Graph, builder: TreeBuilder, name: str, link: Link, *, vector: bool) -> Any:
+def bind_symbols(graph: Graph, builder: TreeBuilder, name: str, link: Link, *, vector: bool) -> SymbolicArray:
     """Bind symbols of a name to an output, and return them as an array, () or (3,)."""
     value = symbols_of(graph, name, vector=vector)
-    builder.bind([str(node.args[0]) for node in elements_of(value)], link)
+    builder.bind([node.name for node in elements_of(value) if isinstance(node, Symbol)], link)
     return value
 
 
-def symbols_of(graph: Graph, name: str, *, vector: bool) -> Any:
+def symbols_of(graph: Graph, name: str, *, vector: bool) -> SymbolicArray:
     """Return the symbols of a name as an array, () or (3,)."""
     return symbols(graph, [f"{name}_{i}" for i in range(3)]) if vector else symbol(graph, name)
 
 
-def add_value(builder: TreeBuilder, value: Any) -> Link | float | tuple[float, float, float]:
+def add_value(builder: TreeBuilder, value: Real) -> Link | float | tuple[float, float, float]:
     """Add nodes that compute an array, () or (3,), to a tree, and return the output, or the numbers of a constant."""
     elements = elements_of(value)
     return builder.vector(elements) if len(elements) == 3 else builder.scalar(elements[0])
 
 
-def _folds(parameter: Parameter, value: Any) -> bool:
+def _folds(parameter: Parameter, value: Real) -> bool:
     """Return whether a value is a constant at which terms of the model vanish."""
-    elements = elements_of(value)
-    if any(isinstance(element, Node) for element in elements):
+    all_elements = elements_of(value)
+    elements = [element for element in all_elements if not isinstance(element, Node)]
+    if len(elements) < len(all_elements):
         return False
     if parameter.optional and elements[0] == parameter.default:
         return True
@@ -121,5 +126,5 @@ def _folds(parameter: Parameter, value: Any) -> bool:
     return not any(elements) if parameter.kind == "color" else elements[0] in parameter.hard
 
 
-def _vectors(values: Iterable[Any]) -> list[list[Any]]:
+def _vectors(values: Iterable[Real]) -> list[list[Scalar]]:
     return [elements for value in values if len(elements := elements_of(value)) == 3]

@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from lookdev.brdf.vectors import Array, Mask
 from lookdev.cache import Content
 from lookdev.codegen.inputs import Inputs, LookUp
 from lookdev.codegen.nodes.builder import TreeBuilder
@@ -79,7 +79,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     # the output of the UV set itself, and needs no further node.
     w = uv[2] if texture.transform == _IDENTITY else np.array(0.0)
 
-    def read(file: Content, uv: Sequence[Any], wrap: str) -> Any:
+    def read(file: Content, uv: Sequence[Array], wrap: str) -> Array:
         vector = builder.vector(elements_of(np.stack(uv)))
         if not isinstance(vector, Link):  # an image node whose vector is not linked reads the mesh's UVs
             vector = Link(builder.add("CombineXYZ", inputs=dict(zip("XYZ", vector, strict=True))), "Vector")
@@ -94,7 +94,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     if 0 not in look_up.files:
         # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Where there is no tile, all channels are 0.
         column, row = np.floor(s), np.floor(t)
-        value = np.zeros(4)
+        value: Array = np.zeros(4)
         for number, file in look_up.files.items():
             i, j = (number - 1001) % 10, (number - 1001) // 10
             in_tile = np.where(_is_tile(column, i) & _is_tile(row, j), 1.0, 0.0)
@@ -109,18 +109,18 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     if look_up.slopes and 0 in look_up.files:
         value = value * np.stack([_wrap_slope(s, wraps[0]), _wrap_slope(t, wraps[1]), np.array(1.0), np.array(1.0)])
     *color, alpha = elements_of(value)
-    # The values of an image are links, not constants.
-    color_link: Any = builder.vector(color)
-    alpha_link: Any = builder.scalar(alpha)
+    color_link, alpha_link = builder.vector(color), builder.scalar(alpha)
+    assert isinstance(color_link, Link), "the values of an image are links, not constants"
+    assert isinstance(alpha_link, Link), "the values of an image are links, not constants"
     builder.bind([f"{name}[{i}]" for i in range(3)], color_link)
     builder.bind([f"{name}_a"], alpha_link)
 
 
-def _is_tile(coordinate: Any, number: int) -> Any:
+def _is_tile(coordinate: Array, number: int) -> Mask:
     return (coordinate > number - 0.5) & (coordinate < number + 0.5)
 
 
-def _copies(s: Any, wrap: str) -> tuple[Any, ...]:
+def _copies(s: Array, wrap: str) -> tuple[Array, ...]:
     """Return the coordinates, in an image and beside it, whose look-ups with a black border add up to the wrapped one.
 
     Bilinear weights are tents about texel centres. So an image that repeats or mirrors is the sum of its copies, of
@@ -136,10 +136,10 @@ def _copies(s: Any, wrap: str) -> tuple[Any, ...]:
     return position, np.where(position < 0.5, -position, 2.0 - position)
 
 
-def _wrap_slope(s: Any, wrap: str) -> Any:
+def _wrap_slope(s: Array, wrap: str) -> Array:
     """Return the derivative of an axis's wrapping: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
     if wrap == "mirror":
-        whole = np.floor(s)
+        whole: Array = np.floor(s)
         return 1.0 - 2.0 * (whole - 2.0 * np.floor(0.5 * whole))
     if wrap == "clamp":
         return np.where((s >= 0.0) & (s <= 1.0), 1.0, 0.0)

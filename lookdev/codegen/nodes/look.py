@@ -35,7 +35,7 @@ from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import GROUP as COINCIDENT
 from lookdev.codegen.nodes.lift import coincident_tree
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, AttributeBinding, Link, NodeSource, NodeTree
-from lookdev.codegen.trace.graph import Graph, reachable_nodes
+from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbols
 from lookdev.material import Bump, Look, Texture
@@ -213,7 +213,7 @@ class _Material:
         """Add a node of a finished group, and the inputs that it reads, to the material's tree; return its name."""
         self._groups.append(tree)
         elements = [element for value in group.input_values(tree).values() for element in elements_of(value)]
-        names = [str(node.args[0]) for node in reachable_nodes(elements) if node.op == "symbol"]
+        names = [node.name for node in reachable_nodes(elements) if isinstance(node, Symbol)]
         self._attributes |= dict.fromkeys(bind_inputs(self._builder, self._inputs, names))
         if WO[2] in names:
             add_frame(self._builder)

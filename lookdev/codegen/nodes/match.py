@@ -7,13 +7,13 @@ and the logarithm of a negative number.
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypeGuard
 
-from lookdev.codegen.trace.graph import Node, post_order
+from lookdev.codegen.trace.graph import Node, Scalar, post_order
 from lookdev.codegen.trace.vectors import is_inverse_root
 from lookdev.errors import CodegenError
 
-Match: TypeAlias = tuple[Any, ...]
+Match: TypeAlias = tuple[str, *tuple[Scalar, ...]]
 """An operation and its operands; ``"MIX", a, b, t`` is a (1 - t) + b t."""
 
 _OPERATIONS: dict[str, str] = {
@@ -43,7 +43,7 @@ _OPERATIONS: dict[str, str] = {
 _E = 2.718281828459045
 
 
-def match_operation(node: Node, computed: Container[Any] = ()) -> Match:
+def match_operation(node: Node, computed: Container[object] = ()) -> Match:
     """Return the operation that computes a node, and its operands.
 
     A summand that is a product becomes part of the addition, unless it is in `computed`: nodes that exist anyway.
@@ -55,13 +55,13 @@ def match_operation(node: Node, computed: Container[Any] = ()) -> Match:
         case "add", (a, b):
             return _match_mix(a, b) or _match_mix(b, a) or _match_multiply_add(a, b, computed) or ("ADD", a, b)
         case "subtract", (a, b) if _is_product(a, computed) and not isinstance(b, Node):
-            return ("MULTIPLY_ADD", *a.args, -b)
-        case "subtract", (a, b) if _is_product(b, computed) and not all(
-            isinstance(operand, Node) for operand in b.args
-        ):
-            factor, number = b.args if isinstance(b.args[0], Node) else reversed(b.args)
-            return "MULTIPLY_ADD", factor, -number, a
-        case "divide", (_, b) if is_inverse_root(node):
+            x, y = a.args
+            return "MULTIPLY_ADD", x, y, -b
+        case "subtract", (a, Node(args=(x, y)) as b) if _is_product(b, computed) and not isinstance(y, Node):
+            return "MULTIPLY_ADD", x, -y, a
+        case "subtract", (a, Node(args=(x, y)) as b) if _is_product(b, computed) and not isinstance(x, Node):
+            return "MULTIPLY_ADD", y, -x, a
+        case "divide", (_, Node() as b) if is_inverse_root(node):
             return "INVERSE_SQRT", b.args[0]
         case "negative", (a,):
             return "MULTIPLY", a, -1.0
@@ -79,19 +79,19 @@ def match_operation(node: Node, computed: Container[Any] = ()) -> Match:
             return "SUBTRACT", 1.0, apply("add", apply("less", a, b), apply("greater", a, b))
         case "logical_not", (a,):
             return "SUBTRACT", 1.0, a
-        case "where", (condition, a, b):
+        case "where", (Node() as condition, a, b):
             return _match_where(condition, a, b)
         case _:
             return (_OPERATIONS[node.op], *node.args)
 
 
-def depth_of(value: Any, depths: dict[Node, int]) -> None:
+def depth_of(value: Scalar, depths: dict[Node, int]) -> None:
     """Add the depths, in operations, of a node and of all nodes that it needs to `depths`."""
     for node in post_order([value], stop=lambda operand: operand in depths):
         depths[node] = 1 + max((depths[operand] for operand in node.operands()), default=0)
 
 
-def _is_product(value: Any, computed: Container[Any]) -> bool:
+def _is_product(value: Scalar, computed: Container[object]) -> TypeGuard[Node]:
     """Return whether a value is a product that only a sum needs.
 
     A product with an inverse length does not count: it is a component of a normalized vector.
@@ -104,13 +104,15 @@ def _is_product(value: Any, computed: Container[Any]) -> bool:
     )
 
 
-def _match_multiply_add(a: Any, b: Any, computed: Container[Any]) -> Match | None:
-    if _is_product(a, computed):
-        return ("MULTIPLY_ADD", *a.args, b)
-    return ("MULTIPLY_ADD", *b.args, a) if _is_product(b, computed) else None
+def _match_multiply_add(a: Scalar, b: Scalar, computed: Container[object]) -> Match | None:
+    for product, rest in ((a, b), (b, a)):
+        if _is_product(product, computed):
+            x, y = product.args
+            return "MULTIPLY_ADD", x, y, rest
+    return None
 
 
-def _factors(value: Any) -> Iterator[tuple[Any, Any]]:
+def _factors(value: Scalar) -> Iterator[tuple[Scalar, Scalar]]:
     """Yield the ways to write a value as a product of two factors."""
     if isinstance(value, Node) and value.op == "multiply":
         x, y = value.args
@@ -119,7 +121,7 @@ def _factors(value: Any) -> Iterator[tuple[Any, Any]]:
     yield value, 1.0
 
 
-def _match_mix(p: Any, q: Any) -> Match | None:
+def _match_mix(p: Scalar, q: Scalar) -> Match | None:
     """Return the ``"MIX"`` that p + q is, as a (1 - t) + b t, or None."""
     for rest, a in _factors(p):
         if isinstance(rest, Node) and rest.op == "subtract" and not isinstance(rest.args[0], Node):
@@ -131,14 +133,14 @@ def _match_mix(p: Any, q: Any) -> Match | None:
     return None
 
 
-def _match_where(condition: Node, a: Any, b: Any) -> Match:
-    match condition.op, condition.args:
-        case "logical_not", (inner,):
+def _match_where(condition: Scalar, a: Scalar, b: Scalar) -> Match:
+    match condition:
+        case Node(op="logical_not", args=(inner,)):
             condition, a, b = inner, b, a
-        case "greater_equal", (x, y):
-            condition, a, b = condition.graph.apply("less", x, y), b, a
-        case "less_equal", (x, y):
-            condition, a, b = condition.graph.apply("greater", x, y), b, a
+        case Node(op="greater_equal", args=(x, y), graph=graph):
+            condition, a, b = graph.apply("less", x, y), b, a
+        case Node(op="less_equal", args=(x, y), graph=graph):
+            condition, a, b = graph.apply("greater", x, y), b, a
     if not isinstance(b, Node) and b == 0.0:
         return "MULTIPLY", a, condition
     return "MIX", b, a, condition

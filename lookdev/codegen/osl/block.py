@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
 
 import numpy as np
 
 from lookdev.brdf.table import Table
-from lookdev.codegen.trace.graph import Node, Scalar, Uniform, post_order, reachable_nodes
+from lookdev.codegen.trace.graph import Node, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
 
 CODE: dict[str, str] = {
@@ -112,7 +111,7 @@ class Block:
         self._spell = spell
         self._uses: Counter[Node] = Counter()
         self._preset_names: dict[Node, str] = {}
-        self._cells: dict[tuple[Any, ...], str] = {}
+        self._cells: dict[tuple[str, str, str], str] = {}
 
     def inner_block(self, prefix: str, indent: int) -> Block:
         """Return a scope inside this one, which starts with the variables that this one has now."""
@@ -133,7 +132,7 @@ class Block:
             self.write(f"float {name} = {self.expression(value)};")
         self.lines[-1] += f"  // {comment}" if comment else ""
 
-    def prepare(self, roots: Iterable[Any]) -> None:
+    def prepare(self, roots: Iterable[Scalar]) -> None:
         """Count uses of nodes under `roots`, all expressions of this block, so that shared nodes become variables."""
         roots = list(roots)
         for node in reachable_nodes(roots, stop=self.variables):
@@ -151,9 +150,9 @@ class Block:
 
     def expression(self, value: Scalar) -> str:
         """Return code for `value`; the variables that it needs are written first."""
-        inline: dict[Any, str] = {}
+        inline: dict[Node, str] = {}
 
-        def code_of(part: Any) -> str:
+        def code_of(part: Scalar) -> str:
             if isinstance(part, Uniform):
                 return self._spell(part)
             if not isinstance(part, Node):
@@ -161,12 +160,11 @@ class Block:
             return self.variables.get(part) or inline[part]
 
         for node in post_order([value], stop=lambda node: node in self.variables):
-            if node.op == "symbol":
-                inline[node] = self._spell(str(node.args[0]))
+            if isinstance(node, Symbol):
+                inline[node] = self._spell(node.name)
                 continue
-            if node.op == "look_up":
-                table, channel, *cell_indices = node.args
-                inline[node] = self._look_up_code(table, channel, *map(code_of, cell_indices))
+            if isinstance(node, TableCell):
+                inline[node] = self._look_up_code(node.table, node.channel, *map(code_of, node.args))
                 continue
             code = CODE[node.op].format(*(code_of(arg) for arg in node.args))
             if self._uses[node] > 1 or len(code) > _MAX_INLINE:

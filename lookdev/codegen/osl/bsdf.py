@@ -26,7 +26,16 @@ from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import scale
 from lookdev.codegen.osl.block import Block, Spell, spell_by_name, strip_parentheses
 from lookdev.codegen.source import LOBE_GROUPS
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, dependent_nodes, post_order, reachable_nodes
+from lookdev.codegen.trace.graph import (
+    Graph,
+    Node,
+    Scalar,
+    Symbol,
+    TableCell,
+    dependent_nodes,
+    post_order,
+    reachable_nodes,
+)
 from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
@@ -45,7 +54,7 @@ class TracedLobe:
 
     name: str
     transmits: bool
-    side: Node | None
+    side: Scalar | None
     share: Scalar
     value: tuple[Scalar, ...]
     density: Scalar
@@ -167,14 +176,12 @@ def _parts(term: Term) -> Iterator[tuple[str, tuple[Scalar, ...]]]:
             yield group, part
 
 
-def _side(lobe: Lobe, wo: Array, wi: Array) -> Node | None:
+def _side(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
     """Return the condition under which a lobe that crosses the horizon is not 0; None for other lobes."""
     if not lobe.crosses:
         return None
     local_o, local_i = lobe.pair(wo, wi)
-    side: Node
-    (side,) = elements_of((local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0))
-    return side
+    return elements_of((local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0))[0]
 
 
 def emit_brdf(
@@ -240,8 +247,8 @@ def emit_brdf(
     groups = {*_groups(lobes), *map(_delta_group, deltas)} if recorded else ()
     group_indices = {group: index for index, group in enumerate(sorted(groups, key=LOBE_GROUPS.index))}
     nodes = reachable_nodes([*values, *(lobe.share for lobe in lobes), presence, *delta_values, *feature_values])
-    inputs = {str(node.args[0]) for node in nodes if node.op == "symbol"} - VARYING - {*WO, INSIDE}
-    tables = {node.args[0].digest: node.args[0] for node in nodes if node.op == "look_up"}
+    inputs = {node.name for node in nodes if isinstance(node, Symbol)} - VARYING - {*WO, INSIDE}
+    tables = {node.table.digest: node.table for node in nodes if isinstance(node, TableCell)}
     return BrdfCode(
         setup=tuple(setup.lines),
         evaluate=tuple(_evaluate(mixture, setup, varying, by_group, group_indices)),
@@ -279,7 +286,7 @@ def _evaluate(
 ) -> Iterable[str]:
     """Return the lines that sum the lobes on the light's side; `group_indices` are those of groups in ``f_lobe``."""
     has_light_sampled = len(mixture.densities) > 1
-    sides: dict[bool | Node, list[TracedLobe]] = {False: [], True: []}
+    sides: dict[Scalar, list[TracedLobe]] = {False: [], True: []}
     for lobe in mixture.lobes:
         sides.setdefault(lobe.transmits if lobe.side is None else lobe.side, []).append(lobe)
     block = setup.inner_block("g", indent=2)

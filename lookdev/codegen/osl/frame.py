@@ -7,10 +7,9 @@ random numbers: a difference in the last place of a direction makes another pict
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from lookdev.codegen.osl.block import CODE, literal, strip_parentheses
-from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
@@ -27,15 +26,14 @@ def emit_frame(*, directed: bool, leaning: bool) -> Sequence[str]:
     they read ``vector mesh_tangent``; if `leaning`, the look bends normals, and they read ``float hand``.
     """
     graph = Graph()
-    vectors: dict[str, Any] = {
-        name: symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in (*_VECTORS, *[_TANGENT] * directed)
-    }
+    vectors = {name: symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in (*_VECTORS, *[_TANGENT] * directed)}
     normal, facet, viewer = (vectors[name] for name in _VECTORS)
-    hand: Any = symbol(graph, "hand") if leaning else 1.0
+    hand = symbol(graph, "hand") if leaning else 1.0
     frame = shading_frame(normal, vectors.get(_TANGENT), facet, viewer, hand)
     text = _Text({tuple(elements_of(vector)): name for name, vector in vectors.items()})
     for name, vector in (("facet", frame.facet), ("n", frame.normal), ("t", frame.tangent), ("b", frame.bitangent)):
-        text.define(f"vector {name}", tuple(elements_of(vector)))
+        x, y, z = elements_of(vector)
+        text.define(f"vector {name}", (x, y, z))
     for name, element in zip(WO, elements_of(frame.to_local(viewer)), strict=True):
         text.define(f"float {name}", element)
     return text.lines
@@ -44,11 +42,11 @@ def emit_frame(*, directed: bool, leaning: bool) -> Sequence[str]:
 class _Text:
     """Lines of code, and the names of the vectors and numbers that they define."""
 
-    def __init__(self, names: dict[Any, str]) -> None:
+    def __init__(self, names: dict[Scalar | tuple[Scalar, ...], str]) -> None:
         self.lines: list[str] = []
         self._names = names
 
-    def define(self, variable: str, value: Node | Triple) -> None:
+    def define(self, variable: str, value: Scalar | Triple) -> None:
         """Compute a number, or a vector, into a variable."""
         self.lines.append(f"    {variable} = {strip_parentheses(self._compute(value))};")
         name = self._names[value] = variable.split()[1]
@@ -57,9 +55,7 @@ class _Text:
                 component: f"{name}[{i}]" for i, component in enumerate(value) if isinstance(component, Node)
             }
 
-    def _code(self, value: Any) -> str:
-        if not isinstance(value, Node | tuple):
-            return literal(value)
+    def _code(self, value: Scalar | Triple) -> str:
         if value not in self._names and isinstance(value, Node) and (match_dot(value) or value.op == "where"):
             # Costly numbers become variables; vectors are inline.
             code = self._compute(value)
@@ -67,23 +63,26 @@ class _Text:
             self.lines.append(f"    float {self._names[value]} = {strip_parentheses(code)};")
         return self._names.get(value) or self._compute(value)
 
-    def _compute(self, value: Node | Triple) -> str:
+    def _compute(self, value: Scalar | Triple) -> str:
+        if not isinstance(value, Node | tuple):
+            return literal(value)
         if isinstance(value, Node):
-            if value.op == "symbol":
-                return str(value.args[0])
+            if isinstance(value, Symbol):
+                return value.name
             factors = match_dot(value)
             return self._call("dot", factors) if factors else self._operation(value.op, value.args)
         vector, factors = match_normalize(value), match_cross(value)
         if vector or factors:
             return self._call("normalize", [vector]) if vector else self._call("cross", factors or ())
-        if len({component.op if isinstance(component, Node) else "" for component in value}) > 1:
+        nodes = [component for component in value if isinstance(component, Node)]
+        if len(nodes) < 3 or len({node.op for node in nodes}) > 1:
             return self._call("vector", value)
         # All components have the same operation: it applies to vectors, and to numbers that all three share.
-        triples = zip(*(component.args for component in value), strict=True)
-        return self._operation(value[0].op, (triple[0] if len(set(triple)) == 1 else triple for triple in triples))
+        triples = zip(*(node.args for node in nodes), strict=True)
+        return self._operation(nodes[0].op, (triple[0] if len(set(triple)) == 1 else triple for triple in triples))
 
-    def _call(self, function: str, operands: Iterable[Any]) -> str:
+    def _call(self, function: str, operands: Iterable[Scalar | Triple]) -> str:
         return f"{function}({', '.join(strip_parentheses(self._code(operand)) for operand in operands)})"
 
-    def _operation(self, op: str, operands: Iterable[Any]) -> str:
+    def _operation(self, op: str, operands: Iterable[Scalar | Triple]) -> str:
         return CODE[op].format(*map(self._code, operands))

@@ -11,10 +11,11 @@ from dataclasses import fields
 from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from typing import Any, TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.codegen.osl.block import Block
 from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -23,6 +24,7 @@ from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, of
 from lookdev.light.lamps import SHAPES, CodedRig, weight
 from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.plane import meet_plane, seen_part, towards_plane
+from lookdev.light.shape import Shape
 from lookdev.light.spherical_rectangle import Point, density, draw
 
 Lines: TypeAlias = tuple[str, ...]
@@ -125,12 +127,12 @@ def _control_functions() -> tuple[Lines, Lines, Lines]:
     """Return the functions of a beam, of a falloff, and of a shadow."""
     trace = _Tracer()
     direction, distance = trace.vector("w"), symbol(trace.graph, "distance")
-    tint = trace.fields("tint0", "tint1", "tint2", stacked=True)
+    tint = trace.stack_fields("tint0", "tint1", "tint2")
     cone, start, rise, focus = trace.fields(*_BEAM)
     within = cone_factor(off_axis(direction), cone, start, rise)
     beam = np.expand_dims(within, -1) * focus_factor(direction[..., 2], focus, tint)
     factor = falloff_factor(distance, *trace.fields(*_FALL))
-    colour = trace.fields("shadow0", "shadow1", "shadow2", stacked=True)
+    colour = trace.stack_fields("shadow0", "shadow1", "shadow2")
     enable, limit, zone, gamma = trace.fields(*_SHADOW)
     share = shadow_passed(distance, enable, limit, zone, gamma, colour)
     return (
@@ -184,7 +186,7 @@ def _picture_functions() -> Lines:
     trace = _Tracer()
     width, height = trace.fields("a", "b")
     p, w = trace.vector("p"), trace.vector("w")
-    s, t, size = (symbol(trace.graph, name) for name in ("part_s", "part_t", "size"))
+    s, t, size = (trace.number(name) for name in ("part_s", "part_t", "size"))
     size_parameters = "float part_s, float part_t, float size"
     angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
     functions = trace.function(f"float rect_part_angle(float lamps[], int at, vector p, {size_parameters})", {}, angle)
@@ -194,9 +196,10 @@ def _picture_functions() -> Lines:
     functions += trace.function(f"void rect_place(float lamps[], int at, {head})", places)
     part_seen = seen_part(p, width, height, s, t, size)
 
-    def pdf(point: Point) -> Any:
+    def pdf(point: Point) -> Floats:
         within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
-        return density(part_seen, Point(within[0], within[1], point.x, point.y))
+        value: Floats = density(part_seen, Point(within[0], within[1], point.x, point.y))
+        return value
 
     head = f"vector p, vector w, {size_parameters}"
     functions += trace.function(f"float rect_part_density(float lamps[], int at, {head})", {}, pdf(point))
@@ -229,20 +232,26 @@ class _Tracer:
     def __init__(self) -> None:
         self.graph = Graph()
 
-    def vector(self, name: str) -> Any:
-        return symbols(self.graph, [f"{name}[{i}]" for i in range(3)])
+    def vector(self, name: str) -> Floats:
+        return self.numbers(*(f"{name}[{i}]" for i in range(3)))
 
-    def numbers(self, *names: str) -> Any:
-        return symbols(self.graph, names)
+    def numbers(self, *names: str) -> Floats:
+        return cast("Floats", symbols(self.graph, names))  # the functions of lights run on symbols, too
 
-    def shape(self, kind: str) -> Any:
-        return SHAPES[kind](*self.fields(*("a", "b")[: len(fields(SHAPES[kind]))]))
+    def number(self, name: str) -> Floats:
+        return cast("Floats", symbol(self.graph, name))
 
-    def fields(self, *names: str, stacked: bool = False) -> Any:
-        codes = [f"lamps[at + LAMP_{name}]" for name in names]
-        return symbols(self.graph, codes) if stacked else tuple(symbol(self.graph, code) for code in codes)
+    def shape(self, kind: str) -> Shape:
+        shape: Shape = SHAPES[kind](*self.fields(*("a", "b")[: len(fields(SHAPES[kind]))]))
+        return shape
 
-    def function(self, head: str, outputs: Mapping[str, Any], returned: Any = None) -> Lines:
+    def fields(self, *names: str) -> tuple[Floats, ...]:
+        return tuple(self.number(f"lamps[at + LAMP_{name}]") for name in names)
+
+    def stack_fields(self, *names: str) -> Floats:
+        return self.numbers(*(f"lamps[at + LAMP_{name}]" for name in names))
+
+    def function(self, head: str, outputs: Mapping[str, Floats], returned: Floats | None = None) -> Lines:
         """Return the lines of a function that sets outputs, and returns a number or a colour if `returned` is set."""
         block = Block("v", indent=1)
         values: dict[str, Scalar] = {name: elements_of(value)[0] for name, value in outputs.items()}

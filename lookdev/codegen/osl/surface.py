@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import Delta, Lobe, StackLayer, stack_bsdf
+from lookdev.brdf import Array, Delta, Lobe, StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, estimate_albedo, mean_normal
 from lookdev.codegen.inputs import Inputs
@@ -31,7 +30,7 @@ from lookdev.codegen.source import (
     ShaderSource,
 )
 from lookdev.codegen.trace.azimuth import depends_on_tangent
-from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas
 from lookdev.codegen.trace.symbolic import elements_of, symbols, uniforms
 from lookdev.errors import CodegenError
@@ -239,13 +238,13 @@ def _without_recording(osl: str) -> str:
     return "".join(lines)
 
 
-def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dict[str, list[Any]]:
+def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dict[str, list[Scalar]]:
     """Return the features that guide a denoiser, numbers in [0, 1], by their names in the template."""
     mixture = Mixture(lobes, symbols(graph, WO))
-    albedo: Any = estimate_albedo(mixture) if lobes else np.zeros(3)
+    albedo: Array = estimate_albedo(mixture) if lobes else np.zeros(3)
     for delta in deltas:
         albedo = albedo + delta.value
-    normal: Any = mean_normal(mixture) if lobes else ZENITH
+    normal = mean_normal(mixture) if lobes else ZENITH
     return {"feature_albedo": elements_of(np.clip(albedo, 0.0, 1.0)), "feature_normal": elements_of(normal)}
 
 

@@ -11,12 +11,11 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf import StackLayer, stack_bsdf
+from lookdev.brdf import Array, Real, StackLayer, stack_bsdf
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import Table, look_up
 from lookdev.brdf.vectors import TINY, scale
@@ -42,7 +41,7 @@ def threads() -> ThreadPoolExecutor:
 class _Step:
     """An operation: the numbers of its operands and its result, and of the values that no later step reads."""
 
-    run: Callable[..., Any]
+    run: Callable[..., Array]
     operands: tuple[int, ...]
     place: int
     dead: tuple[int, ...] = ()
@@ -58,14 +57,14 @@ class Compiled:
 
     once: tuple[_Step, ...]
     each: tuple[_Step, ...]
-    constants: Mapping[int, Any]
+    constants: Mapping[int, float]
     symbols: Mapping[str, int]
     result: tuple[int, ...]
     two_sided: bool
 
     def f(self, wo: Floats, wi: Floats, numbers: Mapping[str, float]) -> Floats:
         """Return f (n, 3) for directions (n, 3), as `lookdev.brdf.evaluate` does for layers with these parameters."""
-        values_once = {
+        values_once: dict[int, Real] = {
             **self.constants,
             **{number: numbers[name] for name, number in self.symbols.items() if name in numbers},
         }
@@ -129,7 +128,7 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
 def _compile_program(writer: ProgramWriter, two_sided: bool) -> Compiled:
     """Return the steps of a program: those that depend on a direction run for each pair, the others once."""
     varying: set[int] = set()
-    constants: dict[int, Any] = {}
+    constants: dict[int, float] = {}
     names: dict[str, int] = {}
     once: list[_Step] = []
     per_pair: list[_Step] = []
@@ -170,6 +169,6 @@ def _mark_dead(steps: Sequence[_Step], live: set[int]) -> tuple[_Step, ...]:
     return tuple(reversed(steps_from_last))
 
 
-def _look_up_function(table: Table, channel: str) -> Callable[[Any, Any], Any]:
+def _look_up_function(table: Table, channel: str) -> Callable[[Floats, Floats], Array]:
     channel_table = table if channel == "" else Table(table.values[..., int(channel)])
     return lambda row, column: look_up(channel_table, np.asarray(row), np.asarray(column))

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from functools import cache
-from typing import Any
+from typing import cast
 
 import numpy as np
 
+from lookdev.arrays import Floats
 from lookdev.brdf.table import Table
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import Operation
-from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.light.dome.local import meet_ball, share_within, towards_ball
 from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
@@ -57,18 +58,16 @@ def lamp_operations(kind: str, *, shaped: bool, falling: bool, steps: int = 0) -
     graph = Graph()
     falling = falling and kind != "distant"  # a distant light is infinitely far
 
-    def numbers(*names: str) -> tuple[Any, ...]:
-        return tuple(symbol(graph, name) for name in names)
+    def numbers(*names: str) -> tuple[Floats, ...]:
+        return tuple(_number(graph, name) for name in names)
 
-    sizes: Any = numbers(*("a", "b")[: len(fields(SHAPES[kind]))])
-    shape: Any = (
-        Picture(sizes[0], sizes[1], _TABLES, symbol(graph, "tree")) if kind == "picture" else SHAPES[kind](*sizes)
-    )
+    sizes = numbers(*("a", "b")[: len(fields(SHAPES[kind]))])
+    shape = Picture(sizes[0], sizes[1], _TABLES, _number(graph, "tree")) if kind == "picture" else SHAPES[kind](*sizes)
     p, w, n = (_vector(graph, name) for name in "pwn")
     cone, falloff = numbers("cone", "start", "rise", "focus"), numbers("virtual", "power", "fade", "fade_rise")
-    tint, (mean,) = symbols(graph, ["tint0", "tint1", "tint2"]), numbers("mean")
+    tint, (mean,) = _numbers(graph, ["tint0", "tint1", "tint2"]), numbers("mean")
     beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
-    radiance: Any = symbols(graph, ["red", "green", "blue"])
+    radiance = _numbers(graph, ["red", "green", "blue"])
     if shaped:
         within = cone_factor(off_axis(w), *cone[:3])
         radiance = radiance * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
@@ -79,8 +78,8 @@ def lamp_operations(kind: str, *, shaped: bool, falling: bool, steps: int = 0) -
         radiance = radiance * np.expand_dims(np.where(profile >= 0.0, factor, 1.0), -1)
     if falling:
         radiance = radiance * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *falloff), -1)
-    direction = shape.sample(p, symbols(graph, ["u1", "u2"]))
-    outputs: dict[str, Callable[[], list[Any]]] = {
+    direction = shape.sample(p, _numbers(graph, ["u1", "u2"]))
+    outputs: dict[str, Callable[[], list[Scalar]]] = {
         "weight": lambda: elements_of(mean * weight(shape, beam, falloff if falling else None, p, n)),
         "meet": lambda: [*elements_of(shape.distance(p, w)), *elements_of(shape.pdf(p, w))],
         "draw": lambda: [
@@ -100,8 +99,8 @@ def lamp_operations(kind: str, *, shaped: bool, falling: bool, steps: int = 0) -
 def shadow_operations() -> Functions:
     """Return ``passed``, the share of a light that passes an occluder at ``distance``, from `SHADOW_FIELDS`."""
     graph = Graph()
-    enable, limit, zone, gamma = (symbol(graph, name) for name in SHADOW_FIELDS[:4])
-    share = shadow_passed(symbol(graph, "distance"), enable, limit, zone, gamma, symbols(graph, SHADOW_FIELDS[4:]))
+    enable, limit, zone, gamma = (_number(graph, name) for name in SHADOW_FIELDS[:4])
+    share = shadow_passed(_number(graph, "distance"), enable, limit, zone, gamma, _numbers(graph, SHADOW_FIELDS[4:]))
     return _write_functions({"passed": lambda: elements_of(share)})
 
 
@@ -119,16 +118,17 @@ def part_operations() -> Functions:
         The distance along w to the whole picture, and the coordinates where w meets it.
     """
     graph = Graph()
-    width, height, s, t, size = (symbol(graph, name) for name in ("a", "b", "part_s", "part_t", "size"))
+    width, height, s, t, size = (_number(graph, name) for name in ("a", "b", "part_s", "part_t", "size"))
     p, w = (_vector(graph, name) for name in "pw")
     part = seen_part(p, width, height, s, t, size)
 
-    def pdf(point: Point) -> Any:
+    def pdf(point: Point) -> Floats:
         within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
-        return density(part, Point(within[0], within[1], point.x, point.y))
+        value: Floats = density(part, Point(within[0], within[1], point.x, point.y))
+        return value
 
     distance, hit = meet_plane(p, w, width, height)
-    direction = towards_plane(p, draw(part, symbols(graph, ["u1", "u2"])))
+    direction = towards_plane(p, draw(part, _numbers(graph, ["u1", "u2"])))
     direction_distance, direction_hit = meet_plane(p, direction, width, height)
     angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
     return _write_functions(
@@ -158,7 +158,7 @@ def ball_operations() -> Functions:
         The direction from p to the point where the direction `onto` from the centre meets the dome.
     """
     graph = Graph()
-    start, radius = (symbol(graph, name) for name in "ab")
+    start, radius = (_number(graph, name) for name in "ab")
     p, w, onto = (_vector(graph, name) for name in ("p", "w", "onto"))
     hits, distance, around = meet_ball(p, w, radius)
     inside = np.where(hits, 1.0, 0.0)
@@ -171,11 +171,19 @@ def ball_operations() -> Functions:
     )
 
 
-def _vector(graph: Graph, name: str) -> Any:
-    return symbols(graph, [f"{name}[{i}]" for i in range(3)])
+def _vector(graph: Graph, name: str) -> Floats:
+    return _numbers(graph, [f"{name}[{i}]" for i in range(3)])
 
 
-def _write_functions(outputs: Mapping[str, Callable[[], list[Any]]]) -> Functions:
+def _numbers(graph: Graph, names: Sequence[str]) -> Floats:
+    return cast("Floats", symbols(graph, names))  # the functions of lights run on symbols, too
+
+
+def _number(graph: Graph, name: str) -> Floats:
+    return cast("Floats", symbol(graph, name))
+
+
+def _write_functions(outputs: Mapping[str, Callable[[], list[Scalar]]]) -> Functions:
     writer = ProgramWriter()
     for name, trace_outputs in outputs.items():
         writer.add(name, trace_outputs())

@@ -11,21 +11,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import MODELS, StackLayer, stack_bsdf
+from lookdev.arrays import Floats
+from lookdev.brdf import MODELS, Array, Real, StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, estimate_albedo, mean_normal
 from lookdev.brdf.table import Table
-from lookdev.brdf.vectors import scale
+from lookdev.brdf.vectors import Parameters, scale
 from lookdev.cache import Content, cached_files
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ImageBinding, ProgramSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
-from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.graph import Graph, Node, Scalar
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, folded_lobes, present_deltas
 from lookdev.codegen.trace.slopes import slopes
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
@@ -84,7 +84,7 @@ def generate_program(
     # absent at some points, and no branch leaves out their code.
     assume_positive(graph, mixture.wo[..., 2])
     value, pdf = mixture.response(symbols(graph, WI))
-    outputs: dict[str, Any] = {"value": value, "pdf": pdf}
+    outputs: dict[str, Real | list[Scalar]] = {"value": value, "pdf": pdf}
     outputs["wi"] = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
     parts = _parts(mixture, symbols(graph, WI))
     outputs["diffuse"] = sum((diffuse for _, diffuse in parts.values()), np.zeros(3))
@@ -97,7 +97,7 @@ def generate_program(
     if see_through:
         outputs["presence"] = bsdf.presence
     if features:
-        albedo: Any = estimate_albedo(mixture) if lobes else np.zeros(3)
+        albedo: Array = estimate_albedo(mixture) if lobes else np.zeros(3)
         for delta in deltas:
             albedo = albedo + delta.value
         outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": mean_normal(mixture) if lobes else ZENITH}
@@ -133,12 +133,12 @@ def generate_program(
     return replace(source, digest=digest, folded=folded_lobes(graph, bsdf))
 
 
-def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
+def _parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
     """Return, by group, the value of its lobes for light from `wi`, and the part of that from diffuse lobes."""
-    parts: dict[str, tuple[Any, Any]] = {}
+    parts: dict[str, tuple[Array, Array]] = {}
     for term in mixture.terms(wi):
-        whole: Any = term.value
-        parts_of_lobe: dict[str, Any] = {}
+        whole = term.value
+        parts_of_lobe: dict[str, Array] = {}
         if not term.lobe.transmits:
             for name, evaluate in term.lobe.parts.items():
                 part = replace(term, f=scale(evaluate(term.directions), term.lobe.weight)).value
@@ -176,9 +176,7 @@ def live_numbers(look: Look, live: Live) -> Mapping[str, tuple[float, ...]]:
 def _trace_constants(graph: Graph, number: int, layer: StackLayer, live: Live) -> StackLayer:
     """Return a layer whose constants are uniforms, or symbols where they are live."""
 
-    def trace(name: str, value: Any) -> Any:
-        if not isinstance(value, _CONSTANT):
-            return value
+    def trace(name: str, value: Floats | float) -> Array:
         if not live(number, name):
             return uniforms(graph, value)
         symbol_name = live_name(number, name)
@@ -186,20 +184,22 @@ def _trace_constants(graph: Graph, number: int, layer: StackLayer, live: Live) -
             symbols(graph, [f"{symbol_name}[{i}]" for i in range(3)]) if np.ndim(value) else symbol(graph, symbol_name)
         )
 
-    traced: dict[int, Any] = {}
-    for name, value in (values := _values(layer)).items():
+    traced: dict[int, Array] = {}
+    for name, value in _values(layer).items():
         # Values are told apart by identity: a parameter that follows another has the same object.
-        if id(value) not in traced:
+        if isinstance(value, _CONSTANT) and id(value) not in traced:
             traced[id(value)] = trace(name, value)
-    parameters = {name: traced[id(values[name])] for name in layer.parameters}
-    return replace(layer, parameters=parameters, mask=traced[id(layer.mask)])
+    parameters = {name: traced.get(id(value), value) for name, value in layer.parameters.items()}
+    return replace(layer, parameters=parameters, mask=traced.get(id(layer.mask), layer.mask))
 
 
-def _values(layer: StackLayer) -> Mapping[str, Any]:
+def _values(layer: StackLayer) -> Parameters:
     return {**layer.parameters, "mask": layer.mask}
 
 
-def _slopes(graph: Graph, look: str, inputs: Inputs, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
+def _slopes(
+    graph: Graph, look: str, inputs: Inputs, outputs: Mapping[str, Real | list[Scalar]]
+) -> Mapping[str, list[Scalar]]:
     """Return the derivatives of value, diffuse part, presence and single directions by each symbol of live inputs.
 
     Raises
@@ -231,13 +231,13 @@ def _open_no_image(texture: Texture | Bump) -> Path:
     raise AssertionError("no image is opened")
 
 
-def _frame_outputs(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, Any]:
+def _frame_outputs(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, Array]:
     """Return the axes of the shading frame and the facet's normal, as functions of the mesh's symbols."""
 
-    def vector(name: str) -> Any:
+    def vector(name: str) -> Array:
         return symbols(graph, [f"{name}[{i}]" for i in range(3)])
 
-    hand: Any = symbol(graph, "hand") if leaning else 1.0
+    hand = symbol(graph, "hand") if leaning else 1.0
     tangent = vector("mesh_tangent") if directed else None
     frame = shading_frame(vector("mesh_normal"), tangent, vector("mesh_facet"), vector("viewer"), hand)
     axes = {"tangent": frame.tangent, "bitangent": frame.bitangent, "normal": frame.normal}

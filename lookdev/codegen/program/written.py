@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from lookdev.brdf.table import Table
 from lookdev.codegen.source import Operation
-from lookdev.codegen.trace.graph import Node, Uniform, post_order
+from lookdev.codegen.trace.graph import Node, Scalar, Symbol, TableCell, Uniform, post_order
 from lookdev.errors import CodegenError
 
 
@@ -23,9 +22,9 @@ class ProgramWriter:
     constants: list[float] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
     symbols: set[str] = field(default_factory=set)
-    _numbers: dict[Any, int] = field(default_factory=dict)
+    _numbers: dict[object, int] = field(default_factory=dict)
 
-    def add(self, name: str, roots: Sequence[Any]) -> None:
+    def add(self, name: str, roots: Sequence[Scalar]) -> None:
         """Write nodes and constants, and record them as the output `name`."""
         for node in post_order(roots):
             self._numbers[node] = self._append(self._operation(node))
@@ -38,21 +37,21 @@ class ProgramWriter:
     def _operation(self, node: Node) -> Operation:
         if node in self._numbers:
             return self.operations[self._numbers[node]]
-        match node.op, node.args:
-            case "symbol", (name,):
+        match node:
+            case Symbol(name=name):
                 self.symbols.add(name)
                 return Operation("symbol", name=name)
-            case "look_up", (table, channel, row, column):
+            case TableCell(table=table, channel=channel, args=(row, column)):
                 if table not in self.tables:
                     self.tables.append(table)
                 table_number, columns = self.tables.index(table), table.values.shape[1]
                 cell = (self._number(row), self._number(column))
                 name = "" if channel is None else str(channel)
                 return Operation("look_up", cell, value=float(columns), place=table_number, name=name)
-            case op, operands:
-                return Operation(op, tuple(map(self._number, operands)))
+            case _:
+                return Operation(node.op, tuple(map(self._number, node.args)))
 
-    def _number(self, value: Any) -> int:
+    def _number(self, value: Scalar) -> int:
         """Return the number of a node's operation, or that of a constant, which is appended if it is new."""
         if isinstance(value, Node):
             return self._numbers[value]

@@ -9,10 +9,10 @@ normal map, are assumed to change.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from lookdev.brdf import Lobe
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, post_order
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol, post_order
 from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
@@ -35,9 +35,8 @@ def depends_on_tangent(graph: Graph, lobes: Sequence[Lobe]) -> bool:
 
 def _form(graph: Graph, node: Node, forms: Mapping[Node, Form | None]) -> Form | None:
     """Return a node as a polynomial, from those of its operands; None if the node is not a polynomial."""
-    if node.op == "symbol":
-        name = str(node.args[0])
-        return {(name,): 1.0} if name in _ROTATED else {(): node}
+    if isinstance(node, Symbol):
+        return {(node.name,): 1.0} if node.name in _ROTATED else {(): node}
     operand_forms: list[Form | None] = [forms[arg] if isinstance(arg, Node) else {(): arg} for arg in node.args]
     if all(map(_is_constant, operand_forms)):
         return {(): node}
@@ -82,7 +81,7 @@ def _is_invariant(graph: Graph, form: Form) -> bool:
     for factors, value in form.items():
         if factors and len(factors) != 2:
             return False
-        across: Any = form.get(tuple(sorted(_ACROSS[name] for name in factors)))
+        across = form.get(tuple(sorted(_ACROSS[name] for name in factors)))
         if across is not None and len({name[-1] for name in factors}) > 1:
             across = graph.apply("negative", across)
         if across is not value and (isinstance(value, Node) or isinstance(across, Node) or across != value):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -27,17 +27,29 @@ class Uniform(float):
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One operation on earlier nodes and constants, or a named symbol (``op == "symbol"``).
-
-    The arguments of ``"look_up"`` are a table, a channel of its colours (None if cells are numbers), row and column.
-    """
+    """One operation on earlier nodes and constants."""
 
     op: str
-    args: tuple[Any, ...]
+    args: tuple[Scalar, ...]
     graph: Graph
 
     def operands(self) -> tuple[Node, ...]:
         return tuple(arg for arg in self.args if isinstance(arg, Node))
+
+
+@dataclass(frozen=True, eq=False)
+class Symbol(Node):
+    """A named value that only run time determines."""
+
+    name: str
+
+
+@dataclass(frozen=True, eq=False)
+class TableCell(Node):
+    """A number in a table, by row and column, or a channel of the colour there; the channel of numbers is None."""
+
+    table: Table
+    channel: int | None
 
 
 # Every ufunc a model may use, by NumPy's own name; the same names choose the code in each emitter.
@@ -58,20 +70,20 @@ class Graph:
     """Builds the nodes of one generated shader."""
 
     def __init__(self) -> None:
-        self._nodes: dict[tuple[Any, ...], Node] = {}
-        self._facts: dict[Node, bool] = {}
+        self._nodes: dict[tuple[object, ...], Node] = {}
+        self._facts: dict[Scalar, bool] = {}
 
-    def assume(self, condition: Node, value: bool = True) -> None:
+    def assume(self, condition: Scalar, value: bool = True) -> None:
         """Fold a condition to a constant from now on, as it has this value wherever the traced code runs."""
         self._facts[condition] = value
 
-    def symbol(self, name: str) -> Node:
+    def symbol(self, name: str) -> Symbol:
         """Return the node of a named value that only run time determines."""
-        node = self._intern("symbol", (name,))
-        assert isinstance(node, Node), "only conditions are assumed"
+        node = self._intern(Symbol("symbol", (), self, name), name)
+        assert isinstance(node, Symbol), "only conditions are assumed"
         return node
 
-    def apply(self, op: str, *args: Any) -> Any:
+    def apply(self, op: str, *args: Scalar) -> Scalar:
         """Return `op` of `args`: a node, or a constant where the operation folds.
 
         Raises
@@ -86,26 +98,23 @@ class Graph:
         if op == "where" and not isinstance(args[0], Node):
             return args[1] if args[0] else args[2]
         if not any(isinstance(arg, Node) for arg in args):
-            function: Any = getattr(np, op)
+            function: Callable[..., np.float64 | np.bool_] = getattr(np, op)
             value = function(*args).item()
             has_uniform = isinstance(value, float) and any(isinstance(arg, Uniform) for arg in args)
             return uniform(value) if has_uniform else value
         simplified = _simplify(op, args)
-        return self._intern(op, args) if simplified is None else simplified
+        return self._intern(Node(op, args, self)) if simplified is None else simplified
 
     def look_up(self, table: Table, channel: int | None, row: Scalar, column: Scalar) -> Scalar:
         """Return the number in a cell of a table, or one channel of the colour there."""
         if isinstance(row, Node) or isinstance(column, Node):
-            return self._intern("look_up", (table, channel, row, column))
+            return self._intern(TableCell("look_up", (row, column), self, table, channel), table, channel)
         cell = table.values[int(row), int(column)]
         return float(cell if channel is None else cell[channel])
 
-    def _intern(self, op: str, args: tuple[Any, ...]) -> Node | bool:
-        """Return the node of an operation, the same for equal arguments, or its value if that is assumed."""
-        key = (op, *map(_argument_key, args))
-        node = self._nodes.get(key)
-        if node is None:
-            node = self._nodes[key] = Node(op, args, self)
+    def _intern(self, node: Node, *names: object) -> Node | bool:
+        """Return the first node with this operation, these names and arguments, or its value if that is assumed."""
+        node = self._nodes.setdefault((node.op, *map(_argument_key, (*names, *node.args))), node)
         return self._facts.get(node, node)
 
 
@@ -114,17 +123,17 @@ def uniform(value: float) -> float:
     return value if value in _SIMPLE else Uniform(value)
 
 
-def _argument_key(value: Any) -> Any:
+def _argument_key(value: object) -> object:
     """Return a key that is equal for equal arguments alone."""
     # It contains the type, as True == 1.0 in Python, and the sign, as 0.0 == -0.0.
     return value if isinstance(value, Node) else (type(value), str(value))
 
 
-def _equals(value: Any, constant: float) -> bool:
+def _equals(value: Scalar, constant: float) -> bool:
     return not isinstance(value, Node) and bool(value == constant)
 
 
-def _simplify(op: str, args: tuple[Any, ...]) -> Any:
+def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
     """Return a simpler equal of `op` of `args`, or None. ``x * 0`` is 0, as x is finite in every model."""
     graph: Graph = next(arg.graph for arg in args if isinstance(arg, Node))
     match op, args:
@@ -150,7 +159,7 @@ def _simplify(op: str, args: tuple[Any, ...]) -> Any:
                 return graph.apply("multiply", a, graph.apply("divide", 1.0, b))
         case "positive", (a,):
             return a
-        case "negative", (a,) if a.op == "negative":
+        case "negative", (Node(op="negative") as a,):
             return a.args[0]
         case "square", (a,):
             return graph.apply("multiply", a, a)
@@ -176,7 +185,7 @@ def _simplify(op: str, args: tuple[Any, ...]) -> Any:
     return None
 
 
-def post_order(roots: Iterable[Any], stop: Callable[[Node], bool] = lambda node: False) -> Iterator[Node]:
+def post_order(roots: Iterable[Scalar], stop: Callable[[Node], bool] = lambda node: False) -> Iterator[Node]:
     """Yield each node under `roots` once, after its operands.
 
     Nodes for which `stop` holds, and nodes that only they need, are left out. There is no recursion, as nested
@@ -194,16 +203,18 @@ def post_order(roots: Iterable[Any], stop: Callable[[Node], bool] = lambda node:
             stack += [(operand, False) for operand in reversed(node.operands())]
 
 
-def dependent_nodes(roots: Iterable[Any], names: frozenset[str]) -> set[Node]:
+def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[Node]:
     """Return all nodes under `roots` that depend on one of the named symbols."""
     dependent: set[Node] = set()
     for node in post_order(roots):
-        if (node.op == "symbol" and node.args[0] in names) or any(operand in dependent for operand in node.operands()):
+        if (isinstance(node, Symbol) and node.name in names) or any(
+            operand in dependent for operand in node.operands()
+        ):
             dependent.add(node)
     return dependent
 
 
-def reachable_nodes(roots: Iterable[Any], stop: Iterable[Node] = ()) -> dict[Node, None]:
+def reachable_nodes(roots: Iterable[Scalar], stop: Iterable[Node] = ()) -> dict[Node, None]:
     """Return all nodes under `roots` in a reproducible order, without those that only nodes in `stop` need."""
     stops = set(stop)
     visited: dict[Node, None] = {}

@@ -42,7 +42,7 @@ def present_deltas(graph: Graph, bsdf: Bsdf) -> list[Delta]:
 
 def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
     """Return the lobes as `present_lobes` does, also of a BSDF that scatters along single directions."""
-    shares = [(lobe, *elements_of(lobe.share)) for lobe in bsdf.lobes(symbols(graph, WO))]
+    shares = [(lobe, elements_of(lobe.share)[0]) for lobe in bsdf.lobes(symbols(graph, WO))]
     return [lobe for lobe, share in shares if isinstance(share, Node) or share > 0.0]
 
 

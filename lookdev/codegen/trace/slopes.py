@@ -9,9 +9,8 @@ Where the derivative of a root or a power is infinite, at 0, the result is 0.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, post_order
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol, post_order
 
 
 def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
@@ -22,8 +21,8 @@ def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
         return tangents[value] if isinstance(value, Node) else 0.0
 
     for node in post_order(roots):
-        if node.op == "symbol":
-            tangents[node] = 1.0 if node.args[0] == name else 0.0
+        if isinstance(node, Symbol):
+            tangents[node] = 1.0 if node.name == name else 0.0
         else:
             operand_tangents = [tangent_of(value) if node.op != "look_up" else 0.0 for value in node.args]
             is_varying = any(isinstance(value, Node) or value != 0.0 for value in operand_tangents)
@@ -43,26 +42,26 @@ class _Calculus:
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
 
-    def __getattr__(self, op: str) -> Callable[..., Any]:
+    def __getattr__(self, op: str) -> Callable[..., Scalar]:
         return lambda *args: self._graph.apply(op, *args)
 
     def scale(self, tangent: Scalar, factor: Callable[[], Scalar], valid: Scalar) -> Scalar:
         """Return a tangent times a factor, 0 where the factor is not valid; a tangent of 0 needs no factor."""
         if not isinstance(tangent, Node) and tangent == 0.0:
             return 0.0
-        return self.where(valid, self.multiply(tangent, factor()), 0.0)  # type: ignore[no-any-return]
+        return self.where(valid, self.multiply(tangent, factor()), 0.0)
 
 
 def _power(g: _Calculus, node: Node, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
     positive = g.greater(a, 0.0)
     base = g.scale(da, lambda: g.multiply(b, g.power(a, g.subtract(b, 1.0))), positive)
-    return g.add(base, g.scale(db, lambda: g.multiply(node, g.log(a)), positive))  # type: ignore[no-any-return]
+    return g.add(base, g.scale(db, lambda: g.multiply(node, g.log(a)), positive))
 
 
 def _arctan2(g: _Calculus, node: Node, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
     length = g.add(g.multiply(x, x), g.multiply(y, y))
     cross = g.subtract(g.multiply(x, dy), g.multiply(y, dx))
-    return g.where(g.greater(length, 0.0), g.divide(cross, length), 0.0)  # type: ignore[no-any-return]
+    return g.where(g.greater(length, 0.0), g.divide(cross, length), 0.0)
 
 
 _RULES: Mapping[str, Callable[..., Scalar]] = {

@@ -7,16 +7,23 @@ model runs on it unchanged. If all elements of a result fold to constants, the r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
+from lookdev.arrays import Floats
 from lookdev.brdf.table import Table, look_up
-from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, uniform
+from lookdev.brdf.vectors import Array, Index, Mask
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Scalar, Uniform, uniform
 from lookdev.errors import CodegenError
+
+SymbolicLike: TypeAlias = "Array | Mask | Sequence[Array | Mask | Scalar] | Scalar"
+"""What is an array, symbolic or not, or becomes one."""
+
+Function: TypeAlias = Callable[..., object]
 
 
 class SymbolicArray(NDArrayOperatorsMixin):
@@ -34,24 +41,26 @@ class SymbolicArray(NDArrayOperatorsMixin):
     def ndim(self) -> int:
         return self.elements.ndim
 
-    def __getitem__(self, index: Any) -> Any:
+    def __getitem__(self, index: Index) -> Array:
         return _wrap(self.graph, self.elements[index])
 
-    def sum(self, axis: int) -> Any:
+    def sum(self, axis: int) -> Array:
         return _sum(self.graph, self, axis)
 
     def __bool__(self) -> bool:
         raise CodegenError("a model branches on a value known only at run time; use numpy.where")
 
-    def __array__(self, dtype: Any = None) -> Any:
+    def __array__(self, dtype: None = None) -> Floats:
         raise CodegenError("a model converts a value known only at run time to numbers; use ufuncs")
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **kwargs: object) -> Array:
         if method != "__call__" or kwargs:
             raise CodegenError(f"a model uses numpy.{ufunc.__name__}.{method} with {sorted(kwargs)}; plain calls only")
         return _elementwise(self.graph, ufunc.__name__, *inputs)
 
-    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+    def __array_function__(
+        self, func: Function, types: Iterable[type], args: Iterable[object], kwargs: Mapping[str, object]
+    ) -> object:
         if func not in _FUNCTIONS:
             supported = ", ".join(sorted(function.__name__ for function in _FUNCTIONS))
             raise CodegenError(
@@ -60,7 +69,7 @@ class SymbolicArray(NDArrayOperatorsMixin):
         return _FUNCTIONS[func](self.graph, *args, **kwargs)
 
 
-class UniformArray(np.ndarray[Any, Any]):
+class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
     """An ordinary array of constants, some of which are uniforms; operations that are not traced lose these."""
 
     graph: Graph
@@ -69,14 +78,16 @@ class UniformArray(np.ndarray[Any, Any]):
     def __getitem__(self, index: Any) -> Any:
         return super().__getitem__(index) if self.elements is None else _wrap(self.graph, self.elements[index])
 
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **kwargs: object) -> object:
         if any(isinstance(value, SymbolicArray) for value in inputs):
             return NotImplemented
         if method != "__call__" or kwargs or ufunc.__name__ not in OPERATIONS:
             return getattr(ufunc, method)(*map(_plain, inputs), **kwargs)
         return _elementwise(self.graph, ufunc.__name__, *inputs)
 
-    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+    def __array_function__(
+        self, func: Function, types: Iterable[type], args: Iterable[object], kwargs: Mapping[str, object]
+    ) -> object:
         if SymbolicArray in types:
             return NotImplemented
         if func in _FUNCTIONS:
@@ -84,13 +95,13 @@ class UniformArray(np.ndarray[Any, Any]):
         return func(*map(_plain, args), **kwargs)
 
 
-def uniforms(graph: Graph, value: Any) -> Any:
+def uniforms(graph: Graph, value: SymbolicLike) -> Array:
     """Return an array of floats whose elements are `uniform` numbers."""
-    elements: Callable[..., Any] = np.frompyfunc(uniform, 1, 1)
+    elements = np.frompyfunc(uniform, 1, 1)
     return _wrap(graph, elements(np.asarray(value).astype(object)))
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     if isinstance(value, list | tuple):
         return type(value)(map(_plain, value))
     return value.view(np.ndarray) if isinstance(value, UniformArray) else value
@@ -106,18 +117,18 @@ def symbol(graph: Graph, name: str) -> SymbolicArray:
     return SymbolicArray(graph, np.array(graph.symbol(name), dtype=object))
 
 
-def elements_of(value: Any) -> list[Any]:
+def elements_of(value: SymbolicLike) -> list[Scalar]:
     """Return the nodes and constants of a symbolic or ordinary array, flat."""
     return list(_elements(value).ravel())
 
 
-def _elements(value: Any) -> NDArray[np.object_]:
+def _elements(value: object) -> NDArray[np.object_]:
     if isinstance(value, SymbolicArray | UniformArray) and value.elements is not None:
         return value.elements
     return np.asarray(value).astype(object)
 
 
-def _wrap(graph: Graph, elements: Any) -> Any:
+def _wrap(graph: Graph, elements: object) -> Array:
     """Return elements as a symbolic array, or as an ordinary or uniform array if all are constants."""
     array = np.asarray(elements, dtype=object)
     if any(isinstance(element, Node) for element in array.ravel()):
@@ -130,51 +141,50 @@ def _wrap(graph: Graph, elements: Any) -> Any:
     return constants
 
 
-def _elementwise(graph: Graph, op: str, *inputs: Any) -> Any:
-    function: Callable[..., Any] = np.frompyfunc(lambda *args: graph.apply(op, *args), len(inputs), 1)
+def _elementwise(graph: Graph, op: str, *inputs: object) -> Array:
+    function = np.frompyfunc(lambda *args: graph.apply(op, *args), len(inputs), 1)
     return _wrap(graph, function(*(_elements(value) for value in inputs)))
 
 
-def _sum(graph: Graph, a: Any, axis: int) -> Any:
+def _sum(graph: Graph, a: object, axis: int) -> Array:
     if axis != -1:
         raise CodegenError(f"a model sums over axis {axis}; only the last axis has a generated counterpart")
     return _wrap(graph, np.frompyfunc(lambda x, y: graph.apply("add", x, y), 2, 1).reduce(_elements(a), axis=-1))
 
 
-def _stack(graph: Graph, arrays: Sequence[Any], axis: int = 0) -> Any:
+def _stack(graph: Graph, arrays: Sequence[object], axis: int = 0) -> Array:
     return _wrap(graph, np.stack([_elements(array) for array in arrays], axis=axis))
 
 
-def _expand_dims(graph: Graph, a: Any, axis: int) -> Any:
+def _expand_dims(graph: Graph, a: object, axis: int) -> Array:
     return _wrap(graph, np.expand_dims(_elements(a), axis))
 
 
-def _where(graph: Graph, condition: Any, x: Any, y: Any) -> Any:
+def _where(graph: Graph, condition: object, x: object, y: object) -> Array:
     return _elementwise(graph, "where", condition, x, y)
 
 
-def _clip(graph: Graph, a: Any, a_min: Any, a_max: Any) -> Any:
+def _clip(graph: Graph, a: object, a_min: object, a_max: object) -> Array:
     return _elementwise(graph, "minimum", _elementwise(graph, "maximum", a, a_min), a_max)
 
 
-def _moveaxis(graph: Graph, a: Any, source: int, destination: int) -> Any:
+def _moveaxis(graph: Graph, a: object, source: int, destination: int) -> Array:
     return _wrap(graph, np.moveaxis(_elements(a), source, destination))
 
 
-def _broadcast_arrays(graph: Graph, *arrays: Any) -> list[Any]:
+def _broadcast_arrays(graph: Graph, *arrays: object) -> list[Array]:
     return [_wrap(graph, array) for array in np.broadcast_arrays(*map(_elements, arrays))]
 
 
-def _look_up(graph: Graph, table: Table, row: Any, column: Any) -> Any:
-    def channel(number: int | None) -> Any:
+def _look_up(graph: Graph, table: Table, row: object, column: object) -> Array:
+    def channel(number: int | None) -> Array:
         function = np.frompyfunc(lambda *cell: graph.look_up(table, number, *cell), 2, 1)
         return _wrap(graph, function(_elements(row), _elements(column)))
 
     return channel(None) if table.values.ndim == 2 else _stack(graph, [channel(i) for i in range(3)], axis=-1)
 
 
-_FUNCTIONS: dict[Any, Callable[..., Any]]
-_FUNCTIONS = {
+_FUNCTIONS: dict[Function, Callable[..., object]] = {
     np.sum: _sum,
     np.stack: _stack,
     np.expand_dims: _expand_dims,

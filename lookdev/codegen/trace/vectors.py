@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias, TypeGuard
 
-from lookdev.codegen.trace.graph import Node
+from lookdev.codegen.trace.graph import Node, Scalar
 
-Triple: TypeAlias = tuple[Any, Any, Any]
+Triple: TypeAlias = tuple[Scalar, Scalar, Scalar]
 """The components of a vector: nodes and numbers."""
 
 
 def match_dot(node: Node) -> tuple[Triple, Triple] | None:
     """Return the two vectors whose dot product a node is; None if it is not a dot product."""
-    factor: Any = None
+    factor: Scalar | None = None
+    total: Scalar = node
     if node.op == "multiply" and not isinstance(node.args[1], Node):
         # The mean of three numbers is their dot product with a constant vector.
-        node, factor = node.args
-    summands = _summands(node)
+        total, factor = node.args
+    summands = _summands(total)
     if summands is None:
         return None
     if factor is not None:
@@ -30,12 +31,13 @@ def match_dot(node: Node) -> tuple[Triple, Triple] | None:
 
 def match_normalize(triple: Triple) -> Triple | None:
     """Return the vector that a triple normalizes; None if it does not normalize any."""
-    if not all(isinstance(component, Node) for component in triple) or len({component.op for component in triple}) > 1:
+    components = [component for component in triple if isinstance(component, Node)]
+    if len(components) < 3 or len({component.op for component in components}) > 1:
         return None
-    if triple[0].op not in ("multiply", "divide"):
+    if components[0].op not in ("multiply", "divide"):
         return None
-    (x, length), (y, second), (z, third) = (component.args for component in triple)
-    if triple[0].op == "multiply":
+    (x, length), (y, second), (z, third) = (component.args for component in components)
+    if components[0].op == "multiply":
         if not is_inverse_root(length):
             return None
         root = length.args[1]
@@ -44,22 +46,21 @@ def match_normalize(triple: Triple) -> Triple | None:
     if length is not second or length is not third or not isinstance(root, Node) or root.op != "sqrt":
         return None
     vector, (square,) = (x, y, z), root.args
-    dot = match_dot(square)
+    dot = match_dot(square) if isinstance(square, Node) else None
     return vector if dot is not None and all(_is_same(vector, factor) for factor in dot) else None
 
 
 def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
     """Return the two vectors whose cross product a triple is; None if it is not a cross product."""
-    products: list[Any] = []
+    products: list[Scalar] = []
     for component in triple:
         if not isinstance(component, Node) or component.op != "subtract":
             return None
         products += component.args
-    if not all(isinstance(product, Node) and product.op == "multiply" for product in products):
+    factors = [product.args for product in products if isinstance(product, Node) and product.op == "multiply"]
+    if len(factors) < 6:
         return None
-    (a_y, b_z), (a_z, b_y), (a_z2, b_x), (a_x, b_z2), (a_x2, b_y2), (a_y2, b_x2) = (
-        product.args for product in products
-    )
+    (a_y, b_z), (a_z, b_y), (a_z2, b_x), (a_x, b_z2), (a_x2, b_y2), (a_y2, b_x2) = factors
     if not _is_same((a_x, a_y, a_z), (a_x2, a_y2, a_z2)) or not _is_same((b_x, b_y, b_z), (b_x2, b_y2, b_z2)):
         return None
     return (a_x, a_y, a_z), (b_x, b_y, b_z)
@@ -69,15 +70,16 @@ def _is_same(a: Triple, b: Triple) -> bool:
     return all(x is y if isinstance(x, Node) else x == y for x, y in zip(a, b, strict=True))
 
 
-def _summands(node: Node) -> Triple | None:
-    if node.op != "add" or not isinstance(node.args[0], Node) or node.args[0].op != "add":
-        return None
-    return (*node.args[0].args, node.args[1])
+def _summands(value: Scalar) -> Triple | None:
+    match value:
+        case Node(op="add", args=(Node(op="add", args=(x, y)), z)):
+            return x, y, z
+    return None
 
 
-def is_inverse_root(value: Any) -> bool:
+def is_inverse_root(value: Scalar) -> TypeGuard[Node]:
     """Return whether a value is ``1 / sqrt(x)``."""
     if not isinstance(value, Node) or value.op != "divide":
         return False
     numerator, root = value.args
-    return not isinstance(numerator, Node) and numerator == 1.0 and root.op == "sqrt"
+    return not isinstance(numerator, Node) and numerator == 1.0 and isinstance(root, Node) and root.op == "sqrt"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter
 
+from lookdev.arrays import Floats
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError, ModelError
 from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unknown, parse_unknowns, read_photo
@@ -74,7 +74,7 @@ class PictureFit:
     written: tuple[Path, ...]
     notes: tuple[str, ...]
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> dict[str, object]:
         """Return the fit as plain data."""
         result = self.found
         return {
@@ -155,7 +155,9 @@ def fit_picture(request: Wish, report: Callable[[Point], None] = lambda point: N
         see_through = any(source.see_through for source in wide.shaders)
         target = Target.from_photo(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
 
-        def render(values: Mapping[str, tuple[float, ...]], slopes: bool, samples: int, seeds: tuple[int, int]) -> Any:
+        def render(
+            values: Mapping[str, tuple[float, ...]], slopes: bool, samples: int, seeds: tuple[int, int]
+        ) -> Floats:
             return live.render(wide, values, slopes, samples, seeds)
 
         result = Search(render, target, unknowns, request.settings, report).run()

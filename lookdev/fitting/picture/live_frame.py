@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from lookdev.errors import LookdevError, WorkerError, nearest_hint
 from lookdev.fitting.picture import Unknown
 from lookdev.job import Job, JobTurntable
 from lookdev.job.parts import JobLook
+from lookdev.job.schema import JobIbl, JobRig
 from lookdev.material import Look
 from lookdev.material.change import look_with_live_inputs
 from lookdev.output.frame_name import FrameName
@@ -36,7 +36,7 @@ class JobFrame:
     """A frame of a job: its look, its light, its turntable and pose."""
 
     table: JobLook
-    rig: Any
+    rig: JobIbl | JobRig
     turntable: JobTurntable
     number: int
     scene: Scene
