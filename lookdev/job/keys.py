@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
@@ -39,6 +39,9 @@ PATTERNS: dict[str, str] = {
     PRIM_PATH: "an absolute prim path, like '/Paint'",
 }
 """The hint for a string that does not match a pattern."""
+
+
+T = TypeVar("T")
 
 
 def key_error(problem: str, hint: str = "") -> PydanticCustomError:
@@ -132,6 +135,9 @@ MaterialFile = Annotated[JobPath, _readable_file(*MATERIAL_SUFFIXES)]
 IblFile = Annotated[JobPath, _readable_file(".exr", ".hdr")]
 OcioConfig = Annotated[str, Field(min_length=1), BeforeValidator(_resolve_config)]
 PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
+MaterialPrim = Annotated[
+    PrimPath | None, Field(description="The material's prim; default: the file's default prim, or its only material.")
+]
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]
 Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
@@ -148,6 +154,11 @@ SubdivisionLevel = Annotated[
     Annotated[Literal["auto"], Tag("name")] | Annotated[Annotated[int, Field(ge=0, le=6)], Tag("level")],
     Discriminator(lambda value: "name" if isinstance(value, str) else "level"),
 ]
+
+
+def key(default: T, description: str) -> T:
+    """Return the field of a key that a table may omit."""
+    return Field(default=default, description=description)
 
 
 class Table(BaseModel):

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from lookdev.job.features import check_feature
-from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, key_error, meaningless
+from lookdev.job.keys import MaterialFile, MaterialPrim, Table, Text, key, key_error, meaningless
 from lookdev.scene.charts import FOLDER, Strip
 from lookdev.scene.charts.props import Place
 
@@ -19,9 +19,9 @@ _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
 class JobCharts(Table):
     """A chrome ball, a grey ball and a colour chart beside the asset."""
 
-    place: Place = Field(default="bottom", description="The edge of the frame that they stand along.")
-    size: Annotated[float, Field(ge=0.02, le=0.5)] = Field(
-        default=0.12, description="The share of the frame's height that they take; at its left or right, of its width."
+    place: Place = key("bottom", "The edge of the frame that they stand along.")
+    size: Annotated[float, Field(ge=0.02, le=0.5)] = key(
+        0.12, "The share of the frame's height that they take; at its left or right, of its width."
     )
 
     def strip(self, resolution: tuple[int, int]) -> Strip:
@@ -41,24 +41,17 @@ class JobCharts(Table):
 class JobGround(Table):
     """The ground that the asset stands on."""
 
-    kind: Literal["catcher", "plane"] = Field(
-        default="catcher",
-        description="catcher: only what the asset does to its light is shown, in colour and alpha; plane: all of it.",
+    kind: Literal["catcher", "plane"] = key(
+        "catcher", "catcher: only what the asset does to its light is shown, in colour and alpha; plane: all of it."
     )
-    material: MaterialFile | None = Field(
-        default=None, description="A USD or MaterialX file with its look; default: Lambert's, 18 % grey."
-    )
-    prim: PrimPath | None = Field(
-        default=None, description="The material's prim; default: the file's default prim, or its only material."
-    )
+    material: MaterialFile | None = key(None, "A USD or MaterialX file with its look; default: Lambert's, 18 % grey.")
+    prim: MaterialPrim = None
     variants: dict[Text, Text] = Field(
         default_factory=dict, description="The variant chosen in each variant set of the material."
     )
-    size: Annotated[float, Field(ge=1.0, le=1000.0)] = Field(
-        default=10.0, description="Its radius, in radii of the asset's bounding sphere."
-    )
-    height: Annotated[float, Field(ge=-1e9, le=1e9)] | None = Field(
-        default=None, description="Its z in metres; default: that of the asset's lowest point."
+    size: Annotated[float, Field(ge=1.0, le=1000.0)] = key(10.0, "Its radius, in radii of the asset's bounding sphere.")
+    height: Annotated[float, Field(ge=-1e9, le=1e9)] | None = key(
+        None, "Its z in metres; default: that of the asset's lowest point."
     )
 
     _require_material = field_validator("prim", "variants")(
