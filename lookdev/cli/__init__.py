@@ -16,7 +16,7 @@ from typer import Option
 
 import lookdev
 from lookdev.cache import take_notes
-from lookdev.cli import bench, checks, export, files, jobs, machine, materials, plots, review, studio, warm
+from lookdev.cli import checks, export, files, jobs, machine, materials, plots, review, studio
 from lookdev.cli.options import say, say_notes
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.guard import KilledError, NativeCrash, run_supervised
@@ -31,10 +31,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for group in (jobs, review, files, plots, studio, checks, bench, machine):
+for group in (jobs, review, files, plots, studio, checks, machine):
     app.add_typer(group.app)
 app.add_typer(materials.app, name="materials", rich_help_panel="Looks")
-app.add_typer(warm.app, name="warm", rich_help_panel="Jobs")
+app.add_typer(machine.warm_app, name="warm", rich_help_panel="Jobs")
 app.add_typer(export.app, name="export", rich_help_panel="Jobs")
 
 

@@ -1,8 +1,9 @@
-"""The verbs that compare the renderer with the models: check, eval."""
+"""The verbs that compare the renderer with the models, and measure its speed: check, eval, bench."""
 
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -13,6 +14,8 @@ from lookdev.cli.options import Prim, Variants, say
 
 app = typer.Typer()
 _PANEL = "Accuracy and speed"
+_kind = partial(Option, rich_help_panel="Other benchmarks")
+_choice = partial(Option, rich_help_panel="Selection")
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -69,3 +72,66 @@ def evaluate(
     lines = (decode(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
     for line in evaluate_lines(lines, backend):
         say(line)
+
+
+@app.command(rich_help_panel=_PANEL)
+def bench(
+    table: Annotated[
+        Path | None,
+        _kind(metavar="FILE", help="Time to an error beside other renderers, growth, plots: for docs/bench.md."),
+    ] = None,
+    profile: Annotated[
+        Path | None, _kind(metavar="FILE", help="Where a second of rendering goes: for docs/bench.md.")
+    ] = None,
+    setup: Annotated[
+        Path | None, _kind(metavar="FILE", help="Whole commands, a first frame, changes of scene: for docs/bench.md.")
+    ] = None,
+    sequence: Annotated[bool, _kind("--sequence", help="Turntables against a plain Blender script.")] = False,
+    scale: Annotated[bool, _kind("--scale", help="Large assets, against Blender's own import.")] = False,
+    denoise_trial: Annotated[
+        bool, _kind("--denoise-trial", help="Random denoised frames: is their error as measured?")
+    ] = False,
+    scenes: Annotated[str, _choice(metavar="NAMES", help="Scenes, separated by commas.")] = "",
+    ibls: Annotated[str, _choice(metavar="NAMES", help="Lights.")] = "",
+    looks: Annotated[str, _choice(metavar="NAMES", help="Looks.")] = "",
+    backends: Annotated[str, _choice(metavar="NAMES", help="Backends.")] = "",
+    samples: Annotated[str, _choice(metavar="NAMES", help="Increasing powers of two, like 4,16,64.")] = "",
+    resolution: Annotated[int | None, _choice(metavar="N", help="Side of the frame, pixels.")] = None,
+    repeats: Annotated[int | None, _choice(metavar="N", help="Renders with each number of samples.")] = None,
+    reference: Annotated[
+        int | None, _choice(metavar="N", help="Samples of a reference, as a multiple of the largest count.")
+    ] = None,
+    seed: Annotated[int | None, _choice(metavar="N", help="Seed of the samples.")] = None,
+    frames: Annotated[
+        int | None, _choice(metavar="N", help="Frames of the sequence whose growth is measured, or of the trial.")
+    ] = None,
+    everything: Annotated[bool, _choice("--all", help="Default to all names instead of a few.")] = False,
+    fresh: Annotated[bool, Option("--fresh", help="Render references anew.")] = False,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
+    show: Annotated[bool, Option("--list", help="Only list the names.")] = False,
+) -> None:
+    """Measure time against error, beside other renderers; Ctrl-C keeps the results so far (exit code 130)."""
+    from rich.console import Console
+
+    from lookdev.bench.kinds import KINDS, Order
+    from lookdev.bench.matrix import listing, parse_options
+    from lookdev.errors import LookdevError
+
+    if show:
+        say(listing())
+        return
+    files = {"table": table, "profile": profile, "setup": setup}
+    kinds: dict[str, Path | None] = {name: file for name, file in files.items() if file}
+    flags = {"sequence": sequence, "denoise-trial": denoise_trial, "scale": scale}
+    kinds |= {name: None for name, is_set in flags.items() if is_set}
+    if len(kinds) > 1:
+        raise LookdevError(f"one kind of benchmark at a time, not {' and '.join(f'--{name}' for name in kinds)}")
+    name, document = next(iter(kinds.items()), ("matrix", None))
+    options = parse_options(
+        {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
+        defaults=KINDS[name].defaults, everything=everything, resolution=resolution, repeats=repeats,
+        reference=reference, seed=seed, frames=frames, fresh=fresh,
+    )  # fmt: skip
+    outcome = KINDS[name].run(Order(options, out, partial(say, err=True), document))
+    outcome.show(Console())
+    raise typer.Exit(outcome.exit_code)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from typer import Argument, Option
@@ -13,10 +13,6 @@ from typer import Argument, Option
 from lookdev.cli.options import AsJson, JobFile, say, say_json, say_notes, stdout_to_stderr
 from lookdev.errors import LookdevError
 from lookdev.run.events import LogFormat
-
-if TYPE_CHECKING:
-    from lookdev.job import Job
-    from lookdev.plan.chunks import Chunk
 
 app = typer.Typer()
 _PANEL = "Jobs"
@@ -101,8 +97,15 @@ def render(
     if dry_run:
         if force or frame or outputs_only:
             raise LookdevError("--dry-run lists new and stale frames: it goes without --force, --frame, --outputs-only")
+        from lookdev.plan.prepare import plan_job
+        from lookdev.run.chunks import plan_of_chunk
+        from lookdev.run.listing import plan_text
+
         with mapped_files(rules):
-            _list_frames(load_mapped_job(job, rules, output, choice.device), part)
+            with stdout_to_stderr():
+                prepared = plan_job(load_mapped_job(job, rules, output, choice.device))
+            say_notes(prepared.notes)
+            say(plan_text(prepared.plan if part is None else plan_of_chunk(prepared.plan, part)))
         return
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(
@@ -112,18 +115,6 @@ def render(
     if log_format is not LogFormat.JSON:
         say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
-
-
-def _list_frames(job: Job, chunk: Chunk | None) -> None:
-    from lookdev.plan.prepare import plan_job
-    from lookdev.run.chunks import plan_of_chunk
-    from lookdev.run.listing import plan_text
-
-    with stdout_to_stderr():
-        prepared = plan_job(job)
-    say_notes(prepared.notes)
-    plan = prepared.plan if chunk is None else plan_of_chunk(prepared.plan, chunk)
-    say(plan_text(plan))
 
 
 @app.command(rich_help_panel=_PANEL)
