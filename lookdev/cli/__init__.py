@@ -16,7 +16,7 @@ from typer import Option
 
 import lookdev
 from lookdev.cache import take_notes
-from lookdev.cli import checks, export, files, jobs, machine, materials, plots, review, studio
+from lookdev.cli import checks, export, files, jobs, machine, materials, plots, studio
 from lookdev.cli.options import say, say_notes
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.guard import KilledError, NativeCrash, run_supervised
@@ -31,7 +31,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for group in (jobs, review, files, plots, studio, checks, machine):
+for group in (jobs, files, plots, studio, checks, machine):
     app.add_typer(group.app)
 app.add_typer(materials.app, name="materials", rich_help_panel="Looks")
 app.add_typer(machine.warm_app, name="warm", rich_help_panel="Jobs")

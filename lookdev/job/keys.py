@@ -13,23 +13,16 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
-    Tag,
     ValidationInfo,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
 from lookdev.job.mapping import mapped
-from lookdev.light import BUILTIN_LIGHTS
-from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.color import BUILT_IN, SHIPPED
-from lookdev.rendering.backends import job_backends
-from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
 
 # Names become folders and file names: they have no separator, and no leading dot, which marks temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
@@ -50,7 +43,7 @@ def key_error(problem: str, hint: str = "") -> PydanticCustomError:
 
 
 @dataclass(frozen=True)
-class _OneOf:
+class OneOf:
     """The annotation of a name in a registry; each job reads the registry anew."""
 
     names: Callable[[], Iterable[str]]
@@ -66,18 +59,6 @@ class _OneOf:
         if name not in names:
             raise key_error(f"unknown value '{name}'", nearest_hint(name, names))
         return name
-
-
-def _devices() -> dict[str, None]:
-    return {device: None for backend in job_backends().values() for device in backend.devices}
-
-
-BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
-BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
-BuiltinRig = Annotated[str, _OneOf(lambda: BUILTIN_RIGS)]
-BackendName = Annotated[str, _OneOf(job_backends)]
-PassName = Annotated[str, _OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
-Device = Annotated[str, _OneOf(_devices)]
 
 
 def _resolve_path(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
@@ -116,7 +97,7 @@ def _readable_file(*suffixes: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def check_folder(path: Path) -> Path:
+def _check_folder(path: Path) -> Path:
     """Return the path of a folder, which may not exist yet; a file at the path or above it is an error."""
     try:
         nearest = next(ancestor for ancestor in (path, *path.parents) if ancestor.exists())
@@ -128,6 +109,7 @@ def check_folder(path: Path) -> Path:
 
 
 JobPath = Annotated[Path, BeforeValidator(_resolve_path)]
+JobFolder = Annotated[JobPath, AfterValidator(_check_folder)]
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 MATERIAL_SUFFIXES = (*USD_SUFFIXES, ".mtlx")
 UsdFile = Annotated[JobPath, _readable_file(*USD_SUFFIXES)]
@@ -142,18 +124,6 @@ Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]
 Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
 Exposure = Annotated[float, Field(ge=-30.0, le=30.0)]
-TimeCode = Annotated[float, Field(ge=-1e9, le=1e9)]
-Channel = Annotated[float, Field(ge=0.0, le=1e6)]
-Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
-Background = Annotated[
-    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
-    Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
-]
-Purpose = Literal["default", "render", "proxy", "guide"]
-SubdivisionLevel = Annotated[
-    Annotated[Literal["auto"], Tag("name")] | Annotated[Annotated[int, Field(ge=0, le=6)], Tag("level")],
-    Discriminator(lambda value: "name" if isinstance(value, str) else "level"),
-]
 
 
 def key(default: T, description: str) -> T:

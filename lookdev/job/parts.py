@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
+from lookdev.asset import BUILTINS
 from lookdev.job.keys import (
-    BuiltinAsset,
     MaterialFile,
     MaterialPrim,
     Name,
+    OneOf,
     PrimPath,
-    Purpose,
-    SubdivisionLevel,
     Table,
     Text,
-    TimeCode,
     UsdFile,
     instead_of,
     key,
@@ -25,6 +23,12 @@ from lookdev.job.keys import (
 )
 
 _Variants = dict[Text, Text]
+BuiltinAsset = Annotated[str, OneOf(lambda: BUILTINS)]
+Purpose = Literal["default", "render", "proxy", "guide"]
+SubdivisionLevel = Annotated[
+    Annotated[Literal["auto"], Tag("name")] | Annotated[Annotated[int, Field(ge=0, le=6)], Tag("level")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "level"),
+]
 
 
 def _check_variants(variants: dict[str, str]) -> dict[str, str]:
@@ -48,7 +52,9 @@ class JobAsset(Table):
         description="The variant chosen in each variant set of the asset: { modelingVariant = 'hero' }; "
         "default: the file's own choice.",
     )
-    time: TimeCode | None = key(None, "The time code at which an animated asset is shown; default: its first.")
+    time: Annotated[float, Field(ge=-1e9, le=1e9)] | None = key(
+        None, "The time code at which an animated asset is shown; default: its first."
+    )
     purposes: Annotated[tuple[Purpose, ...], Field(min_length=1)] = key(
         ("default", "render"), "Prims of these purposes are rendered."
     )

@@ -12,26 +12,19 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
+from pydantic import ConfigDict, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, field_validator
 
 from lookdev.job.features import check_feature
 from lookdev.job.keys import (
-    BackendName,
-    Background,
-    BuiltinIbl,
-    BuiltinRig,
     Degrees,
-    Device,
     Exposure,
     IblFile,
-    JobPath,
+    JobFolder,
     Name,
-    PassName,
-    Pixels,
+    OneOf,
     PrimPath,
     Table,
     UsdFile,
-    check_folder,
     instead_of,
     key,
     key_error,
@@ -41,11 +34,25 @@ from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.job.wedge import JobWedge
+from lookdev.light import BUILTIN_LIGHTS
+from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
 from lookdev.scene import SAMPLE_CAP, Sampling
 from lookdev.scene.framing import DEFAULT_FILL
 from lookdev.space import REC709, Space
+
+BuiltinIbl = Annotated[str, OneOf(lambda: BUILTIN_LIGHTS)]
+BuiltinRig = Annotated[str, OneOf(lambda: BUILTIN_RIGS)]
+BackendName = Annotated[str, OneOf(job_backends)]
+Device = Annotated[str, OneOf(lambda: {device: None for entry in job_backends().values() for device in entry.devices})]
+PassName = Annotated[str, OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
+Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
+Channel = Annotated[float, Field(ge=0.0, le=1e6)]
+Background = Annotated[
+    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
+]
 
 DEFAULT_FOCAL_LENGTH = 50.0
 
@@ -223,7 +230,7 @@ class Job(Table):
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in ("ibl", "rig")]})
 
-    output: Annotated[JobPath, AfterValidator(check_folder)] = Field(
+    output: JobFolder = Field(
         description="The output folder; frames are <look>/<ibl or rig>/<turntable>.####.exr in it."
     )
     asset: JobAsset = Field(description="What is turned.")

@@ -215,11 +215,7 @@ def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
 
 def _pose_labels(pose: Pose) -> dict[str, str]:
     """Return the entries of the header that depend on the pose."""
-    return {
-        "pose.element": repr(pose.element),
-        "pose.lighting": repr(pose.lighting),
-        "digest.pose": pose_digest(pose),
-    }
+    return {"pose.element": repr(pose.element), "pose.lighting": repr(pose.lighting), "digest.pose": pose_digest(pose)}
 
 
 def _tasks(
