@@ -95,13 +95,8 @@ def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], 
     assigns = edit(copy.deepcopy(looks[look].get("assign", [])))
     expected = copy.deepcopy(data)
     expected["look"][look] = _updated_look(expected["look"][look], keys, [table for _, table in assigns])
-    lines = re.findall(r"[^\n]*\n|[^\n]+$", text)
-    blocks = _blocks(lines)
     try:
-        if not any(block.keys == ("look",) and block.listed for block in blocks):
-            result = _edit_inline(text, look, keys, assigns)
-        else:
-            result = _edit_blocks(lines, blocks, look, keys, assigns)
+        result = _edit_blocks(text, look, keys, assigns)
         result_data = tomllib.loads(result)
     except (TOMLKitError, tomllib.TOMLDecodeError, KeyError, IndexError, TypeError) as error:
         raise LookdevError(_UNSUPPORTED_LAYOUT) from error
@@ -177,11 +172,13 @@ def _statement_end(lines: Sequence[str], start: int) -> int:
     raise LookdevError(_UNSUPPORTED_LAYOUT)
 
 
-def _edit_blocks(
-    lines: list[str], blocks: list[_Block], look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]
-) -> str:
-    """Return the text of a job whose looks have ``[[look]]`` headers, with other assigns and `keys` of a look."""
+def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]) -> str:
+    """Return the text of a job with other assigns and `keys` of a look, which may have a ``[[look]]`` header."""
+    lines = re.findall(r"[^\n]*\n|[^\n]+$", text)
+    blocks = _blocks(lines)
     look_blocks = [number for number, block in enumerate(blocks) if block.keys == ("look",) and block.listed]
+    if not look_blocks:
+        return _edit_inline(text, look, keys, assigns)
     look_block = blocks[look_blocks[look]]
     following = blocks[look_blocks[look] + 1 : look_blocks[look + 1] if look + 1 < len(look_blocks) else len(blocks)]
     assign_blocks = [block for block in following if block.keys == ("look", "assign") and block.listed]
