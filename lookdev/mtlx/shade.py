@@ -49,12 +49,8 @@ _LINKS = ("interfacename", "nodegraph", "nodename", "output")
 _UNITS = {"meter": 1.0, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "kilometer": 1e3}
 _UNITS |= {"inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "mile": 1609.344}
 _UNITS |= {"degree": 1.0, "radian": math.degrees(1.0)}
-_INTERFACES = {
-    "standard_surface": "standard_surface",
-    "open_pbr_surface": "open_pbr_surface",
-    "gltf_pbr": "gltf_pbr",
-    "UsdPreviewSurface": "usd_preview_surface",
-}
+_INTERFACES = {name: name for name in ("standard_surface", "open_pbr_surface", "gltf_pbr")}
+_INTERFACES |= {"UsdPreviewSurface": "usd_preview_surface"}
 # Suffixes of node definitions whose version is not the default.
 _VERSIONS = {("standard_surface", "1.0.0"): "_100"}
 _TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
