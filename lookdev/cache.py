@@ -230,6 +230,12 @@ def cached_files(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -
     return files
 
 
+def cached_file(room: str, key: str, suffix: str, write: Callable[[Path], object]) -> Content:
+    """Return the file of a key as `cached_files` does; `write` writes it to the path it gets where it is missing."""
+    (file,) = cached_files(room, key, lambda: (Content.written(suffix, write),))
+    return file
+
+
 def load_cached_files(room: str, key: str) -> tuple[Content, ...] | None:
     """Return the files that `cached_files` has stored for a key; None without a record, or where a file is missing."""
     match load_cached(room, key):

@@ -16,22 +16,21 @@ from lookdev.light import (
     DistantLight,
     Dome,
     Emission,
-    Falloff,
     Light,
-    LocalDome,
     RectLight,
     Shadow,
     Shaping,
     SphereLight,
-    load_profile,
     make_environment,
     prepare_light,
-    prepare_texture,
 )
-from lookdev.light.link import Link
+from lookdev.light.dome.local import LocalDome
+from lookdev.light.emission import Falloff, Link
+from lookdev.light.ies import load_profile
+from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.scene import Film, Scene
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
 """Axes of a light that shines along +y."""
@@ -146,9 +145,8 @@ def row_of(placed: Mapping[str, Floats], lights: tuple[Light, ...], size: int) -
     first = instances[0].path
     slots = tuple(replace(slot, path=first) for slot in ball.slots)
     row = make_asset("row", (replace(ball.meshes[0], name=first),), tuple(instances), slots)
-    linked = link_lights(row, {first: Look("look", (RIG_LOOKS["plastic"],))}, lights)
-    camera = orbit_camera(linked.asset.center, linked.asset.radius)
-    return Scene(linked.asset, linked.wears, linked.lights, camera, Film((size, size)), linked.lit, linked.groups)
+    looks, camera = {first: Look("look", (RIG_LOOKS["plastic"],))}, orbit_camera(row.center, row.radius)
+    return link_lights(Scene(row, looks, lights, camera, Film((size, size))))
 
 
 def row_of_three(size: int) -> Scene:

@@ -26,6 +26,7 @@ LIMITS = {
     "A node of MaterialX": 1,
     "An output": 2,
     "The names of frames": 1,
+    "A Designer panel": 3,
     "A command": 1,
 }
 """The largest number of files that a recipe may touch."""
@@ -33,7 +34,7 @@ LIMITS = {
 ALONE = "The names of frames"
 """The recipe that has a copy of its own, since it changes what others show."""
 
-IN_CYCLES = "# in Cycles\n"
+IN_CYCLES, IN_CHROMIUM = "# in Cycles\n", "# in Chromium\n"
 HEAVY_IN_CYCLES = ("A light", "A lamp", "A model", "A parameter")
 NEW_FILE = re.compile(r"(?:#|//) (lookdev/\S+)\n")
 
@@ -47,7 +48,7 @@ def blocks(title: str, *languages: str) -> Iterator[tuple[str, str]]:
 
 def new_files(title: str) -> dict[str, str]:
     """Return the text of each file that a recipe adds."""
-    found = [NEW_FILE.match(text) for _, text in blocks(title, "python", "c")]
+    found = [NEW_FILE.match(text) for _, text in blocks(title, "python", "c", "js")]
     return {match[1]: match.string[match.end() :] for match in found if match}
 
 
@@ -88,16 +89,18 @@ class Checkout:
             before = re.search(r" After: (.*)\.", SECTIONS[title])
             folder = self.try_recipe(before[1].capitalize()) if before else self._new_folder(title)
             self.tried[title] = folder
-            self.run(folder, title, in_cycles=False)
+            self.run(folder, title)
         return self.tried[title]
 
-    def run(self, folder: Path, title: str, *, in_cycles: bool) -> None:
+    def run(self, folder: Path, title: str, mark: str = "") -> None:
+        """Run the trials of a recipe that begin with a mark, or those without one."""
         path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
         # A folder in one of this run's would be too long a path for the sockets of a browser.
         temporary = os.environ["PYTEST_DEBUG_TEMPROOT"]
         environment = os.environ | {"PATH": path, "PYTHONPATH": str(self.folder), "TMPDIR": temporary}
         for language, text in blocks(title, "python", "sh"):
-            if NEW_FILE.match(text) or text.startswith(IN_CYCLES) != in_cycles:
+            mark_of_block = next((known for known in (IN_CYCLES, IN_CHROMIUM) if text.startswith(known)), "")
+            if NEW_FILE.match(text) or mark_of_block != mark:
                 continue
             command = [sys.executable, "-c"] if language == "python" else ["bash", "-euo", "pipefail", "-c"]
             done = subprocess.run([*command, text], cwd=folder, env=environment, capture_output=True, text=True)
@@ -156,11 +159,18 @@ def test_a_recipe_works(title: str, checkout: Checkout) -> None:
 def test_a_recipe_works_in_cycles(title: str, checkout: Checkout) -> None:
     in_cycles = {title for title in LIMITS if IN_CYCLES in SECTIONS[title]}
     assert in_cycles == {"A job option", ALONE, *HEAVY_IN_CYCLES}
-    checkout.run(checkout.try_recipe(title), title, in_cycles=True)
+    checkout.run(checkout.try_recipe(title), title, IN_CYCLES)
 
 
 @pytest.mark.proof
 @pytest.mark.cycles
 def test_frames_have_other_names(tmp_path: Path) -> None:
     checkout = copy_with_recipes(tmp_path, [ALONE])
-    checkout.run(checkout.try_recipe(ALONE), ALONE, in_cycles=True)
+    checkout.run(checkout.try_recipe(ALONE), ALONE, IN_CYCLES)
+
+
+@pytest.mark.proof
+@pytest.mark.browser
+def test_a_panel_works_in_chromium(checkout: Checkout) -> None:
+    assert [title for title in LIMITS if IN_CHROMIUM in SECTIONS[title]] == ["A Designer panel"]
+    checkout.run(checkout.try_recipe("A Designer panel"), "A Designer panel", IN_CHROMIUM)

@@ -18,7 +18,7 @@ from lookdev.arrays import Array, Bytes, Ints
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.tangents import tangents_of
-from lookdev.cache import Content, cached_files
+from lookdev.cache import cached_file
 from lookdev.errors import AssetError
 
 _ALIGNMENT = 64  # bytes
@@ -111,8 +111,7 @@ def save_asset(asset: Asset, directed: Iterable[int] = ()) -> Path:
                 stream.write(bytes(-stream.tell() % _ALIGNMENT))
                 stream.write(column.data)
 
-    (content,) = cached_files("assets", f"{name}-v{_FORMAT}", lambda: (Content.written(".asset", write),))
-    return content.path
+    return cached_file("assets", f"{name}-v{_FORMAT}", ".asset", write).path
 
 
 def read_asset(path: Path) -> Asset:

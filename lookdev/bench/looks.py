@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from lookdev.cache import Content, cached_files
+from lookdev.cache import cached_file
 from lookdev.material import Input, Layer, Look, Texture
 from lookdev.output.exr import write_frame
 
@@ -106,5 +106,4 @@ def _mask(number: int) -> Texture:
         levels = np.clip(0.5 + 0.25 * (clouds - clouds.mean()) / clouds.std(), 0.0, 1.0)
         write_frame(file, np.repeat(levels[..., None], 3, axis=-1), np.ones_like(levels), {})
 
-    (content,) = cached_files("bench", f"mask{number}.{_MASK_VERSION}", lambda: (Content.written(".exr", write),))
-    return Texture(content.path, "r", "raw")
+    return Texture(cached_file("bench", f"mask{number}.{_MASK_VERSION}", ".exr", write).path, "r", "raw")

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from lookdev.asset import Asset
-from lookdev.light import DiskLight, Emission, Light, RectLight, SphereLight, load_environment, placement, prepare_light
+from lookdev.light import DiskLight, Emission, Light, RectLight, SphereLight, load_environment, prepare_light
+from lookdev.light.placement import placement
 
 
 @dataclass(frozen=True)

@@ -111,15 +111,11 @@ def assign_looks(
 
 def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findings: Findings) -> dict[str, Assignment]:
     """Return the assignment of each part that a material of the job covers; patterns that fit no part are faults."""
-    patterns = [
-        (f"{key}.assign[{number}].prims", pattern)
-        for number, assign in enumerate(look.assign)
-        for pattern in assign.prims
-    ]
-    owners = [number for number, assign in enumerate(look.assign) for _ in assign.prims]
+    owners = [(number, pattern) for number, assign in enumerate(look.assign) for pattern in assign.prims]
+    patterns = [(f"{key}.assign[{number}].prims", pattern) for number, pattern in owners]
     first_assign = _match_patterns(patterns, composed, findings)
     allowed = _match_patterns([(f"{key}.parts", pattern) for pattern in look.parts or ()], composed, findings)
-    assignments = {path: Assignment(owners[number], patterns[number][1]) for path, number in first_assign.items()}
+    assignments = {path: Assignment(*owners[number]) for path, number in first_assign.items()}
     if look.material is not None:
         assignments |= {
             path: Assignment()

@@ -1,4 +1,4 @@
-"""The geometry that each look of a job renders, and the cameras, which frame it or come from a USD file.
+"""The geometry that each look of a job renders, the ground, and the cameras, which frame it or come from a USD file.
 
 Cages are refined by their size in the frame of a camera that frames the cages themselves. The camera of the scenes
 frames the rendered geometry: the displaced limit surface.
@@ -7,7 +7,8 @@ frames the rendered geometry: the displaced limit surface.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,26 +18,28 @@ from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Instance, Mesh
 from lookdev.asset.usd_camera import UsdCamera, read_camera
 from lookdev.build.assets import ComposedAsset
-from lookdev.build.assign import AssignedAsset
-from lookdev.build.charts import camera_beside_strip, overlap_notes
+from lookdev.build.assign import AssignedAsset, loss_notes
 from lookdev.build.faults import Findings
-from lookdev.build.geometry_cache import cached_outline
-from lookdev.build.refine import Refiner, cages_of_displaced
+from lookdev.build.refine import Refiner, cached_outline, cages_of_displaced
+from lookdev.errors import AssetError
 from lookdev.job.schema import Job
+from lookdev.job.surroundings import JobGround
+from lookdev.material import Look
+from lookdev.material.usd.bound import read_any_look
 from lookdev.scene import Camera, frame_camera, frame_fill
+from lookdev.scene.charts.props import Strip
 from lookdev.scene.displace import displace
 from lookdev.scene.framing import DEFAULT_FILL, Arc
+from lookdev.scene.ground import GREY, Ground
 from lookdev.scene.shot import shot_camera, shot_notes
 from lookdev.scene.uvs import absent_primvars, with_uvs
 from lookdev.stage import open_stage
 
+_STEP = 5.0  # degrees between two angles at which an outline is projected
+
 
 def refine_and_frame(
-    job: Job,
-    assigned: Mapping[str, AssignedAsset],
-    shot: UsdCamera | None,
-    keys: Mapping[str, str],
-    findings: Findings,
+    job: Job, assigned: Mapping[str, AssignedAsset], shot: UsdCamera | None, keys: Mapping[str, str], findings: Findings
 ) -> tuple[dict[str, Asset], dict[str, Camera]]:
     """Return the refined and displaced asset of each look, and its camera.
 
@@ -52,10 +55,7 @@ def refine_and_frame(
     FaultsError
         With the faults of all looks.
     """
-    cages = {
-        name: cages_of_displaced(assigned_asset.asset, assigned_asset.looks)
-        for name, assigned_asset in assigned.items()
-    }
+    cages = {name: cages_of_displaced(item.asset, item.looks) for name, item in assigned.items()}
     with findings.collect("camera"):
         cameras, camera_notes = job_cameras(job, {name: asset for name, (asset, _) in cages.items()}, shot)
     findings.raise_faults()
@@ -127,6 +127,7 @@ def element_arcs(job: Job) -> tuple[Arc, ...]:
 
 
 def _frame(job: Job, assets: list[Asset]) -> Camera:
+    """Return a camera that frames assets; they do not reach into the strip of reference props."""
     camera, resolution = job.camera, job.render.resolution
     elevation, arcs = camera.elevation, element_arcs(job)
     fill = DEFAULT_FILL if camera.fill is None else camera.fill
@@ -137,15 +138,18 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
             return frame_camera(center, radius, resolution, fov=fov, elevation=elevation, margin=camera.margin)
         return frame_fill(_outlines(assets), resolution, fov=fov, elevation=elevation, fill=fill, arcs=arcs)
 
-    def share(half: float) -> float:
-        """Return the part of the tangent of half an angle of view that the asset covers at most."""
-        if camera.margin is None:
-            return fill
-        return math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
-
     if job.charts is None:
         return frame(resolution, camera.horizontal_fov)
-    return camera_beside_strip(job.charts.strip(resolution), camera.horizontal_fov, share, frame)
+    strip, fov = job.charts.strip(resolution), camera.horizontal_fov
+    reach = math.tan(math.radians(0.5 * fov))
+    whole = strip.resolution[0 if strip.upright else 1]
+    half = math.atan(reach * whole / resolution[0])
+    # The part of the tangent of half the angle of view that the asset covers at most.
+    covered = fill if camera.margin is None else math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
+    if 0.5 * (1.0 - covered) * whole >= strip.thickness:
+        return frame(resolution, fov)
+    narrow = math.degrees(2.0 * math.atan(reach * strip.rest[0] / resolution[0]))
+    return replace(frame(strip.rest, narrow), fov=fov, shift=strip.shift)
 
 
 def _outlines(assets: list[Asset]) -> Floats:
@@ -163,3 +167,59 @@ def _common_sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], flo
         instances += [Instance(instance.mesh + len(meshes), instance.matrix) for instance in asset.instances]
         meshes += asset.meshes
     return bounding_sphere(meshes, instances)
+
+
+def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[Arc]) -> Iterator[str]:
+    """Yield a note if an asset reaches into a strip.
+
+    Parameters
+    ----------
+    points
+        The asset's outline, (n, 3).
+    arcs
+        The angles of the asset that the job shows.
+    """
+    (width, height), box = strip.resolution, strip.box
+    for start, sweep in arcs:
+        for angle in np.linspace(start, start + sweep, 1 + math.ceil(abs(sweep) / _STEP)):
+            orbited = camera.orbited(-angle)
+            right, up, back = ((points - orbited.position) @ orbited.frame.T).T
+            depth = np.where(back < 0.0, -back, np.inf)
+            x = 0.5 * width * (1.0 + right / depth / camera.reach - 2.0 * camera.shift[0])
+            y = 0.5 * height - 0.5 * width * (up / depth / camera.reach - 2.0 * camera.shift[1])
+            across = x.max() > box.left and x.min() < box.left + box.width
+            if across and y.max() > box.top and y.min() < box.top + box.height:
+                yield (
+                    f"[charts] hides a part of the asset at the {strip.place} edge of the frame, where the camera "
+                    "of 'usd' leaves no room; another place or a smaller size would be right"
+                )
+                return
+
+
+def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Camera) -> Ground:
+    """Return the ground of an asset; raise AssetError if the camera is not above it."""
+    height = float(cached_outline(asset)[:, 2].min()) if table.height is None else table.height
+    above = float(camera.position[2]) - height
+    if above <= 0.0:
+        raise AssetError(
+            f"the camera is {-above:g} m below the ground, and sees none of the asset; a greater elevation, or a "
+            "lower 'height' would be right"
+        )
+    return Ground(look or GREY, table.size * asset.radius, height, table.kind == "catcher")
+
+
+def job_grounds(
+    table: JobGround, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], findings: Findings
+) -> dict[str, Ground]:
+    """Return the ground for each look of a job; all grounds have the same material.
+
+    Raises LookError as `read_any_look`, and AssetError as `ground_under`.
+    """
+    look = None
+    if table.material is not None:
+        bound = read_any_look(table.material, table.prim, table.variants, "ground")
+        findings.note(*loss_notes(bound.lost))
+        look = bound.look
+        if look.displacement is not None:
+            findings.note(f"{table.material}: the ground is flat: the displacement of its look is left out")
+    return {name: ground_under(table, asset, look, cameras[name]) for name, asset in assets.items()}

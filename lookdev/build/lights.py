@@ -11,9 +11,9 @@ from lookdev.build.wedges import Wedges, vary_rig
 from lookdev.job.schema import Job, JobIbl, JobRig
 from lookdev.job.wedge import Value
 from lookdev.light import Light
-from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.dome.maps import load_dome
 from lookdev.light.rig import Rig, load_rig
+from lookdev.shipped import rig_file
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,9 @@ class RigLights:
 
     name: str
     lights: tuple[Light, ...]
+    check_exposed: Callable[[float], None]
+    notes: tuple[str, ...]
     rig: Rig | None = None
-    check_exposed: Callable[[float], None] = lambda exposure: None
 
     @property
     def is_fitted(self) -> bool:
@@ -51,20 +52,12 @@ class RigLights:
 def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLights, ...]:
     """Read the lights of a job; without `sampled`, domes have no tables with which shaders draw directions."""
     rigs: list[RigLights] = []
-    for index, ibl in enumerate(job.ibl):
-        with findings.collect(f"ibl[{index}]"):
-            dome_map = load_dome(ibl.file, ibl.builtin, sampled=sampled)
-            dome_map.check_exposed(ibl.exposure)
-            if dome_map.repairs:
-                findings.note(f"ibl '{ibl.name}': {dome_map.repairs}")
-            lights = (dome_map.dome.in_space(job.render.space),)
-            rigs.append(RigLights(ibl.name, lights, check_exposed=dome_map.check_exposed))
-    for index, table in enumerate(job.rig):
-        with findings.collect(f"rig[{index}]"):
-            rig = _read_rig(table, sampled=sampled)
+    for table in job.rigs:
+        with findings.collect(job.place_of(table.name)):
+            rig = _read_table(job, table, sampled=sampled)
             rig.check_exposed(table.exposure)
             findings.note(*rig.notes)
-            rigs.append(RigLights(table.name, _lights_in_space(rig, job), rig, rig.check_exposed))
+            rigs.append(rig)
     return tuple(rigs)
 
 
@@ -89,8 +82,7 @@ def vary_lights(
                 continue  # the light has faults, which are reported already
             values = {key.removeprefix("light:"): value for key, value in variation.changes if key.startswith("light:")}
             if values and isinstance(table, JobRig):
-                rig = _read_rig(table, values, sampled=sampled)
-                base = RigLights(name, _lights_in_space(rig, job), rig, rig.check_exposed)
+                base = _read_table(job, table, values, sampled=sampled)
             base.check_exposed(table.exposure)
             varied_lights.append(replace(base, name=name))
     ibls = (*job.ibl, *(table for table in varied_tables if isinstance(table, JobIbl)))
@@ -98,10 +90,16 @@ def vary_lights(
     return job.model_copy(update={"ibl": ibls, "rig": job_rigs}), (*rigs, *varied_lights), keys
 
 
-def _lights_in_space(rig: Rig, job: Job) -> tuple[Light, ...]:
-    return tuple(light.in_space(job.render.space) for light in rig.lights)
-
-
-def _read_rig(table: JobRig, values: Mapping[str, Value] | None = None, *, sampled: bool) -> Rig:
+def _read_table(
+    job: Job, table: JobIbl | JobRig, values: Mapping[str, Value] | None = None, *, sampled: bool
+) -> RigLights:
+    """Read the lights of a table of a job; `values` change those of a rig's lights."""
+    space = job.render.space
+    if isinstance(table, JobIbl):
+        dome_map = load_dome(table.file, table.builtin, sampled=sampled)
+        notes = (f"ibl '{table.name}': {dome_map.repairs}",) if dome_map.repairs else ()
+        return RigLights(table.name, (dome_map.dome.in_space(space),), dome_map.check_exposed, notes)
     file = table.usd if table.usd is not None else rig_file(table.builtin or "")
-    return load_rig(file, table.prim, values, sampled=sampled)
+    rig = load_rig(file, table.prim, values, sampled=sampled)
+    lights = tuple(light.in_space(space) for light in rig.lights)
+    return RigLights(table.name, lights, rig.check_exposed, rig.notes, rig)

@@ -1,22 +1,31 @@
 """From control cages to rendered meshes: refined by their size in the frame, or to the level that the job states.
 
-The cache stores refined assets, so that the next run of a job reads them.
+The cache stores refined assets, levels of refinement and outlines, so that the next run of a job reads them. The key is
+a digest of all that the result depends on, including the code that computes it.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
-from lookdev.asset import Asset, Mesh
-from lookdev.asset.store import make_asset
-from lookdev.asset.subdivision import orbit_pixel, refine_all, refinement_levels
-from lookdev.build.geometry_cache import geometry_key, load_levels, load_refined, store_levels, store_refined
+import numpy as np
+
+from lookdev.arrays import Floats
+from lookdev.asset import Asset, Mesh, read_asset, save_asset
+from lookdev.asset.silhouette import hull_points
+from lookdev.asset.store import asset_digest, make_asset
+from lookdev.asset.subdivision import Refinement, orbit_pixel, refine_all, refinement_levels
+from lookdev.cache import Content, cached_file, code_digest, load_cached, store_cached
 from lookdev.errors import AssetError
 from lookdev.material import Look
 from lookdev.scene import Camera
 from lookdev.scene.displace import as_cage, is_displaced
+
+_ROOM = "refined"
 
 _MOST_CORNERS = 32_000_000
 """The most refined corners of an asset whose level the job states; they take about 8 GB during refinement."""
@@ -42,19 +51,18 @@ class Refiner:
         """
         if all(mesh.subdivision is None for mesh in asset.meshes):
             return asset, ()
-        notes: list[str] = []
-        levels = self._levels(asset, camera, detailed, notes)
-        key = id(asset), levels
+        refinement = self._levels(asset, camera, detailed)
+        key = id(asset), refinement.levels
         if key not in self._assets:
-            self._assets[key] = self._refine(asset, levels, detailed), asset
-        return self._assets[key][0], tuple(notes)
+            self._assets[key] = self._refine(asset, refinement.levels, detailed), asset
+        return self._assets[key][0], refinement.notes
 
     def _refine(self, asset: Asset, levels: tuple[int, ...], detailed: Collection[int]) -> Asset:
         cages = {(id(mesh), level): mesh for mesh, level in zip(asset.meshes, levels, strict=True)}
         key = geometry_key(asset, detailed, levels)
         # If another look has some of the meshes in memory, they are shared instead of read from the cache.
         shared = any(cage_key in self._meshes for cage_key in cages)
-        refined = None if shared else load_refined(key, asset)
+        refined = None if shared else _load_refined(key, asset)
         if refined is not None:
             read = zip(asset.meshes, levels, refined.meshes, strict=True)
             self._meshes |= {(id(cage), level): (mesh, cage) for cage, level, mesh in read}
@@ -66,26 +74,26 @@ class Refiner:
         flags = {"convex": asset.convex, "sheet": asset.sheet, "revolved": asset.revolved}
         refined = make_asset(asset.name, meshes, asset.instances, asset.slots, **flags)
         if not shared:
-            store_refined(key, refined)
+            file = Content.of(save_asset(refined))
+            store_cached(_ROOM, key, {"asset": [file.digest, file.suffix]})
         return replace(refined, unit=asset.unit, notes=asset.notes)
 
-    def _levels(self, asset: Asset, camera: Camera, detailed: Collection[int], notes: list[str]) -> tuple[int, ...]:
+    def _levels(self, asset: Asset, camera: Camera, detailed: Collection[int]) -> Refinement:
         if self._level == "auto":
             pixel = orbit_pixel(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
             view = [*camera.position.tolist(), *camera.pivot, camera.reach, self._width]
             key = geometry_key(asset, detailed, view)
-            refinement = load_levels(key, len(asset.meshes))
+            refinement = _load_levels(key, len(asset.meshes))
             if refinement is None:
                 refinement = refinement_levels(asset, pixel, detailed)
-                store_levels(key, refinement)
-            notes += refinement.notes
-            return refinement.levels
+                store_cached(_ROOM, key, {"levels": refinement.levels, "notes": refinement.notes})
+            return refinement
         levels = [0 if mesh.subdivision is None else self._level for mesh in asset.meshes]
         corners = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(asset.meshes, levels, strict=True))
         if corners > _MOST_CORNERS:
             count = f"{corners} corners of faces; at most {_MOST_CORNERS} would be right"
             raise AssetError(f"subdivision = {self._level} makes {count}, or subdivision = 'auto'")
-        return tuple(levels)
+        return Refinement(tuple(levels), ())
 
 
 def cages_of_displaced(asset: Asset, looks: Mapping[str, Look]) -> tuple[Asset, Sequence[int]]:
@@ -98,3 +106,39 @@ def cages_of_displaced(asset: Asset, looks: Mapping[str, Look]) -> tuple[Asset, 
     for number in displaced:
         meshes[number] = as_cage(meshes[number])
     return replace(asset, meshes=tuple(meshes)), displaced
+
+
+def geometry_key(asset: Asset, detailed: Collection[int], parameters: Sequence[float]) -> str:
+    """Return the key of a result that depends on an asset, its meshes `detailed`, and a camera or levels."""
+    digest = asset.digest or asset_digest(asset)
+    content = [code_digest("asset"), digest, sorted(detailed), list(parameters)]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _load_levels(key: str, count: int) -> Refinement | None:
+    """Return the levels of `count` meshes from the cache; None if it does not have them."""
+    match load_cached(_ROOM, key):
+        case {"levels": [*levels], "notes": [*notes]} if len(levels) == count:
+            return Refinement(tuple(levels), tuple(notes))
+    return None
+
+
+def _load_refined(key: str, cages: Asset) -> Asset | None:
+    """Return the refined asset of some cages from the cache; None if it does not have it."""
+    match load_cached(_ROOM, key):
+        case {"asset": [digest, suffix]} if (file := Content(digest, suffix)).is_whole():
+            read = read_asset(file.path)
+        case _:
+            return None
+    # The file has only the data that pixels depend on; the rest is that of the cages.
+    meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(read.meshes, cages.meshes, strict=True)]
+    return replace(read, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
+
+
+def cached_outline(asset: Asset) -> Floats:
+    """Return the `hull_points` of an asset, (n, 3); the cache stores it if the asset has several instances."""
+    if len(asset.instances) == 1:
+        return hull_points(asset)
+    key = geometry_key(asset, (), ())
+    file = cached_file("outlines", key, ".npy", lambda path: np.save(path, hull_points(asset)))
+    return np.asarray(np.load(file.path))

@@ -10,8 +10,7 @@ from lookdev.build.assets import AssetReader, ComposedAsset
 from lookdev.build.assign import AssignedAsset, assign_looks, read_materials
 from lookdev.build.expand import expand_looks
 from lookdev.build.faults import Findings
-from lookdev.build.frame import read_shot, refine_and_frame
-from lookdev.build.ground import job_grounds
+from lookdev.build.frame import job_grounds, read_shot, refine_and_frame
 from lookdev.build.lights import RigLights, read_lights, vary_lights
 from lookdev.build.wedges import Wedges, WedgeSheet, expand_wedges, vary_looks
 from lookdev.errors import shorten
@@ -19,10 +18,10 @@ from lookdev.job.schema import MOST_FRAMES, SEVERAL_JOBS, Job
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.scene import Camera, Film, Scene
-from lookdev.scene.charts import props_camera, props_scene
+from lookdev.scene.charts.props import props_camera, props_scene
 from lookdev.scene.ground import PATH as GROUND
 from lookdev.scene.ground import add_ground
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 PrepareAhead = Callable[[Job, Look, tuple[Light, ...]], None]
 """A callback with a job, and a look and the lights of a rig that the job is likely to render."""
@@ -84,11 +83,10 @@ def job_scenes(
     }
     assigned: dict[str, AssignedAsset] = {}
     for look in job.look:
-        with findings.collect(look_keys[look.name]):
-            if look.name in composed:
-                assigned[look.name] = assign_looks(
-                    look, materials[look.name], composed[look.name], look_keys[look.name], findings
-                )
+        name, key = look.name, look_keys[look.name]
+        with findings.collect(key):
+            if name in composed:
+                assigned[name] = assign_looks(look, materials[name], composed[name], key, findings)
     findings.raise_faults()
     with findings.collect("camera.usd"):
         shot = read_shot(job, next(iter(composed.values())))
@@ -164,20 +162,13 @@ def _make_scenes(
     for name, (asset, looks) in assets_and_looks.items():
         for rig in rigs:
             if (name, rig.name) in wedges.pairs:
-                linked = link_lights(asset, looks, lights[rig.name])
-                camera = rendered.cameras[name]
-                scenes[name, rig.name] = Scene(
-                    linked.asset, linked.wears, linked.lights, camera, film, linked.lit, linked.groups, catchers
-                )
+                scene = Scene(asset, looks, lights[rig.name], rendered.cameras[name], film, catchers=catchers)
+                scenes[name, rig.name] = link_lights(scene)
     return scenes
 
 
 def _make_chart_scenes(
-    job: Job,
-    assets: Mapping[str, Asset],
-    cameras: Mapping[str, Camera],
-    rigs: Sequence[RigLights],
-    findings: Findings,
+    job: Job, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], rigs: Sequence[RigLights], findings: Findings
 ) -> dict[str, Scene]:
     """Return the scene of the reference props under each rig, if the job has them."""
     charts = {}

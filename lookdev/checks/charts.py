@@ -20,8 +20,8 @@ from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
-from lookdev.scene.charts import GREY, PATCHES, Box, Strip, asset_of_props, patch_colors
-from lookdev.scene.charts.props import cropped
+from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.charts.props import Box, Strip, asset_of_props, cropped
 from lookdev.space import to_space
 
 _WHITE = Look("white", (Layer("White", "lambert", {"reflectance": (1.0, 1.0, 1.0)}),))

@@ -43,8 +43,8 @@ def inspect(
     """
     from lookdev.errors import LookdevError, close_hint
     from lookdev.inspect.assets import inspect_file
-    from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
     from lookdev.material.variants import parse_variants
+    from lookdev.shipped import BUILTIN_RIGS, rig_file
     from lookdev.stage import Composition
 
     if not asset.exists() and str(asset) in BUILTIN_RIGS:

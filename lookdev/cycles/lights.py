@@ -69,7 +69,7 @@ def add_lights(
     """
     objects = []
     for number, light in enumerate(lights, start=1):
-        if light.far and light.map_dome:
+        if light.world_dome:
             continue  # it is part of the world
         if light.kind not in BUILDERS:
             raise RenderError(f"{called(light, number)}: Blender has no light of its kind")

@@ -13,7 +13,7 @@ import numpy as np
 from bpy.types import ShaderNodeScript, ShaderNodeTree
 
 from lookdev.arrays import Floats32, Ints32
-from lookdev.cache import Content, cache_dir, cached_files, from_memory
+from lookdev.cache import Content, cache_dir, cached_file, from_memory
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.cycles.streams import capture_output
@@ -59,8 +59,7 @@ def compile_osl(source: ShaderSource) -> Path:
         finally:
             file.unlink(missing_ok=True)
 
-    (content,) = cached_files("osl", name, lambda: (Content.written(".oso", compile_text),))
-    return content.path
+    return cached_file("osl", name, ".oso", compile_text).path
 
 
 def _constant_definitions(source: ShaderSource) -> list[str]:
@@ -158,8 +157,8 @@ def array_text(values: Array) -> str:
 
 def _cached_array_text(file: Content) -> str:
     """Return the `array_text` of a file, cached: half a million integers take 0.06 s to format."""
-    (text,) = cached_files(
-        "osl", f"{file.digest}-text", lambda: (Content.holding(array_text(np.load(file.path)).encode(), ".txt"),)
+    text = cached_file(
+        "osl", f"{file.digest}-text", ".txt", lambda path: path.write_text(array_text(np.load(file.path)), "ascii")
     )
     return text.path.read_text(encoding="ascii")
 

@@ -17,7 +17,7 @@ from lookdev.codegen import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
 from lookdev.job.parts import JobLook
 from lookdev.light import Light, called
-from lookdev.light.dome.files import read_exr, write_exr
+from lookdev.light.dome.environment import read_exr, write_exr
 from lookdev.light.emission import Emission
 from lookdev.light.lamps import is_plain
 from lookdev.mtlx import is_document
@@ -146,13 +146,13 @@ def _add_emitter(
 ) -> None:
     """Add a light in its pose, relative to the asset's centre; an EnvironmentMapError reports what Mitsuba lacks."""
     turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, camera, center)
-    if light.far and light.map_dome:
+    if dome := light.world_dome:
         if not is_plain(light):
             raise _unsupported_light(name, "a dome with a colour, axes or controls of its own")
         file = folder / f"{light.digest[:16]}.exr"
         if not file.exists():
             with atomic_path(file) as path:
-                write_exr(path, "RGB", read_exr(light.map_dome.radiance_file.path, "RGB"))
+                write_exr(path, "RGB", read_exr(dome.radiance_file.path, "RGB"))
         emitter = _add_plugin(root, "emitter", "envmap")
         _add_values(emitter, filename=f"lights/{file.name}", scale=float(gain))
         _add_transform(emitter, turn @ _Y_UP_TO_Z_UP)

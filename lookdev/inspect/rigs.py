@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from lookdev.light import Emission
-from lookdev.light.link import Link
+from lookdev.light.emission import Link
 from lookdev.light.placement import Vector, vector
 from lookdev.light.rig import Rig, RigLight
 
@@ -20,7 +20,7 @@ class InspectedLight:
     `position` is None for an infinitely distant light. `shines` is the direction of its axis, None for a light that
     emits to all sides. `sizes` has the names of the lights' fields. `value` is the radiance in nits, or, if `unit` is
     ``"lux"``, the irradiance at right angles: linear Rec.709, times the mean of its image, without its shaping. Links
-    are the rules of `lookdev.light.link.Link`.
+    are the rules of `lookdev.light.emission.Link`.
     """
 
     path: str

@@ -35,11 +35,12 @@ from lookdev.job.parts import JobAsset, JobLook
 from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.job.wedge import JobWedge
 from lookdev.light import BUILTIN_LIGHTS
-from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
-from lookdev.scene import SAMPLE_CAP, Sampling
+from lookdev.scene import Sampling
 from lookdev.scene.framing import DEFAULT_FILL
+from lookdev.scene.scene import SAMPLE_CAP
+from lookdev.shipped import BUILTIN_RIGS
 from lookdev.space import REC709, Space
 
 BuiltinIbl = Annotated[str, OneOf(lambda: BUILTIN_LIGHTS)]

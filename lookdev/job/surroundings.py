@@ -9,8 +9,7 @@ from pydantic import Field, field_validator
 
 from lookdev.job.features import check_feature
 from lookdev.job.keys import MaterialFile, MaterialPrim, Table, Text, key, key_error, meaningless
-from lookdev.scene.charts import FOLDER, Strip
-from lookdev.scene.charts.props import Place
+from lookdev.scene.charts.props import FOLDER, Place, Strip
 
 _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
 """The passes that sum up to the beauty or to its alpha; a shadow catcher takes light and coverage away from both."""

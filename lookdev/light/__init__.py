@@ -10,19 +10,15 @@ from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
 from lookdev.cache import Content
 from lookdev.light import native
-from lookdev.light.base import CodedLight, Emitter, Light, LightCode, LightKind, Turned
+from lookdev.light.base import CodedLight, Light, LightCode, Turned
 from lookdev.light.cylinder import CylinderLight
 from lookdev.light.disk import DiskLight
 from lookdev.light.distant import DistantLight
 from lookdev.light.dome import Dome, prepare_light
 from lookdev.light.dome.environment import BUILTIN_LIGHTS, EnvironmentMap, load_environment, make_environment
-from lookdev.light.dome.local import LocalDome
-from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
-from lookdev.light.ies import Profile, load_profile
+from lookdev.light.emission import Emission, Shadow, Shaping
 from lookdev.light.kinds import LIGHT_KINDS, called
 from lookdev.light.lamps import CodedRig, Stand, is_plain, rig_code
-from lookdev.light.picture import prepare_texture
-from lookdev.light.placement import placement
 from lookdev.light.rect import RectLight
 from lookdev.light.sphere import SphereLight
 
@@ -82,40 +78,7 @@ def _decode(value: object) -> Light:
 AnyLight = Annotated[Light, PlainValidator(_decode), PlainSerializer(_encode)]
 """A light of any kind as a field of plain data; JSON has its fields and the name of its kind."""
 
-__all__ = [
-    "BUILTIN_LIGHTS",
-    "LIGHT_KINDS",
-    "AnyLight",
-    "CodedLight",
-    "CylinderLight",
-    "DiskLight",
-    "DistantLight",
-    "Dome",
-    "Emission",
-    "Emitter",
-    "EnvironmentMap",
-    "Falloff",
-    "Light",
-    "LightCode",
-    "LightKind",
-    "LocalDome",
-    "Profile",
-    "RectLight",
-    "Shadow",
-    "Shaping",
-    "SphereLight",
-    "Stand",
-    "Turned",
-    "called",
-    "coded",
-    "emitted_color",
-    "lights_code",
-    "load_environment",
-    "load_profile",
-    "make_environment",
-    "native_gaps",
-    "native_images",
-    "placement",
-    "prepare_light",
-    "prepare_texture",
-]
+__all__ = ["LIGHT_KINDS", "AnyLight", "Emission", "Light", "Shadow", "Shaping", "Stand", "Turned"]
+__all__ += ["CylinderLight", "DiskLight", "DistantLight", "Dome", "RectLight", "SphereLight"]
+__all__ += ["BUILTIN_LIGHTS", "EnvironmentMap", "load_environment", "make_environment", "prepare_light"]
+__all__ += ["called", "coded", "lights_code", "native_gaps", "native_images"]

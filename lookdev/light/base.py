@@ -8,7 +8,7 @@ A kind of light is a frozen dataclass of plain data that derives from `Light`, a
 from __future__ import annotations
 
 import hashlib
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib.resources.abc import Traversable
@@ -58,21 +58,25 @@ class Emitter(Protocol):
     world space and broadcast with each other.
     """
 
+    @abstractmethod
     def radiance(self, point: Floats, direction: Floats) -> Floats:
         """Return the radiance (..., 3) that arrives, linear Rec.709."""
 
+    @abstractmethod
     def pdf(self, point: Floats, direction: Floats) -> Floats:
         """Return the density (...) per steradian with which `sample` draws the directions at `point`."""
 
+    @abstractmethod
     def sample(self, point: Floats, u: Floats) -> Floats:
         """Map points `u` (N, 2) of the unit square to directions (N, 3) at shading points (N, 3)."""
 
+    @abstractmethod
     def distance(self, point: Floats, direction: Floats) -> Floats:
         """Return metres (...) to the light; inf where it is infinitely far, or not in that direction."""
 
 
-class Light(ABC):
-    """An `Emitter` of a registered kind: a frozen dataclass of plain data that names its files.
+class Light(Emitter):
+    """An emitter of a registered kind: a frozen dataclass of plain data that names its files.
 
     The defaults describe a light that is infinitely far, and that neither Blender nor Mitsuba has.
     """
@@ -103,21 +107,11 @@ class Light(ABC):
     @property
     def digest(self) -> str:
         """Digest of all that its radiance and its sampling depend on."""
-        return hashlib.sha256(
-            f"{self.kind} {self.version} {self.with_emission(self.emission.without_names)!r}".encode()
-        ).hexdigest()
+        unnamed = self.with_emission(self.emission.without_names)
+        return hashlib.sha256(f"{self.kind} {self.version} {unnamed!r}".encode()).hexdigest()
 
-    @abstractmethod
-    def radiance(self, point: Floats, direction: Floats) -> Floats: ...
-
-    @abstractmethod
-    def pdf(self, point: Floats, direction: Floats) -> Floats: ...
-
-    @abstractmethod
-    def sample(self, point: Floats, u: Floats) -> Floats: ...
-
-    @abstractmethod
-    def distance(self, point: Floats, direction: Floats) -> Floats: ...
+    def distance(self, point: Floats, direction: Floats) -> Floats:
+        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
 
     @property
     def constant(self) -> bool:
@@ -153,6 +147,11 @@ class Light(ABC):
     def map_dome(self) -> Dome | None:
         """The dome light that has its map; None if it has no map."""
         return None
+
+    @property
+    def world_dome(self) -> Dome | None:
+        """Its `map_dome` if it is infinitely far; a world of Blender or Mitsuba renders it."""
+        return self.map_dome if self.far else None
 
     @property
     def shape_name(self) -> str:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from lookdev.arrays import Bools, Floats
 from lookdev.light.base import LightKind
-from lookdev.light.emission import check_number
-from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
+from lookdev.light.placed import PlacedLight
 from lookdev.light.shape import FAR, Shape, cone_about
 from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, project_rectangle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
@@ -70,34 +69,14 @@ class CylinderLight(PlacedLight):
 
     kind = "cylinder"
     shapes: ClassVar[Mapping[str, type[Shape]]] = {"cylinder": Cylinder}
+    example_sizes: ClassVar[Mapping[str, float]] = {"length": 1.5, "radius": 0.2}
 
     length: float
     radius: float
 
-    @classmethod
-    def example(cls) -> CylinderLight:
-        """Return a warm light above, to a side."""
-        return cls(length=1.5, radius=0.2, position=(0.4, -1.0, 1.6), axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_number("length", self.length, above=0.0)
-        check_number("radius", self.radius, above=0.0)
-
-    @property
-    def shape(self) -> Cylinder:
-        return Cylinder(self.length, self.radius)
-
     @property
     def reach(self) -> float:
         return math.hypot(self.length / 2.0, self.radius)
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        return {"length": self.length, "radius": self.radius}
-
-    def resize(self, scale: float) -> CylinderLight:
-        return replace(self, length=scale * self.length, radius=scale * self.radius)
 
     @property
     def size_factor(self) -> float:
@@ -182,8 +161,7 @@ def covering_rectangle(point: Floats, length: Floats | float, radius: Floats | f
 
 def _read(prim: PlacedPrim) -> LightShape:
     radius, length = prim.radius("treatAsLine", "cylinder", (2,)), prim.length("length", prim.scale[0])
-    light = CylinderLight(length=length, radius=radius, position=prim.position, axes=prim.axes)
-    return LightShape.without_image(light, length, radius)
+    return LightShape.without_image(CylinderLight(length=length, radius=radius, position=prim.position, axes=prim.axes))
 
 
 CYLINDER = LightKind(CylinderLight, CylinderLight.example, {"CylinderLight": UsdLight(_read)})

@@ -15,11 +15,10 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real
 from lookdev.light.base import LightKind
-from lookdev.light.emission import check_number
-from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.plane import meet_plane, plane_angle
+from lookdev.light.placed import PlacedLight
 from lookdev.light.rect import Rectangle
 from lookdev.light.shape import FAR, Shape, cone_about
+from lookdev.light.spherical_rectangle import meet_plane, plane_angle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
@@ -59,22 +58,13 @@ class DiskLight(PlacedLight):
     kind = "disk"
     one_sided = True
     shapes: ClassVar[Mapping[str, type[Shape]]] = {"disk": Ellipse}
+    example_sizes: ClassVar[Mapping[str, tuple[float, float]]] = {"radii": (0.7, 0.5)}
 
     radii: tuple[float, float]
 
-    @classmethod
-    def example(cls) -> DiskLight:
-        """Return a warm light above, to a side."""
-        return cls(radii=(0.7, 0.5), position=(0.4, -1.0, 1.6), axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for radius in self.radii:
-            check_number("radius", radius, above=0.0)
-
     @property
-    def shape(self) -> Ellipse:
-        return Ellipse(*self.radii)
+    def shape_numbers(self) -> tuple[float, ...]:
+        return self.radii
 
     @property
     def reach(self) -> float:
@@ -100,7 +90,7 @@ class DiskLight(PlacedLight):
 def _read(prim: PlacedPrim) -> LightShape:
     radius = prim.length("radius", 1.0)
     x, y = prim.scale[0] * radius, prim.scale[1] * radius
-    return LightShape.without_image(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes), x, y)
+    return LightShape.without_image(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes))
 
 
 DISK = LightKind(DiskLight, DiskLight.example, {"DiskLight": UsdLight(_read)})

@@ -14,12 +14,11 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.vectors import dot
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import native
-from lookdev.light.base import Light, LightKind
-from lookdev.light.cone import draw_uniform, uniform_density
+from lookdev.light.base import LightKind
 from lookdev.light.emission import WHITE, Color, Emission, check_number
-from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION
-from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
-from lookdev.light.shape import FAR, INFINITE, Shape
+from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, Lamp
+from lookdev.light.placement import WORLD_AXES, Axes, checked_axes
+from lookdev.light.shape import FAR, INFINITE, Shape, draw_uniform, uniform_density
 from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
 
 _NARROWEST = math.radians(0.005)  # least half angle that float32 distinguishes from 0
@@ -50,7 +49,7 @@ class Cone:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DistantLight(Light):
+class DistantLight(Lamp):
     """A cone of directions about its +z, of `angle` degrees from side to side, infinitely far: it emits along its -z.
 
     An angle of 0 is parallel light of irradiance `emission.color`.
@@ -77,14 +76,9 @@ class DistantLight(Light):
 
     @property
     def size_factor(self) -> float:
-        """The divisor of the radiance where the power is normalized, in steradians: `UsdLuxLightAPI`."""
         # sin^2 loses its digits near 180 degrees, where cos^2 keeps them. UsdLux's two formulas agree at 180 degrees.
         sine = math.sin(self._half_angle) ** 2
         return math.pi * ((sine if self._half_angle <= math.pi / 2.0 else 2.0 - sine) or 1.0 / math.pi)
-
-    @property
-    def shape(self) -> Cone:
-        return Cone(self.versine)
 
     @property
     def versine(self) -> float:
@@ -106,9 +100,8 @@ class DistantLight(Light):
 
     def native_gap(self) -> str | None:
         too_wide = [f"an angle of {self.angle:g} degrees, more than 180"] if self.angle > 180.0 else []
-        return native.missing_features(
-            self.emission, "shadow", first=(*too_wide, *native.missing_shadow_features(self.emission))
-        )
+        gaps = (*too_wide, *native.missing_shadow_features(self.emission))
+        return native.missing_features(self.emission, "shadow", first=gaps)
 
     @property
     def sent(self) -> Color:
@@ -116,22 +109,8 @@ class DistantLight(Light):
         r, g, b = (self._radiance_scale * channel for channel in self.emission.color)
         return r, g, b
 
-    def radiance(self, point: Floats, direction: Floats) -> Floats:
-        local = to_local(self.axes, direction)
-        inside = self.shape.distance(point, local) < FAR
-        radiance = np.where(inside[..., None], self._radiance_scale * self.emission.radiance_towards(local), 0.0)
-        return np.broadcast_to(radiance, np.broadcast_shapes(radiance.shape, point.shape))
-
-    def pdf(self, point: Floats, direction: Floats) -> Floats:
-        local = to_local(self.axes, direction)
-        pdf = self.shape.pdf(point, local)
-        return np.broadcast_to(pdf, np.broadcast_shapes(pdf.shape, point.shape[:-1]))
-
-    def sample(self, point: Floats, u: Floats) -> Floats:
-        return to_world(self.axes, self.shape.sample(point, u))
-
-    def distance(self, point: Floats, direction: Floats) -> Floats:
-        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
+    def _radiance_factor(self, point: Floats, direction: Floats) -> float:
+        return self._radiance_scale
 
     @property
     def _half_angle(self) -> float:

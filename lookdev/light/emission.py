@@ -1,4 +1,4 @@
-"""The emission of a light of any kind: colour, beam shape, shadow, falloff.
+"""The emission of a light of any kind: colour, beam shape, shadow, falloff, linked parts.
 
 Names and formulas are those of UsdLux: `UsdLuxLightAPI`, `UsdLuxShapingAPI` and `UsdLuxShadowAPI`, documented in
 ``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11. Radiance is in nits: radiance 1 gives a pixel
@@ -9,8 +9,9 @@ Based Shading at Disney", 2012.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.ies import Profile
-from lookdev.light.link import Link
+from lookdev.light.placement import vector
 from lookdev.light.shape import FAR
 from lookdev.space import Space, to_space
 
@@ -221,6 +222,38 @@ def falloff_factor(distance: Real, virtual: Real, power: Real, start: Real, rise
     return factor
 
 
+MOST_GROUPS = 80
+"""The most groups of parts that shadow links can distinguish, not counting the group that casts all shadows."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """The parts of an asset that a light illuminates, or that cast its shadow.
+
+    `rules` are sorted pairs of a path and a rule: ``"expandPrims"``, ``"explicitOnly"`` or ``"exclude"``, as in
+    `UsdCollectionMembershipQuery`. Paths are those of `lookdev.scene.dress.Part.path`.
+    """
+
+    rules: tuple[tuple[str, str], ...]
+
+    @cached_property
+    def _rules(self) -> Mapping[str, str]:
+        return dict(self.rules)
+
+    def includes(self, path: str) -> bool:
+        """Return whether a part is linked, by the rule of its path or of its nearest ancestor that has a rule.
+
+        ``"explicitOnly"`` applies to its path alone.
+        """
+        if (rule := self._rules.get(path)) is not None:
+            return rule != "exclude"
+        while path.strip("/"):
+            path = path.rpartition("/")[0] or "/"
+            if (rule := self._rules.get(path)) in ("expandPrims", "exclude"):
+                return rule == "expandPrims"
+        return False
+
+
 @dataclass(frozen=True)
 class Emission:
     """The emission of a light.
@@ -248,7 +281,7 @@ class Emission:
     light_link, shadow_link
         The parts of the asset that it illuminates, and those that cast its shadow; None for all parts.
     spared
-        The numbers of the groups of parts that its shadow excludes. `lookdev.scene.linking` computes them from
+        The numbers of the groups of parts that its shadow excludes. `lookdev.scene.scene` computes them from
         `shadow_link`, and renderers read them.
     """
 
@@ -294,14 +327,11 @@ class Emission:
 
     def in_space(self, space: Space) -> Emission:
         """Return the emission, linear Rec.709, in another colour space; `_filter_in_space` converts its filters."""
-        color = _as_color(to_space(self.color, space))
-        shaping, shadow = (
-            self.shaping,
-            replace(self.shadow, color=_filter_in_space(self.color, self.shadow.color, space)),
-        )
+        shadow = replace(self.shadow, color=_filter_in_space(self.color, self.shadow.color, space))
+        shaping = self.shaping
         if shaping is not None:
             shaping = replace(shaping, focus_tint=_filter_in_space(self.color, shaping.focus_tint, space))
-        return replace(self, color=color, shaping=shaping, shadow=shadow)
+        return replace(self, color=vector(to_space(self.color, space)), shaping=shaping, shadow=shadow)
 
     def radiance_towards(self, direction: Floats) -> Floats:
         """Return the radiance (..., 3) for directions (..., 3) to the light, in the light's own space."""
@@ -323,12 +353,7 @@ def _filter_in_space(light: Color, factor: Color, space: Space) -> Color:
         return factor
     before = to_space(light, space)
     after = to_space(np.array(light) * np.array(factor), space)
-    return _as_color(np.divide(after, before, out=np.zeros(3), where=before > 0.0))
-
-
-def _as_color(values: Floats) -> Color:
-    r, g, b = values.tolist()
-    return r, g, b
+    return vector(np.divide(after, before, out=np.zeros(3), where=before > 0.0))
 
 
 def emitted_color(

@@ -24,6 +24,7 @@ from lookdev.text import read_bytes
 
 _LARGEST = 1 << 24  # bytes of a file
 _MOST_ANGLES = 3601
+_NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _HEADERS = ("IESNA91", "IESNA:LM-63-", "IES:LM-63-")
 _VERTICAL = ((0.0, 90.0), (90.0, 180.0), (0.0, 180.0))
 _HORIZONTAL = ((0.0, 0.0), (0.0, 90.0), (0.0, 180.0), (0.0, 360.0), (90.0, 270.0))
@@ -79,9 +80,8 @@ class Profile:
     def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
         """Return the factor of the radiance at vertical and horizontal angles in degrees; horizontal from 0 to 360."""
         table = Table(self.numbers[:, None])
-        return np.asarray(
-            profile_factor(table, 0.0, self.steps, vertical, horizontal, self.scale, self.angle_scale), np.float64
-        )
+        factor = profile_factor(table, 0.0, self.steps, vertical, horizontal, self.scale, self.angle_scale)
+        return np.asarray(factor, np.float64)
 
 
 def profile_factor(
@@ -117,10 +117,8 @@ def profile_factor(
         return number(2.0 + h * columns)
 
     v, h = interval(columns, vertical_at, vertical), interval(rows, horizontal_at, horizontal)
-    s, t = (
-        (vertical - vertical_at(v)) / (vertical_at(v + 1) - vertical_at(v)),
-        (horizontal - horizontal_at(h)) / (horizontal_at(h + 1) - horizontal_at(h)),
-    )
+    s = (vertical - vertical_at(v)) / (vertical_at(v + 1) - vertical_at(v))
+    t = (horizontal - horizontal_at(h)) / (horizontal_at(h + 1) - horizontal_at(h))
 
     def row_value(h: Array) -> Array:
         return (1.0 - s) * number(2.0 + h * columns + v) + s * number(2.0 + h * columns + (v + 1))
@@ -233,12 +231,8 @@ class _NumberReader:
     def __init__(self, where: str, lines: list[str], after: int) -> None:
         self._where = where
         self._lines = len(lines)
-        self._tokens = [
-            (token, number)
-            for number, line in enumerate(lines[after:], after + 1)
-            for token in re.split(r"[\s,]+", line)
-            if token
-        ]
+        numbered = enumerate(lines[after:], after + 1)
+        self._tokens = [(token, number) for number, line in numbered for token in re.findall(r"[^\s,]+", line)]
         self._next = 0
 
     def fault(self, problem: str) -> EnvironmentMapError:
@@ -247,17 +241,12 @@ class _NumberReader:
 
     def take(self, name: str, count: int) -> Floats:
         tokens = self._tokens[self._next : self._next + count]
-        if len(tokens) < count:
-            raise _fault(
-                self._where, self._lines, f"the file ends before its {name}: {count - len(tokens)} are missing"
-            )
+        if missing := count - len(tokens):
+            raise _fault(self._where, self._lines, f"the file ends before its {name}: {missing} are missing")
         values = np.empty(count)
         for index, (token, _) in enumerate(tokens):
             self._next += 1
-            try:
-                values[index] = float(token) if re.fullmatch(r"[-+.0-9eE]+", token) else math.nan
-            except ValueError:
-                values[index] = math.nan
+            values[index] = float(token) if _NUMBER.fullmatch(token) else math.nan
             if not math.isfinite(values[index]):
                 raise self.fault(f"{token[:40]!r} among the {name} is not a number")
         return values

@@ -6,10 +6,9 @@ serves all lamps of a kind. The shader's code depends on the kinds and controls 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import cast
 
 import numpy as np
 
@@ -50,6 +49,20 @@ FIELDS = (
 )
 """The numbers of a lamp, in the order of a row."""
 
+CONTROLS: Mapping[str, Callable[[Emission], object]] = {
+    "shaped": lambda emission: emission.shaping,
+    "profiled": lambda emission: emission.shaping and emission.shaping.profile,
+    "falling": lambda emission: emission.falloff,
+    "shadowed": lambda emission: emission.shadow != Shadow(),
+    "still": lambda emission: not emission.turns,
+    "split": lambda emission: (emission.diffuse, emission.specular) != (1.0, 1.0),
+}
+"""The controls of lights that have code of their own in a shader: tests of whether an emission needs them.
+
+``shadowed`` is a shadow that is not the default, ``still`` a light that does not turn with the rig, ``split`` a factor
+of the diffuse or specular response.
+"""
+
 
 def weight(
     shape: Shape, beam: Sequence[Real] | None, falloff: Sequence[Real] | None, point: Floats, normal: Floats
@@ -88,12 +101,7 @@ class Stand:
 
 @dataclass(frozen=True)
 class CodedRig:
-    """The lights of a rig in the order of their numbers in a shader: lamps, then domes.
-
-    The booleans tell which controls the shader needs: whether some light is `shaped`, has a falloff (`falling`), a
-    shadow that is not the default (`shadowed`), does not turn with the rig (`still`), differs in its diffuse and
-    specular factors from 1 (`split`), or has a profile (`profiled`).
-    """
+    """The lights of a rig in the order of their numbers in a shader: lamps, then domes."""
 
     lamps: tuple[Light, ...]
     domes: tuple[Light, ...]
@@ -116,29 +124,9 @@ class CodedRig:
         """The names of its lamps' shapes without duplicates, in the order of `SHAPES`."""
         return tuple(name for name in SHAPES if any(lamp.shape_name == name for lamp in self.lamps))
 
-    @property
-    def shaped(self) -> bool:
-        return any(emission.shaping for emission in self.emissions)
-
-    @property
-    def profiled(self) -> bool:
-        return any(emission.shaping and emission.shaping.profile for emission in self.emissions)
-
-    @property
-    def falling(self) -> bool:
-        return any(emission.falloff for emission in self.emissions)
-
-    @property
-    def shadowed(self) -> bool:
-        return any(emission.shadow != Shadow() for emission in self.emissions)
-
-    @property
-    def still(self) -> bool:
-        return any(not emission.turns for emission in self.emissions)
-
-    @property
-    def split(self) -> bool:
-        return any((emission.diffuse, emission.specular) != (1.0, 1.0) for emission in self.emissions)
+    def needs(self, control: str) -> bool:
+        """Return whether the emission of a light needs one of the `CONTROLS`."""
+        return any(map(CONTROLS[control], self.emissions))
 
     @property
     def spared(self) -> tuple[tuple[int, ...], ...]:
@@ -149,7 +137,7 @@ class CodedRig:
     @property
     def pictures(self) -> tuple[RectLight, ...]:
         """The lamps with a texture."""
-        return tuple(cast(RectLight, lamp) for lamp in self.lamps if lamp.shape_name == "picture")
+        return tuple(lamp for lamp in self.lamps if isinstance(lamp, RectLight) and lamp.texture)
 
     def rows(self, stand: Stand) -> Floats32:
         """Return `Stand.offset`, then the row of each lamp and each dome, as one array."""
@@ -177,11 +165,9 @@ class CodedRig:
         emission, color = light.emission, light.sent
         x, y, z = light.position or (*stand.axis, 0.0)
         brightest, texture, tree = 1.0, -1, -1
-        if light in self.pictures:
-            texture = self.pictures.index(light)
-            picture = self.pictures[texture]
-            assert picture.texture is not None and picture.picture is not None, "it has a texture"  # noqa: PT018
-            brightest, tree = float(picture.picture.mean()), starts[picture.texture.digest]
+        if isinstance(light, RectLight) and light.texture and light.picture is not None:
+            texture, tree = self.pictures.index(light), starts[light.texture.digest]
+            brightest = float(light.picture.mean())
         shaping, falloff = emission.shaping or Shaping(), emission.falloff
         profile = shaping.profile
         if profile is not None:
@@ -231,12 +217,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
         "RIG_TABLES": len(tables),
         "RIG_PICTURES": len(rig.pictures),
         "PICTURE_LEVELS": LEVELS,
-        "RIG_SHAPED": int(rig.shaped),
-        "RIG_PROFILED": int(rig.profiled),
-        "RIG_FALLING": int(rig.falling),
-        "RIG_SHADOWED": int(rig.shadowed),
-        "RIG_STILL": int(rig.still),
-        "RIG_SPLIT": int(rig.split),
+        **{f"RIG_{name.upper()}": int(rig.needs(name)) for name in CONTROLS},
         "RIG_SEEN": int(any(lamp.emission.camera for lamp in rig.lamps)),
         "RIG_SPARED": len(excluded_sets),
         "RIG_GROUPS": groups,

@@ -49,7 +49,7 @@ def missing_shadow_features(emission: Emission) -> Iterator[str]:
 
 def world_domes(lights: Sequence[Light]) -> list[Dome]:
     """Return the domes that are infinitely far; a world of Blender renders their sum."""
-    return [light.map_dome for light in lights if light.far and light.map_dome]
+    return [light.world_dome for light in lights if light.world_dome]
 
 
 def still_domes(lights: Sequence[Light]) -> bool | None:

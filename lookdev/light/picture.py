@@ -16,10 +16,9 @@ from lookdev.brdf.table import Table
 from lookdev.brdf.table import look_up as table_number
 from lookdev.brdf.vectors import Array, Real
 from lookdev.cache import Content
-from lookdev.light.dome.environment import EnvironmentMap
-from lookdev.light.dome.files import write_exr
-from lookdev.light.plane import seen_part
-from lookdev.light.spherical_rectangle import Point, density, draw
+from lookdev.light.dome.environment import EnvironmentMap, write_exr
+from lookdev.light.dome.warp import interpolate
+from lookdev.light.spherical_rectangle import Point, density, draw, seen_part
 
 LEVELS = 5
 """Number of divisions of a texture, to 32 x 32 cells."""
@@ -38,14 +37,7 @@ def prepare_texture(image: EnvironmentMap) -> Content:
 def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
     """Look up a texture (H, W, C), bilinear and clamped; u is 0 at its first column, v is 0 at its first row."""
     height, width = picture.shape[:2]
-    x, y = u * width - 0.5, v * height - 0.5
-    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    s, t = (x - column)[..., None], (y - row)[..., None]
-    left, right = (np.clip(column + k, 0, width - 1) for k in (0, 1))
-    top, bottom = (np.clip(row + k, 0, height - 1) for k in (0, 1))
-    upper = (1.0 - s) * picture[top, left] + s * picture[top, right]
-    lower = (1.0 - s) * picture[bottom, left] + s * picture[bottom, right]
-    return np.asarray((1.0 - t) * upper + t * lower)
+    return interpolate(picture, u * width - 0.5, v * height - 0.5)
 
 
 def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:

@@ -1,4 +1,4 @@
-"""The base class of lights with a position and a finite size.
+"""The base classes of lamps, and of those with a position and a finite size.
 
 A light's own space is that of UsdLux: its shape is centred at the origin. A one-sided light emits along -z, which is
 also the axis of its `Shaping`. Its size is in metres of the world; there is no other scale.
@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass, fields, replace
-from typing import Self
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -24,63 +25,81 @@ EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
 EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlacedLight(Light):
-    """A shape at `position`, in metres, rotated by `axes`.
-
-    Arguments of methods with an underscore are in the light's own space, but for `_to_own_space`.
-    """
-
-    far = False
-
-    position: Vector = (0.0, 0.0, 0.0)
-    axes: Axes = WORLD_AXES
-    emission: Emission = WHITE
-
-    def __post_init__(self) -> None:
-        for value in self.position:
-            check_number("position", value)
-        checked_axes(self.axes)
+class Lamp(Light):
+    """A light with a shape, rotated by `axes`; its methods are those of the shape."""
 
     @property
-    @abstractmethod
     def shape(self) -> Shape:
         """Its shape, in its own space."""
-
-    @abstractmethod
-    def resize(self, scale: float) -> Self:
-        """Return the light with sizes `scale` times as large, at the same position."""
+        return self.shapes[self.shape_name](*self.shape_numbers)
 
     @property
     @abstractmethod
     def size_factor(self) -> float:
-        """The divisor of the radiance where the power is normalized, in square metres: `UsdLuxLightAPI`."""
+        """The divisor of the radiance where the power is normalized, in m^2, or steradians: `UsdLuxLightAPI`."""
 
     def radiance(self, point: Floats, direction: Floats) -> Floats:
         local_point, local_direction = self._to_own_space(point), to_local(self.axes, direction)
         hits = (self.shape.distance(local_point, local_direction) < FAR)[..., None]
         falloff = self.emission.falloff_factor(np.linalg.norm(local_point, axis=-1))[..., None]
-        return np.where(
-            hits,
-            self._texture_factor(local_point, local_direction)
-            * self.emission.radiance_towards(local_direction)
-            * falloff,
-            0.0,
-        )
+        factor = self._radiance_factor(local_point, local_direction)
+        return np.where(hits, factor * self.emission.radiance_towards(local_direction) * falloff, 0.0)
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
-        return self._pdf(self._to_own_space(point), to_local(self.axes, direction))
+        pdf = self.shape.pdf(self._to_own_space(point), to_local(self.axes, direction))
+        return np.broadcast_to(pdf, np.broadcast_shapes(point.shape, direction.shape)[:-1])
 
     def sample(self, point: Floats, u: Floats) -> Floats:
-        return to_world(self.axes, self._sample(self._to_own_space(point), u))
+        return to_world(self.axes, self.shape.sample(self._to_own_space(point), u))
+
+    def _to_own_space(self, point: Floats) -> Floats:
+        return to_local(self.axes, point - np.array(self.position or (0.0, 0.0, 0.0)))
+
+    def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
+        """Return the factor (..., 1 or 3) of the emission where the ray hits; arguments are in the light's space."""
+        return 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedLight(Lamp):
+    """A lamp at `position`, in metres, whose `shape_numbers` are its sizes in metres."""
+
+    far = False
+
+    example_sizes: ClassVar[Mapping[str, Any]]
+    """The sizes of `example`, by the names of their fields in the order of `shape_numbers`."""
+
+    position: Vector = (0.0, 0.0, 0.0)
+    axes: Axes = WORLD_AXES
+    emission: Emission = WHITE
+
+    @classmethod
+    def example(cls) -> Self:
+        """Return a warm light above, to a side."""
+        return cls(position=(0.4, -1.0, 1.6), axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION, **cls.example_sizes)
+
+    def __post_init__(self) -> None:
+        for value in self.position:
+            check_number("position", value)
+        checked_axes(self.axes)
+        for name, size in self.sizes.items():
+            check_number(name.split()[0], size, above=0.0)  # without the axis of a radius
+
+    @property
+    def sizes(self) -> Mapping[str, float]:
+        return {name: getattr(self, name) for name in self.example_sizes}
+
+    @property
+    def shape_numbers(self) -> tuple[float, ...]:
+        return tuple(self.sizes.values())
+
+    def resize(self, scale: float) -> Self:
+        """Return the light with sizes `scale` times as large, at the same position."""
+        return replace(self, **{name: scale * getattr(self, name) for name in self.example_sizes})
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
         distance = self.shape.distance(self._to_own_space(point), to_local(self.axes, direction))
         return np.where(distance < FAR, distance, np.inf)
-
-    @property
-    def shape_numbers(self) -> tuple[float, ...]:
-        return tuple(getattr(self.shape, field.name) for field in fields(self.shape))
 
     def scaled(self, scale: float, origin: Vector) -> Self:
         position = vector(scale * np.array(self.position) + np.array(origin))
@@ -109,19 +128,5 @@ class PlacedLight(Light):
 
     def native_gap(self) -> str | None:
         profile = ["an IES profile"] if self.emission.shaping and self.emission.shaping.profile else []
-        return native.missing_features(
-            self.emission, "shadow", "shaping", first=(*profile, *native.missing_shadow_features(self.emission))
-        )
-
-    def _to_own_space(self, point: Floats) -> Floats:
-        return to_local(self.axes, point - np.array(self.position))
-
-    def _texture_factor(self, point: Floats, direction: Floats) -> Floats | float:
-        """Return the factor (..., 3) of the emission by the texture, where the ray hits; 1 without a texture."""
-        return 1.0
-
-    def _pdf(self, point: Floats, direction: Floats) -> Floats:
-        return np.asarray(self.shape.pdf(point, direction))
-
-    def _sample(self, point: Floats, u: Floats) -> Floats:
-        return np.asarray(self.shape.sample(point, u))
+        gaps = (*profile, *native.missing_shadow_features(self.emission))
+        return native.missing_features(self.emission, "shadow", "shaping", first=gaps)

@@ -15,14 +15,12 @@ from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import Real
 from lookdev.cache import Content
 from lookdev.light.base import LightKind
-from lookdev.light.dome.environment import EnvironmentMap, map_in_space
-from lookdev.light.dome.files import read_exr
-from lookdev.light.emission import WHITE, check_number
+from lookdev.light.dome.environment import EnvironmentMap, map_in_space, read_exr
+from lookdev.light.emission import WHITE
 from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
-from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
+from lookdev.light.placed import PlacedLight
 from lookdev.light.shape import FAR, Shape, cone_about
-from lookdev.light.spherical_rectangle import density, draw
+from lookdev.light.spherical_rectangle import density, draw, meet_plane, plane_angle, seen_part, towards_plane
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 from lookdev.space import Space
 
@@ -78,24 +76,15 @@ class RectLight(PlacedLight):
     kind = "rect"
     one_sided = True
     shapes: ClassVar[Mapping[str, type[Shape]]] = {"rect": Rectangle, "picture": Rectangle}
+    example_sizes: ClassVar[Mapping[str, float]] = {"width": 1.2, "height": 0.8}
 
     width: float
     height: float
     texture: Content | None = None
 
-    @classmethod
-    def example(cls) -> RectLight:
-        """Return a warm light above, to a side."""
-        return cls(width=1.2, height=0.8, position=(0.4, -1.0, 1.6), axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_number("width", self.width, above=0.0)
-        check_number("height", self.height, above=0.0)
-
     @property
-    def shape(self) -> Rectangle:
-        return Rectangle(self.width, self.height)
+    def shape(self) -> Shape:
+        return super().shape if self.means is None else Picture(self.width, self.height, self.means)
 
     @property
     def shape_name(self) -> str:
@@ -104,13 +93,6 @@ class RectLight(PlacedLight):
     @property
     def reach(self) -> float:
         return math.hypot(self.width, self.height) / 2.0
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        return {"width": self.width, "height": self.height}
-
-    def resize(self, scale: float) -> RectLight:
-        return replace(self, width=scale * self.width, height=scale * self.height)
 
     def _convert(self, space: Space) -> RectLight:
         if self.texture is None or self.picture is None:
@@ -141,21 +123,11 @@ class RectLight(PlacedLight):
         """The `flat_tree` of the texture as a column, for sampling."""
         return None if self.picture is None else Table(flat_tree(luminance_tree(self.picture))[:, None])
 
-    def _texture_factor(self, point: Floats, direction: Floats) -> Floats | float:
+    def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
         _, hit = meet_plane(point, direction, self.width, self.height)
         return np.asarray(look_up(self.picture, 1.0 - hit.s, 1.0 - hit.t))
-
-    def _pdf(self, point: Floats, direction: Floats) -> Floats:
-        if self.means is None:
-            return super()._pdf(point, direction)
-        return np.asarray(Picture(self.width, self.height, self.means).pdf(point, direction))
-
-    def _sample(self, point: Floats, u: Floats) -> Floats:
-        if self.means is None:
-            return super()._sample(point, u)
-        return np.asarray(Picture(self.width, self.height, self.means).sample(point, u))
 
 
 def _read(prim: PlacedPrim) -> LightShape:
@@ -166,7 +138,7 @@ def _read(prim: PlacedPrim) -> LightShape:
     def make(picture: EnvironmentMap | None) -> RectLight:
         return light if picture is None else replace(light, texture=prepare_texture(picture))
 
-    return LightShape(make, light.size_factor, lengths=(width, height), image=image, space=space)
+    return LightShape(make, light.size_factor, lengths=light.shape_numbers, image=image, space=space)
 
 
 RECT = LightKind(RectLight, RectLight.example, {"RectLight": UsdLight(_read)})

@@ -6,6 +6,7 @@ A shape's fields are numbers, or symbolic arrays in their place: the generated c
 
 from __future__ import annotations
 
+import math
 from dataclasses import Field
 from typing import ClassVar, Protocol
 
@@ -59,3 +60,30 @@ def greatest_cosine(axis: Floats, squared_sine: Floats, normal: Floats) -> Float
     rotated = cosine * np.sqrt(1 - squared_sine) + np.sqrt(squared_sine * np.maximum(1 - cosine * cosine, 0))
     inside = (squared_sine >= 1) | ((cosine > 0) & (cosine * cosine >= 1 - squared_sine))
     return np.where(inside, 1, np.maximum(rotated, 0))
+
+
+def uniform_density(versine: Real) -> Real:
+    """Return the pdf (...) per steradian of `draw_uniform`; `versine` is 1 - cos of the cone's half angle."""
+    return 1 / (2 * math.pi * versine)
+
+
+def draw_uniform(versine: Real, u: Floats) -> Floats:
+    """Map points u (..., 2) of the unit square to directions (..., 3), uniform in cones about z."""
+    versine_drawn = u[..., 0] * versine
+    sine, angle = np.sqrt(versine_drawn * (2 - versine_drawn)), 2 * math.pi * u[..., 1]
+    return np.stack([sine * np.cos(angle), sine * np.sin(angle), 1 - versine_drawn], axis=-1)
+
+
+def orient_to_axis(axis: Floats, local: Floats) -> Floats:
+    """Transform vectors `local` (..., 3) from frames about the unit vectors `axis` (..., 3), their z, to the world.
+
+    Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
+    """
+    x, y, z = np.moveaxis(axis, -1, 0)
+    sign = np.where(z < 0, -np.ones_like(z), np.ones_like(z))
+    a = -1 / (sign + z)
+    b = x * y * a
+    tangent = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
+    world: Floats = local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis
+    return world

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -12,10 +12,8 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real, cross, dot
 from lookdev.light.base import LightKind
-from lookdev.light.cone import draw_uniform, orient_to_axis, uniform_density
-from lookdev.light.emission import check_number
-from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.shape import FAR, Shape, cone_about
+from lookdev.light.placed import PlacedLight
+from lookdev.light.shape import FAR, Shape, cone_about, draw_uniform, orient_to_axis, uniform_density
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
@@ -50,32 +48,13 @@ class SphereLight(PlacedLight):
 
     kind = "sphere"
     shapes: ClassVar[Mapping[str, type[Shape]]] = {"sphere": Sphere}
+    example_sizes: ClassVar[Mapping[str, float]] = {"radius": 0.5}
 
     radius: float
-
-    @classmethod
-    def example(cls) -> SphereLight:
-        """Return a warm light above, to a side."""
-        return cls(radius=0.5, position=(0.4, -1.0, 1.6), axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_number("radius", self.radius, above=0.0)
-
-    @property
-    def shape(self) -> Sphere:
-        return Sphere(self.radius)
 
     @property
     def reach(self) -> float:
         return self.radius
-
-    @property
-    def sizes(self) -> dict[str, float]:
-        return {"radius": self.radius}
-
-    def resize(self, scale: float) -> SphereLight:
-        return replace(self, radius=scale * self.radius)
 
     @property
     def mitsuba_shape(self) -> tuple[str, Floats]:
@@ -109,7 +88,7 @@ def meet_sphere(point: Floats, direction: Floats, radius: Real) -> Floats:
 
 def _read(prim: PlacedPrim) -> LightShape:
     radius = prim.radius("treatAsPoint", "sphere", (0, 2))
-    return LightShape.without_image(SphereLight(radius=radius, position=prim.position, axes=prim.axes), radius)
+    return LightShape.without_image(SphereLight(radius=radius, position=prim.position, axes=prim.axes))
 
 
 SPHERE = LightKind(SphereLight, SphereLight.example, {"SphereLight": UsdLight(_read)})

@@ -55,9 +55,9 @@ class LightShape:
     format: str = ""
 
     @classmethod
-    def without_image(cls, light: PlacedLight, *lengths: float) -> LightShape:
+    def without_image(cls, light: PlacedLight) -> LightShape:
         """Return the shape of a light without an image."""
-        return cls(lambda _: light, light.size_factor, lengths=lengths)
+        return cls(lambda _: light, light.size_factor, lengths=light.shape_numbers)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.brdf import Array
-from lookdev.cache import Content, cached_files, file_digest
+from lookdev.cache import cached_file, file_digest
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import check_file, open_image, strips, whole_image
 from lookdev.material.look import Bump, Texture, Wrap
@@ -144,8 +144,7 @@ def linear_texture(texture: Texture) -> Path:
             _write_exr(path, size, linear_strips(image))
 
     key = f"{file_digest(texture.file)}-{texture.colorspace}-v{_CONVERTER_VERSION}"
-    (content,) = cached_files("textures", key, lambda: (Content.written(".exr", write),))
-    return content.path
+    return cached_file("textures", key, ".exr", write).path
 
 
 def slope_texture(height: Texture) -> Path:
@@ -188,8 +187,7 @@ def slope_texture(height: Texture) -> Path:
         _write_exr(path, texels.shape[::-1], slope_strips(texels))
 
     key = f"{linear.stem}-slope-{slope_key}-v{_SLOPE_VERSION}"
-    (content,) = cached_files("textures", key, lambda: (Content.written(".exr", write),))
-    return content.path
+    return cached_file("textures", key, ".exr", write).path
 
 
 def image_file(source: Texture | Bump) -> Path:

@@ -8,7 +8,7 @@ import drjit as dr
 import numpy as np
 
 from lookdev.light.dome import Dome, bins, slots
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import read_exr
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.files import file_array, pad_to_rgba
 from lookdev.mitsuba.frozen import device_array

@@ -87,7 +87,8 @@ class Lamps(Rows):
         super().__init__(mi, rows, links)
         shapings = [emission.shaping for emission in rig.emissions if emission.shaping]
         steps = max((shaping.profile.steps for shaping in shapings if shaping.profile), default=0)
-        operations, outputs = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
+        shaped, falling = rig.needs("shaped"), rig.needs("falling")
+        operations, outputs = lamp_operations(kind, shaped=shaped, falling=falling, steps=steps)
         self._program = Program(operations, outputs, mi.Float, (), [device_array(mi.Float, rig.tables())])
         self._image = None
         if kind == "picture":
@@ -139,8 +140,8 @@ class Controls:
         self._mi = mi
         self.groups = groups
         self.shadow_excluded = rig.spared or ((),)
-        self.shadowed, self.split = rig.shadowed, rig.split
-        self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * rig.shadowed), *(_SPLIT * rig.split))
+        self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
+        self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * self.shadowed), *(_SPLIT * self.split))
         self._names += ("group",) * bool(groups)
         operations, outputs = shadow_operations()
         self._program = Program(operations, outputs, mi.Float)

@@ -76,7 +76,7 @@ class Rig:
         ]
         self._controls = Controls(mi, rig, max(groups, default=0))
         self.shadow_excluded: Sequence[tuple[int, ...]] = self._controls.shadow_excluded
-        self.shadowed, self.split = rig.shadowed, rig.split
+        self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
         self.visible = any(lamp.emission.camera for lamp in rig.lamps)
         self.excludes, self.shadow_shares = self._controls.excludes, self._controls.shadow_shares
         self.controls, self.none = self._controls.lamp_controls, self._controls.none

@@ -21,7 +21,7 @@ from lookdev.plan.setup import Setup, Turns
 from lookdev.plan.skips import Skip, scene_skips
 from lookdev.rendering.task import FrameTask
 from lookdev.scene import Pose
-from lookdev.scene.charts import STRIP, Strip
+from lookdev.scene.charts.props import STRIP, Strip
 
 State = Literal["done", "stale", "new"]
 DAMAGED = "damaged"

@@ -25,7 +25,7 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Film, Scene
-from lookdev.scene.charts import FOLDER
+from lookdev.scene.charts.props import FOLDER
 from lookdev.space import REC709
 
 

@@ -13,8 +13,7 @@ from lookdev.codegen import TANGENT, Catching, Source
 from lookdev.codegen.setting import SourceSetting
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
-from lookdev.light.emission import WHITE
-from lookdev.light.link import MOST_GROUPS
+from lookdev.light.emission import MOST_GROUPS, WHITE
 from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.kept import cached_source

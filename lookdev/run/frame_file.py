@@ -21,7 +21,7 @@ from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.run.pictures import write_shared
 from lookdev.run.sanity import frame_doubts
-from lookdev.scene.charts import STRIP, Strip
+from lookdev.scene.charts.props import STRIP, Strip
 from lookdev.space import REC709
 
 

@@ -111,10 +111,8 @@ def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Fl
         height = _height(points, displacement)
         is_of_slot = corner_slots == slot
         if not np.isfinite(height[is_of_slot]).all():
-            problem = (
-                f"the displacement of look '{looks[slot].name}' is not finite; its height must be a number everywhere"
-            )
-            raise AssetError(f"{mesh.name}: {problem}")
+            wrong = f"{mesh.name}: the displacement of look '{looks[slot].name}' is not finite"
+            raise AssetError(f"{wrong}; its height must be a number everywhere")
         if displacement.units == "world":
             world_heights[is_of_slot] = height[is_of_slot]
         else:

@@ -66,12 +66,8 @@ def frame_camera(
     width, height = resolution
     half_width = math.radians(fov) / 2.0
     half_height = math.atan(math.tan(half_width) * height / width)
-    return Camera(
-        fov=fov,
-        elevation=elevation,
-        target=(float(center[0]), float(center[1]), float(center[2])),
-        distance=float(radius) * margin / math.sin(min(half_width, half_height)),
-    )
+    x, y, z = map(float, center)
+    return Camera(fov, elevation, (x, y, z), float(radius) * margin / math.sin(min(half_width, half_height)))
 
 
 def frame_fill(

@@ -40,10 +40,8 @@ def add_ground(
     matrix = np.eye(4)
     matrix[:3, 3] = (*axis, ground.height)
     instances = [*asset.instances, Instance(len(asset.meshes), matrix, PATH)]
-    centred = bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
-    combined = make_asset(
-        asset.name, meshes, instances, [*asset.slots, Slot(PATH)], revolved=asset.revolved and centred
-    )
+    revolved = asset.revolved and bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
+    combined = make_asset(asset.name, meshes, instances, [*asset.slots, Slot(PATH)], revolved=revolved)
     return replace(combined, unit=asset.unit, notes=asset.notes), {**look_of_part, PATH: ground.look}
 
 

@@ -1,18 +1,51 @@
-"""A scene: an asset, the look of each of its parts, the lights, and the camera."""
+"""A scene: an asset, the look of each of its parts, the lights, and the camera; its sampling, and light linking."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Self
+from itertools import starmap
+from typing import Literal, Self
 
 from lookdev.asset import Asset
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.scene.camera import Camera
+from lookdev.scene.dress import Part, asset_parts, assign_to_parts
 from lookdev.scene.framing import frame_camera
 from lookdev.space import REC709, Space
+
+SAMPLE_CAP = 4096
+"""The default limit of samples per pixel for a frame with a target error."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Samples, directions and bounces of a frame.
+
+    If `error` is set, rounds of growing size are added until the estimated relMSE is at most `error`, or `samples` is
+    reached. `brdf_samples` and `ibl_samples` are directions per shading point; they depend on the look if None.
+    """
+
+    samples: int = 64  # per pixel over both halves, even
+    error: float | None = None
+    brdf_samples: int | None = None
+    ibl_samples: int | None = None
+    bounces: int = 2  # indirect
+    seed: int = 0
+    denoise: Literal["off", "measured"] = "off"  # "measured": denoise, and measure the error again
+    passes: tuple[str, ...] = ()  # of `lookdev.rendering.passes`, in addition to the beauty pass
+
+    @property
+    def features(self) -> bool:
+        """Whether shaders output albedos and normals."""
+        return self.denoise != "off" or bool(self.passes)
+
+    @property
+    def recorded(self) -> bool:
+        """Whether shaders record parts of their light."""
+        return not {"lobes", "direct", "lights"}.isdisjoint(self.passes)
 
 
 @dataclass(frozen=True)
@@ -97,3 +130,45 @@ class Scene:
     def grouped(self) -> tuple[int, ...]:
         """The group of each slot of the asset, in the order of the slots."""
         return tuple(self.groups.get(slot.path, 0) for slot in self.asset.slots)
+
+
+def link_lights(scene: Scene) -> Scene:
+    """Return a scene each of whose slots has one set of lights, and casts the shadows of one set of lights.
+
+    Meshes whose instances have different links are split; without links, the scene is the same. `Scene.lit`,
+    `Scene.groups` and `Emission.spared` are set. The slots of a group cast the shadows of the same lights; group 0
+    casts all shadows.
+    """
+    asset, look_of_part, lights = scene.asset, scene.wears, scene.lights
+    light_links = [light.emission.light_link for light in lights]
+    shadow_links = [light.emission.shadow_link for light in lights]
+    if not any(light_links) and not any(shadow_links):
+        return scene
+
+    def links_of_part(part: Part) -> tuple[str, tuple[int, ...], tuple[int, ...]]:
+        """Return the path of a part's slot, the lights that illuminate it, and the lights whose shadow it casts."""
+        light_numbers, shadow_numbers = (
+            tuple(number for number, link in enumerate(links) if link is None or link.includes(part.path))
+            for links in (light_links, shadow_links)
+        )
+        return part.slot.path, light_numbers, shadow_numbers
+
+    split, link_choices = assign_to_parts(asset, asset_parts(asset), links_of_part)
+    groups = {tuple(range(len(lights))): 0}
+    grouped = {
+        path: groups.setdefault(shadow_numbers, len(groups)) for path, (_, _, shadow_numbers) in link_choices.items()
+    }
+
+    def spare(number: int, light: Light) -> Light:
+        """Return a light with the groups that its shadow excludes."""
+        excluded = tuple(group for shadow_numbers, group in groups.items() if number not in shadow_numbers)
+        return light.with_emission(replace(light.emission, spared=excluded))
+
+    return replace(
+        scene,
+        asset=split,
+        wears={path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
+        lights=tuple(starmap(spare, enumerate(lights))),
+        lit={path: light_numbers for path, (_, light_numbers, _) in link_choices.items()} if any(light_links) else {},
+        groups=grouped if any(grouped.values()) else {},
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,12 +38,10 @@ def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
     position = np.array(shot.position)
     distance = _NEAREST * float(np.linalg.norm(points - position, axis=1).max())
     x, y, z = (position - distance * back).tolist()
-    return Camera(
-        fov=plain.fov,
-        elevation=plain.elevation,
+    return replace(
+        plain,
         target=(x, y, z),
         distance=distance,
-        azimuth=plain.azimuth,
         roll=_degrees(float(right @ upright), float(right @ level)),
         axis=turning_axis(points),
         shift=(shot.offsets[0] / width, shot.offsets[1] / width),

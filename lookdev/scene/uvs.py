@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from lookdev.arrays import Floats32
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.store import asset_digest
 from lookdev.material import Bump, Coordinates, Look, Primvar, Texture
@@ -42,14 +41,12 @@ def with_uvs(
         if all_names <= mesh.uvs.keys():
             meshes.append(mesh)
             continue
-        added: dict[str, Floats32] = {}
         slots = np.unique(mesh.face_slots).tolist()
         has_no_uvs = not mesh.uvs and all(is_bound[slot] or not uv_names[id(looks[slot])] for slot in slots)
-        for slot in slots:
-            for name in uv_names[id(looks[slot])]:
-                if name in mesh.uvs or not (mesh.default_uv or has_no_uvs):
-                    continue
-                added[name] = mesh.uvs[mesh.default_uv] if mesh.default_uv else _zeros(mesh)
+        zeros = np.zeros((len(mesh.corner_points), 2), np.float32)
+        fallback = mesh.uvs[mesh.default_uv] if mesh.default_uv else zeros
+        missing = [name for slot in slots for name in uv_names[id(looks[slot])] if name not in mesh.uvs]
+        added = dict.fromkeys(missing, fallback) if mesh.default_uv or has_no_uvs else {}
         for name in added:
             lacking.setdefault((name, mesh.default_uv), []).append(mesh)
         meshes.append(replace(mesh, uvs={**mesh.uvs, **added}) if added else mesh)
@@ -82,10 +79,6 @@ def _replacement_note(name: str, fallback: str, meshes: list[Mesh]) -> str:
 def _missing_phrase(meshes: list[Mesh], kind: str, name: str) -> str:
     more = f" and {len(meshes) - 1} more have" if len(meshes) > 1 else " has"
     return f"{meshes[0].name}{more} no {kind} '{name}', which looks ask for"
-
-
-def _zeros(mesh: Mesh) -> Floats32:
-    return np.zeros((len(mesh.corner_points), 2), np.float32)
 
 
 def _leaves(look: Look) -> Iterator[Texture | Coordinates | Primvar]:

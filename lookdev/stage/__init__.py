@@ -254,6 +254,11 @@ def _session_prim(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
     return Sdf.CreatePrimInLayer(session, path)
 
 
+def prim_and_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    """Yield a prim, then its ancestors, without the pseudo-root."""
+    return map(prim.GetStage().GetPrimAtPath, prim.GetPath().GetAncestorsRange())
+
+
 def relationship_targets(relation: Usd.Relationship) -> list[Sdf.Path]:
     """Return the forwarded targets of a relationship, or its own targets if forwarding yields none, as in a cycle."""
     return list(relation.GetForwardedTargets() or relation.GetTargets())

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from pxr import Gf, Usd
 
 from lookdev.arrays import Floats
+from lookdev.stage import prim_and_ancestors
 
 _LINEAR = "lin_rec709_scene"
 # Names of MaterialX and names for data. The values are this module's names or USD's (Gf.ColorSpaceNames).
@@ -37,11 +38,9 @@ def colorspace_of(attribute: Usd.Attribute) -> str:
     """Return the name of an attribute's colour space, from the attribute or the nearest prim that has one, or ""."""
     if attribute.HasColorSpace():
         return str(attribute.GetColorSpace())
-    prim = attribute.GetPrim()
-    while prim and not prim.IsPseudoRoot():
+    for prim in prim_and_ancestors(attribute.GetPrim()):
         if prim.HasAPI(Usd.ColorSpaceAPI) and (name := Usd.ColorSpaceAPI(prim).GetColorSpaceNameAttr().Get()):
             return str(name)
-        prim = prim.GetParent()
     return ""
 
 

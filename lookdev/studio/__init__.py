@@ -1,4 +1,4 @@
-"""The web pages: a local server (`server`), its access control (`access`), websockets (`talk`) and files (`roots`).
+"""The web pages: a local server (`server`), its access control (`access`), the `websocket` of a page, files (`roots`).
 
 Each page has a folder of its own, with its scripts and the routes of its data: `explorer` and `designer`.
 """

@@ -10,8 +10,7 @@ from lookdev.asset.mesh import Subdivision
 from lookdev.asset.silhouette import hull_points
 from lookdev.asset.store import make_asset
 from lookdev.build import refine as refinery
-from lookdev.build.geometry_cache import cached_outline, geometry_key
-from lookdev.build.refine import Refiner
+from lookdev.build.refine import Refiner, cached_outline, geometry_key
 from lookdev.cache import take_notes
 from lookdev.scene import Camera
 
@@ -125,5 +124,5 @@ def test_the_outline_of_several_instances_is_found_once(tmp_path, monkeypatch) -
     pair = make_asset("pair", [monkey], [Instance(0, np.eye(4)), Instance(0, turned)], [])
     expected = hull_points(pair)
     np.testing.assert_array_equal(cached_outline(pair), expected)
-    monkeypatch.delattr("lookdev.build.geometry_cache.hull_points")
+    monkeypatch.delattr("lookdev.build.refine.hull_points")
     np.testing.assert_array_equal(cached_outline(pair), expected)

@@ -7,14 +7,13 @@ import pytest
 from usd_text import job_toml
 
 from lookdev.asset import load_asset
-from lookdev.build.charts import overlap_notes
-from lookdev.build.ground import ground_under
+from lookdev.build.frame import ground_under, overlap_notes
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import AssetError, FaultsError
 from lookdev.job import parse_job
 from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.scene import Camera
-from lookdev.scene.charts import Strip
+from lookdev.scene.charts.props import Strip
 from lookdev.scene.ground import GREY, PATH, add_ground
 
 MATERIALS = Path(__file__).parents[2] / "materials"

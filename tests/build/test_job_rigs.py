@@ -11,10 +11,10 @@ from lookdev.build.scenes import job_scenes
 from lookdev.errors import FaultsError, JobError
 from lookdev.job import Job, parse_job
 from lookdev.light import Dome, RectLight, load_environment, prepare_light
-from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.light.placed import PlacedLight
 from lookdev.plan.prepare import prepare_job
 from lookdev.scene.ground import PATH
+from lookdev.shipped import BUILTIN_RIGS
 
 LOOK = "#usda 1.0\n" + material()
 SCALED = 'over "Body" {{\nfloat3 xformOp:scale = ({0}, {0}, {0})\n}}'

@@ -11,7 +11,8 @@ from lookdev.plan import make_setup
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.scene import Pose, Sampling, frame_camera
-from lookdev.scene.charts import GREY, PATCHES, Strip, patch_colors, props_camera, props_scene
+from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.charts.props import Strip, props_camera, props_scene
 
 SIZE = (160, 120)
 STRIP = Strip("bottom", 0.4, SIZE)

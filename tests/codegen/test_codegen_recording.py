@@ -7,10 +7,10 @@ from lookdev.codegen.osl.surface import _without_recording, generate_surface
 from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light import Light, load_environment, prepare_light
-from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.rig import load_rig
 from lookdev.material import Layer, Look
 from lookdev.scene import Sampling
+from lookdev.shipped import rig_file
 
 TEXT = "a|#if RECORDED|b|#if X|c|#else|d|#endif|#else|e|#if X|f|#endif|#endif|#if X|g|#if RECORDED|h|#endif|#endif|"
 VELVET = Look("velvet", (Layer("v", "disney", {"baseColor": (0.3, 0.1, 0.1), "sheen": 1.0}),))

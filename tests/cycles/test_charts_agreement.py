@@ -11,7 +11,6 @@ from lending import lend_workers
 
 from lookdev.checks.charts import charts_doubts, check_charts
 from lookdev.light import Dome
-from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.rig import load_rig
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import make_setup
@@ -21,7 +20,9 @@ from lookdev.rendering.worker import Worker
 from lookdev.run.events import Event, Noted
 from lookdev.run.render import render_job
 from lookdev.scene import Pose, Sampling, frame_camera
-from lookdev.scene.charts import GREY, PATCHES, Strip, patch_colors, props_camera, props_scene
+from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.charts.props import Strip, props_camera, props_scene
+from lookdev.shipped import rig_file
 
 pytestmark = pytest.mark.cycles
 

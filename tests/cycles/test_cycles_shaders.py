@@ -19,7 +19,7 @@ from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.surface import expand_template
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import read_exr
 from lookdev.light.dome.slots import MOST_POINTS, SLOTS
 from lookdev.light.dome.warp import lookup
 from lookdev.light.mapping import rotate_z, uv_to_direction

@@ -16,7 +16,6 @@ from lookdev.asset import Asset, load_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.errors import CodegenError
 from lookdev.light import Dome, Light
-from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.rig import load_rig
 from lookdev.material import Layer, Look
 from lookdev.material.translate.preview_surface import PREVIEW_SURFACE
@@ -28,6 +27,7 @@ from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
 from lookdev.scene.ground import GREY, PATH, Ground, add_ground
+from lookdev.shipped import rig_file
 
 pytestmark = pytest.mark.cycles
 

@@ -17,13 +17,13 @@ from lookdev.light import (
     DistantLight,
     Emission,
     Light,
-    LocalDome,
     RectLight,
     Shaping,
     make_environment,
     prepare_light,
 )
 from lookdev.light.dome import example_map
+from lookdev.light.dome.local import LocalDome
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.rendering.worker import Worker

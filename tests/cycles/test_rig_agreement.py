@@ -13,13 +13,13 @@ from stored_references import StoredReference
 
 from lookdev.asset import load_asset
 from lookdev.light import Emission, Light, RectLight
-from lookdev.light.link import Link
+from lookdev.light.emission import Link
 from lookdev.material import Look
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 pytestmark = pytest.mark.cycles
 
@@ -120,9 +120,7 @@ def assert_linked(worker: Worker, stored: StoredReference, name: str, scene: Sce
 def test_a_part_without_light_reflects_that_of_others_alone(worker: Worker) -> None:
     nothing = replace(near("rect"), emission=sent(light_link=Link(())))
     scene = scene_of(load_asset(builtin="sphere"), Look("look", (RIG_LOOKS["plastic"],)), (nothing,), 8)
-    linked = link_lights(scene.asset, dict(scene.wears), scene.lights)
-    scene = replace(scene, asset=linked.asset, wears=linked.wears, lights=linked.lights, lit=linked.lit)
-    (frame,) = render_seeds(worker, scene, pose=POSE, samples=4, error=None)
+    (frame,) = render_seeds(worker, link_lights(scene), pose=POSE, samples=4, error=None)
     assert frame.alpha.any()
     assert not frame.a.any()
 

@@ -11,7 +11,7 @@ from frames import POSE, orbit_camera
 from lookdev.asset import Asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.light import Dome, Emission, RectLight, Shaping, SphereLight
-from lookdev.light.dome.files import write_exr
+from lookdev.light.dome.environment import write_exr
 from lookdev.material import Layer, Look, Texture
 from lookdev.plan.poses import canonical_pose
 from lookdev.plan.setup import make_setup

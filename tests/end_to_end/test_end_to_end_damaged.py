@@ -8,7 +8,7 @@ import pytest
 from looks import quick_among
 from usd_text import shader
 
-from lookdev.light.dome.files import write_exr
+from lookdev.light.dome.environment import write_exr
 from lookdev.output import read_frame
 from lookdev.run.events import Noted
 from lookdev.run.render import render_job

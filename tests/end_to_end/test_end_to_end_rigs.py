@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lookdev.light import load_environment
-from lookdev.light.dome.files import write_exr
+from lookdev.light.dome.environment import write_exr
 from lookdev.output.exr import read_frame, read_header
 from lookdev.run.render import render_job
 

@@ -18,6 +18,7 @@ from usd_text import image, material, shader
 from lookdev.errors import TextureError
 from lookdev.images import open_image, whole_image
 from lookdev.light import load_environment
+from lookdev.light.dome.environment import check_exposed
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, slope_texture
 
@@ -33,7 +34,7 @@ _TEXTURED = '#usda 1.0\n( defaultPrim = "M" )\n' + material(
 def read_environment(file: Path, exposure: float) -> Reading:
     """Read a map as a job does."""
     environment = load_environment(file)
-    environment.check_exposed(exposure)
+    check_exposed(float(environment.radiance.max()), exposure, environment.where)
     radiance = environment.radiance
     notes = (f"{file.name}: {environment.repairs}",) if environment.repairs else ()
     return Reading({"shape": radiance.shape, "radiance": radiance.tobytes()}, notes)

@@ -10,7 +10,7 @@ from damage import flip_bits
 from text_changes import NO_FILES, text_plan
 from usda_lines import TYPES, animated, declaration, retyped, spoil_layer
 
-from lookdev.light.dome.files import write_exr
+from lookdev.light.dome.environment import write_exr
 from lookdev.light.rig import load_rig
 
 _TEXT = """#usda 1.0

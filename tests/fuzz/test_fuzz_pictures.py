@@ -12,9 +12,10 @@ from damaged_files import PRODUCTS, WAYS
 from image_files import RGB, exr
 from kinds import KINDS
 from looks import quick_among
-from pictures import CLOSE, Painter, Picture, difference, job, table
+from pictures import CLOSE, Painter, difference, job, table
 from usd_sound import SOUND
 
+from lookdev.arrays import Floats32
 from lookdev.asset.usd import read_usd
 from lookdev.job import load_job
 from lookdev.plan.prepare import plan_job
@@ -77,7 +78,7 @@ def test_an_asset_shows_the_same_picture_at_the_limits_of_size(paint: Painter, t
     text = SOUND[base].text
     file = tmp_path / "asset.usda"
 
-    def picture(unit: float) -> Picture:
+    def picture(unit: float) -> Floats32:
         file.write_text(text.replace("metersPerUnit = 0.5", f"metersPerUnit = {unit!r}"))
         return paint.picture(tmp_path, job('usd = "asset.usda"'))
 

@@ -10,7 +10,7 @@ from usd_text import METRES, card, translate
 from lookdev.errors import RigError
 from lookdev.inspect.assets import inspect_file
 from lookdev.inspect.rigs import InspectedRig
-from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
+from lookdev.shipped import BUILTIN_RIGS, rig_file
 from lookdev.stage import Composition
 
 RIG = f"""{METRES}

@@ -8,8 +8,8 @@ from pydantic import BaseModel
 from lookdev.asset import BUILTINS
 from lookdev.job import Job, json_schema
 from lookdev.light import BUILTIN_LIGHTS
-from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.rendering.backends import job_backends
+from lookdev.shipped import BUILTIN_RIGS
 
 SCHEMA = json_schema()
 TABLES: dict[str, dict[str, Any]] = {"Job": SCHEMA, **SCHEMA["$defs"]}

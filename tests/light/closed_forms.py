@@ -7,7 +7,7 @@
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.light import Emitter
+from lookdev.light.base import Emitter
 
 
 def of_polygon(corners: Floats, point: Floats, normal: Floats) -> float:

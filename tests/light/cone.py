@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Bools, Floats
-from lookdev.light import LIGHT_KINDS, CodedLight, Emission, LightCode, LightKind
+from lookdev.light import LIGHT_KINDS, Emission
+from lookdev.light.base import CodedLight, LightCode, LightKind
 from lookdev.light.emission import WHITE
 
 
@@ -37,9 +38,6 @@ class Cone(CodedLight):
         cosine, angle = 1.0 - u[:, 0] * (1.0 - self.cosine), 2.0 * np.pi * u[:, 1]
         sine = np.sqrt(1.0 - cosine * cosine)
         return np.stack([sine * np.cos(angle), sine * np.sin(angle), cosine], axis=-1) @ frame
-
-    def distance(self, point: Floats, direction: Floats) -> Floats:
-        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
 
     def code(self, *, sampled: bool) -> LightCode:
         values = {**dict(zip("XYZ", self.axis, strict=True)), "COSINE": self.cosine, "RADIANCE": f"color{self.color}"}

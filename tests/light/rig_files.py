@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats32
-from lookdev.light.dome.files import write_exr
+from lookdev.light.dome.environment import write_exr
 from lookdev.light.rig import Rig, load_rig
 
 Z_UP = 'upAxis = "Z"\nmetersPerUnit = 1'

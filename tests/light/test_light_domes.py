@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from light_cases import make_tables_small, overcast, sunny
 
-from lookdev.light import Emission, LocalDome
-from lookdev.light.dome.local import towards_ball
+from lookdev.light import Emission
+from lookdev.light.dome.local import LocalDome, towards_ball
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import Axes, to_local, to_world
 from lookdev.space import to_space

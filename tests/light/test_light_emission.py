@@ -8,10 +8,10 @@ import pytest
 from closed_forms import Floats, by_sampling
 
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, LocalDome, RectLight, SphereLight
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, SphereLight
 from lookdev.light.dome import example_dome, example_map
-from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, azimuth, emitted_color
-from lookdev.light.link import Link
+from lookdev.light.dome.local import LocalDome
+from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping, azimuth, emitted_color
 from lookdev.light.placed import PlacedLight
 from lookdev.light.placement import placement
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from light_cases import make_tables_small
 
-from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shadow
+from lookdev.light import LIGHT_KINDS, Emission, Shadow
+from lookdev.light.emission import Falloff
 from lookdev.light.placed import PlacedLight
 
 SCALE, ORIGIN = 2.5, (3.0, -1.0, 0.5)

@@ -8,8 +8,8 @@ import pytest
 from closed_forms import by_sampling
 
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import Emission, Profile, Shaping, SphereLight, load_profile
-from lookdev.light.ies import parse_profile, profile_power
+from lookdev.light import Emission, Shaping, SphereLight
+from lookdev.light.ies import Profile, load_profile, parse_profile, profile_power
 
 HEADER = "IESNA:LM-63-2002\n[TEST] none\n[MANUFAC] nobody\n"
 

@@ -20,10 +20,10 @@ from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.codegen.osl.light import light_sections
 from lookdev.errors import CodegenError, EnvironmentMapError
-from lookdev.light import LIGHT_KINDS, AnyLight, EnvironmentMap, Light, Profile, RectLight, SphereLight, Turned
+from lookdev.light import LIGHT_KINDS, AnyLight, EnvironmentMap, Light, RectLight, SphereLight, Turned
 from lookdev.light.dome.environment import make_environment
-from lookdev.light.emission import Emission, Falloff, Shadow, Shaping
-from lookdev.light.link import Link
+from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping
+from lookdev.light.ies import Profile
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.rendering.scene import scene_task

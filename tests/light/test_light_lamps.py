@@ -8,12 +8,12 @@ import pytest
 from closed_forms import by_sampling
 from light_cases import make_tables_small
 
-from lookdev.light import LIGHT_KINDS, Emission, Falloff, RectLight, Shadow, Shaping, Stand, lights_code
+from lookdev.light import LIGHT_KINDS, Emission, RectLight, Shadow, Shaping, Stand, lights_code
 from lookdev.light.cylinder import Cylinder
 from lookdev.light.disk import Ellipse
 from lookdev.light.distant import Cone
-from lookdev.light.emission import beam_bound
-from lookdev.light.lamps import FIELDS, SHAPES, CodedRig, weight
+from lookdev.light.emission import Falloff, beam_bound
+from lookdev.light.lamps import CONTROLS, FIELDS, SHAPES, CodedRig, weight
 from lookdev.light.placement import to_local
 from lookdev.light.rect import Rectangle
 from lookdev.light.shape import greatest_cosine
@@ -148,4 +148,5 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
 def test_a_rig_generates_what_it_has() -> None:
     plain = CodedRig.of([LIGHT_KINDS[kind].example() for kind in ("sphere", "dome")])
     assert plain.kinds == ("sphere",)
-    assert not any((plain.shaped, plain.falling, plain.shadowed, plain.still, plain.split, plain.pictures))
+    assert not any(map(plain.needs, CONTROLS))
+    assert not plain.pictures

@@ -7,7 +7,7 @@ import pytest
 from pxr import Sdf, Usd, UsdLux
 from rig_files import rig, write_rig
 
-from lookdev.light.link import Link
+from lookdev.light.emission import Link
 
 PATHS = ("/A", "/A/B", "/A/B/E", "/A/B/C", "/A/B/C/D", "/A/B/C/D/F", "/A/Q", "/AB", "/Z/Y")
 COLLECTION = """

@@ -11,10 +11,10 @@ from light_cases import dome, sunny
 from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import LIGHT_KINDS, DiskLight, DistantLight, Light, Profile, RectLight, native_images
+from lookdev.light import LIGHT_KINDS, DiskLight, DistantLight, Light, RectLight, native_images
 from lookdev.light.dome.environment import make_environment
-from lookdev.light.emission import Emission, Falloff, Shadow, Shaping
-from lookdev.light.link import Link
+from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping
+from lookdev.light.ies import Profile
 from lookdev.light.native import still_domes
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look

@@ -5,8 +5,8 @@ import pytest
 from looks import quick_among
 
 from lookdev.arrays import Floats
-from lookdev.light import RectLight, make_environment, prepare_texture
-from lookdev.light.picture import draw_cell, look_up, luminance_tree
+from lookdev.light import RectLight, make_environment
+from lookdev.light.picture import draw_cell, look_up, luminance_tree, prepare_texture
 
 
 def textured(picture: Floats, **fields) -> RectLight:

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lookdev.light import CylinderLight, DiskLight, DistantLight, Emission, Falloff, RectLight, Shaping, SphereLight
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Emission, RectLight, Shaping, SphereLight
+from lookdev.light.emission import Falloff
 from lookdev.light.placed import PlacedLight
 from lookdev.light.placement import Axes
 

@@ -8,12 +8,11 @@ from looks import quick_among
 from numpy.typing import NDArray
 
 from lookdev.light import CylinderLight, DiskLight, RectLight, SphereLight
-from lookdev.light.cone import draw_uniform, orient_to_axis, uniform_density
 from lookdev.light.cylinder import covering_rectangle
 from lookdev.light.placed import PlacedLight
-from lookdev.light.plane import seen_part, towards_plane
+from lookdev.light.shape import draw_uniform, orient_to_axis, uniform_density
 from lookdev.light.sphere import sphere_versine
-from lookdev.light.spherical_rectangle import Point, density, draw, project_rectangle
+from lookdev.light.spherical_rectangle import Point, density, draw, project_rectangle, seen_part, towards_plane
 
 Floats = NDArray[Any]
 

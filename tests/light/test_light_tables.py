@@ -13,7 +13,7 @@ from lookdev.cache import Content
 from lookdev.errors import ContentError
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins, points, slots
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import read_exr
 from lookdev.light.dome.points import draw_points, hilbert_positions
 from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, pack_ranges
 from lookdev.light.dome.warp import BilinearWarp, lookup

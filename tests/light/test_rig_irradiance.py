@@ -10,7 +10,8 @@ from looks import quick_among
 from test_light_irradiance import AXES, NORMALS, PLACES, light_and_irradiance
 
 from lookdev.asset import load_asset
-from lookdev.light import DiskLight, DistantLight, Emission, Falloff, Light, SphereLight
+from lookdev.light import DiskLight, DistantLight, Emission, Light, SphereLight
+from lookdev.light.emission import Falloff
 from lookdev.light.placement import checked_axes, vector
 from lookdev.material import Layer, Look
 from lookdev.rendering.results import Rendered

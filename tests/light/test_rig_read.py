@@ -12,7 +12,9 @@ from pxr import UsdLux, UsdUtils
 from rig_files import DIM, Y_UP_CM, Z_UP, light, rig, write_image, write_rig
 from usd_text import translate
 
-from lookdev.light import Dome, Emission, Falloff, Shadow, lights_code, load_profile
+from lookdev.light import Dome, Emission, Shadow, lights_code
+from lookdev.light.emission import Falloff
+from lookdev.light.ies import load_profile
 from lookdev.light.rig import load_rig
 from lookdev.stage import Composition, StageError, compose
 

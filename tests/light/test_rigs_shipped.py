@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import read_exr
 from lookdev.light.rig import load_rig
-from lookdev.shipped import shipped_folder
+from lookdev.shipped import BUILTIN_RIGS, rig_file, shipped_folder
 
 DIRECTIONS = 64  # for each point and light: the mean over 300 points has an error of a few percent
 

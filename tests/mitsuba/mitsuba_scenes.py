@@ -12,12 +12,12 @@ from light_rigs import RIG_LOOKS, RIGS, grey
 from lookdev.arrays import Ints
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.light import Light
-from lookdev.light.link import Link
+from lookdev.light.emission import Link
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.results import Rendered
 from lookdev.scene import Film, Pose, Scene, camera_rays
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 RenderSeeds = Callable[..., list[Rendered]]
 """Renders a scene, from a pose, a number of seeds, and those fields of the sampling that differ from the defaults."""
@@ -69,11 +69,8 @@ def heads_under_lights(folder: Path, size: int, names: Sequence[str] = tuple(LIG
             lights.append(moved.with_emission(replace(moved.emission, light_link=link)))
     path = instances[0].path
     row = make_asset("heads", (replace(head.meshes[0], name=path),), instances, (replace(head.slots[0], path=path),))
-    linked = link_lights(row, {path: Look("look", (RIG_LOOKS["plastic"],))}, (*lights, grey()))
-    camera = orbit_camera(linked.asset.center, linked.asset.radius)
-    return Scene(
-        linked.asset, linked.wears, linked.lights, camera, Film((len(names) * size, size)), linked.lit, linked.groups
-    )
+    looks, camera = {path: Look("look", (RIG_LOOKS["plastic"],))}, orbit_camera(row.center, row.radius)
+    return link_lights(Scene(row, looks, (*lights, grey()), camera, Film((len(names) * size, size))))
 
 
 def assert_parts_agree(

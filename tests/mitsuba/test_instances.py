@@ -10,13 +10,13 @@ from mitsuba_scenes import RenderSeeds
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.light.link import Link
+from lookdev.light.emission import Link
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.results import Rendered
 from lookdev.scene import Film, Pose, Scene, camera_rays
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 pytestmark = pytest.mark.mitsuba
 
@@ -55,9 +55,8 @@ def frames(render_seeds: RenderSeeds) -> tuple[Rendered, Rendered]:
     frames_of_both = []
     for instances in (True, False):
         asset = row(instances=instances)
-        linked = link_lights(asset, {slot.path: BRUSHED for slot in asset.slots}, lights)
-        camera = orbit_camera(linked.asset.center, linked.asset.radius)
-        scene = Scene(linked.asset, linked.wears, linked.lights, camera, Film(SIZE), linked.lit, linked.groups)
+        camera = orbit_camera(asset.center, asset.radius)
+        scene = link_lights(Scene(asset, {slot.path: BRUSHED for slot in asset.slots}, lights, camera, Film(SIZE)))
         frames_of_both += render_seeds(scene, POSE, 1, samples=64, bounces=2, passes=PASSES)
     return frames_of_both[0], frames_of_both[1]
 

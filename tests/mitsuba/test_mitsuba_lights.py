@@ -15,7 +15,8 @@ from mitsuba_scenes import RenderSeeds, assert_parts_agree, heads_under_lights, 
 
 from lookdev.asset import load_asset
 from lookdev.errors import CodegenError
-from lookdev.light import DiskLight, Emission, Falloff, RectLight, Shaping, SphereLight
+from lookdev.light import DiskLight, Emission, RectLight, Shaping, SphereLight
+from lookdev.light.emission import Falloff
 from lookdev.material import Look
 from lookdev.material.change import constant_named, look_with_live_inputs
 from lookdev.rendering.adaptive import Region

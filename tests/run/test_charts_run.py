@@ -17,7 +17,7 @@ from lookdev.output.review.pixels import read_pixels
 from lookdev.plan import Charts, Plan, Setup, Turns, build_plan
 from lookdev.run.render import RunResult, run_plan
 from lookdev.scene import Scene
-from lookdev.scene.charts import Strip
+from lookdev.scene.charts.props import Strip
 
 DOUBT = "grey ball -50 %"
 STRIP = Strip("bottom", 0.5, (case.WIDTH, case.HEIGHT))

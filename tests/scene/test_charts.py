@@ -3,6 +3,7 @@
 import math
 import re
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ from lookdev.job import parse_job
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.scene import Camera, Lens, Pose, camera_rays, frame_camera
-from lookdev.scene.charts import PATCHES, PLACES, Strip, asset_of_props, patch_colors, props_camera
-from lookdev.scene.charts.props import cropped
+from lookdev.scene.charts.colorchecker import PATCHES, patch_colors
+from lookdev.scene.charts.props import Place, Strip, asset_of_props, cropped, props_camera
 
 # colour-science 0.4.7, "ColorChecker24 - After November 2014", by its own xyY, Bradford and matrix of sRGB, whose
 # rounded primaries leave 2e-4.
@@ -38,7 +39,7 @@ def test_patches_are_those_of_another_implementation() -> None:
     assert patch_colors().shape == (24, 3)
 
 
-@pytest.mark.parametrize("side", PLACES)
+@pytest.mark.parametrize("side", get_args(Place))
 @pytest.mark.parametrize("resolution", [(512, 512), (640, 360), (300, 500)])
 def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, int]) -> None:
     strip = Strip(side, 0.12, resolution)
@@ -54,7 +55,7 @@ def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, in
     assert chart.width / 6 == pytest.approx(chart.height / 4)
 
 
-@pytest.mark.parametrize("side", PLACES)
+@pytest.mark.parametrize("side", get_args(Place))
 def test_a_strip_that_is_too_thick_names_the_greatest_that_fits(side: str) -> None:
     resolution = (200, 300) if side in ("left", "right") else (300, 200)
     reason, hint = Strip(side, 0.9, resolution).misfit()
@@ -133,7 +134,7 @@ def test_an_asset_behind_the_camera_leaves_no_place() -> None:
 FRAMED = {"fill = 0.7": True, "fill = 1.0": False, "margin = 1.05": False, "": True}
 
 
-@pytest.mark.parametrize("side", PLACES)
+@pytest.mark.parametrize("side", get_args(Place))
 @pytest.mark.parametrize("framed", FRAMED)
 @pytest.mark.parametrize("builtin", ["suzanne", "plane"])
 def test_no_asset_reaches_into_the_strip(tmp_path, side: str, framed: str, builtin: str) -> None:  # type: ignore[no-untyped-def]

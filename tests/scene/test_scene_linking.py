@@ -9,14 +9,15 @@ from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import LIGHT_KINDS, Emission, Light, LocalDome, RectLight, load_environment, prepare_light
-from lookdev.light.link import MOST_GROUPS, Link
+from lookdev.light import LIGHT_KINDS, Emission, Light, RectLight, load_environment, prepare_light
+from lookdev.light.dome.local import LocalDome
+from lookdev.light.emission import MOST_GROUPS, Link
 from lookdev.material import Layer, Look
 from lookdev.plan.digest import part_digests
 from lookdev.rendering.scene import scene_task
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.framing import frame_camera
-from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import link_lights
 
 GREY, RED = (Look(name, (Layer("l", "disney"),)) for name in ("grey", "red"))
 
@@ -34,6 +35,11 @@ def light(*rules: tuple[str, str], linked: bool = True) -> Light:
     return replace(LIGHT_KINDS["rect"].example(), emission=emission)  # type: ignore[type-var]
 
 
+def link(lights: tuple[Light, ...]) -> Scene:
+    """Return the scene of `three` under linked lights."""
+    return link_lights(replace(Scene.of_look(three(), GREY, lights[0], (8, 8)), lights=lights))
+
+
 @pytest.mark.parametrize(
     ("rules", "meshes", "expected"),
     [
@@ -46,7 +52,7 @@ def light(*rules: tuple[str, str], linked: bool = True) -> Light:
 def test_meshes_are_split_where_instances_are_lit_differently(
     rules: tuple[tuple[str, str], ...], meshes: int, expected: dict[str, tuple[int, ...]]
 ) -> None:
-    linked = link_lights(three(), {"/a/one": GREY}, (light(*rules), light(linked=False)))
+    linked = link((light(*rules), light(linked=False)))
     assert len(linked.asset.meshes) == meshes
     assert linked.lit == expected
     assert linked.wears == dict.fromkeys(expected, GREY)
@@ -59,17 +65,15 @@ def test_lights_of_every_kind_are_linked(kind: str) -> None:
     white = prepare_light(load_environment(builtin="white"), sampled=False)
     domes = {"dome": white, "local_dome": LocalDome(dome=white, position=(0.5, 0.0, 0.5), radius=3.0)}
     other = domes.get(kind) or LIGHT_KINDS[kind].example()
-    linked = link_lights(three(), {"/a/one": GREY}, (light(("/a", "expandPrims")), other))
+    linked = link((light(("/a", "expandPrims")), other))
     assert linked.lit == {"/a/one": (0, 1), "/b": (1,)}
     assert linked.lights[1].digest == other.digest
 
 
 def test_without_links_all_is_as_given() -> None:
     asset, look_of_part, lights = three(), {"/a/one": GREY}, (light(linked=False),)
-    linked = link_lights(asset, look_of_part, lights)
-    assert (linked.asset, linked.wears, linked.lights) == (asset, look_of_part, lights)
-    assert not linked.lit
-    assert not linked.groups
+    scene = Scene(asset, look_of_part, lights, frame_camera(asset.center, asset.radius, (8, 8)), Film((8, 8)))
+    assert link_lights(scene) is scene
 
 
 def test_parts_that_cast_shadows_of_the_same_lights_are_a_group() -> None:
@@ -78,7 +82,7 @@ def test_parts_that_cast_shadows_of_the_same_lights_are_a_group() -> None:
         return replace(light(linked=False), emission=Emission(shadow_link=Link(rules)))  # type: ignore[type-var]
 
     lights = (casting("/a"), casting("/a", "/b"), casting("/a/one"))
-    linked = link_lights(three(), {"/a/one": GREY}, lights)
+    linked = link(lights)
     assert len(linked.asset.meshes) == 3
     assert linked.groups == {"/a/one": 0, "/a/two": 1, "/b": 2}
     assert [source.emission.spared for source in linked.lights] == [(2,), (), (1, 2)]
@@ -96,9 +100,7 @@ def test_more_groups_than_a_normal_can_mark_are_refused() -> None:
 
 def test_a_source_is_made_for_each_set_of_lights() -> None:
     lights = (light(("/a", "expandPrims")), light(linked=False))
-    linked = link_lights(three(), {"/a/one": GREY}, lights)
-    camera = frame_camera(linked.asset.center, linked.asset.radius, (8, 8))
-    task = scene_task(Scene(linked.asset, linked.wears, lights, camera, Film((8, 8)), linked.lit), Sampling())
+    task = scene_task(replace(link(lights), groups={}), Sampling())
     assert task.lit == ((0, 1), (1,))
     assert [task.lights_of(number) for number in task.worn] == [lights, lights[1:]]
     other = replace(task, lit=((0, 1), (0,)))

@@ -6,15 +6,16 @@ import numpy as np
 from chromium import TIMEOUT, Page
 
 # The page checks files ten times a second instead of every three seconds, and starts in a given mode: in the mode of
-# the viewport, the server starts no renderer. This script runs before the page's modules.
+# the viewport, the server starts no renderer. The page has no scene yet when the mode is chosen.
 _FIRST = """
 const every = window.setInterval;
 window.setInterval = (run, ms) => every(run, Math.min(ms, 100));
-document.addEventListener("readystatechange", () => {
-  document.querySelector("input[name=mode][value=MODE]").checked = true;
+document.addEventListener("DOMContentLoaded", () => {
+  document.querySelector("input[name=mode][value=MODE]").click();
 }, {once: true});
 """
 _HELPERS = """
+const {exact, lights} = window.designer?.panels ?? {};
 const layers = () => [...document.querySelectorAll(".layer-row .name span")].map((name) => name.textContent).reverse();
 const key = (id, name, more) => at(id).dispatchEvent(
   new KeyboardEvent("keydown", {key: name, bubbles: true, cancelable: true, ...more}));
@@ -22,7 +23,7 @@ const typed = (element, value, ...events) => {
   element.value = value;
   for (const event of events.length ? events : ["change"]) element.dispatchEvent(new Event(event, {bubbles: true}));
 };
-const answered = async () => { await pause(0); await exact.settled(); await viewport.changed(); };
+const answered = async () => { await pause(0); await designer.settle(); await viewport.waitForPicture(); };
 const frames = async (count) => { for (let k = 0; k < count; k += 1) await new Promise(requestAnimationFrame); };
 const saved = async () => {
   at("status").textContent = "";
@@ -75,7 +76,7 @@ class DesignPage(Page):
     def mean(self) -> Any:
         """Return the mean colour of some samples."""
         code = (
-            "const film = await viewport.accumulated(4), sum = [0, 0, 0];"
+            "const film = await viewport.accumulate(4), sum = [0, 0, 0];"
             "for (let k = 0; k < film.length; k += 1) if (k % 4 < 3) sum[k % 4] += film[k];"
             "return sum.map((x) => x / (film.length / 4));"
         )

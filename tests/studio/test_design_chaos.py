@@ -25,7 +25,7 @@ from served import Served, descendants, start_server
 from lookdev.job import load_job
 from lookdev.material import Look
 from lookdev.material.usd import read_look
-from lookdev.studio.designer.opening import open_document
+from lookdev.studio.designer.open_document import open_document
 
 pytestmark = pytest.mark.chaos
 

@@ -49,7 +49,7 @@ def page(exact_page: DesignPage) -> DesignPage:
 def test_the_exact_picture_follows_an_edit(page: DesignPage) -> None:
     page.wait("at('exact-facts').textContent.includes('Mitsuba')")
     page.slide("roughness", 0.9)
-    page.wait("exact.round?.samples >= 2 && exact.asked?.version === viewport.version")
+    page.wait("exact.round?.samples >= 2 && exact.request?.version === viewport.version")
     facts = page.js("return at('exact-facts').textContent")
     assert [word for word in ("samples", "noise") if word not in facts] == []
 
@@ -93,7 +93,7 @@ def test_the_difference_is_named(page: DesignPage) -> None:
     # Light from behind shines through the head where nothing shadows it; else both have the same direct light.
     assert shares[1][2] < -0.3
     assert abs(shares[0][2]) < 0.1 * abs(shares[1][2])
-    assert page.js(_KEY + "return [exact.asked, at('difference').hidden]", "v") == [None, True]
+    assert page.js(_KEY + "return [exact.request, at('difference').hidden]", "v") == [None, True]
 
 
 def test_a_light_is_turned_up_and_nothing_compiles(page: DesignPage) -> None:

@@ -59,7 +59,8 @@ def page(open_page: DesignPage, look: Path) -> Iterator[DesignPage]:
     open_page.resize(560, 260)
     assert open_page.js(
         "await frames(2);"
-        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await exact.settled(); } await answered();"
+        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await designer.settle(); }"
+        "await answered();"
         "if (!at('save').disabled) await saved(); return layers();"
     ) == ["Base", "Flakes", "Dust"]
     assert look.read_text() == text
@@ -90,7 +91,7 @@ def test_the_hand_orbits_turns_the_light_and_picks(page: DesignPage) -> None:
         "drag(); const azimuth = viewport.camera.azimuth - viewport.scene.data.camera.azimuth;"
         "viewport.setCamera(viewport.scene.data.camera);"
         "drag({shiftKey: true}); const lighting = [viewport.settings.lighting, at('lighting').value];"
-        "typed(at('lighting'), 0, 'input'); await viewport.changed();"
+        "typed(at('lighting'), 0, 'input'); await viewport.waitForPicture();"
         "const { path } = viewport.pick(viewport.canvas.width / 2, viewport.canvas.height / 2);"
         "return [azimuth, lighting, path];"
     )
@@ -229,7 +230,7 @@ def test_a_parameter_that_is_still_moved_is_kept_within_two_seconds(page: Design
         "window.fetch = (...asked) => { sent ||= asked[0] === 'edit'; return fetched(...asked); };"
         "setTimeout(() => { late = true; }, 2000);"  # a timer like the page's own, late by as much where others work
         "for (let k = 0; !sent && !late; k += 1) { typed(slider, 0.5 + 0.001 * k, 'input'); await pause(50); }"
-        "const inTime = sent; window.fetch = fetched; await exact.settled();"
+        "const inTime = sent; window.fetch = fetched; await designer.settle();"
         "const { undoes } = await (await fetch('status?whole')).json();"
         "typed(slider, 0.9); await until(() => !at('undo').disabled); await answered();"
         "return [inTime, undoes, viewport.programs.compiled - compiled];"

@@ -17,7 +17,7 @@ from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit, parse_edit
 from lookdev.studio.designer.history import LONGEST, History, State
-from lookdev.studio.designer.opening import open_document
+from lookdev.studio.designer.open_document import open_document
 from lookdev.studio.designer.recovery import Recovery, Work
 from lookdev.studio.designer.snapshots import Snapshots
 from lookdev.studio.designer.sources import ConflictError

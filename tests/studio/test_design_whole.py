@@ -83,7 +83,7 @@ def render_viewport(page: DesignPage, seed: int) -> Floats:
     """Return the picture of some samples, (H, W, 4)."""
     pixels = page.js(
         f"viewport.resize({SIZE[0]}, {SIZE[1]}); viewport.set({{seed: given[0], background: false}});"
-        f"return [...await viewport.accumulated({SAMPLES})]",
+        f"return [...await viewport.accumulate({SAMPLES})]",
         seed,
     )
     return np.array(pixels).reshape(SIZE[1], SIZE[0], 4)

@@ -10,7 +10,7 @@ from pxr import Sdf, Usd, UsdSkel
 from lookdev.arrays import Floats
 from lookdev.asset.usd.attributes import read_array, read_texts
 from lookdev.errors import AssetError
-from lookdev.stage import relationship_targets
+from lookdev.stage import prim_and_ancestors, relationship_targets
 
 _ANIMATION = "skel:animationSource"
 _COMPONENTS = {"translations": (3,), "rotations": (4,), "scales": (3,)}
@@ -75,8 +75,7 @@ class Skeletons:
         return dict(zip(names, weights.tolist(), strict=False))
 
     def _find_animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
-        prim = skeleton
-        while not prim.IsPseudoRoot():
+        for prim in prim_and_ancestors(skeleton):
             targets = relationship_targets(prim.GetRelationship(_ANIMATION)) if prim.HasAPI(UsdSkel.BindingAPI) else []
             if targets:
                 animation = prim.GetStage().GetPrimAtPath(targets[0])
@@ -84,7 +83,6 @@ class Skeletons:
                     return animation
                 self.notes.append(f"{prim.GetPath()}: {_ANIMATION} {targets[0]} is not a SkelAnimation: the rest pose")
                 return None
-            prim = prim.GetParent()
         return None
 
     def _compute_pose(self, skeleton: Usd.Prim) -> Pose | None:

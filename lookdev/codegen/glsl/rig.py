@@ -151,10 +151,10 @@ def rig_functions(
         "RIG_SLOTS": len(lights_by_slot),
         "RIG_SPARED": len(rig.spared),
         "RIG_SEEN": int(any(light.emission.camera for light in rig.lamps)),
-        "RIG_SHADOWED": int(rig.shadowed),
-        "RIG_SPLIT": int(rig.split),
+        "RIG_SHADOWED": int(rig.needs("shadowed")),
+        "RIG_SPLIT": int(rig.needs("split")),
         "PICTURE_LEVELS": LEVELS,
-        "RIG_NEAREST": int(is_near or rig.shadowed),
+        "RIG_NEAREST": int(is_near or rig.needs("shadowed")),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
     }
@@ -177,9 +177,9 @@ def rig_functions(
         np.concatenate(numbers).astype(np.float32),
         domes,
         rig.pictures,
-        rig.tables() if rig.profiled or rig.pictures else None,
-        rig.split,
-        plain=not (is_near or rig.shadowed or rig.spared),
+        rig.tables() if rig.needs("profiled") or rig.pictures else None,
+        rig.needs("split"),
+        plain=not (is_near or rig.needs("shadowed") or rig.spared),
     )
 
 
@@ -194,10 +194,10 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
     steps = max((profile.steps for profile in profiles), default=0)
     if profiles or rig.pictures:
         yield "uniform highp sampler2D rig_tables;"
-    if rig.shadowed:
+    if rig.needs("shadowed"):
         yield from _traced_functions(shadow_operations(), "lamp", {"passed": (_PASSED, {"passed": 3})})
     for kind in rig.kinds:
-        functions = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
+        functions = lamp_operations(kind, shaped=rig.needs("shaped"), falling=rig.needs("falling"), steps=steps)
         if kind == "picture":
             untextured = functions[0], {**functions[1], "untextured": functions[1]["sent"]}
             yield from _traced_functions(untextured, kind, {"weight": _LAMP["weight"], "untextured": _LAMP["sent"]})

@@ -23,9 +23,8 @@ from lookdev.light.base import Light
 from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
 from lookdev.light.lamps import SHAPES, CodedRig, weight
 from lookdev.light.picture import CELL_SEGMENTS
-from lookdev.light.plane import meet_plane, seen_part, towards_plane
 from lookdev.light.shape import Shape
-from lookdev.light.spherical_rectangle import Point, density, draw
+from lookdev.light.spherical_rectangle import Point, density, draw, meet_plane, seen_part, towards_plane
 
 Lines: TypeAlias = tuple[str, ...]
 
@@ -71,7 +70,7 @@ def rig_sections(rig: CodedRig) -> dict[str, list[str]]:
         functions += generated[line]() if line in generated else [line]
     return {
         "constants": ["#define RIG 1"],
-        "samples": list(_SAMPLES_AND_TURN if rig.still else _SAMPLES),
+        "samples": list(_SAMPLES_AND_TURN if rig.needs("still") else _SAMPLES),
         "light_parameters": expanded["parameters"],
         "light_functions": [*functions, *expanded["macros"]],
         "light_setup": [],
@@ -116,10 +115,10 @@ def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
 def _shapes(rig: CodedRig) -> Iterator[str]:
     """Yield the functions that lamps of all kinds share, and those of each shape."""
     beam, falloff, shadow = _control_functions()
-    yield from (*beam * rig.shaped, *falloff * rig.falling, *shadow * rig.shadowed)
+    yield from (*beam * rig.needs("shaped"), *falloff * rig.needs("falling"), *shadow * rig.needs("shadowed"))
     for kind in rig.kinds:
         yield from _picture_functions() if kind == "picture" else _shape_functions(kind)
-        yield from _weight_function(kind, rig.shaped, rig.falling and kind != "distant")
+        yield from _weight_function(kind, rig.needs("shaped"), rig.needs("falling") and kind != "distant")
 
 
 @cache

@@ -114,7 +114,7 @@ def generate_surface(
     traced = trace_lobes(graph, lobes, light_sampled, recorded=recorded)
     names = Names(inputs)
     rig = None if coded(lights) else CodedRig.of(lights)
-    has_factors = rig is not None and rig.split
+    has_factors = rig is not None and rig.needs("split")
     guides = _guides(graph, continuous_lobes(graph, bsdf), deltas) if features else None
     presence = elements_of(bsdf.presence)[0]
     code = emit_brdf(

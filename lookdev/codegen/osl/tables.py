@@ -10,7 +10,7 @@ import numpy as np
 import OpenEXR
 
 from lookdev.brdf.table import Table
-from lookdev.cache import Content, cached_files, from_memory
+from lookdev.cache import Content, cached_file, from_memory
 from lookdev.codegen.osl.block import fits_array, table_name, texture_size
 from lookdev.codegen.source import TableBinding
 
@@ -55,5 +55,4 @@ def _store_table(table: Table) -> Content:
             exr.write(name)
 
     suffix, write = (".npy", save) if fits_array(table) else (".exr", paint)
-    (content,) = cached_files("tables", table.digest + suffix, lambda: (Content.written(suffix, write),))
-    return content
+    return cached_file("tables", table.digest + suffix, suffix, write)

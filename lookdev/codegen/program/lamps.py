@@ -20,9 +20,8 @@ from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor
 from lookdev.light.ies import profile_factor
 from lookdev.light.lamps import SHAPES, weight
 from lookdev.light.picture import CELL_SEGMENTS
-from lookdev.light.plane import meet_plane, seen_part, towards_plane
 from lookdev.light.rect import Picture
-from lookdev.light.spherical_rectangle import Point, density, draw
+from lookdev.light.spherical_rectangle import Point, density, draw, meet_plane, seen_part, towards_plane
 
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 """The fields of a row that `shadow_operations` reads."""

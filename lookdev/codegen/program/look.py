@@ -20,7 +20,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, estimate_albedo, mean_normal
 from lookdev.brdf.table import Table
 from lookdev.brdf.vectors import Parameters, scale
-from lookdev.cache import Content, cached_files
+from lookdev.cache import Content, cached_file
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ImageBinding, ProgramSource
@@ -257,5 +257,4 @@ def _store_table(table: Table) -> Content:
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())
 
-    (content,) = cached_files("tables", f"{table.digest}.npy", lambda: (Content.written(".npy", save),))
-    return content
+    return cached_file("tables", f"{table.digest}.npy", ".npy", save)

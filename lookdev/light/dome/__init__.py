@@ -14,21 +14,19 @@ the random choice of the points is the integral; docs/accuracy.md states the err
 from __future__ import annotations
 
 import hashlib
-import io
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from lookdev.arrays import Floats, Floats32, Ints32
-from lookdev.cache import Content, cached_files, load_cached_files
+from lookdev.cache import Content, cached_file, cached_files, load_cached_files
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import native
 from lookdev.light.base import CodedLight, LightCode
 from lookdev.light.dome import bins, points, slots
-from lookdev.light.dome.environment import EnvironmentMap, make_environment, map_in_space
-from lookdev.light.dome.files import read_exr, write_exr
+from lookdev.light.dome.environment import EnvironmentMap, make_environment, map_in_space, read_exr, write_exr
 from lookdev.light.dome.warp import BilinearWarp, lookup_towards
 from lookdev.light.emission import WHITE, Color, Emission
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
@@ -117,9 +115,6 @@ class Dome(CodedLight):
     def sample(self, point: Floats, u: Floats) -> Floats:
         return to_world(self.axes, self._warp.draw_directions(u))
 
-    def distance(self, point: Floats, direction: Floats) -> Floats:
-        return np.full(np.broadcast_shapes(point.shape, direction.shape)[:-1], np.inf)
-
     def code(self, *, sampled: bool) -> LightCode:
         constants = {"WIDTH": self.width, "HEIGHT": self.height}
         lines = tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
@@ -169,13 +164,8 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
     digest = hashlib.sha256(f"{env.digest} light tables {TABLE_VERSION}".encode()).hexdigest()
     height, width = env.radiance.shape[:2]
 
-    def write_radiance() -> tuple[Content, ...]:
-        return (Content.written(".exr", lambda path: write_exr(path, "RGB", env.radiance)),)
-
     def write_table(table: Ints32 | Floats32) -> Content:
-        data = io.BytesIO()
-        np.save(data, table)
-        return Content.holding(data.getvalue(), ".npy")
+        return Content.written(".npy", lambda path: np.save(path, table))
 
     def write_tables() -> tuple[Content, ...]:
         radiance = env.radiance.astype(np.float64)
@@ -184,13 +174,11 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
         slot_table, bin_table = slots.cut_slots(directions, warp.integral)
         # Compression would save a quarter of 16 MB, and cost every start 0.1 s.
         texture = pixels.reshape(points.SIDE, points.SIDE, 4)
-        return (
-            Content.written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False)),
-            write_table(slot_table),
-            write_table(bin_table),
-        )
+        points_file = Content.written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False))
+        return points_file, write_table(slot_table), write_table(bin_table)
 
-    (radiance_file,) = cached_files("ibl", f"{digest}.radiance", write_radiance)
+    write_radiance = partial(write_exr, channels="RGB", values=env.radiance)
+    radiance_file = cached_file("ibl", f"{digest}.radiance", ".exr", write_radiance)
     points_file = slots_file = bins_file = None
     if sampled and (local or not env.is_constant):
         points_file, slots_file, bins_file = cached_files("ibl", f"{digest}.tables", write_tables)

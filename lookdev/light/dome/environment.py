@@ -1,4 +1,4 @@
-"""Environment maps: reading, repair, and digest of the content.
+"""Environment maps: reading, repair, digest of the content, and the EXR files of lights in the cache.
 
 A map is a lat-long image of linear Rec.709 radiance. The numbers of a file are not converted, as in Cycles: an EXR's
 ``chromaticities`` have no effect.
@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import OpenEXR
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Bools, Floats, Floats32
+from lookdev.cache import from_memory
 from lookdev.errors import EnvironmentMapError, nearest_hint
 from lookdev.images import check_size, open_image, whole_image
 from lookdev.space import Space, to_space
@@ -31,9 +32,7 @@ BUILTIN_LIGHTS: tuple[str, ...] = (
 )  # fmt: skip
 """The eight CC0 Poly Haven maps that the bpy wheel ships, and ``white``: radiance 1 from everywhere."""
 
-# The resolution line of an HDR, with the order of its rows and columns (Ward, "Real Pixels", Graphics Gems II).
-_RESOLUTION = re.compile(rb"\n([+-][XY]) [0-9]+ ([+-][XY]) [0-9]+\n")
-_HEADER = 1 << 16  # bytes of a file that are searched for it
+_TILE_SIDE = 4096
 
 LEAST_PEAK, GREATEST_PEAK = 1e-18, 1e18
 """The limits of a map's largest radiance, unless it is 0: shaders compute in float32."""
@@ -69,25 +68,28 @@ class EnvironmentMap:
     digest: str
     where: str
 
-    def check_exposed(self, exposure: float = 0.0) -> None:
-        """Raise EnvironmentMapError if shaders, in float32, cannot compute with the radiance times 2^exposure."""
-        check_exposed(float(self.radiance.max()), exposure, self.where)
-
     @property
     def is_constant(self) -> bool:
         """Whether the radiance is the same from every direction."""
         return bool((self.radiance == self.radiance[0, 0]).all())
 
 
+def exposure_fault(peak: float, exposure: float) -> tuple[str, str] | None:
+    """Return the problem and what would be right if shaders, in float32, cannot compute with `peak` times 2^exposure.
+
+    `peak` is the largest radiance of a light.
+    """
+    peak *= 2.0**exposure
+    if not peak or LEAST_PEAK <= peak <= GREATEST_PEAK:
+        return None
+    exposed = f" times 2^{exposure:g}" if exposure else ""
+    return f"its largest radiance{exposed} is {peak:g}", f"from {LEAST_PEAK:g} to {GREATEST_PEAK:g} would be right"
+
+
 def check_exposed(peak: float, exposure: float, where: str) -> None:
     """Raise EnvironmentMapError if shaders cannot compute with `peak`, a map's largest radiance, times 2^exposure."""
-    peak *= 2.0**exposure
-    if peak and not LEAST_PEAK <= peak <= GREATEST_PEAK:
-        exposed = f" times 2^{exposure:g}" if exposure else ""
-        raise EnvironmentMapError(
-            f"{where}: its largest radiance{exposed} is {peak:g}; "
-            f"from {LEAST_PEAK:g} to {GREATEST_PEAK:g} would be right"
-        )
+    if fault := exposure_fault(peak, exposure):
+        raise EnvironmentMapError(f"{where}: {'; '.join(fault)}")
 
 
 def map_in_space(radiance: Floats, color: tuple[float, float, float], digest: str, space: Space) -> EnvironmentMap:
@@ -132,12 +134,12 @@ def builtin_file(name: str) -> Path:
 
 def read_pixels(file: Path) -> Floats32:
     """Read R, G, B (or Y alone, for a grey map) from the first part that has them."""
-    kinds = {".exr": "openexr", ".hdr": "hdr"}
-    if file.suffix.lower() not in kinds:
+    if file.suffix.lower() not in (".exr", ".hdr"):
         raise EnvironmentMapError(f"{file}: an environment map is a lat-long .exr or .hdr file")
+    is_hdr = file.suffix.lower() == ".hdr"
     names: list[str] = []
     with open_image(file, EnvironmentMapError) as image:
-        if image.format_name() != kinds[file.suffix.lower()]:
+        if image.format_name() != ("hdr" if is_hdr else "openexr"):
             raise EnvironmentMapError(f"{file}: is an image of kind {image.format_name()}, which its name does not say")
         number = 0
         while image.seek_subimage(number, 0):
@@ -147,7 +149,8 @@ def read_pixels(file: Path) -> Floats32:
             channels = _color_channels(spec.channelnames)
             if channels:
                 check_size(file, spec, EnvironmentMapError)
-                return _orient(_read_channels(image, file, channels), file)
+                pixels = _read_channels(image, file, channels)
+                return _orient(pixels, spec.get_int_attribute("Orientation", 1)) if is_hdr else pixels
             number += 1
     raise EnvironmentMapError(f"{file}: needs channels R, G, B (or Y), has channels {', '.join(names[:20])}")
 
@@ -169,17 +172,10 @@ def _read_channels(image: oiio.ImageInput, file: Path, channels: Sequence[str]) 
     return pixels if order == list(range(pixels.shape[-1])) else np.ascontiguousarray(pixels[..., order])
 
 
-def _orient(pixels: Floats32, file: Path) -> Floats32:
-    """Return an image with rows from the top and columns from the left; an HDR may be flipped or transposed."""
-    if file.suffix.lower() != ".hdr":
-        return pixels
-    with file.open("rb") as stream:
-        resolution = _RESOLUTION.search(stream.read(_HEADER))
-    if resolution is None:
-        raise EnvironmentMapError(f"{file}: has no resolution, such as '-Y 512 +X 1024', in its first {_HEADER} bytes")
-    slow, fast = resolution.groups()
-    pixels = pixels[:: 1 if slow in (b"-Y", b"+X") else -1, :: 1 if fast in (b"-Y", b"+X") else -1]
-    return np.ascontiguousarray(pixels if slow.endswith(b"Y") else pixels.transpose(1, 0, 2))
+def _orient(pixels: Floats32, orientation: int) -> Floats32:
+    """Return an image with rows from the top and columns from the left, from one of an orientation of TIFF and Exif."""
+    pixels = pixels[:: -1 if orientation in (3, 4, 7, 8) else 1, :: -1 if orientation in (2, 3, 6, 7) else 1]
+    return np.ascontiguousarray(pixels if orientation < 5 else pixels.transpose(1, 0, 2))
 
 
 def make_environment(name: str, pixels: ArrayLike, where: str = "") -> EnvironmentMap:
@@ -195,15 +191,10 @@ def make_environment(name: str, pixels: ArrayLike, where: str = "") -> Environme
         `where`, or by its name.
     """
     radiance, repairs = _repair(np.asarray(pixels, np.float32), where or name)
-    environment = EnvironmentMap(name, radiance, repairs, _digest(radiance), where or name)
-    environment.check_exposed()
-    return environment
-
-
-def _digest(radiance: Floats32) -> str:
+    check_exposed(float(radiance.max()), 0.0, where or name)
     digest = hashlib.sha256(repr(radiance.shape).encode())
     digest.update(radiance.data)
-    return digest.hexdigest()
+    return EnvironmentMap(name, radiance, repairs, digest.hexdigest(), where or name)
 
 
 def _repair(pixels: Floats32, where: str) -> tuple[Floats32, Repairs]:
@@ -234,3 +225,28 @@ def _neighbour_mean(radiance: Floats32, nan: Bools) -> Floats32:
     total = sum_of_neighbours(np.where(nan, 0.0, radiance.astype(np.float64)))
     count = sum_of_neighbours((~nan).astype(np.float64))
     return np.asarray(total / np.maximum(count, 1.0), dtype=np.float32)
+
+
+def write_exr(path: Path, channels: str, values: Floats32, *, compressed: bool = True) -> None:
+    """Write an image (H, W, C) as an EXR of a single tile.
+
+    Blender 4.5 evaluates texture() with OpenImageIO, which divides an image without tiles into tiles of 64 x 64. A
+    thread caches two tiles, and a change of the tile costs more than the look-up.
+    """
+    planes = {name: np.ascontiguousarray(values[..., i], dtype=np.float32) for i, name in enumerate(channels)}
+    tile = OpenEXR.TileDescription()
+    tile.ySize, tile.xSize = (min(side, _TILE_SIDE) for side in values.shape[:2])
+    tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
+    compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
+    header = {"compression": compression, "type": OpenEXR.tiledimage, "tiles": tile}
+    with OpenEXR.File(header, planes) as exr, from_memory(path) as name:
+        exr.write(name)
+
+
+def read_exr(path: Path, channels: str) -> Floats32:
+    """Read an image (H, W, C) of some channels; raise EnvironmentMapError if that fails."""
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as exr:
+            return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
+    except (RuntimeError, ValueError, KeyError) as error:
+        raise EnvironmentMapError(f"{path}: unreadable ({error}); remove it and it is made again") from error

@@ -25,7 +25,7 @@ class KnownMap:
     where: str
 
     def check_exposed(self, exposure: float) -> None:
-        """Raise EnvironmentMapError in the cases of `EnvironmentMap.check_exposed`."""
+        """Raise EnvironmentMapError if shaders cannot compute with its radiance times 2^exposure."""
         check_exposed(self.largest, exposure, self.where)
 
 
@@ -47,11 +47,8 @@ def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: 
                 return KnownMap(dome, Repairs(**repairs), largest, str(file or builtin))
     dome_map = _read(file, builtin, sampled)
     dome = dome_map.dome
-    store_cached(
-        _ROOM,
-        key,
-        [dome.map_digest, dome.width, dome.height, dome.constant, dome_map.largest, asdict(dome_map.repairs)],
-    )
+    record = [dome.map_digest, dome.width, dome.height, dome.constant, dome_map.largest, asdict(dome_map.repairs)]
+    store_cached(_ROOM, key, record)
     return dome_map
 
 

@@ -29,17 +29,9 @@ FORMATS = ("automatic", "latlong", *BALLS, "cubeMapVerticalCross")
 
 
 def _read(prim: PlacedPrim) -> LightShape:
-    return _read_dome(prim, DOME_Y)
-
-
-def _read_version_1(prim: PlacedPrim) -> LightShape:
-    axis = prim.light.text("poleAxis", "scene", ("scene", "Y", "Z"))
-    stage_axis = "Y" if prim.y_up else "Z"
-    return _read_dome(prim, DOME_Y if (stage_axis if axis == "scene" else axis) == "Y" else DOME_Z)
-
-
-def _read_dome(prim: PlacedPrim, pole: Floats) -> LightShape:
     light, local = prim.light, "lookdev:local:radius"
+    pole_axis = light.text("poleAxis", "scene", ("scene", "Y", "Z")) if prim.kind == "DomeLight_1" else "Y"
+    pole = DOME_Y if pole_axis == "Y" or (pole_axis == "scene" and prim.y_up) else DOME_Z
     image_format = light.text("inputs:texture:format", "automatic", FORMATS)
     image, space = prim.image
     radius = prim.scale[0] * light.number(local, above=0.0, default=1.0) if light.has(local) else None
@@ -69,8 +61,8 @@ def _read_dome(prim: PlacedPrim, pole: Floats) -> LightShape:
     return LightShape(make, lengths=lengths, image=image, space=space, format=image_format)
 
 
-_ATTRIBUTES = (*ALL_LIGHTS, "local:radius", "local:edge")
-_USD = {"DomeLight": UsdLight(_read, _ATTRIBUTES), "DomeLight_1": UsdLight(_read_version_1, _ATTRIBUTES)}
+_READER = UsdLight(_read, (*ALL_LIGHTS, "local:radius", "local:edge"))
+_USD = {"DomeLight": _READER, "DomeLight_1": _READER}
 
 DOME = LightKind(Dome, example_dome, _USD, files("lookdev") / "shaders" / "dome.osl.h")
 LOCAL_DOME = LightKind(LocalDome, example_local_dome)

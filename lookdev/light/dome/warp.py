@@ -56,9 +56,8 @@ class BilinearWarp:
         y = (strip - 0.5 + t) / height
 
         def row_cumulative(column: Ints) -> Floats:
-            return np.asarray(
-                (1.0 - t) * self._row_cumulative[strip, column] + t * self._row_cumulative[strip + 1, column]
-            )
+            before, after = self._row_cumulative[strip, column], self._row_cumulative[strip + 1, column]
+            return np.asarray((1.0 - t) * before + t * after)
 
         rest = u1 * row_cumulative(np.full(len(t), width))
         low, high = np.zeros(len(t), np.int64), np.full(len(t), width, np.int64)
@@ -85,9 +84,7 @@ class BilinearWarp:
         a, slope = self._row_sums[strip], self._row_sums[strip + 1] - self._row_sums[strip]
         step = np.pi / (len(self._rows) - 2)
         first, last = self._first[strip], self._last[strip]
-        share = mass / np.maximum(
-            self._strip_cumulative[strip + 1] - self._strip_cumulative[strip], np.finfo(np.float64).tiny
-        )
+        share = mass / np.maximum(np.diff(self._strip_cumulative)[strip], np.finfo(np.float64).tiny)
         begin, end = ((a + slope * t) * np.sin(step * (strip - 0.5 + t)) for t in (first, last))
         total = 0.5 * (np.maximum(begin, 0.0) + np.maximum(end, 0.0))
         t = first + (last - first) * _invert_line(np.maximum(begin, 0.0), np.maximum(end, 0.0), share * total)
@@ -111,14 +108,19 @@ def coordinates_to_directions(coordinates: Floats) -> Floats:
 
 def lookup(table: ArrayLike, uv: ArrayLike) -> Floats:
     """Look up a lat-long table (H, W, C), row 0 at v = 1, at uv (..., 2): bilinear, periodic in u, clamped in v."""
+    height, width = np.shape(table)[:2]
+    u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
+    return interpolate(table, u * width - 0.5, (1.0 - v) * height - 0.5, periodic=True)
+
+
+def interpolate(table: ArrayLike, x: Floats, y: Floats, *, periodic: bool = False) -> Floats:
+    """Return bilinear values (..., C) of a table (H, W, C) at columns x and rows y (...), periodic in x or clamped."""
     table = np.asarray(table)
     height, width = table.shape[:2]
-    u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
-    x, y = u * width - 0.5, (1.0 - v) * height - 0.5
     column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     s, t = (x - column)[..., None], (y - row)[..., None]
-    left, right = column % width, (column + 1) % width
-    top, bottom = np.clip(row, 0, height - 1), np.clip(row + 1, 0, height - 1)
+    left, right = ((column + k) % width if periodic else np.clip(column + k, 0, width - 1) for k in (0, 1))
+    top, bottom = (np.clip(row + k, 0, height - 1) for k in (0, 1))
     upper = (1.0 - s) * table[top, left] + s * table[top, right]
     lower = (1.0 - s) * table[bottom, left] + s * table[bottom, right]
     return np.asarray((1.0 - t) * upper + t * lower, np.float64)

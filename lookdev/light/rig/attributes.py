@@ -1,4 +1,4 @@
-"""Values of a light's attributes. A value of a wrong type or range is a fault, which names the attribute.
+"""Values of a light's attributes, and the report of a rig. A value of a wrong type or range is a fault.
 
 Values are those at the time of the rig; animated ones are noted. Unknown names are faults, because a picture does not
 show that a misspelt attribute has no effect.
@@ -7,16 +7,17 @@ show that a misspelt attribute has no effect.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
 from pxr import Ar, Gf, Sdf, Usd, UsdLux
 
-from lookdev.errors import close_hint, nearest_hint
+from lookdev.errors import EnvironmentMapError, Fault, FaultsError, TextureError, close_hint, nearest_hint
 from lookdev.light.emission import Color
-from lookdev.light.rig.report import RigReport
 from lookdev.stage import quote
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 from lookdev.stage.packages import unpack
@@ -45,6 +46,32 @@ _VECTORS = (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)
 def schema_names(schema: str) -> tuple[str, ...]:
     """Return the attributes of an applied API schema."""
     return tuple(Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(schema).GetPropertyNames())
+
+
+@dataclass(eq=False)
+class RigReport:
+    """Faults and notes of the rig in `file`, in the order in which they occur."""
+
+    file: str
+    faults: list[Fault] = field(default_factory=list)
+    notes: dict[str, None] = field(default_factory=dict)
+
+    def fault(self, path: Sdf.Path | str, problem: str, hint: str = "") -> None:
+        self.faults.append(Fault(self.file, str(path), problem, hint))
+
+    def note(self, path: Sdf.Path | str, text: str) -> None:
+        self.notes[f"{self.file}: {path}: {text}"] = None
+
+    @contextmanager
+    def collect(self, path: Sdf.Path | str) -> Iterator[None]:
+        """Turn an error of a light, of its image or of its profile into a fault of a path."""
+        try:
+            yield
+        except FaultsError as error:
+            for fault in error.faults:
+                self.fault(path, f"{fault.file}: {fault.where + ': ' if fault.where else ''}{fault.what}", fault.hint)
+        except (EnvironmentMapError, TextureError) as error:
+            self.fault(path, str(error))
 
 
 class LightPrim:
@@ -123,9 +150,8 @@ class LightPrim:
             return ""
         canonical = colorspace_named(stated)
         if canonical is None:
-            self.fault(
-                name, f"is of the colour space {quote(stated)}, which is not known", "'lin_rec709' would be right"
-            )
+            problem = f"is of the colour space {quote(stated)}, which is not known"
+            self.fault(name, problem, "'lin_rec709' would be right")
         return canonical or ""
 
     def file(self, name: str) -> Path | None:
@@ -153,9 +179,8 @@ class LightPrim:
                 continue
             if space == "lookdev":
                 if rest not in extra_names:
-                    self.fault(
-                        name, f"a {self.prim.GetTypeName()} has no such attribute", nearest_hint(rest, extra_names)
-                    )
+                    problem = f"a {self.prim.GetTypeName()} has no such attribute"
+                    self.fault(name, problem, nearest_hint(rest, extra_names))
             elif name in applied:
                 schema = applied[name]
                 hint = f'prepend apiSchemas = ["{schema}"] would be right'

@@ -43,13 +43,11 @@ def change_values(composed: Composed, values: Mapping[str, LightValue]) -> None:
 
 def _set(light: Usd.Prim, key: str, value: LightValue) -> tuple[str, str]:
     """Set the value of a light's attribute; return the problem and a hint, both "" on success."""
-    keys = [
-        name for name in map(Usd.Attribute.GetName, light.GetAttributes()) if name.startswith(("inputs:", "lookdev:"))
-    ]
+    names = map(Usd.Attribute.GetName, light.GetAttributes())
+    keys = [name for name in names if name.startswith(("inputs:", "lookdev:"))]
     attribute = light.GetAttribute(key if key in keys else f"inputs:{key}")
     if not attribute:
-        names = [name.removeprefix("inputs:") for name in keys]
-        return f"{light.GetPath()} has no input '{key}'", nearest_hint(key, names)
+        return f"{light.GetPath()} has no input '{key}'", nearest_hint(key, [k.removeprefix("inputs:") for k in keys])
     type_name = attribute.GetTypeName()
     if type_name == Sdf.ValueTypeNames.Bool and isinstance(value, float | int) and value in (0, 1):
         usd_value: object = bool(value)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from pxr import Usd, UsdLux
 
-from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
+from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping, emitted_color
 from lookdev.light.ies import load_profile
-from lookdev.light.link import Link
-from lookdev.light.rig.attributes import SHAPING, LightPrim, schema_names
-from lookdev.light.rig.report import RigReport
+from lookdev.light.rig.attributes import SHAPING, LightPrim, RigReport, schema_names
+from lookdev.light.usd import FALLOFF
 from lookdev.stage import usd_words
 
 COLDEST, HOTTEST = 1000.0, 10000.0
 """Kelvin of inputs:colorTemperature: "The valid range is from 1000 to 10000", to which UsdLux's function clamps."""
-
-_FALLOFF = ("virtualDistance", "exponent", "start", "end")
 
 
 def read_emission(light: LightPrim, size: float, unit: float, report: RigReport) -> Emission:
@@ -33,7 +30,7 @@ def read_emission(light: LightPrim, size: float, unit: float, report: RigReport)
         specular=light.number("inputs:specular", least=0.0),
         shaping=_shaping(light, report) if _is_shaped(light) else None,
         shadow=_shadow(light, unit) if light.prim.HasAPI(UsdLux.ShadowAPI) else Shadow(),
-        falloff=_falloff(light, unit) if any(light.has(f"lookdev:falloff:{name}") for name in _FALLOFF) else None,
+        falloff=_falloff(light, unit) if any(light.has(f"lookdev:{name}") for name in FALLOFF) else None,
         turns=light.flag("lookdev:turns", default=True),
         camera=light.flag("lookdev:camera"),
         group=light.text("lookdev:lightGroup", default=light.prim.GetName()),
@@ -106,16 +103,10 @@ def _falloff(light: LightPrim, unit: float) -> Falloff:
 
 def _link(light: LightPrim, name: str) -> Link | None:
     """Return the rules of a light's collection, from USD's own query; None if it includes everything."""
-    collection_name = f"collection:{name}"
-    collection = Usd.CollectionAPI(light.prim, name)
-    if (
-        expression := light.prim.GetAttribute(f"{collection_name}:membershipExpression")
-    ) and expression.HasAuthoredValue():
-        light.fault(
-            f"{collection_name}:membershipExpression",
-            "is not supported",
-            f"'{collection_name}:includes' would be right",
-        )
+    collection_name, collection = f"collection:{name}", Usd.CollectionAPI(light.prim, name)
+    expression = light.prim.GetAttribute(f"{collection_name}:membershipExpression")
+    if expression and expression.HasAuthoredValue():
+        light.fault(expression.GetName(), "is not supported", f"'{collection_name}:includes' would be right")
         return None
     valid, reason = collection.Validate()
     if not valid:

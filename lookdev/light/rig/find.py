@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from lookdev.errors import close_hint
 from lookdev.light.kinds import LIGHT_KINDS
-from lookdev.light.rig.attributes import OURS, LightPrim
-from lookdev.light.rig.report import RigReport
-from lookdev.stage import relationship_targets
+from lookdev.light.rig.attributes import OURS, LightPrim, RigReport
+from lookdev.stage import prim_and_ancestors, relationship_targets
 
 USD_LIGHTS = {name: reader for kind in LIGHT_KINDS.values() for name, reader in kind.usd.items()}
 """The supported types of light prims, by their names in UsdLux."""
@@ -98,11 +95,11 @@ def _is_unknown_light(prim: Usd.Prim) -> bool:
 
 def _reason_left_out(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> str:
     """Return the reason why a light is left out; "" if it is rendered."""
-    ancestor = prim
-    while ancestor and ancestor != root.GetParent() and not ancestor.IsPseudoRoot():
+    for ancestor in prim_and_ancestors(prim):
         if ancestor.IsA(UsdGeom.Imageable) and _is_hidden(LightPrim(ancestor, time, report)):
             return "is hidden" if ancestor == prim else f"is hidden by {ancestor.GetPath()}"
-        ancestor = ancestor.GetParent()
+        if ancestor == root:
+            break
     purpose = UsdGeom.Imageable(prim).ComputePurpose() if prim.IsA(UsdGeom.Imageable) else _RENDERED_PURPOSES[0]
     return "" if purpose in _RENDERED_PURPOSES else f"is of purpose {purpose}"
 
@@ -126,12 +123,7 @@ def _type_fault(prim: Usd.Prim) -> tuple[str, str] | None:
         return f"{problem} is not supported", right
     if filters := relationship_targets(prim.GetRelationship("light:filters")):
         return f"light filters are not supported: it has {', '.join(map(str, filters))}", "remove 'light:filters'"
-    for ancestor in _ancestors(prim):
+    for ancestor in prim_and_ancestors(prim):
         if ancestor.IsA(UsdGeom.PointInstancer):
             return f"is in the PointInstancer {ancestor.GetPath()}", "lights of point instances are not supported"
     return None
-
-
-def _ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    while prim := prim.GetParent():
-        yield prim

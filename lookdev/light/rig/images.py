@@ -15,11 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats, Floats32
-from lookdev.cache import Content, cached_files
+from lookdev.cache import cached_file
 from lookdev.errors import EnvironmentMapError
 from lookdev.images import open_image, whole_image
-from lookdev.light.dome.environment import EnvironmentMap, make_environment, read_pixels
-from lookdev.light.dome.files import read_exr, write_exr
+from lookdev.light.dome.environment import EnvironmentMap, make_environment, read_exr, read_pixels, write_exr
 from lookdev.light.dome.usd import BALLS
 from lookdev.light.mapping import uv_to_direction
 from lookdev.light.picture import look_up
@@ -83,11 +82,6 @@ class LightImage:
     mean: tuple[float, ...]
     error: float | None = None
 
-    @property
-    def largest(self) -> float:
-        """The largest value of a channel."""
-        return float(self.environment.radiance.max())
-
 
 def load_light_image(file: Path, space: str, kind: str) -> LightImage:
     """Read the image of a light; `kind` is the format of a dome's image, "" for other lights.
@@ -119,13 +113,12 @@ def unroll_ball(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]
     if height != width:
         raise EnvironmentMapError(f"{ball.where}: is {width} x {height} pixels large; of format {kind}, it is a square")
 
-    def write() -> tuple[Content, ...]:
-        pixels = _unroll_pixels(ball.radiance.astype(np.float64), kind).astype(np.float32)
-        return (Content.written(".exr", lambda path: write_exr(path, "RGB", pixels)),)
+    def write(path: Path) -> None:
+        write_exr(path, "RGB", _unroll_pixels(ball.radiance.astype(np.float64), kind).astype(np.float32))
 
     key = hashlib.sha256(f"{ball.digest} {kind} {_VERSION}".encode()).hexdigest()
-    (content,) = cached_files("balls", key, write)
-    environment = make_environment(ball.name, read_exr(content.path, "RGB"), ball.where)
+    file = cached_file("balls", key, ".exr", write).path
+    environment = make_environment(ball.name, read_exr(file, "RGB"), ball.where)
     before, after = ball_power(ball.radiance, kind), _power(environment.radiance)
     return environment, abs(after - before) / before if before else 0.0
 

@@ -12,18 +12,20 @@ from pxr import Tf, Usd, UsdGeom, Vt
 from lookdev.arrays import Floats
 from lookdev.errors import Fault, RigError
 from lookdev.light.base import Light
-from lookdev.light.dome.environment import GREATEST_PEAK, LEAST_PEAK
+from lookdev.light.dome.environment import exposure_fault
 from lookdev.light.emission import Emission
 from lookdev.light.placement import checked_axes, placement, vector
-from lookdev.light.rig.attributes import LightPrim, time_label
+from lookdev.light.rig.attributes import LightPrim, RigReport, time_label
 from lookdev.light.rig.change import LightValue, change_values
 from lookdev.light.rig.emission import read_emission
 from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_attribute_owners, find_lights, is_light
 from lookdev.light.rig.images import LightImage, load_light_image
-from lookdev.light.rig.report import RigReport
 from lookdev.light.usd import LightShape, PlacedPrim
-from lookdev.stage import Composed, Composition, compose, error_words, quote, units, usd_errors_as_faults
-from lookdev.stage.units import Z_UP
+from lookdev.stage import Composed, Composition, compose, error_words, prim_and_ancestors, quote, usd_errors_as_faults
+from lookdev.stage.units import Z_UP, is_y_up
+from lookdev.stage.units import faults as unit_faults
+
+_Images = dict[tuple[object, ...], LightImage]  # by `_Pending.key`
 
 _SMALLEST, _LARGEST = 1e-9, 1e9  # metres, of a light
 _FARTHEST = 1e15  # units of the stage, in a matrix
@@ -58,11 +60,8 @@ class Rig:
         """Raise RigError if shaders, in float32, cannot compute with the radiance of a light times 2^exposure."""
         report = RigReport(self.file)
         for rig_light in self.given:
-            peak = rig_light.peak * 2.0**exposure
-            if peak and not LEAST_PEAK <= peak <= GREATEST_PEAK:
-                exposed = f" times 2^{exposure:g}" if exposure else ""
-                problem = f"its largest radiance{exposed} is {peak:g}"
-                report.fault(rig_light.path, problem, f"from {LEAST_PEAK:g} to {GREATEST_PEAK:g} would be right")
+            if fault := exposure_fault(rig_light.peak, exposure):
+                report.fault(rig_light.path, *fault)
         if report.faults:
             raise RigError(report.faults)
 
@@ -97,7 +96,7 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
     with usd_errors_as_faults(file) as warnings:
         fit, pending = _Reader(composed, sampled, report).read()
     # Images are read and checked outside of `usd_errors_as_faults`: a dome's tables take longer than it allows.
-    images: dict[tuple[object, ...], LightImage] = {}
+    images: _Images = {}
     for pending_light in pending:
         _read_image(pending_light, images, report)
     if report.faults:
@@ -151,8 +150,8 @@ class _Reader:
         """Return whether the rig fits its asset, and its lights; raise RigError if the stage has no valid unit."""
         report, stage = self._report, self._stage
         fit = self._fit_flag()
-        unit, y_up = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage), units.is_y_up(stage)
-        for problem, right in units.faults(stage, unit):
+        unit, y_up = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage), is_y_up(stage)
+        for problem, right in unit_faults(stage, unit):
             report.fault("", problem, f"{right} would be right")
         if report.faults:
             raise RigError(report.faults)
@@ -168,11 +167,9 @@ class _Reader:
 
     def _fit_flag(self) -> bool:
         """Return ``lookdev:fit`` of the root, or of the nearest prim above it that has it."""
-        prim = self._root
-        while prim and not prim.IsPseudoRoot():
+        for prim in prim_and_ancestors(self._root):
             if prim.HasAttribute("lookdev:fit"):
                 return LightPrim(prim, self._time, self._report).flag("lookdev:fit")
-            prim = prim.GetParent()
         return False
 
     def _other_lights_hint(self) -> str:
@@ -207,11 +204,8 @@ class _Reader:
 
     def _matrix(self, prim: Usd.Prim) -> Floats | None:
         """Return a light's matrix (4, 4) to the stage, for column vectors; None, with a fault, if it is wrong."""
-        ancestor = prim
-        while ancestor and not ancestor.IsPseudoRoot():
-            if not self._has_operations(ancestor):
-                return None
-            ancestor = ancestor.GetParent()
+        if not all(map(self._has_operations, prim_and_ancestors(prim))):
+            return None
         try:
             matrix = np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64).T
         except Tf.ErrorException as error:
@@ -247,7 +241,7 @@ def _size_in_units(shape: LightShape | None, unit: float) -> float:
     return shape.size if shape.area is None else shape.area / (unit * unit)
 
 
-def _read_image(pending: _Pending, images: dict[tuple[object, ...], LightImage], report: RigReport) -> None:
+def _read_image(pending: _Pending, images: _Images, report: RigReport) -> None:
     """Read the image of a light, unless `images` has it from another light."""
     shape, path = pending.shape, f"{pending.path}.inputs:texture:file"
     if shape.image is None:
@@ -261,17 +255,14 @@ def _read_image(pending: _Pending, images: dict[tuple[object, ...], LightImage],
         if image.error is not None:
             height, width = image.environment.radiance.shape[:2]
             size, off = f"{width} x {height}", f"{100.0 * image.error:.2g} %"
-            report.note(
-                path, f"{shape.image}: turned from a ball into a lat-long map of {size}, its power off by {off}"
-            )
+            text = f"turned from a ball into a lat-long map of {size}, its power off by {off}"
+            report.note(path, f"{shape.image}: {text}")
 
 
-def _make_light(
-    pending: _Pending, images: Mapping[tuple[object, ...], LightImage], report: RigReport
-) -> RigLight | None:
+def _make_light(pending: _Pending, images: _Images, report: RigReport) -> RigLight | None:
     """Return a light; None, with a note, if it is black."""
     image = images.get(pending.key)
-    largest, mean = (image.largest, image.mean) if image else (1.0, (1.0, 1.0, 1.0))
+    largest, mean = (float(image.environment.radiance.max()), image.mean) if image else (1.0, (1.0, 1.0, 1.0))
     peak = largest * max(pending.emission.color)
     profile = pending.emission.shaping and pending.emission.shaping.profile
     if peak == 0.0 or (profile and profile.largest == 0.0):

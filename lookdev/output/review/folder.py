@@ -13,7 +13,7 @@ from lookdev.output.frame_name import FRAME_PATTERN, frame_files
 from lookdev.output.manifest import STATE_FOLDER, read_manifest
 from lookdev.output.review import Reel, ReviewFrame, Version, write_page
 from lookdev.output.review.page import Written
-from lookdev.scene.charts import FOLDER, STRIP
+from lookdev.scene.charts.props import FOLDER, STRIP
 
 PAGE_FOLDER = "review"
 """Default folder of the page inside the output folder."""

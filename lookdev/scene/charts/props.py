@@ -8,7 +8,7 @@ no part of it shadows another, or is reflected in another.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, Self, cast
@@ -23,13 +23,10 @@ from lookdev.light import Light
 from lookdev.material import Layer, Look, Primvar
 from lookdev.scene.camera import Camera
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
-from lookdev.scene.linking import link_lights
-from lookdev.scene.scene import Film, Scene
+from lookdev.scene.scene import Film, Scene, link_lights
 from lookdev.space import REC709, Space
 
 Place = Literal["bottom", "top", "left", "right"]
-
-PLACES: tuple[Place, ...] = ("bottom", "top", "left", "right")
 
 FOLDER = "charts"
 """The folder of the frames of props, beside those of looks."""
@@ -129,20 +126,15 @@ class Strip:
         aspect = _COLUMNS / _ROWS
         sizes = [(across, across)] * 2 + [(across, across / aspect) if self.upright else (across * aspect, across)]
         gap = _GAP * self.thickness
-        box = self.box
-        x, y = box.middle
+        x, y = self.box.middle
         lengths = [size[self.upright] for size in sizes]
         along = (y if self.upright else x) - 0.5 * (sum(lengths) + 2.0 * gap)
         boxes = []
-        for width, height in sizes:
-            boxes.append(
-                Box(x - 0.5 * width, along, width, height)
-                if self.upright
-                else Box(along, y - 0.5 * height, width, height)
-            )
-            along += (height if self.upright else width) + gap
-        chrome, grey, chart = boxes
-        return chrome, grey, chart
+        for (width, height), length in zip(sizes, lengths, strict=True):
+            left, top = (x - 0.5 * width, along) if self.upright else (along, y - 0.5 * height)
+            boxes.append(Box(left, top, width, height))
+            along += length + gap
+        return boxes[0], boxes[1], boxes[2]
 
     @property
     def measured(self) -> dict[str, Box]:
@@ -193,10 +185,8 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))
     digits = 9 - math.floor(math.log10(distance))
     x, y, z = np.round(target, digits).tolist()
-    axis = camera.pivot
-    return replace(
-        camera, fov=_LENS, target=(x, y, z), distance=round(distance, digits), shift=(0.0, 0.0), lens=None, axis=axis
-    )
+    straight = replace(camera, fov=_LENS, shift=(0.0, 0.0), lens=None, axis=camera.pivot)
+    return replace(straight, target=(x, y, z), distance=round(distance, digits))
 
 
 def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Space = REC709) -> Scene:
@@ -206,11 +196,9 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Sp
     """
     asset = asset_of_props(strip, camera)
     look_of_part = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
-    unseen_lights = [light.with_emission(replace(light.emission, camera=False, shadow_link=None)) for light in lights]
-    linked = link_lights(asset, look_of_part, unseen_lights)
-    return Scene(
-        linked.asset, linked.wears, linked.lights, camera, Film(strip.resolution, space), linked.lit, linked.groups
-    )
+    emissions = (replace(light.emission, camera=False, shadow_link=None) for light in lights)
+    unseen_lights = tuple(light.with_emission(emission) for light, emission in zip(lights, emissions, strict=True))
+    return link_lights(Scene(asset, look_of_part, unseen_lights, camera, Film(strip.resolution, space)))
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
@@ -260,7 +248,7 @@ def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
 
 def _chart(width: float, height: float) -> Mesh:
     """Return a card of the patches between borders, which faces -y, about the origin."""
-    xs, zs = (list(_edges(size, count)) for size, count in ((width, _COLUMNS), (height, _ROWS)))
+    xs, zs = (_edges(size, count) for size, count in ((width, _COLUMNS), (height, _ROWS)))
     colors = patch_colors().reshape(_ROWS, _COLUMNS, 3)
     points, face_colors = [], []
     for row, (low, high) in enumerate(pairwise(zs)):
@@ -283,12 +271,9 @@ def _chart(width: float, height: float) -> Mesh:
     )
 
 
-def _edges(size: float, cells: int) -> Iterator[float]:
-    """Yield the coordinates of the edges between borders and patches along a side, centred at 0."""
+def _edges(size: float, cells: int) -> list[float]:
+    """Return the coordinates of the edges between borders and patches along a side, centred at 0."""
     cell = size / cells
-    yield -0.5 * size
-    for number in range(cells):
-        start = -0.5 * size + number * cell
-        yield start + _SEAM * cell
-        yield start + (1.0 - _SEAM) * cell
-    yield 0.5 * size
+    starts = -0.5 * size + np.arange(cells) * cell
+    patches = np.stack([starts + _SEAM * cell, starts + (1.0 - _SEAM) * cell], axis=-1)
+    return [-0.5 * size, *patches.ravel().tolist(), 0.5 * size]

@@ -1,9 +1,12 @@
 """The Designer: looks edited live on the turning asset (Burley 2012, section 6.1).
 
-`opening` opens a job or an asset as a `document`. Its `workspace` has the contents of edited files: their `history`,
-which `edits` of constants and `operations` on stacks extend; the files on disk (`sources`); and the `recovery` of
-unsaved work. `dressing` has the job with its edits, and assigns looks to parts; `looks` finds the files of looks.
-`rows` lists layers for the page; `snapshots` and `thumbnails` are pictures. `exact` renders the exact picture, and
-`pictures` sends it; `turntable` renders turntables; `lights` has the settings of lights. `app` has the routes of the
-page, and `run` serves it. `lookdev.studio.viewport` draws the picture in the browser.
+`open_document` opens a job or an asset as a `document`. Its `workspace` has the contents of edited files: their
+`history`, which `edits` of constants and `operations` on stacks extend; the files on disk (`sources`); and the
+`recovery` of unsaved work. `edited_job` has the job with its edits, and assigns looks to parts; `looks` finds the
+files of looks. `rows` lists layers for the page; `snapshots` and `thumbnails` are pictures. `exact` renders the exact
+picture, and `exact_socket` sends it; `turntable` renders turntables; `lights` has the settings of lights.
+
+The page is made of `panels`: each has a record, a module of the page in `static/`, and `routes`, which answer its
+requests by the `session`. `app` is the application of them, and `run` serves it. `lookdev.studio.viewport` draws the
+picture in the browser.
 """

@@ -20,7 +20,7 @@ from lookdev.material.library import LIBRARY_VARIABLE, library_folders
 from lookdev.material.library.constants import set_inputs
 from lookdev.material.library.fragments import copy_layer, save_preset
 from lookdev.scene import Scene
-from lookdev.studio.designer.dressing import EditedJob, Read, shipped_lights
+from lookdev.studio.designer.edited_job import EditedJob, Read, shipped_lights
 from lookdev.studio.designer.edits import Edit, check_value, shape_of
 from lookdev.studio.designer.history import State
 from lookdev.studio.designer.looks import Looks, looks_of

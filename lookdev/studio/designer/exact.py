@@ -28,7 +28,7 @@ from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
-from lookdev.studio.talk import Cancelled, Ticket
+from lookdev.studio.websocket import Cancelled, Ticket
 
 LONGEST_SIDE = {"mitsuba": 640, "exact": 320}
 """Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""

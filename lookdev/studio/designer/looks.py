@@ -12,7 +12,7 @@ from lookdev.errors import LookdevError, ModelError
 from lookdev.material import Look
 from lookdev.material.library.stack import Entry, Outline
 from lookdev.scene import Scene
-from lookdev.studio.designer.dressing import EditedJob, Read
+from lookdev.studio.designer.edited_job import EditedJob, Read
 from lookdev.studio.designer.history import State
 from lookdev.studio.designer.sources import Opened, Place, Sources
 

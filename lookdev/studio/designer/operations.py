@@ -14,6 +14,7 @@ from lookdev.material.library.arrange import enable_layer, move_layer, rename_la
 from lookdev.material.library.edit import add_layer, remove_layer, set_mask
 from lookdev.material.library.fragments import duplicate_layer, paste_layer
 from lookdev.material.library.parameters import set_source, unset_parameter
+from lookdev.material.library.stack import Outline
 from lookdev.studio.designer.rows import read_source
 from lookdev.studio.designer.sources import Opened, Place
 
@@ -25,19 +26,21 @@ def parse_operation(
     body: Mapping[str, Any], location: Place, opened: Opened, variants: Mapping[str, str], roots: Sequence[Path]
 ) -> tuple[str, Operation]:
     """Return the label and the edit of a request for a look; raise LookdevError if the request is not valid."""
-    prim, folder, outline = location.prim, location.file.parent, opened.outline
+    parsed = _parse_stack_operation(body, location, opened.outline, variants)
+    parsed = parsed or _parse_source_operation(body, location, opened, variants, list(roots))
+    if parsed is None:
+        raise ModelError("an edit of the stack has an op, a layer's number, and what the op needs")
+    return parsed
 
-    def kind_of(parameter: str, layer: int) -> Kind:
-        enabled = [entry.number for entry in outline.entries if entry.enabled]
-        model = opened.look.layers[enabled.index(layer)].model if layer in enabled else ""
-        parameters = MODELS[model].parameters if model in MODELS else {}
-        return "color" if parameter in parameters and parameters[parameter].kind == "color" else "float"
 
-    def name(layer: object) -> str:
-        names = [entry.name for entry in outline.entries if entry.number == layer]
-        if not names:
-            raise ModelError(f"the look has no layer {shorten(str(layer), 20)}")
-        return names[0]
+def _parse_stack_operation(
+    body: Mapping[str, Any], location: Place, outline: Outline, variants: Mapping[str, str]
+) -> tuple[str, Operation] | None:
+    """Return the label and the edit of a request that changes layers or variants, or None for another request."""
+    prim = location.prim
+
+    def name(layer: int) -> str:
+        return _layer_name(outline, layer)
 
     match body:
         case {"op": "add", "preset": str(preset)}:
@@ -63,9 +66,26 @@ def parse_operation(
         case {"op": "mode", "layer": int(layer), "mode": "over" | "transmit" as mode}:
             label = f"lay {name(layer)} {'over' if mode == 'over' else 'as a clear coat over'} what is beneath"
             return label, lambda file: set_mode(file, str(layer), mode, prim, variants)
+        case {"op": "paste", "text": str(text)}:
+            return "paste a layer", lambda file: paste_layer(file, text, prim, variants)
+        case {"op": "variant", "set": str(set_name), "choice": str(choice)}:
+            label = f"variant {set_name}: {choice}"
+            return label, lambda file: select_variant(file, set_name, choice, prim)
+    return None
+
+
+def _parse_source_operation(
+    body: Mapping[str, Any], location: Place, opened: Opened, variants: Mapping[str, str], roots: list[Path]
+) -> tuple[str, Operation] | None:
+    """Return the label and the edit of a request that changes a mask or a parameter, or None for another request."""
+    prim, folder = location.prim, location.file.parent
+
+    def name(layer: int) -> str:
+        return _layer_name(opened.outline, layer)
+
+    match body:
         case {"op": "mask", "layer": int(layer), "mask": str(text), "inputs": dict(inputs)}:
-            sources = {str(key): str(value) for key, value in inputs.items() if str(value).strip()}
-            mask = read_source(text, sources, folder, list(roots))
+            mask = read_source(text, _stated_sources(inputs), folder, roots)
             return f"mask of {name(layer)}", lambda file: set_mask(file, str(layer), mask, prim, variants)
         case {
             "op": "source",
@@ -74,20 +94,35 @@ def parse_operation(
             "source": str(text),
             "inputs": dict(inputs),
         }:
-            sources = {str(key): str(value) for key, value in inputs.items() if str(value).strip()}
-            source = read_source(text, sources, folder, list(roots), parameter, kind_of(parameter, layer))
+            kind = _parameter_kind(opened, layer, parameter)
+            source = read_source(text, _stated_sources(inputs), folder, roots, parameter, kind)
             return f"{name(layer)} {parameter}", lambda file: set_source(
                 file, str(layer), parameter, source, prim, variants
             )
         case {"op": "unstate", "layer": int(layer), "parameter": str(parameter)}:
             label = f"{name(layer)} {shorten(parameter, 40)} back to its default"
             return label, lambda file: unset_parameter(file, str(layer), parameter, prim, variants)
-        case {"op": "paste", "text": str(text)}:
-            return "paste a layer", lambda file: paste_layer(file, text, prim, variants)
-        case {"op": "variant", "set": str(set_name), "choice": str(choice)}:
-            label = f"variant {set_name}: {choice}"
-            return label, lambda file: select_variant(file, set_name, choice, prim)
-    raise ModelError("an edit of the stack has an op, a layer's number, and what the op needs")
+    return None
+
+
+def _layer_name(outline: Outline, layer: int) -> str:
+    """Return the name of a layer by its number; raise ModelError if there is no such layer."""
+    names = [entry.name for entry in outline.entries if entry.number == layer]
+    if not names:
+        raise ModelError(f"the look has no layer {shorten(str(layer), 20)}")
+    return names[0]
+
+
+def _parameter_kind(opened: Opened, layer: int, parameter: str) -> Kind:
+    """Return whether a parameter of a layer takes colours or numbers."""
+    enabled = [entry.number for entry in opened.outline.entries if entry.enabled]
+    model = opened.look.layers[enabled.index(layer)].model if layer in enabled else ""
+    parameters = MODELS[model].parameters if model in MODELS else {}
+    return "color" if parameter in parameters and parameters[parameter].kind == "color" else "float"
+
+
+def _stated_sources(inputs: Mapping[Any, Any]) -> dict[str, str]:
+    return {str(name): str(source) for name, source in inputs.items() if str(source).strip()}
 
 
 def _move_above(file: Path, number: int, to: int, prim: str, variants: Mapping[str, str]) -> None:

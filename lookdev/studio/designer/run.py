@@ -8,8 +8,8 @@ from pathlib import Path
 from lookdev.asset import BUILTINS
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.studio import Address
-from lookdev.studio.designer.app import PICTURE, DesignerApp
-from lookdev.studio.designer.opening import open_document
+from lookdev.studio.designer.app import UPLOADS, DesignerApp
+from lookdev.studio.designer.open_document import open_document
 from lookdev.studio.server import serve_page
 
 
@@ -30,7 +30,7 @@ def design(source: str, material: Path | None, address: Address, *, browser: boo
         None if source in BUILTINS else file, source if source in BUILTINS else None, material, recovers=True
     )
     try:
-        serve_page(lambda: DesignerApp(document).application(), address, [PICTURE], browser=browser, say=say)
+        serve_page(lambda: DesignerApp(document).application(), address, UPLOADS, browser=browser, say=say)
     finally:
         if document.close():
             say("unsaved edits are kept: the same command offers them")

@@ -23,7 +23,7 @@ from lookdev.studio.explorer.channel import Channel, parse_options
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.scripts import Scripts
-from lookdev.studio.talk import log
+from lookdev.studio.websocket import log
 
 UPLOAD = "/upload"
 STATIC = Path(__file__).parent / "static"
@@ -32,33 +32,50 @@ VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf", ".csv": "text/csv; charset=utf-8"}
 
 
-def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
-    """Return the application of the Explorer; a page whose URL has no state shows the surfaces `first`."""
-    frames = Frames()
-    threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
-    rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
-    figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is not thread-safe
-    start_data = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
+class ExplorerApp:
+    """The application of the Explorer; a page whose URL has no state shows the surfaces `first`."""
+
+    def __init__(self, surfaces: Surfaces, first: Sequence[str]) -> None:
+        self._surfaces = surfaces
+        self._frames = Frames()
+        self._threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
+        self._rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
+        self._figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is not thread-safe
+        self._start_data = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
+
+    def application(self) -> Starlette:
+        """Return the ASGI application."""
+        return Starlette(
+            routes=[
+                Route("/start", self._send_start),
+                WebSocketRoute("/talk", self._open_channel),
+                Route(UPLOAD, self._store_upload, methods=["POST"]),
+                Route("/save/{kind}.{suffix}", self._send_plot),
+                Mount("/viewport", Scripts(directory=VIEWPORT)),
+                Mount("/", Scripts(directory=STATIC, html=True)),
+            ],
+            lifespan=self._lifespan,
+        )
 
     @asynccontextmanager
-    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+    async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
         try:
             yield
         finally:
-            frames.close()
-            for pool in (threads, rendering, figures):
+            self._frames.close()
+            for pool in (self._threads, self._rendering, self._figures):
                 pool.shutdown(wait=False, cancel_futures=True)
 
-    async def start(request: Request) -> Response:
-        return Response(start_data, media_type="application/json", headers={"cache-control": "no-store"})
+    async def _send_start(self, request: Request) -> Response:
+        return Response(self._start_data, media_type="application/json", headers={"cache-control": "no-store"})
 
-    async def open_channel(socket: WebSocket) -> None:
-        await Channel(socket, surfaces, frames, threads, rendering).run()
+    async def _open_channel(self, socket: WebSocket) -> None:
+        await Channel(socket, self._surfaces, self._frames, self._threads, self._rendering).run()
 
-    async def upload(request: Request) -> Response:
+    async def _store_upload(self, request: Request) -> Response:
         name = request.query_params.get("name", "upload")
         try:
-            stored_name = await surfaces.roots.upload(name, request.stream())
+            stored_name = await self._surfaces.roots.upload(name, request.stream())
         except LookdevError as error:
             log.warning("refused the upload %s: %s", shorten(name, 80), shorten(str(error), 160))
             return JSONResponse({"error": f"{shorten(name, 80)}: {error}"}, 422)
@@ -66,21 +83,14 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
             return PlainTextResponse("", 400)
         return JSONResponse({"name": stored_name})
 
-    def write_plot(kind: str, suffix: str, words: Sequence[str], options: str) -> bytes:
-        plot = draw(kind, [surfaces.subject(subject) for subject in words], parse_options(json.loads(options)))
-        with tempfile.TemporaryDirectory(prefix="lookdev-plot-") as folder:
-            file = Path(folder) / f"plot{suffix}"
-            plot.write(file)
-            return file.read_bytes()
-
-    async def save(request: Request) -> Response:
+    async def _send_plot(self, request: Request) -> Response:
         kind, suffix = request.path_params["kind"], f".{request.path_params['suffix']}"
         if suffix not in SUFFIXES:
             return PlainTextResponse(f"one of {', '.join(SUFFIXES)} would be right\n", 404)
         words, options = request.query_params.getlist("s"), request.query_params.get("options", "{}")
 
         def draw_in_turn() -> bytes:
-            return figures.submit(write_plot, kind, suffix, words, options).result()
+            return self._figures.submit(self._draw_plot, kind, suffix, words, options).result()
 
         try:
             data = await anyio.to_thread.run_sync(draw_in_turn)
@@ -89,14 +99,10 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
         headers = {"content-disposition": f'attachment; filename="{kind}{suffix}"', "cache-control": "no-store"}
         return Response(data, media_type=_TYPES[suffix], headers=headers)
 
-    return Starlette(
-        routes=[
-            Route("/start", start),
-            WebSocketRoute("/talk", open_channel),
-            Route(UPLOAD, upload, methods=["POST"]),
-            Route("/save/{kind}.{suffix}", save),
-            Mount("/viewport", Scripts(directory=VIEWPORT)),
-            Mount("/", Scripts(directory=STATIC, html=True)),
-        ],
-        lifespan=lifespan,
-    )
+    def _draw_plot(self, kind: str, suffix: str, words: Sequence[str], options: str) -> bytes:
+        """Return the file of a plot of some surfaces."""
+        plot = draw(kind, [self._surfaces.subject(surface) for surface in words], parse_options(json.loads(options)))
+        with tempfile.TemporaryDirectory(prefix="lookdev-plot-") as folder:
+            file = Path(folder) / f"plot{suffix}"
+            plot.write(file)
+            return file.read_bytes()

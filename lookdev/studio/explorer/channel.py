@@ -23,7 +23,7 @@ from lookdev.studio.explorer import shading, usd
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import packet
-from lookdev.studio.talk import Answer, PageSocket, Ticket, log
+from lookdev.studio.websocket import Answer, PageSocket, Ticket, log
 from lookdev.text import TextError, parse_json
 
 _MOST_WAITING = 64

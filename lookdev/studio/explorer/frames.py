@@ -21,7 +21,7 @@ from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Sampling, Scene
 from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
-from lookdev.studio.talk import Ticket
+from lookdev.studio.websocket import Ticket
 
 BACKEND = "exact"
 SIZE = 288

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lookdev.plotting.subject import LOOK, split_label
 from lookdev.studio import Address
-from lookdev.studio.explorer.app import UPLOAD, application
+from lookdev.studio.explorer.app import UPLOAD, ExplorerApp
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.roots import Roots
 from lookdev.studio.server import serve_page
@@ -38,7 +38,9 @@ def explore(
         first = [named_words(words, roots) for words in subjects]
         for words in first:
             surfaces.subject(words)
-        serve_page(lambda: application(surfaces, first or FIRST), address, [UPLOAD], browser=browser, say=say)
+        serve_page(
+            lambda: ExplorerApp(surfaces, first or FIRST).application(), address, [UPLOAD], browser=browser, say=say
+        )
 
 
 def named_words(words: str, roots: Roots) -> str:

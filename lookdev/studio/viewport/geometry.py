@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.arrays import Array, Floats32, Records
-from lookdev.asset import Asset, Mesh
+from lookdev.arrays import Array, Floats, Floats32, Ints, Records
+from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
@@ -89,30 +90,14 @@ def corners_of(
     rows, slots = [], []
     for instance in asset.instances:
         mesh, (triangles, faces) = asset.meshes[instance.mesh], triangulations[instance.mesh]
-        linear = instance.matrix[:3, :3]
-        texels = np.zeros((len(mesh.corner_points), stride, 4))
-        points = mesh.points.astype(np.float64) @ linear.T + instance.matrix[:3, 3] - np.array(asset.center)
-        texels[:, 0, :3] = points[mesh.corner_points]
-        texels[:, 0, 3] = np.sign(np.linalg.det(linear))
-        normals = mesh.normals.astype(np.float64) @ np.linalg.inv(linear)
-        texels[:, 1, :3] = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
-        for binding, (texel, start) in locations.items():
-            width = _width(binding)
-            tangent = binding.attribute == TANGENT
-            values = tangents[instance.mesh] @ linear.T if tangent else _corner_values(binding, mesh)
-            texels[:, texel, start : start + width] = values.reshape(-1, width)
+        texels = _instance_texels(asset, instance, tangents, stride, locations)
         triangle_texels = texels.astype(np.float32)[triangles]
         triangle_texels[:, :, 1, 3] = mesh.face_slots[faces, None]
         positions = triangle_texels[:, :, 0, :3].astype(np.float64)
         area = np.linalg.norm(np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0]), axis=-1)
         rows.append(triangle_texels[area > 0.0])
         slots.append(mesh.face_slots[faces][area > 0.0])
-    rank = np.empty(len(asset.slots), np.int64)
-    rank[np.asarray(order)] = np.arange(len(order))
-    ranks = rank[np.concatenate(slots)]
-    ends = np.cumsum(np.bincount(ranks, minlength=len(order))).tolist()
-    ranges = tuple(Range(slot, *pair) for slot, *pair in zip(order, [0, *ends], ends, strict=False))
-    sorted_rows = np.concatenate(rows)[np.argsort(ranks, kind="stable")]
+    sorted_rows, ranges = _sort_by_slot(np.concatenate(rows), np.concatenate(slots), order)
     vertices, indices = _number_vertices(sorted_rows[:, :, 0, :3])
     corner_texels = np.asarray(sorted_rows.reshape(-1, 4), np.float32)
     if not occluding:
@@ -120,6 +105,39 @@ def corners_of(
     hierarchy = Hierarchy.of(sorted_rows[:, :, 0, :3], sorted_rows[:, 0, 1, 3])
     texels = np.concatenate([corner_texels, hierarchy.texels]).astype(np.float32, copy=False)
     return Corners(texels, vertices, indices, stride, ranges, locations, len(corner_texels), hierarchy.nodes)
+
+
+def _instance_texels(
+    asset: Asset,
+    instance: Instance,
+    tangents: Sequence[Floats32],
+    stride: int,
+    locations: Mapping[AttributeBinding, tuple[int, int]],
+) -> Floats:
+    """Return the texels (n, stride, 4) of the corners of an instance; their slots are 0."""
+    mesh, linear = asset.meshes[instance.mesh], instance.matrix[:3, :3]
+    texels = np.zeros((len(mesh.corner_points), stride, 4))
+    points = mesh.points.astype(np.float64) @ linear.T + instance.matrix[:3, 3] - np.array(asset.center)
+    texels[:, 0, :3] = points[mesh.corner_points]
+    texels[:, 0, 3] = np.sign(np.linalg.det(linear))
+    normals = mesh.normals.astype(np.float64) @ np.linalg.inv(linear)
+    texels[:, 1, :3] = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    for binding, (texel, start) in locations.items():
+        width = _width(binding)
+        is_tangent = binding.attribute == TANGENT
+        values = tangents[instance.mesh] @ linear.T if is_tangent else _corner_values(binding, mesh)
+        texels[:, texel, start : start + width] = values.reshape(-1, width)
+    return texels
+
+
+def _sort_by_slot(rows: Floats32, slots: Ints, order: Sequence[int]) -> tuple[Floats32, tuple[Range, ...]]:
+    """Return the rows of triangles in the order of their slots, and the range of each slot."""
+    rank = np.empty(len(order), np.int64)
+    rank[np.asarray(order)] = np.arange(len(order))
+    ranks = rank[slots]
+    ends = np.cumsum(np.bincount(ranks, minlength=len(order))).tolist()
+    ranges = tuple(Range(slot, *pair) for slot, *pair in zip(order, [0, *ends], ends, strict=False))
+    return rows[np.argsort(ranks, kind="stable")], ranges
 
 
 def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:

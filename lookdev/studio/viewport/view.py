@@ -16,7 +16,7 @@ from lookdev.codegen.glsl.look import LookFunctions, look_functions
 from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
 from lookdev.codegen.program.look import Live, stated_constants
 from lookdev.light import Dome, Stand
-from lookdev.light.dome.files import read_exr
+from lookdev.light.dome.environment import read_exr
 from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.textures import image_file
@@ -24,7 +24,7 @@ from lookdev.output.color import DisplayView
 from lookdev.output.review.view import view_shader
 from lookdev.scene import Camera, Scene
 from lookdev.studio.viewport.buffers import Buffers
-from lookdev.studio.viewport.geometry import WIDTH, corners_of
+from lookdev.studio.viewport.geometry import WIDTH, Corners, corners_of
 from lookdev.studio.viewport.shaders import (
     LookShaders,
     Shadows,
@@ -100,29 +100,21 @@ def view_scene(
     shadows = [Shadows.of(scene.asset, look, rig) for look in functions]
     corners = corners_of(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
     left_out = [INTERREFLECTION, *[_HOLES] * any(look.see_through for look in functions)]
-    ranges = {triangles.slot: triangles for triangles in corners.ranges}
-    parts: list[_Part] = [
-        {"path": slot.path, "look": look_numbers[number], "first": ranges[number].first, "last": ranges[number].last}
-        for number, slot in enumerate(scene.asset.slots)
+    shaders = [
+        look_shaders(glsl, rig, corners, shadow, scene.asset.convex)
+        for glsl, shadow in zip(functions, shadows, strict=True)
     ]
+    parts = _parts(scene, look_numbers, corners)
     data = {
         "resolution": list(scene.film.resolution),
         "camera": _camera(scene.camera),
         "center": list(scene.asset.center),
         "radius": scene.asset.radius,
         "vertex": vertex_shader(),
-        "corners": buffers.rows(corners.texels, WIDTH),
-        "vertices": buffers.array(corners.vertices),
-        "indices": buffers.array(corners.indices),
+        **_geometry(corners, buffers),
         "looks": [
-            _look(
-                look,
-                glsl,
-                look_shaders(glsl, rig, corners, shadows[number], scene.asset.convex),
-                buffers,
-                [part for part in parts if part["look"] == number],
-            )
-            for number, (look, glsl) in enumerate(zip(looks, functions, strict=True))
+            _look(look, glsl, shader, buffers, [part for part in parts if part["look"] == number])
+            for number, (look, glsl, shader) in enumerate(zip(looks, functions, shaders, strict=True))
         ],
         "parts": parts,
         "rig": _rig(rig, buffers),
@@ -141,6 +133,23 @@ def light_rows(scene: Scene) -> Floats32:
     A change of a light's radiance changes these numbers, and no shader.
     """
     return CodedRig.of(scene.lights).rows(Stand(scene.asset.center, scene.camera.pivot))
+
+
+def _parts(scene: Scene, look_numbers: Sequence[int], corners: Corners) -> list[_Part]:
+    """Return the slots of the asset, each with the number of its look and its range of triangles."""
+    ranges = {triangles.slot: triangles for triangles in corners.ranges}
+    return [
+        {"path": slot.path, "look": look_numbers[number], "first": ranges[number].first, "last": ranges[number].last}
+        for number, slot in enumerate(scene.asset.slots)
+    ]
+
+
+def _geometry(corners: Corners, buffers: Buffers) -> Mapping[str, object]:
+    return {
+        "corners": buffers.rows(corners.texels, WIDTH),
+        "vertices": buffers.array(corners.vertices),
+        "indices": buffers.array(corners.indices),
+    }
 
 
 def _camera(camera: Camera) -> Mapping[str, object]:

@@ -22,8 +22,9 @@ from lookdev.asset.builtin import make_plane, make_sphere
 from lookdev.build.scenes import job_scenes
 from lookdev.cache import Content
 from lookdev.job import load_job
-from lookdev.light import LIGHT_KINDS, Emission, Light, Profile, Shaping
+from lookdev.light import LIGHT_KINDS, Emission, Light, Shaping
 from lookdev.light.dome.maps import load_dome
+from lookdev.light.ies import Profile
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.reference.mesh import MeshScene
@@ -243,7 +244,7 @@ def test_a_slider_shows_in_time(asset: str, look: str, page: ViewportPage) -> No
         "  await pause(150);"
         "  const started = performance.now();"
         "  viewport.setNumbers(0, {[name]: [0.2 + 0.02 * k]});"
-        "  await viewport.changed();"
+        "  await viewport.waitForPicture();"
         "  times.push((performance.now() - started) / 1000);"
         "}"
         "return [times, viewport.scale]"

@@ -17,9 +17,9 @@ PAGE = """<!doctype html><meta charset="utf-8"><title>viewport</title><link rel=
 <script type="module">
 import { Viewport } from "/static/viewport.js";
 import * as cameras from "/static/camera.js";
-const fetched = async (name) => (await fetch(`/buffers/${name}`)).arrayBuffer();
+const fetchBuffer = async (name) => (await fetch(`/buffers/${name}`)).arrayBuffer();
 window.cameras = cameras;
-window.viewport = new Viewport(document.querySelector("canvas"), fetched);
+window.viewport = new Viewport(document.querySelector("canvas"), fetchBuffer);
 window.show = async () => viewport.show(await (await fetch("/scene.json")).json());
 window.ready = true;
 </script>
@@ -39,7 +39,7 @@ class ViewportPage(Page):
         for key, data in view.buffers.items():
             (self._folder / "buffers" / key).write_bytes(data)
         (self._folder / "scene.json").write_text(json.dumps(view.data), encoding="utf-8")
-        self.js("await show(); await viewport.changed()")
+        self.js("await show(); await viewport.waitForPicture()")
 
     def accumulate(self, count: int) -> Floats32:
         """Return the means (H, W, 4) of this number of samples."""
@@ -47,7 +47,7 @@ class ViewportPage(Page):
         while not data:  # in calls that are shorter than what the driver waits for
             data = self.bytes(
                 "viewport.set({most: given[0]});"
-                "return await Promise.race([viewport.accumulated(given[0]), pause(30000)])",
+                "return await Promise.race([viewport.accumulate(given[0]), pause(30000)])",
                 count,
             )
         return np.frombuffer(data, "<f4").reshape(self.js("return viewport.canvas.height"), -1, 4)

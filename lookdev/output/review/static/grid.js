@@ -78,7 +78,7 @@ review.grid = (target, index, names, open) => {
         button.replaceChildren(reel ? "" : "no frames");
         if (!reel) button.style.backgroundImage = "";
       }
-      const marks = [a, b].map((each) => each && each.look === cell.look && each.rig === cell.rig);
+      const marks = [a, b].map((side) => side && side.look === cell.look && side.rig === cell.rig);
       button.className = `cell${marks[0] ? " a" : ""}${marks[1] ? " b" : ""}`;
       button.setAttribute(
         "aria-label",
@@ -89,7 +89,7 @@ review.grid = (target, index, names, open) => {
       // The last frame up to the number: another one may be missing here.
       cell.number = Math.max(
         0,
-        reel.numbers.findLastIndex((each) => each <= number),
+        reel.numbers.findLastIndex((other) => other <= number),
       );
       review.showSprite(button, reel, cell.number);
       load(cell);

@@ -1,13 +1,13 @@
 // @ts-check
-// Hands and keys.
+// The pointer and the keys.
 "use strict";
 
 review.clamp = (value, low, high) => Math.min(high, Math.max(low, value));
-review.wrapped = (value, count) => ((value % count) + count) % count;
+review.wrap = (value, count) => ((value % count) + count) % count;
 
 review.followPointer = (page) => {
-  const { clamp, wrapped } = review;
-  const { state, stage, box, set, stepTurntable, cursor } = page;
+  const { clamp, wrap } = review;
+  const { state, stage, box, set, stepTurntable, setCursor } = page;
   // Dragging: the wipe in its mode, else the turntable; with shift held, the other turntable.
   let drag = null;
   const pixelAt = (event) => {
@@ -33,8 +33,8 @@ review.followPointer = (page) => {
     if (!reel) return;
     if (!drag) {
       const at =
-        event.pointerType === "mouse" && !(state.cursor && state.cursor.kept) && pixelAt(event);
-      if (at) cursor(...at, false);
+        event.pointerType === "mouse" && !(state.cursor && state.cursor.pinned) && pixelAt(event);
+      if (at) setCursor(...at, false);
       return;
     }
     const across = event.clientX - drag.x;
@@ -43,13 +43,14 @@ review.followPointer = (page) => {
     if (state.mode === "wipe") return set({ split: splitAt(event) });
     // the picture's width is a whole turn
     const by = Math.round((across / box.clientWidth) * reel.count);
-    const frame = wrapped(drag.frame + by, reel.count);
+    const frame = wrap(drag.frame + by, reel.count);
     if (frame !== state.frame) set({ frame });
   });
   const release = (event) => {
     if (drag && !drag.moved && event.type === "pointerup" && state.mode !== "wipe") {
       const at = pixelAt(event);
-      if (at) cursor(...at, !(state.cursor && state.cursor.kept) || event.pointerType !== "mouse");
+      if (at)
+        setCursor(...at, !(state.cursor && state.cursor.pinned) || event.pointerType !== "mouse");
     }
     drag = null;
   };
@@ -72,7 +73,7 @@ review.followKeys = (page) => {
     swap,
     expose,
     play,
-    cursor,
+    setCursor,
     moveCursor,
   } = page;
   const help = document.getElementById("help");
@@ -119,8 +120,8 @@ review.followKeys = (page) => {
       "p",
       "values of a pixel: the middle, or none",
       () =>
-        state.cursor && state.cursor.kept
-          ? cursor(state.cursor.x, state.cursor.y, false)
+        state.cursor && state.cursor.pinned
+          ? setCursor(state.cursor.x, state.cursor.y, false)
           : moveCursor(0, 0),
     ],
     ["Escape", "esc", "the plain picture", () => set({ mode: "picture" })],

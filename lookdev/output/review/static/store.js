@@ -54,7 +54,7 @@ window.review = (() => {
     return scripts.get(name);
   }
 
-  async function inflated(text) {
+  async function inflate(text) {
     const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
     return new Uint8Array(await new Response(stream).arrayBuffer());
@@ -64,7 +64,7 @@ window.review = (() => {
   async function decode(key) {
     const entry = await read(key, `data/frames/${key}.js`);
     scripts.delete(key); // what is decoded is kept instead
-    const bytes = await inflated(entry.data);
+    const bytes = await inflate(entry.data);
     const count = entry.width * entry.height;
     const plane = (number, target, offset, step) => {
       const high = 2 * number * count,
@@ -82,10 +82,10 @@ window.review = (() => {
   // Return the numbers of a frame, as a promise.
   function pixels(key) {
     if (decoded.has(key)) {
-      const found = decoded.get(key);
+      const entry = decoded.get(key);
       decoded.delete(key);
-      decoded.set(key, found);
-      return found.promise;
+      decoded.set(key, entry);
+      return entry.promise;
     }
     const slot = { promise: null, value: null, bytes: 0 };
     slot.promise = decode(key).then(

@@ -49,7 +49,7 @@ review.start = (index) => {
     rig: state.b.rig || state.a.rig,
   });
   const comparing = () => state.mode !== "picture";
-  const { clamp, wrapped } = review;
+  const { clamp, wrap } = review;
   const canvas = $("canvas"),
     picture = $("picture"),
     stage = $("stage"),
@@ -71,30 +71,30 @@ review.start = (index) => {
     );
   }
 
-  // What is drawn: frames of the reels' scripts, and the numbers of those that are read.
-  let shown = { a: null, b: null };
+  // The pixels of the frames that are drawn.
+  let images = { a: null, b: null };
   let turn = 0;
 
   // Frames are in step by the numbers in their names, as some may be missing: that of the state is
-  // a place in A's reel.
-  const shownNumber = () => {
+  // an index in A's reel.
+  const frameNumber = () => {
     const reel = find(state.a);
     return reel ? reel.numbers[clamp(state.frame, 0, reel.count - 1)] : 1;
   };
   async function frameOf(side) {
     const reel = find(side),
-      place = reel ? reel.numbers.indexOf(shownNumber()) : -1;
-    if (place < 0) return null;
+      position = reel ? reel.numbers.indexOf(frameNumber()) : -1;
+    if (position < 0) return null;
     const frames = await review.read(reel.script, reel.script);
-    return frames[place];
+    return frames[position];
   }
 
-  // What is to be drawn, as text; the page has it in data-drawn once it is.
-  const described = () =>
+  // The state as text; the page has it in data-drawn once it is drawn.
+  const stateText = () =>
     KEPT.map((key) => state[key])
       .concat(Object.values(state.a), Object.values(sideB()))
       .join(" ");
-  Object.defineProperty(review, "wanted", { get: described });
+  Object.defineProperty(review, "wanted", { get: stateText });
 
   // Show the state: at once what is there, then what must be read.
   async function update() {
@@ -120,7 +120,7 @@ review.start = (index) => {
       if (picture.getAttribute("src") !== source) picture.src = source;
       picture.hidden = false;
     }
-    sized(find(state.a));
+    resizeStage(find(state.a));
     if (!drawer) return;
     clearTimeout(late);
     late = setTimeout(() => notice("reading …"), 400);
@@ -139,20 +139,20 @@ review.start = (index) => {
     ratiosOf = "";
   function draw(a, b) {
     const numbers = [a, b].map((frame) => frame && review.ready(frame.key));
-    shown = { a: numbers[0], b: numbers[1] };
-    const wanted = b && state.mode === "noise" ? `${a.key} ${b.key} ${state.square}` : "";
-    if (wanted !== ratiosOf) {
-      ratios = wanted && review.noiseRatios(shown.a, shown.b, state.square);
-      ratiosOf = wanted;
+    images = { a: numbers[0], b: numbers[1] };
+    const pairKey = b && state.mode === "noise" ? `${a.key} ${b.key} ${state.square}` : "";
+    if (pairKey !== ratiosOf) {
+      ratios = pairKey && review.noiseRatios(images.a, images.b, state.square);
+      ratiosOf = pairKey;
     }
-    drawer.draw(shown.a, shown.b, { ...state, amplify: 2 ** state.amplify });
+    drawer.draw(images.a, images.b, { ...state, amplify: 2 ** state.amplify });
     picture.hidden = true;
     notice("");
-    sized(shown.a);
+    resizeStage(images.a);
     legend(b);
     values();
     ahead();
-    document.body.dataset.drawn = described();
+    document.body.dataset.drawn = stateText();
     review.drawnKeys = [a.key, b ? b.key : ""];
   }
 
@@ -166,7 +166,7 @@ review.start = (index) => {
     const frames = await review.read(reel.script, reel.script);
     const most = Math.min(frames.length, review.roomFor(10 * reel.width * reel.height));
     for (let step = 1; step < most && reading === reel.script; step++) {
-      await review.pixels(frames[wrapped(state.frame + step, frames.length)].key).catch(() => null);
+      await review.pixels(frames[wrap(state.frame + step, frames.length)].key).catch(() => null);
     }
   }
 
@@ -188,14 +188,14 @@ review.start = (index) => {
     delete target.dataset.share;
     if (!b)
       target.textContent = find(sideB())
-        ? `B has no frame ${shownNumber()}`
+        ? `B has no frame ${frameNumber()}`
         : "B has no frames here";
-    else if (shown.a.width !== shown.b.width || shown.a.height !== shown.b.height)
+    else if (images.a.width !== images.b.width || images.a.height !== images.b.height)
       target.textContent = "A and B differ in size";
     else if (state.mode === "difference")
       target.textContent = `(A − B) × ${2 ** state.amplify}, grey where equal`;
     else {
-      const share = ratios && review.shareBeyond(shown.a, shown.b, ratios, 3);
+      const share = ratios && review.shareBeyond(images.a, images.b, ratios, 3);
       target.textContent = ratios
         ? `${(100 * share).toFixed(2)} % of the asset beyond z = 3; noise alone: at most 0.3 %`
         : "the error of a frame is not known: it was rendered without, or by another version";
@@ -203,7 +203,7 @@ review.start = (index) => {
     }
   }
 
-  function sized({ width, height }) {
+  function resizeStage({ width, height }) {
     const room =
       state.zoom === "fit"
         ? Math.min(stage.clientWidth / width, Math.max(200, 0.68 * innerHeight) / height)
@@ -213,7 +213,7 @@ review.start = (index) => {
     box.classList.toggle("pixelated", state.zoom !== "fit");
     $("handle").hidden = state.mode !== "wipe";
     $("handle").style.left = `${100 * state.split}%`;
-    $("cursor").hidden = !state.cursor || !state.cursor.kept;
+    $("cursor").hidden = !state.cursor || !state.cursor.pinned;
     if (state.cursor) {
       $("cursor").style.left = `${(100 * (state.cursor.x + 0.5)) / width}%`;
       $("cursor").style.top = `${(100 * (state.cursor.y + 0.5)) / height}%`;
@@ -221,10 +221,10 @@ review.start = (index) => {
   }
 
   function values() {
-    if (!state.cursor || !shown.a) return;
-    const x = clamp(state.cursor.x, 0, shown.a.width - 1),
-      y = clamp(state.cursor.y, 0, shown.a.height - 1);
-    review.showValues($("values"), x, y, shown.a, shown.b, drawer.codeValues(x, y), ratios);
+    if (!state.cursor || !images.a) return;
+    const x = clamp(state.cursor.x, 0, images.a.width - 1),
+      y = clamp(state.cursor.y, 0, images.a.height - 1);
+    review.showValues($("values"), x, y, images.a, images.b, drawer.codeValues(x, y), ratios);
   }
 
   // Controls, and the address, as the state has them.
@@ -239,7 +239,7 @@ review.start = (index) => {
     const missing = reel && reel.numbers[count - 1] !== count;
     $("number").setAttribute("aria-valuetext", `frame ${state.frame + 1} of ${count}`);
     $("place").textContent =
-      `${state.frame + 1} / ${count}${missing ? `, number ${shownNumber()}` : ""}`;
+      `${state.frame + 1} / ${count}${missing ? `, number ${frameNumber()}` : ""}`;
     $("play").setAttribute("aria-pressed", state.playing);
     $("play").textContent = state.playing ? "Pause" : "Play";
     $("split").value = state.split;
@@ -258,7 +258,7 @@ review.start = (index) => {
       radio.setAttribute("aria-checked", state[key] === value);
       radio.tabIndex = state[key] === value ? 0 : -1;
     }
-    for (const [side, selects] of Object.entries(chosen)) {
+    for (const [side, selects] of Object.entries(choices)) {
       for (const [key, select] of Object.entries(selects))
         select.value = state[side][key] === null ? "" : String(state[side][key]);
     }
@@ -273,7 +273,7 @@ review.start = (index) => {
     );
     cells(
       (look, rig) => find({ ...state.a, look, rig }),
-      shownNumber(),
+      frameNumber(),
       state.a,
       comparing() ? other : null,
     );
@@ -308,11 +308,11 @@ review.start = (index) => {
       for (const side of ["a", "b"]) {
         if (!parts.has(side)) continue;
         const [version, look, rig] = JSON.parse(parts.get(side));
-        const known =
+        const isVersion =
           versions[version] &&
           (names.looks.includes(look) || (side === "b" && look === null)) &&
           (names.rigs.includes(rig) || (side === "b" && rig === null));
-        if (known) state[side] = { version, look, rig };
+        if (isVersion) state[side] = { version, look, rig };
       }
     } catch {
       // not an address of this page
@@ -328,29 +328,29 @@ review.start = (index) => {
   }
 
   const set = (changes) => {
-    const number = shownNumber();
+    const number = frameNumber();
     Object.assign(state, changes);
     // Another look stays at the number of the frame, or at the last before it.
     const reel = find(state.a);
     if (reel && !("frame" in changes))
       state.frame = Math.max(
         0,
-        reel.numbers.findLastIndex((each) => each <= number),
+        reel.numbers.findLastIndex((other) => other <= number),
       );
     update();
   };
   const setSide = (side, changes) => set({ [side]: { ...state[side], ...changes } });
   const step = (by) => {
     const reel = find(state.a);
-    if (reel) set({ frame: wrapped(state.frame + by, reel.count) });
+    if (reel) set({ frame: wrap(state.frame + by, reel.count) });
   };
   const stepName = (key, by) => {
     const list = names[`${key}s`];
-    setSide("a", { [key]: list[wrapped(list.indexOf(state.a[key]) + by, list.length)] });
+    setSide("a", { [key]: list[wrap(list.indexOf(state.a[key]) + by, list.length)] });
   };
   const stepTurntable = (by = 1) => {
     const list = names.turntables;
-    set({ turntable: list[wrapped(list.indexOf(state.turntable) + by, list.length)] });
+    set({ turntable: list[wrap(list.indexOf(state.turntable) + by, list.length)] });
   };
   const toggleMode = (mode) => set({ mode: state.mode === mode ? "picture" : mode });
   const swap = () => set({ a: sideB(), b: { ...state.a } });
@@ -363,15 +363,15 @@ review.start = (index) => {
     set({ playing: on });
   }
 
-  function cursor(x, y, kept) {
-    state.cursor = { x, y, kept };
-    if (shown.a) sized(shown.a);
+  function setCursor(x, y, pinned) {
+    state.cursor = { x, y, pinned };
+    if (images.a) resizeStage(images.a);
     values();
   }
   function moveCursor(dx, dy) {
-    if (!shown.a) return;
-    const { x, y } = state.cursor || { x: shown.a.width >> 1, y: shown.a.height >> 1 };
-    cursor(clamp(x + dx, 0, shown.a.width - 1), clamp(y + dy, 0, shown.a.height - 1), true);
+    if (!images.a) return;
+    const { x, y } = state.cursor || { x: images.a.width >> 1, y: images.a.height >> 1 };
+    setCursor(clamp(x + dx, 0, images.a.width - 1), clamp(y + dy, 0, images.a.height - 1), true);
   }
 
   // Radio buttons and lists.
@@ -396,7 +396,7 @@ review.start = (index) => {
       event.preventDefault();
       event.stopPropagation();
       const at = entries.findIndex(([value]) => value === state[key]);
-      set({ [key]: entries[wrapped(at + by, entries.length)][0] });
+      set({ [key]: entries[wrap(at + by, entries.length)][0] });
       target.querySelector('[aria-checked="true"]').focus();
     });
   }
@@ -423,10 +423,10 @@ review.start = (index) => {
       look: [...follow, ...names.looks.map((name) => [name, name])],
       rig: [...follow, ...names.rigs.map((name) => [name, name])],
     };
-    const made = {};
+    const selects = {};
     for (const [key, entries] of Object.entries(lists)) {
       if (!entries) continue;
-      made[key] = make(
+      selects[key] = make(
         "select",
         {
           "aria-label": `${key} of ${side.toUpperCase()}`,
@@ -439,11 +439,11 @@ review.start = (index) => {
         },
         ...entries.map(([value, text]) => make("option", { value }, text)),
       );
-      $(`choose-${side}`).append(made[key]);
+      $(`choose-${side}`).append(selects[key]);
     }
-    return made;
+    return selects;
   }
-  const chosen = { a: choosers("a"), b: choosers("b") };
+  const choices = { a: choosers("a"), b: choosers("b") };
 
   const cells = review.grid($("cells"), index, names, (look, rig, asB) => {
     const changes = asB ? { b: { ...state.b, look, rig } } : { a: { ...state.a, look, rig } };
@@ -489,7 +489,7 @@ review.start = (index) => {
     names,
     stage,
     box,
-    size: () => shown.a || find(state.a),
+    size: () => images.a || find(state.a),
     reel: () => find(state.a),
     set,
     setSide,
@@ -500,12 +500,12 @@ review.start = (index) => {
     swap,
     expose,
     play,
-    cursor,
+    setCursor,
     moveCursor,
   };
   review.followPointer(page);
   review.followKeys(page);
-  addEventListener("resize", () => shown.a && sized(shown.a));
+  addEventListener("resize", () => images.a && resizeStage(images.a));
   addEventListener("hashchange", () => {
     recall();
     update();
@@ -513,7 +513,7 @@ review.start = (index) => {
 
   document.title = `${index.title}: review`;
   $("title").textContent = index.title;
-  const count = (list, what) => `${list.length} ${what}${list.length === 1 ? "" : "s"}`;
+  const count = (list, noun) => `${list.length} ${noun}${list.length === 1 ? "" : "s"}`;
   $("summary").textContent = [
     count(names.looks, "look"),
     count(names.rigs, "rig"),

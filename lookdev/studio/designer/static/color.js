@@ -1,16 +1,17 @@
 // @ts-check
 // Linear Rec.709 as the colours of an input, sRGB by the piecewise curve of IEC 61966-2-1.
 
-const encoded = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
-const decoded = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+const encodeSrgb = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+const decodeSrgb = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
 
-export const toHex = (color) =>
-  `#${color
-    .map((v) =>
-      Math.round(255 * encoded(Math.min(1, Math.max(0, v))))
-        .toString(16)
-        .padStart(2, "0"),
-    )
-    .join("")}`;
-export const fromHex = (text) =>
-  text.match(/\w\w/g).map((each) => Number(decoded(parseInt(each, 16) / 255).toPrecision(5)));
+/** Return the code values of a colour as "#rrggbb". */
+export function toHex(color) {
+  const codes = color.map((v) => Math.round(255 * encodeSrgb(Math.min(1, Math.max(0, v)))));
+  return `#${codes.map((code) => code.toString(16).padStart(2, "0")).join("")}`;
+}
+
+/** Return the linear colour of "#rrggbb". */
+export function fromHex(text) {
+  const codes = text.match(/\w\w/g).map((digits) => parseInt(digits, 16) / 255);
+  return codes.map((code) => Number(decodeSrgb(code).toPrecision(5)));
+}

@@ -1,39 +1,74 @@
 // @ts-check
-// The renderer's own picture of what the viewport shows: in its place, beside a wipe, or as what
-// both differ by.
+// The exact picture: the renderer's own picture of the viewport's scene, in its place, beside a
+// wipe, or as the difference of both.
 
-import { at } from "./made.js";
-import { packetOf } from "./viewport/packets.js";
+import { byId, makeElement } from "./elements.js";
+import { parsePacket } from "./viewport/packets.js";
 
-const REST = 150; // milliseconds without a change after which the hand rests
-// Samples of the viewport: until the first round is there, which should have the processors, and
-// then by what is shown.
+const REST = 150; // milliseconds without a change, after which a picture is requested
+const RETRY = 2000; // milliseconds after which a connection that broke is opened anew
+// Samples of the viewport: few until the first round is there, which should have the processors.
 const WAITING = 4,
   ALONE = 4096,
   COMPARED = 256,
   MOST = { viewport: ALONE, exact: WAITING, wipe: COMPARED, difference: COMPARED };
+const MODES = { v: "viewport", e: "exact", w: "wipe", d: "difference" }; // by keys
 const STEP = 0.02; // of the width, by which a key moves the wipe
-const percent = (share) => `${(100 * share).toFixed(Math.abs(share) < 0.0995 ? 1 : 0)} %`;
-const signed = (share) => (share > 0 ? "+" : "−") + percent(Math.abs(share));
+const formatShare = (share) => `${(100 * share).toFixed(Math.abs(share) < 0.0995 ? 1 : 0)} %`;
+const formatSigned = (share) => (share > 0 ? "+" : "−") + formatShare(Math.abs(share));
 
-/** `settled` resolves once the server has all edits. */
-export class Exact {
-  constructor(viewport, settled) {
-    this.viewport = viewport;
-    this.settled = settled;
+const stage = `
+  <div id="wipe" role="slider" tabindex="0" hidden
+    aria-label="Wipe: the viewport to the left, the exact picture to the right"
+    aria-valuemin="0" aria-valuemax="100" aria-valuenow="50" aria-orientation="horizontal"
+    title="Left: viewport. Right: exact. Drag, or arrow keys">
+    <span>viewport</span><span>exact</span>
+  </div>
+  <div id="difference" aria-label="Difference" hidden>
+    <p id="difference-mean"></p>
+    <ul id="difference-parts"></ul>
+    <p class="legend"><i class="more"></i>exact is brighter <i class="less"></i>darker</p>
+  </div>`;
+
+const aside = `
+  <section>
+    <h2>Picture</h2>
+    <div id="mode" role="radiogroup" aria-label="Picture">
+      <label title="Direct light with cast shadow, at once (V)">
+        <input type="radio" name="mode" value="viewport"> Viewport</label>
+      <label title="The renderer's own, when the hand rests (E)">
+        <input type="radio" name="mode" value="exact" checked> Exact</label>
+      <label title="Viewport to the left, exact to the right (W)">
+        <input type="radio" name="mode" value="wipe"> Wipe</label>
+      <label title="What exact has besides the viewport (D)">
+        <input type="radio" name="mode" value="difference"> Difference</label>
+    </div>
+    <p id="exact-facts" role="status" aria-live="off"></p>
+  </section>`;
+
+class Exact {
+  constructor(designer) {
+    this.designer = designer;
+    this.viewport = designer.viewport;
     this.id = 0;
-    this.asked = null;
-    this.place = 0.5;
+    /** The newest request, until the server refuses it. */
+    this.request = null;
     this.mode = "exact";
+    /** The newest round of the picture. */
     this.round = null;
     this.problem = "";
-    viewport.addEventListener("change", () => this.cancel());
-    viewport.addEventListener("picture", () => {
+    this.keys = Object.fromEntries(
+      Object.entries(MODES).map(([key, mode]) => [key, () => this.choose(mode)]),
+    );
+    this.viewport.addEventListener("change", () => this.cancel());
+    this.viewport.addEventListener("picture", () => {
       if (this.mode === "difference") this.compare();
     });
     for (const radio of document.querySelectorAll("input[name=mode]"))
       radio.addEventListener("change", () => this.choose(radio.value));
-    this.handle();
+    this.wipe = new Wipe((share) => {
+      if (this.mode === "wipe") this.viewport.set({ wipe: share });
+    });
     this.choose(document.querySelector("input[name=mode]:checked").value);
   }
 
@@ -41,48 +76,47 @@ export class Exact {
   choose(mode) {
     this.mode = mode;
     document.querySelector(`input[name=mode][value=${mode}]`).checked = true;
-    const wipe = { viewport: 1, exact: 0, wipe: this.place, difference: 1 }[mode];
+    const wipe = { viewport: 1, exact: 0, wipe: this.wipe.share, difference: 1 }[mode];
     this.viewport.set({ wipe, differs: mode === "difference" });
     this.limit();
-    at("wipe").hidden = mode !== "wipe";
-    at("difference").hidden = mode !== "difference";
+    byId("wipe").hidden = mode !== "wipe";
+    byId("difference").hidden = mode !== "difference";
     if (mode === "viewport") this.cancel();
-    else if (!this.asked && !this.round) this.rest();
-    this.say();
+    else if (!this.request && !this.round) this.requestPicture();
+    this.describe();
   }
 
-  /** Have the viewport add up as many samples as are seen. */
+  /** Limit the samples of the viewport to those that can be seen. */
   limit() {
     const waits = this.mode !== "viewport" && !this.round && !this.problem;
     this.viewport.settings.most = waits ? WAITING : this.problem ? ALONE : MOST[this.mode];
     this.viewport.wake?.();
   }
 
-  /**
-   * What was asked for is not wanted any more; another picture is asked for when the hand rests.
-   */
+  /** Cancel the picture; another one is requested when nothing has changed for a while. */
   cancel() {
-    if (this.asked) this.send({ do: "cancel" });
-    this.asked = this.round = null;
+    if (this.request) this.send({ do: "cancel" });
+    this.request = this.round = null;
     this.problem = "";
     clearTimeout(this.timer);
-    if (this.mode !== "viewport") this.timer = setTimeout(() => this.rest(), REST);
-    this.say();
+    if (this.mode !== "viewport") this.timer = setTimeout(() => this.requestPicture(), REST);
+    this.describe();
   }
 
-  async rest() {
+  /** Request a picture of the scene, once the server has all edits. */
+  async requestPicture() {
     clearTimeout(this.timer);
     const { viewport } = this,
       version = viewport.version;
     if (!viewport.scene || this.mode === "viewport") return;
-    await this.settled();
+    await this.designer.settle();
     if (version !== viewport.version || this.mode === "viewport") return;
     const { element, lighting } = viewport.settings;
     this.id += 1;
-    this.asked = {
+    this.request = {
       id: this.id,
       version,
-      at: performance.now(),
+      time: performance.now(),
       state: "waiting for the renderer…",
     };
     this.send({
@@ -93,235 +127,244 @@ export class Exact {
       lighting,
       size: [viewport.canvas.width, viewport.canvas.height],
     });
-    this.say();
+    this.describe();
   }
 
   async send(message) {
     if (!this.socket || this.socket.readyState > 1) this.connect();
     const { socket } = this;
-    await this.open;
+    await this.opening;
     if (socket === this.socket && socket.readyState === 1) socket.send(JSON.stringify(message));
   }
 
   connect() {
     const socket = (this.socket = new WebSocket(`ws://${location.host}/exact`));
     socket.binaryType = "arraybuffer";
-    this.open = new Promise((done) => {
-      socket.onopen = socket.onerror = done;
+    this.opening = new Promise((resolve) => {
+      socket.onopen = socket.onerror = resolve;
     });
     socket.onmessage = ({ data }) =>
-      this.receive(typeof data === "string" ? JSON.parse(data) : packetOf(data));
+      this.receive(typeof data === "string" ? JSON.parse(data) : parsePacket(data));
     socket.onclose = () => {
-      if (socket !== this.socket || !this.asked) return;
-      this.asked = null;
+      if (socket !== this.socket || !this.request) return;
+      this.request = null;
       this.problem = "the server does not answer: the exact picture follows when it does";
-      this.timer = setTimeout(() => this.rest(), 2000);
-      this.say();
+      this.timer = setTimeout(() => this.requestPicture(), RETRY);
+      this.describe();
     };
   }
 
   receive(answer) {
-    const { asked, viewport } = this;
-    if (!asked || answer.id !== asked.id || asked.version !== viewport.version) return;
+    const { request, viewport } = this;
+    if (!request || answer.id !== request.id || request.version !== viewport.version) return;
     if (answer.error !== undefined) {
       this.problem = answer.error;
-      this.asked = null;
-    } else if (answer.state) asked.state = answer.state;
-    else if (answer.done) asked.done = true;
-    else if (answer.arrays) {
-      const { arrays, shapes } = answer,
-        [height, width] = shapes.beauty,
-        mean = new Float32Array(4 * width * height);
-      for (let k = 0; k < width * height; k += 1) {
-        mean.set(arrays.beauty.subarray(3 * k, 3 * k + 3), 4 * k);
-        mean[4 * k + 3] = arrays.alpha[k];
-      }
-      asked.first ??= performance.now() - asked.at;
-      this.round = {
-        ...answer,
-        width,
-        height,
-        first: asked.first,
-        number: (this.round?.number ?? 0) + 1,
-      };
-      viewport.setExact(mean, width, height, asked.version);
-      if (this.mode === "difference") this.compare();
-    }
-    this.say();
+      this.request = null;
+    } else if (answer.state) request.state = answer.state;
+    else if (answer.done) request.done = true;
+    else if (answer.arrays) this.showRound(answer);
+    this.describe();
   }
 
-  /**
-   * Find what the exact picture has besides what the viewport shows, of all pixels of the asset, by
-   * name.
-   */
+  showRound(answer) {
+    const { request, viewport } = this,
+      [height, width] = answer.shapes.beauty;
+    request.first ??= performance.now() - request.time;
+    const number = (this.round?.number ?? 0) + 1;
+    this.round = { ...answer, width, height, first: request.first, number };
+    viewport.setExact(premultipliedRgba(answer.arrays), width, height, request.version);
+    if (this.mode === "difference") this.compare();
+  }
+
+  /** Compare the round with the viewport's picture, unless both are as they were. */
   compare() {
     const { viewport, round } = this,
       film = viewport.last;
-    const key =
-      round && film === viewport.film(0) && viewport.shown === viewport.version
-        ? `${round.number} ${film.count >= COMPARED ? COMPARED : Math.floor(Math.log2(film.count))}`
-        : "";
-    if (!key || (this.compared?.key === key && this.compared.round === round)) return;
+    const isCurrent =
+      round && film === viewport.film(0) && viewport.shownVersion === viewport.version;
+    if (!isCurrent) return;
+    const samples = film.count >= COMPARED ? COMPARED : Math.floor(Math.log2(film.count)),
+      key = `${round.number} ${samples}`;
+    if (this.compared?.key === key && this.compared.round === round) return;
     const { width, height, arrays } = round,
-      seen = resized(film.read(), film.width, film.height, width, height);
-    let exact = 0,
-      apart = 0,
-      indirect = 0,
-      rest = 0;
-    for (let k = 0; k < width * height; k += 1) {
-      if (arrays.alpha[k] <= 0) continue;
-      for (let c = 0; c < 3; c += 1) {
-        const [whole, direct, own] = [
-          arrays.beauty[3 * k + c],
-          arrays.direct[3 * k + c],
-          seen[4 * k + c],
-        ];
-        exact += whole;
-        apart += Math.abs(whole - own);
-        indirect += whole - direct;
-        rest += direct - own;
-      }
-    }
-    const most = Math.max(exact, 1e-9);
-    this.compared = {
-      key,
-      round,
-      apart: apart / most,
-      indirect: indirect / most,
-      rest: rest / most,
-      samples: film.count,
-    };
-    this.say();
+      pixels = resizePixels(film.read(), film.width, film.height, width, height);
+    this.compared = { key, round, ...differences(arrays, pixels), samples: film.count };
+    this.describe();
   }
 
-  /** Write what is known of the picture. */
-  say() {
+  /** Write the state of the picture, and the difference, into the page. */
+  describe() {
     this.limit();
-    const { asked, round, problem, mode } = this,
-      facts = at("exact-facts");
+    const { round, problem, mode } = this,
+      facts = byId("exact-facts");
     facts.classList.toggle("bad", Boolean(problem));
-    facts.title = "";
-    if (problem) facts.textContent = problem;
-    else if (mode === "viewport") facts.textContent = "";
-    else if (!round)
-      facts.textContent = asked ? asked.state : "the exact picture follows when the hand rests";
-    else {
-      const noise = percent(Math.sqrt(round.relmse));
-      facts.textContent = [
-        `exact, ${round.backend} · ${round.samples} samples · noise ${noise}`,
-        ...(asked?.done ? ["done"] : []),
-      ].join(" · ");
-      facts.title = [
-        `relMSE ${round.relmse.toExponential(1)} of ${round.width} × ${round.height} pixels`,
-        `after ${round.seconds.toFixed(1)} s;`,
-        `the first round after ${(round.first / 1000).toFixed(2)} s`,
-      ].join(" ");
-    }
-    at("progress").hidden = mode === "difference" || (mode === "exact" && Boolean(round));
-    const list = at("difference-parts"),
-      { compared } = this;
-    if (mode !== "difference") return;
-    if (!round || (compared?.round !== round && !compared)) {
-      list.replaceChildren();
-      at("difference-mean").textContent = "waiting for both pictures…";
+    facts.textContent = problem || this.state();
+    facts.title =
+      !problem && mode !== "viewport" && round
+        ? [
+            `relMSE ${round.relmse.toExponential(1)} of ${round.width} × ${round.height} pixels`,
+            `after ${round.seconds.toFixed(1)} s;`,
+            `the first round after ${(round.first / 1000).toFixed(2)} s`,
+          ].join(" ")
+        : "";
+    byId("progress").hidden = mode === "difference" || (mode === "exact" && Boolean(round));
+    if (mode === "difference") this.describeDifference();
+  }
+
+  /** Return the state of the picture in words; "" for the viewport alone. */
+  state() {
+    const { request, round, mode } = this;
+    if (mode === "viewport") return "";
+    if (!round) return request ? request.state : "the exact picture follows when the hand rests";
+    const noise = formatShare(Math.sqrt(round.relmse));
+    return [
+      `exact, ${round.backend} · ${round.samples} samples · noise ${noise}`,
+      ...(request?.done ? ["done"] : []),
+    ].join(" · ");
+  }
+
+  describeDifference() {
+    const { round, compared } = this;
+    if (!round || !compared) {
+      byId("difference-parts").replaceChildren();
+      byId("difference-mean").textContent = "waiting for both pictures…";
       return;
     }
-    const left = [...at("left-out").querySelectorAll("li")]
-      .map((each) => each.textContent.split(":")[0])
-      .filter((each) => each !== "interreflection");
-    const others = left.length
-      ? left.join(", ")
+    const causes = [...byId("left-out").querySelectorAll("li")]
+      .map((item) => item.textContent.split(":")[0])
+      .filter((cause) => cause !== "interreflection");
+    const rest = causes.length
+      ? causes.join(", ")
       : "direct light: what both have, by the noise of both";
-    at("difference-mean").textContent = `mean ${percent(compared.apart)} of the exact light`;
-    list.replaceChildren(
-      ...[
-        [signed(compared.indirect), "interreflection"],
-        [signed(compared.rest), others],
-        [
-          `± ${percent(Math.sqrt(compared.round.relmse))}`,
-          "noise of a pixel, which the mean has in it",
-        ],
-      ].map(([share, name]) => {
-        const row = document.createElement("li");
-        row.append(Object.assign(document.createElement("b"), { textContent: share }), ` ${name}`);
-        return row;
-      }),
+    const noise = formatShare(Math.sqrt(compared.round.relmse));
+    const parts = [
+      [formatSigned(compared.indirect), "interreflection"],
+      [formatSigned(compared.rest), rest],
+      [`± ${noise}`, "noise of a pixel, which the mean has in it"],
+    ];
+    const mean = formatShare(compared.apart);
+    byId("difference-mean").textContent = `mean ${mean} of the exact light`;
+    byId("difference-parts").replaceChildren(
+      ...parts.map(([share, name]) =>
+        makeElement("li", {}, makeElement("b", { textContent: share }), ` ${name}`),
+      ),
     );
   }
+}
 
-  /** The handle of the wipe, by hand and by keys. */
-  handle() {
-    const handle = at("wipe"),
-      stage = at("stage"),
-      canvas = at("picture");
-    const put = (place) => {
-      this.place = Math.min(1, Math.max(0, place));
-      handle.style.left = `${canvas.offsetLeft + this.place * canvas.offsetWidth}px`;
-      handle.style.top = `${canvas.offsetTop}px`;
-      handle.style.height = `${canvas.offsetHeight}px`;
-      handle.setAttribute("aria-valuenow", `${Math.round(100 * this.place)}`);
-      if (this.mode === "wipe") this.viewport.set({ wipe: this.place });
-    };
+/** The handle of the wipe, which the pointer and keys move; `move` is called with its share. */
+class Wipe {
+  constructor(move) {
+    this.move = move;
+    this.share = 0.5; // of the picture's width
+    this.dragging = false;
+    const handle = byId("wipe"),
+      canvas = byId("picture");
     handle.addEventListener("pointerdown", (event) => {
       handle.setPointerCapture(event.pointerId);
       event.preventDefault();
       handle.focus();
-      this.held = true;
+      this.dragging = true;
     });
     handle.addEventListener("pointermove", (event) => {
-      if (this.held)
-        put((event.clientX - canvas.getBoundingClientRect().left) / canvas.offsetWidth);
+      if (this.dragging)
+        this.put((event.clientX - canvas.getBoundingClientRect().left) / canvas.offsetWidth);
     });
     for (const name of ["pointerup", "pointercancel"])
       handle.addEventListener(name, () => {
-        this.held = false;
+        this.dragging = false;
       });
     handle.addEventListener("keydown", (event) => {
-      const by = { ArrowLeft: -STEP, ArrowRight: STEP, Home: -1, End: 1 }[event.key];
-      if (by === undefined) return;
-      put(this.place + by);
+      const step = { ArrowLeft: -STEP, ArrowRight: STEP, Home: -1, End: 1 }[event.key];
+      if (step === undefined) return;
+      this.put(this.share + step);
       event.preventDefault();
     });
-    new ResizeObserver(() => put(this.place)).observe(canvas);
-    new ResizeObserver(() => put(this.place)).observe(stage);
-    put(0.5);
+    for (const element of [canvas, byId("stage")])
+      new ResizeObserver(() => this.put(this.share)).observe(element);
+    this.put(this.share);
   }
 
-  /** Take a key: V, E, W or D choose the picture. Returns whether it did. */
-  key(name) {
-    const mode = { v: "viewport", e: "exact", w: "wipe", d: "difference" }[name];
-    if (mode) this.choose(mode);
-    return Boolean(mode);
+  put(share) {
+    const handle = byId("wipe"),
+      canvas = byId("picture");
+    this.share = Math.min(1, Math.max(0, share));
+    handle.style.left = `${canvas.offsetLeft + this.share * canvas.offsetWidth}px`;
+    handle.style.top = `${canvas.offsetTop}px`;
+    handle.style.height = `${canvas.offsetHeight}px`;
+    handle.setAttribute("aria-valuenow", `${Math.round(100 * this.share)}`);
+    this.move(this.share);
   }
 }
 
-/** Pixels (height x width x 4) as the means of the areas of others. */
-function resized(pixels, width, height, wide, high) {
-  const found = new Float32Array(4 * wide * high),
-    rows = spans(height, high),
-    columns = spans(width, wide);
+/** Return the pixels of a round as red, green, blue and alpha, premultiplied. */
+function premultipliedRgba({ beauty, alpha }) {
+  const pixels = new Float32Array(4 * alpha.length);
+  for (let k = 0; k < alpha.length; k += 1) {
+    pixels.set(beauty.subarray(3 * k, 3 * k + 3), 4 * k);
+    pixels[4 * k + 3] = alpha[k];
+  }
+  return pixels;
+}
+
+/**
+ * Return the differences of a round and the viewport's pixels on the asset, as shares of the
+ * round's light: `apart`, the mean of |difference|; `indirect`, the light that the round has by
+ * interreflection; `rest`, what its direct light has more.
+ */
+function differences({ beauty, direct, alpha }, pixels) {
+  let light = 0,
+    apart = 0,
+    indirect = 0,
+    rest = 0;
+  for (let k = 0; k < alpha.length; k += 1) {
+    if (alpha[k] <= 0) continue;
+    for (let c = 0; c < 3; c += 1) {
+      const exact = beauty[3 * k + c],
+        exactDirect = direct[3 * k + c],
+        drawn = pixels[4 * k + c];
+      light += exact;
+      apart += Math.abs(exact - drawn);
+      indirect += exact - exactDirect;
+      rest += exactDirect - drawn;
+    }
+  }
+  const total = Math.max(light, 1e-9);
+  return { apart: apart / total, indirect: indirect / total, rest: rest / total };
+}
+
+/** Return pixels (height x width x 4) as (high x wide x 4), each the mean of the area it covers. */
+function resizePixels(pixels, width, height, wide, high) {
+  const means = new Float32Array(4 * wide * high),
+    rows = coverage(height, high),
+    columns = coverage(width, wide);
   for (let y = 0; y < high; y += 1) {
     for (let x = 0; x < wide; x += 1) {
-      const place = 4 * (y * wide + x);
+      const target = 4 * (y * wide + x);
       for (const [row, tall] of rows[y]) {
         for (const [column, share] of columns[x]) {
-          const from = 4 * (row * width + column);
-          for (let c = 0; c < 4; c += 1) found[place + c] += tall * share * pixels[from + c];
+          const source = 4 * (row * width + column);
+          for (let c = 0; c < 4; c += 1) means[target + c] += tall * share * pixels[source + c];
         }
       }
     }
   }
-  return found;
+  return means;
 }
 
-/** The pixels that each of `few` covers of `many`, with their shares. */
-function spans(many, few) {
+/** Return the pixels of `many` that each of `few` covers, with their shares of it. */
+function coverage(many, few) {
   return Array.from({ length: few }, (_, k) => {
     const [start, end] = [(k * many) / few, ((k + 1) * many) / few],
-      covered = [];
+      pixels = [];
     for (let j = Math.floor(start); j < Math.min(many, Math.ceil(end)); j += 1) {
-      covered.push([j, (Math.min(end, j + 1) - Math.max(start, j)) / (end - start)]);
+      pixels.push([j, (Math.min(end, j + 1) - Math.max(start, j)) / (end - start)]);
     }
-    return covered;
+    return pixels;
   });
 }
+
+export const panel = {
+  markup: { "#stage": stage, aside },
+  mount: (designer) => new Exact(designer),
+};

@@ -1,181 +1,168 @@
 // @ts-check
-// The lights of the rig: how bright, of which colour or temperature, on or off. Settings of the
-// view, as the exposure is.
+// The lights of the rig: intensity, tint and temperature, on or off. They are settings of the view,
+// as the exposure is.
 
 import { fromHex, toHex } from "./color.js";
-import { at, made } from "./made.js";
+import { byId, makeElement, makeRow, setLabel } from "./elements.js";
 
-const WARM = 6500; // kelvin that a light takes first
+const NEUTRAL = 6500; // kelvin at which the slider of the temperature begins
+const formatStops = (stops) => `${stops > 0 ? "+" : ""}${stops.toFixed(1)}`;
+const formatKelvin = (kelvin) => (kelvin === null ? "own" : `${kelvin} K`);
+const isUnchanged = ({ on, stops, kelvin, color }) =>
+  on && stops === 0 && kelvin === null && color.every((x) => x === 1);
 
-export class LightList {
-  /**
-   * `asked` sends a body to a path of the server, and resolves with its answer; `say` tells an
-   * error.
-   */
-  constructor(viewport, asked, say) {
-    this.viewport = viewport;
-    this.asked = asked;
-    this.say = say;
+const aside = `
+  <section>
+    <details id="lights"><summary id="lights-title">Lights</summary>
+      <ul id="light-list" aria-label="Lights"></ul>
+      <p class="sentence">They light this page's pictures: no file changes.
+        <button type="button" id="lights-reset"
+          title="All lights as the rig has them" disabled>Reset</button></p>
+    </details>
+  </section>`;
+
+class Lights {
+  constructor(designer) {
+    this.designer = designer;
     this.lights = [];
     this.busy = false;
+    /** The newest setting that is not sent yet. */
     this.waiting = null;
-    this.written = false;
-    at("lights-reset").addEventListener("click", () => this.send({ reset: true }, true));
+    this.hasWritten = false;
+    byId("lights-reset").addEventListener("click", () => this.send({ reset: true }, true));
   }
 
-  /** Fetch the lights of the rig that is shown, and show them as they are set. */
+  /** Fetch the lights of the visible rig, and list them with their settings. */
   async load() {
-    this.take(await this.asked("lights"));
+    this.take(await this.designer.fetchJson("lights"));
     this.list();
   }
 
   take({ lights, rows, kelvin, stops }) {
     this.lights = lights;
     this.kelvin = kelvin;
-    this.most = stops;
-    const own = lights.every(
-      (each) =>
-        each.on && each.stops === 0 && each.kelvin === null && each.color.every((x) => x === 1),
-    );
-    this.written ||= !own; // textures are kept: from then on they are written each time
-    if (this.written) this.viewport.setLights(rows);
-    at("lights-reset").disabled = own;
+    this.mostStops = stops;
+    const unchanged = lights.every(isUnchanged);
+    this.hasWritten ||= !unchanged; // textures stay: from the first change on, they are written
+    if (this.hasWritten) this.designer.viewport.setLights(rows);
+    byId("lights-reset").disabled = unchanged;
     for (const [number, light] of lights.entries())
-      at("light-list").children[number]?.classList.toggle("off", !light.on);
+      byId("light-list").children[number]?.classList.toggle("off", !light.on);
   }
 
-  /** Send a setting: while one is on its way, only the newest other waits. */
-  async send(body, anew = false) {
-    this.waiting = { body, anew };
+  /** Send a setting; while one is on its way, only the newest waits. */
+  async send(body, listsAnew = false) {
+    this.waiting = { body, listsAnew };
     if (this.busy) return;
     this.busy = true;
     try {
       while (this.waiting) {
-        const now = this.waiting;
+        const setting = this.waiting;
         this.waiting = null;
-        this.take(await this.asked("lights", now.body));
-        if (now.anew) this.list();
+        this.take(await this.designer.fetchJson("lights", setting.body));
+        if (setting.listsAnew) this.list();
       }
     } catch (error) {
       this.waiting = null;
-      this.say(error.message, true);
+      this.designer.say(error.message, true);
     }
     this.busy = false;
   }
 
   list() {
-    const several = this.lights.length > 1;
-    at("light-list").replaceChildren(
-      ...this.lights.map((light, number) => this.row(light, number)),
-    );
-    at("lights-title").textContent = `${this.lights.length} light${several ? "s" : ""} of the rig`;
+    const plural = this.lights.length > 1 ? "s" : "";
+    byId("light-list").replaceChildren(...this.lights.map((light, k) => this.item(light, k)));
+    byId("lights-title").textContent = `${this.lights.length} light${plural} of the rig`;
   }
 
-  row(light, number) {
-    const { name } = light,
-      now = {
-        light: number,
-        on: light.on,
-        stops: light.stops,
-        color: light.color,
-        kelvin: light.kelvin,
-      };
-    const give = (changed) => {
-      Object.assign(now, changed);
-      this.send({ ...now });
+  /** Return the item of a light in the list. */
+  item(light, number) {
+    const { name, path, on, stops, color, kelvin } = light,
+      setting = { light: number, on, stops, color, kelvin };
+    const change = (changes) => {
+      Object.assign(setting, changes);
+      this.send({ ...setting });
     };
-    const named = (input, what) => {
-      input.setAttribute("aria-label", `${name}, ${what}`);
-      return input;
-    };
-    const on = named(made("input", { type: "checkbox", checked: light.on }), "on");
-    on.addEventListener("change", () => give({ on: on.checked }));
-    const kind = name.startsWith(light.kind) ? "" : light.kind;
-    const title = made(
+    const box = setLabel(makeElement("input", { type: "checkbox", checked: on }), `${name}, on`);
+    box.addEventListener("change", () => change({ on: box.checked }));
+    const title = makeElement(
       "label",
-      { className: "check", title: light.path },
-      on,
-      made("span", { textContent: name }),
-      made("small", { textContent: kind }),
+      { className: "check", title: path },
+      box,
+      makeElement("span", { textContent: name }),
+      makeElement("small", { textContent: name.startsWith(light.kind) ? "" : light.kind }),
     );
-
-    const stops = named(
-      made("input", {
-        type: "range",
-        min: -this.most,
-        max: this.most,
-        step: 0.1,
-        value: light.stops,
-        title: "Double click: as the rig has it",
-      }),
-      "intensity in stops",
+    const item = makeElement(
+      "li",
+      {},
+      title,
+      stopsRow(light, this.mostStops, change),
+      tintRow(light, change),
+      temperatureRow(light, this.kelvin, change),
     );
-    const shown = made("output", { textContent: told(light.stops) });
-    const stop = (value) => {
-      stops.value = value;
-      shown.textContent = told(Number(value));
-      give({ stops: Number(value) });
-    };
-    stops.addEventListener("input", () => stop(stops.value));
-    stops.addEventListener("dblclick", () => stop(0));
-
-    const picker = named(
-      made("input", {
-        type: "color",
-        value: toHex(light.color),
-        title: "Multiplies the light's own colour",
-      }),
-      "tint",
-    );
-    picker.addEventListener("input", () =>
-      give({ color: picker.value === "#ffffff" ? [1, 1, 1] : fromHex(picker.value) }),
-    );
-    const [coldest, hottest] = this.kelvin;
-    const warm = named(
-      made("input", {
-        type: "range",
-        min: coldest,
-        max: hottest,
-        step: 50,
-        value: light.kelvin ?? WARM,
-        title: "Multiplies the light by a black body's colour. Double click: as the rig has it",
-      }),
-      "temperature in kelvin",
-    );
-    const degrees = made("output", {
-      textContent: light.kelvin === null ? "own" : `${light.kelvin} K`,
-    });
-    const heat = (value) => {
-      degrees.textContent = value === null ? "own" : `${value} K`;
-      give({ kelvin: value });
-    };
-    warm.addEventListener("input", () => heat(Number(warm.value)));
-    warm.addEventListener("dblclick", () => {
-      warm.value = WARM;
-      heat(null);
-    });
-
-    const rows = [
-      made("div", { className: "row" }, made("span", { textContent: "intensity" }), stops, shown),
-      made(
-        "div",
-        { className: "row" },
-        made("span", { textContent: "tint" }),
-        picker,
-        made("output", {}),
-      ),
-      made(
-        "div",
-        { className: "row" },
-        made("span", { textContent: "temperature" }),
-        warm,
-        degrees,
-      ),
-    ];
-    const item = made("li", {}, title, ...rows);
-    item.classList.toggle("off", !light.on);
+    item.classList.toggle("off", !on);
     return item;
   }
 }
 
-const told = (stops) => `${stops > 0 ? "+" : ""}${stops.toFixed(1)}`;
+function stopsRow({ name, stops }, most, change) {
+  const slider = setLabel(
+    makeElement("input", {
+      type: "range",
+      min: -most,
+      max: most,
+      step: 0.1,
+      value: stops,
+      title: "Double click: as the rig has it",
+    }),
+    `${name}, intensity in stops`,
+  );
+  const output = makeElement("output", { textContent: formatStops(stops) });
+  const set = (value) => {
+    slider.value = value;
+    output.textContent = formatStops(Number(value));
+    change({ stops: Number(value) });
+  };
+  slider.addEventListener("input", () => set(slider.value));
+  slider.addEventListener("dblclick", () => set(0));
+  return makeRow("intensity", slider, output);
+}
+
+function tintRow({ name, color }, change) {
+  const title = "Multiplies the light's own colour";
+  const picker = setLabel(
+    makeElement("input", { type: "color", value: toHex(color), title }),
+    `${name}, tint`,
+  );
+  picker.addEventListener("input", () =>
+    change({ color: picker.value === "#ffffff" ? [1, 1, 1] : fromHex(picker.value) }),
+  );
+  return makeRow("tint", picker, makeElement("output", {}));
+}
+
+function temperatureRow({ name, kelvin }, [coldest, hottest], change) {
+  const slider = setLabel(
+    makeElement("input", {
+      type: "range",
+      min: coldest,
+      max: hottest,
+      step: 50,
+      value: kelvin ?? NEUTRAL,
+      title: "Multiplies the light by a black body's colour. Double click: as the rig has it",
+    }),
+    `${name}, temperature in kelvin`,
+  );
+  const output = makeElement("output", { textContent: formatKelvin(kelvin) });
+  const set = (value) => {
+    output.textContent = formatKelvin(value);
+    change({ kelvin: value });
+  };
+  slider.addEventListener("input", () => set(Number(slider.value)));
+  slider.addEventListener("dblclick", () => {
+    slider.value = NEUTRAL;
+    set(null);
+  });
+  return makeRow("temperature", slider, output);
+}
+
+export const panel = { markup: { aside }, mount: (designer) => new Lights(designer) };

@@ -1,275 +1,287 @@
 // @ts-check
-// What gives a value over the surface, of the mask of a layer or of a parameter: a number, a
-// channel of an image, a
-// primvar, or an expression with the sources of its names.
+// The editors of what varies over the surface, a layer's mask or a parameter: by an image, a
+// primvar, or an expression with a source for each of its names.
 
-import { made, button } from "./made.js";
+import {
+  makeButton,
+  makeElement,
+  makeOptions,
+  makeRow,
+  makeSentence,
+  setLabel,
+} from "./elements.js";
 
-const MASK = {
+const MASK_KINDS = {
   number: "a number",
   texture: "an image",
   primvar: "a primvar of the asset",
   expression: "an expression",
   part: "a part of the asset",
 };
-const PARAMETER = {
+const PARAMETER_KINDS = {
   number: "a constant",
   texture: "an image",
   primvar: "a primvar of the asset",
   expression: "an expression",
 };
-const KNOWN = new Set(["PI", "E", "linear", "smooth", "gaussian", "view"]);
-// { had, kind, text, typed, problem }: edited and not yet given, by what it is of
+const CONSTANTS = new Set(["PI", "E", "linear", "smooth", "gaussian", "view"]);
+
+/** The names of an expression that are neither functions nor constants. */
+function freeNames(expression) {
+  const text = expression.replace(/#[^\n]*/g, " ");
+  const names = [...text.matchAll(/(?<![\w.])[A-Za-z_]\w*(?!\w)(?!\s*\()/g)].map(([name]) => name);
+  return [...new Set(names)].filter((name) => !CONSTANTS.has(name));
+}
+
+/**
+ * What the user has typed and not applied, by the key of its editor: the source that it replaces,
+ * its kind, text and inputs, and the server's error. The editor is made anew after each answer of
+ * the server; a draft lasts until the source is another one.
+ */
 const drafts = new Map();
 
-/** The names of an expression: what is neither a function nor a constant. */
-export function namesOf(text) {
-  const plain = text.replace(/#[^\n]*/g, " ");
-  const found = [...plain.matchAll(/(?<![\w.])[A-Za-z_]\w*(?!\w)(?!\s*\()/g)].map(
-    (each) => each[0],
-  );
-  return [...new Set(found)].filter((each) => !KNOWN.has(each));
-}
-
-export function maskEditor(layer, acts) {
+/** Return the editor of a layer's mask; `panel` is that of the layers (layers.js). */
+export function maskEditor(layer, panel) {
   const { mask, number, name } = layer;
-  const title = "Where the layer is, and how much: white shows it, black shows what is beneath";
-  return editor({
+  return new SourceEditor(panel, mask, {
     id: "mask",
     key: `${number} ${name}`,
-    of: `the mask of ${name}`,
+    owner: `the mask of ${name}`,
     label: "mask",
-    title,
-    kinds: MASK,
-    had: mask,
-    acts,
-    give: (text, inputs) => acts.arrange({ op: "mask", layer: number, mask: text, inputs }),
-    plain: () => acts.arrange({ op: "mask", layer: number, mask: "1", inputs: {} }),
-  });
+    title: "Where the layer is, and how much: white shows it, black shows what is beneath",
+    kinds: MASK_KINDS,
+    channels: ["r", "g", "b", "a"],
+    request: (text, inputs) => ({ op: "mask", layer: number, mask: text, inputs }),
+    reset: { op: "mask", layer: number, mask: "1", inputs: {} },
+  }).element();
 }
 
-/** The editor of what gives a parameter its value; `had` is as that of a mask. */
-export function sourceEditor(layer, parameter, id, acts) {
-  const { name, source } = parameter,
+/** Return the editor of the source of a parameter. */
+export function sourceEditor(layer, parameter, id, panel) {
+  const { name, source, kind } = parameter,
     { number } = layer;
-  return editor({
+  return new SourceEditor(panel, source, {
     id,
     key: `${number} ${layer.name} ${name}`,
-    of: `${name} of ${layer.name}`,
+    owner: `${name} of ${layer.name}`,
     label: "from",
     title: "What gives it its value",
-    kinds: PARAMETER,
-    had: source,
-    color: parameter.kind === "color",
-    acts,
-    give: (text, inputs) =>
-      acts.arrange({ op: "source", layer: number, parameter: name, source: text, inputs }),
-    plain: () => acts.arrange({ op: "unstate", layer: number, parameter: name }),
-  });
+    kinds: PARAMETER_KINDS,
+    channels: kind === "color" ? ["rgb"] : ["r", "g", "b", "a"],
+    request: (text, inputs) => ({
+      op: "source",
+      layer: number,
+      parameter: name,
+      source: text,
+      inputs,
+    }),
+    reset: { op: "unstate", layer: number, parameter: name },
+  }).element();
 }
 
-function editor({
-  id,
-  key,
-  of,
-  label,
-  title,
-  kinds,
-  had,
-  color = false,
-  acts,
-  give: given,
-  plain,
-}) {
-  // A draft lasts while the list is drawn anew by other answers, until what it changes has another
-  // value.
-  const stated = JSON.stringify(had);
-  if (drafts.get(key)?.had !== stated) drafts.delete(key);
-  const draft = drafts.get(key) ?? {},
-    kind = draft.kind ?? had.kind;
-  const keep = (change) => drafts.set(key, { had: stated, kind, ...drafts.get(key), ...change });
-  const problem = made("p", {
-    className: "problem",
-    hidden: !draft.problem,
-    textContent: draft.problem ?? "",
-    role: "alert",
-  });
-  problem.dataset.of = key;
-  const choice = made(
-    "select",
-    { id: `${id}-kind` },
-    ...Object.entries(kinds).map(([each, words]) => new Option(words, each, false, each === kind)),
-  );
-  choice.setAttribute("aria-label", `What ${of} is`);
-  const give = async (text, inputs = {}) => {
-    keep({ problem: "" });
-    problem.hidden = true;
-    const error = await given(text, inputs);
-    if (!error) drafts.delete(key);
-    else {
-      keep({ problem: error });
-      const paragraph = [...document.querySelectorAll(".mask .problem")].find(
-        (element) => element.dataset.of === key,
-      );
-      if (paragraph) Object.assign(paragraph, { hidden: false, textContent: error });
-    }
-  };
-  const box = made(
-    "div",
-    { className: "mask" },
-    made("div", { className: "row", title }, made("span", { textContent: label }), choice),
-  );
-  choice.addEventListener("change", () => {
-    if (choice.value === "number") {
+class SourceEditor {
+  /**
+   * `source` is the one that the file has. Of `target`: `request` makes the edit of the stack of a
+   * text and its inputs, `reset` is the edit that removes the source.
+   */
+  constructor(panel, source, target) {
+    this.panel = panel;
+    this.source = source;
+    this.target = target;
+    this.version = JSON.stringify(source);
+    if (drafts.get(target.key)?.version !== this.version) drafts.delete(target.key);
+    this.draft = drafts.get(target.key) ?? {};
+    this.kind = this.draft.kind ?? source.kind;
+    /** The source, if it is of the kind that is edited. */
+    this.current = source.kind === this.kind ? source : { text: "", inputs: {} };
+  }
+
+  element() {
+    const { label, title, key } = this.target;
+    const row = makeElement(
+      "div",
+      { className: "row", title },
+      makeElement("span", { textContent: label }),
+      this.kindChoice(),
+    );
+    this.problem = makeElement("p", {
+      className: "problem",
+      hidden: !this.draft.problem,
+      textContent: this.draft.problem ?? "",
+      role: "alert",
+    });
+    this.problem.dataset.of = key;
+    return makeElement("div", { className: "mask" }, row, ...this.inputs(), this.problem);
+  }
+
+  kindChoice() {
+    const { id, key, kinds, owner, reset } = this.target;
+    const choice = makeElement(
+      "select",
+      { id: `${id}-kind` },
+      ...makeOptions(Object.keys(kinds), this.kind, kinds),
+    );
+    choice.addEventListener("change", () => {
+      if (choice.value !== "number") {
+        drafts.set(key, { version: this.version, kind: choice.value });
+        this.panel.designer.update();
+        return;
+      }
       drafts.delete(key);
-      if (had.kind === "number") acts.again();
-      else plain();
+      if (this.source.kind === "number") this.panel.designer.update();
+      else this.panel.arrange(reset);
+    });
+    return setLabel(choice, `What ${owner} is`);
+  }
+
+  /** Return the elements that edit a source of the chosen kind. */
+  inputs() {
+    switch (this.kind) {
+      case "texture":
+        return this.imageInputs();
+      case "primvar":
+        return [this.primvarRow()];
+      case "expression":
+        return this.expressionInputs();
+      case "part":
+        return [
+          makeSentence(
+            "A look does not know which part wears it. Dress the part in a look of its own, " +
+              "under Part, or give the asset a primvar.",
+          ),
+        ];
+      default:
+        return [];
+    }
+  }
+
+  store(changes) {
+    const { key } = this.target;
+    drafts.set(key, { version: this.version, kind: this.kind, ...drafts.get(key), ...changes });
+  }
+
+  /** Ask for the source in a text; an error is shown below the editor, also if it was made anew. */
+  async apply(text, inputs = {}) {
+    const { key, request } = this.target;
+    this.store({ problem: "" });
+    this.problem.hidden = true;
+    const error = await this.panel.arrange(request(text, inputs));
+    if (!error) {
+      drafts.delete(key);
       return;
     }
-    drafts.set(key, { had: stated, kind: choice.value });
-    acts.again();
-  });
-  const current = had.kind === kind;
-  if (kind === "texture") box.append(...image(id, had, current, color, give, acts));
-  else if (kind === "primvar") box.append(primvar(id, had, current, give));
-  else if (kind === "expression")
-    box.append(...expression(id, had, current, of, draft, keep, give, acts));
-  else if (kind === "part") {
-    const words =
-      "A look does not know which part wears it. Dress the part in a look of its own, " +
-      "under Part, or give the asset a primvar.";
-    box.append(made("p", { className: "sentence", textContent: words }));
+    this.store({ problem: error });
+    const problem = [...document.querySelectorAll(".mask .problem")].find(
+      (element) => element.dataset.of === key,
+    );
+    if (problem) Object.assign(problem, { hidden: false, textContent: error });
   }
-  box.append(problem);
-  return box;
-}
 
-function field(label, input, more = []) {
-  input.setAttribute("aria-label", label);
-  return made("div", { className: "row" }, made("span", { textContent: label }), input, ...more);
-}
+  /** Offer the images of a list in an input; they are fetched when it gets the focus. */
+  offerImages(input, list) {
+    const fill = async () => list.replaceChildren(...makeOptions(await this.panel.listImages()));
+    input.setAttribute("list", list.id);
+    input.addEventListener("focus", fill, { once: true });
+  }
 
-function listed(id, input, acts) {
-  const list = made("datalist", { id: `${id}-images` });
-  input.setAttribute("list", `${id}-images`);
-  input.addEventListener(
-    "focus",
-    async () => list.replaceChildren(...(await acts.images()).map((each) => new Option(each))),
-    { once: true },
-  );
-  return list;
-}
-
-function image(id, mask, current, color, give, acts) {
-  const [, file = "", channel = "r"] = (current ? mask.text : "").match(/^(.*?)(?::(\w+))?$/) ?? [];
-  const input = made("input", {
-    type: "text",
-    id: `${id}-file`,
-    value: file,
-    placeholder: "textures/dirt.png",
-    spellcheck: false,
-    className: "wide",
-  });
-  const of = made(
-    "select",
-    { id: `${id}-channel` },
-    ...(color ? ["rgb"] : "rgba".split("")).map(
-      (each) => new Option(each, each, false, each === channel),
-    ),
-  );
-  of.setAttribute("aria-label", "Channel of the image");
-  const changed = () => {
-    if (input.value.trim()) give(`${input.value.trim()}:${of.value}`);
-  };
-  input.addEventListener("change", changed);
-  of.addEventListener("change", changed);
-  return [field("image", input, [of]), listed(id, input, acts)];
-}
-
-function primvar(id, mask, current, give) {
-  const input = made("input", {
-    type: "text",
-    id: `${id}-primvar`,
-    value: current ? mask.text.replace(/^primvar:/, "") : "",
-    placeholder: "wear",
-    spellcheck: false,
-    className: "wide",
-  });
-  input.addEventListener("change", () => {
-    if (input.value.trim()) give(`primvar:${input.value.trim()}`);
-  });
-  return field("primvar", input);
-}
-
-function expression(id, mask, current, of, draft, keep, give, acts) {
-  const text = made("textarea", {
-    id: `${id}-expression`,
-    value: draft.text ?? (current ? mask.text : ""),
-    rows: 3,
-    spellcheck: false,
-    placeholder: "smoothstep(dirt, .2, .6)",
-  });
-  text.setAttribute("aria-label", `Expression of ${of}`);
-  const sources = made("div", {}),
-    had = current ? mask.inputs : {},
-    typed = { ...draft.typed };
-  const list = made("datalist", { id: `${id}-images` });
-  const show = () => {
-    sources.replaceChildren(
-      ...namesOf(text.value).map((name) => {
-        const input = made("input", {
-          type: "text",
-          value: typed[name] ?? had[name] ?? "",
-          placeholder: "0.5, dirt.png:r, primvar:wear, uv:st",
-          className: "wide",
-          spellcheck: false,
-        });
-        input.dataset.name = name;
-        input.setAttribute("list", `${id}-images`);
-        input.addEventListener("input", () => {
-          typed[name] = input.value;
-          keep({ typed });
-        });
-        input.addEventListener(
-          "focus",
-          async () =>
-            list.replaceChildren(...(await acts.images()).map((each) => new Option(each))),
-          { once: true },
-        );
-        return field(name, input);
-      }),
+  imageInputs() {
+    const { id, channels } = this.target;
+    const [, file = "", channel = "r"] = this.current.text.match(/^(.*?)(?::(\w+))?$/) ?? [];
+    const input = textInput({ id: `${id}-file`, value: file, placeholder: "textures/dirt.png" });
+    const choice = makeElement(
+      "select",
+      { id: `${id}-channel` },
+      ...makeOptions(channels, channel),
     );
-  };
-  text.addEventListener("input", () => {
-    keep({ text: text.value });
-    show();
-  });
-  text.addEventListener("keydown", (event) => {
-    if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) apply();
-    event.stopPropagation();
-  });
-  // A name whose source was not typed anew keeps the one that it has, with all that the file says
-  // of it.
-  const apply = () => {
-    const names = namesOf(text.value);
-    give(
-      text.value,
-      Object.fromEntries(
-        names
-          .filter((name) => typed[name] !== undefined && typed[name] !== had[name])
-          .map((name) => [name, typed[name]]),
-      ),
+    setLabel(choice, "Channel of the image");
+    const apply = () => {
+      if (input.value.trim()) this.apply(`${input.value.trim()}:${choice.value}`);
+    };
+    input.addEventListener("change", apply);
+    choice.addEventListener("change", apply);
+    const list = makeElement("datalist", { id: `${id}-images` });
+    this.offerImages(input, list);
+    return [field("image", input, choice), list];
+  }
+
+  primvarRow() {
+    const input = textInput({
+      id: `${this.target.id}-primvar`,
+      value: this.current.text.replace(/^primvar:/, ""),
+      placeholder: "wear",
+    });
+    input.addEventListener("change", () => {
+      if (input.value.trim()) this.apply(`primvar:${input.value.trim()}`);
+    });
+    return field("primvar", input);
+  }
+
+  expressionInputs() {
+    const { id, owner } = this.target,
+      typed = { ...this.draft.typed }; // sources of names
+    const text = makeElement("textarea", {
+      id: `${id}-expression`,
+      value: this.draft.text ?? this.current.text,
+      rows: 3,
+      spellcheck: false,
+      placeholder: "smoothstep(dirt, .2, .6)",
+    });
+    setLabel(text, `Expression of ${owner}`);
+    const sources = makeElement("div"),
+      list = makeElement("datalist", { id: `${id}-images` });
+    const showSources = () =>
+      sources.replaceChildren(
+        ...freeNames(text.value).map((name) => this.nameRow(name, typed, list)),
+      );
+    const apply = () => this.apply(text.value, this.changedInputs(text.value, typed));
+    text.addEventListener("input", () => {
+      this.store({ text: text.value });
+      showSources();
+    });
+    text.addEventListener("keydown", (event) => {
+      if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) apply();
+      event.stopPropagation();
+    });
+    showSources();
+    const button = makeButton("Apply", "Give it this expression (Ctrl+Enter)", apply, {
+      id: `${id}-apply`,
+    });
+    return [text, sources, list, makeElement("div", { className: "tools" }, button)];
+  }
+
+  /** Return the row of a name in an expression, with its source. */
+  nameRow(name, typed, list) {
+    const input = textInput({
+      value: typed[name] ?? this.current.inputs[name] ?? "",
+      placeholder: "0.5, dirt.png:r, primvar:wear, uv:st",
+    });
+    input.dataset.name = name;
+    input.addEventListener("input", () => {
+      typed[name] = input.value;
+      this.store({ typed });
+    });
+    this.offerImages(input, list);
+    return field(name, input);
+  }
+
+  /** The sources that were typed anew: a name without one keeps all that the file says of it. */
+  changedInputs(text, typed) {
+    const names = freeNames(text).filter(
+      (name) => typed[name] !== undefined && typed[name] !== this.current.inputs[name],
     );
-  };
-  show();
-  return [
-    text,
-    sources,
-    list,
-    made(
-      "div",
-      { className: "tools" },
-      button("Apply", "Give it this expression (Ctrl+Enter)", apply, { id: `${id}-apply` }),
-    ),
-  ];
+    return Object.fromEntries(names.map((name) => [name, typed[name]]));
+  }
+}
+
+function textInput(properties) {
+  return makeElement("input", {
+    type: "text",
+    className: "wide",
+    spellcheck: false,
+    ...properties,
+  });
+}
+
+function field(label, input, ...more) {
+  return makeRow(label, setLabel(input, label), ...more);
 }

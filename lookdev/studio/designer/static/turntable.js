@@ -1,144 +1,171 @@
 // @ts-check
 // The turntable: rendered in the background, and played in the viewport's place.
 
-import { at } from "./made.js";
+import { byId } from "./elements.js";
 
 const RATE = 12; // frames a second
-const POLL = 500; // milliseconds between looks at how far it is
+const POLL = 500; // milliseconds between looks at the progress
 
-export class Turntable {
-  constructor(asked, settled) {
-    this.asked = asked;
-    this.settled = settled;
-    this.state = { state: "none" };
+const stage = `
+  <div id="turntable" role="region" aria-label="Turntable" hidden>
+    <div id="turntable-stage" role="img" aria-label="A frame of the turntable"></div>
+    <div id="turntable-bar">
+      <button type="button" id="turntable-play" title="Space">Play</button>
+      <input type="range" id="turntable-frame" min="0" max="0" value="0" aria-label="Frame"
+        title="Comma and full stop step">
+      <output id="turntable-number"></output>
+      <button type="button" id="turntable-close" title="Escape">Close</button>
+    </div>
+  </div>`;
+
+const aside = `
+  <section>
+    <h2>Turntable</h2>
+    <div class="buttons">
+      <button type="button" id="turntable-start"
+        title="Render the job's frames in the background">Render</button>
+      <button type="button" id="turntable-open"
+        title="Play the frames that are there" disabled>Play</button>
+      <progress id="turntable-progress" aria-label="Frames done" hidden></progress>
+    </div>
+    <p id="turntable-facts" class="sentence"></p>
+  </section>`;
+
+/** Return the progress of a run in words. */
+function describeProgress(run) {
+  const words = {
+    none: () => "The job's frames of what is shown, with unsaved edits and the lights as set here.",
+    rendering: () =>
+      [
+        `${run.done} of ${run.total} frames`,
+        ...(run.frame ? [`${run.frame.split("/").pop()}, ${run.samples} samples`] : []),
+      ].join(" · "),
+    done: () => `${run.total} frames`,
+    cancelled: () => `cancelled; ${run.done} of ${run.total} frames are kept`,
+    failed: () => run.error ?? run.failed.join("; "),
+  };
+  return words[run.state]() + (run.output ? ` · ${run.output}` : "");
+}
+
+class Turntable {
+  constructor(designer) {
+    this.designer = designer;
+    /** The newest run, as the server describes it. */
+    this.run = { state: "none" };
+    /** The frames that have a picture: number and image. */
     this.frames = [];
-    this.shown = 0;
+    this.index = 0; // of the visible frame
     this.playing = false;
-    at("turntable-start").addEventListener("click", () =>
-      this.state.state === "rendering" ? this.ask({ do: "cancel" }) : this.render(),
+    this.keys = {
+      " ": () => this.actIfOpen(() => this.play(!this.playing)),
+      ",": () => this.actIfOpen(() => this.step(-1)),
+      ".": () => this.actIfOpen(() => this.step(1)),
+      Escape: () => this.actIfOpen(() => this.setOpen(false)),
+    };
+    byId("turntable-start").addEventListener("click", () =>
+      this.run.state === "rendering" ? this.request({ do: "cancel" }) : this.render(),
     );
-    at("turntable-play").addEventListener("click", () => this.play(!this.playing));
-    at("turntable-close").addEventListener("click", () => this.open(false));
-    at("turntable-frame").addEventListener("input", () => {
+    byId("turntable-play").addEventListener("click", () => this.play(!this.playing));
+    byId("turntable-close").addEventListener("click", () => this.setOpen(false));
+    byId("turntable-frame").addEventListener("input", () => {
       this.play(false);
-      this.show(Number(at("turntable-frame").value));
+      this.showFrame(Number(byId("turntable-frame").value));
     });
-    at("turntable-open").addEventListener("click", () => this.open(true));
-    this.ask();
+    byId("turntable-open").addEventListener("click", () => this.setOpen(true));
+    this.request();
   }
 
   async render() {
-    await this.settled();
-    await this.ask({ do: "render" });
+    await this.designer.settle();
+    await this.request({ do: "render" });
   }
 
-  async ask(body = undefined) {
+  /** Ask the server for the state of the run, and again while it renders. */
+  async request(body = undefined) {
     clearTimeout(this.timer);
     try {
-      this.take(await this.asked("turntable", body));
+      this.takeRun(await this.designer.fetchJson("turntable", body));
     } catch (error) {
       this.say(error.message, true);
     }
-    if (this.state.state === "rendering") this.timer = setTimeout(() => this.ask(), POLL);
+    if (this.run.state === "rendering") this.timer = setTimeout(() => this.request(), POLL);
   }
 
-  take(state) {
-    const other = state.run !== this.state.run;
-    this.state = state;
-    if (other) this.frames = [];
-    for (const number of state.pictures ?? []) {
-      if (this.frames.some((each) => each.number === number)) continue;
-      // While it is rendered, files of a run before are replaced.
-      this.frames.push({
-        number,
-        image: Object.assign(new Image(), {
-          src: `turntable/${state.run}/${number}.png?${state.done}`,
-          alt: "",
-        }),
-      });
-      this.frames.sort((a, b) => a.number - b.number);
+  takeRun(run) {
+    const before = this.run;
+    this.run = run;
+    if (run.run !== before.run) this.frames = [];
+    for (const number of run.pictures ?? []) this.addFrame(number);
+    if (run.state === "done" && before.state === "rendering") {
+      // While it was rendered, files of an earlier run were replaced.
+      for (const { image, number } of this.frames)
+        image.src = `turntable/${run.run}/${number}.png?done`;
+      this.setOpen(true);
     }
-    if (state.state === "done" && this.last === "rendering") {
-      for (const each of this.frames)
-        each.image.src = `turntable/${state.run}/${each.number}.png?done`;
-      this.open(true);
-    }
-    this.last = state.state;
-    const rendering = state.state === "rendering";
-    at("turntable-start").textContent = rendering ? "Cancel" : "Render";
-    at("turntable-open").disabled = this.frames.length === 0;
-    at("turntable-progress").hidden = !rendering;
-    at("turntable-progress").max = state.total ?? 1;
-    at("turntable-progress").value = state.done ?? 0;
-    at("turntable-frame").max = Math.max(0, this.frames.length - 1);
-    const parts = {
-      none: () =>
-        "The job's frames of what is shown, with unsaved edits and the lights as set here.",
-      rendering: () =>
-        [
-          `${state.done} of ${state.total} frames`,
-          ...(state.frame ? [`${state.frame.split("/").pop()}, ${state.samples} samples`] : []),
-        ].join(" · "),
-      done: () => `${state.total} frames`,
-      cancelled: () => `cancelled; ${state.done} of ${state.total} frames are kept`,
-      failed: () => state.error ?? state.failed.join("; "),
-    };
-    this.say(
-      parts[state.state]() + (state.output ? ` · ${state.output}` : ""),
-      state.state === "failed",
-    );
+    const rendering = run.state === "rendering";
+    byId("turntable-start").textContent = rendering ? "Cancel" : "Render";
+    byId("turntable-open").disabled = this.frames.length === 0;
+    byId("turntable-progress").hidden = !rendering;
+    byId("turntable-progress").max = run.total ?? 1;
+    byId("turntable-progress").value = run.done ?? 0;
+    byId("turntable-frame").max = Math.max(0, this.frames.length - 1);
+    this.say(describeProgress(run), run.state === "failed");
   }
 
-  say(text, bad = false) {
-    at("turntable-facts").textContent = text;
-    at("turntable-facts").classList.toggle("bad", bad);
+  /** Load the picture of a frame, unless it is there. */
+  addFrame(number) {
+    if (this.frames.some((frame) => frame.number === number)) return;
+    const src = `turntable/${this.run.run}/${number}.png?${this.run.done}`;
+    this.frames.push({ number, image: Object.assign(new Image(), { src, alt: "" }) });
+    this.frames.sort((a, b) => a.number - b.number);
   }
 
-  open(shown) {
-    if (shown && !this.frames.length) return;
-    at("turntable").hidden = !shown;
-    this.play(shown);
-    if (shown) at("turntable-play").focus();
-    else at("picture").focus();
+  say(text, isError = false) {
+    byId("turntable-facts").textContent = text;
+    byId("turntable-facts").classList.toggle("bad", isError);
+  }
+
+  /** Show the player, which plays, or the viewport. */
+  setOpen(open) {
+    if (open && !this.frames.length) return;
+    byId("turntable").hidden = !open;
+    this.play(open);
+    byId(open ? "turntable-play" : "picture").focus();
+  }
+
+  /** Act on a key if the player is open; return whether it is. */
+  actIfOpen(act) {
+    const open = !byId("turntable").hidden;
+    if (open) act();
+    return open;
   }
 
   play(playing) {
     clearInterval(this.clock);
     this.playing = playing && this.frames.length > 0;
-    at("turntable-play").textContent = this.playing ? "Pause" : "Play";
-    if (this.playing)
-      this.clock = setInterval(() => this.show((this.shown + 1) % this.frames.length), 1000 / RATE);
-    this.show(Math.min(this.shown, this.frames.length - 1));
+    byId("turntable-play").textContent = this.playing ? "Pause" : "Play";
+    const next = () => this.showFrame((this.index + 1) % this.frames.length);
+    if (this.playing) this.clock = setInterval(next, 1000 / RATE);
+    this.showFrame(Math.min(this.index, this.frames.length - 1));
   }
 
-  show(number) {
-    const frame = this.frames[number];
+  step(direction) {
+    this.play(false);
+    this.showFrame((this.index + direction + this.frames.length) % this.frames.length);
+  }
+
+  showFrame(index) {
+    const frame = this.frames[index];
     if (!frame) return;
-    this.shown = number;
-    at("turntable-frame").value = number;
-    at("turntable-number").textContent = `${frame.number + 1} / ${this.state.total}`;
+    this.index = index;
+    byId("turntable-frame").value = index;
+    byId("turntable-number").textContent = `${frame.number + 1} / ${this.run.total}`;
     if (frame.image.complete && frame.image.naturalWidth)
-      at("turntable-stage").replaceChildren(frame.image);
-  }
-
-  /**
-   * Take a key while it is open: space plays, comma and full stop step, Escape closes. Returns
-   * whether it did.
-   */
-  key(name) {
-    if (at("turntable").hidden) return false;
-    const count = this.frames.length;
-    const step = (by) => {
-      this.play(false);
-      this.show((this.shown + by + count) % count);
-    };
-    const keys = {
-      " ": () => this.play(!this.playing),
-      ",": () => step(-1),
-      ".": () => step(1),
-      Escape: () => this.open(false),
-    };
-    keys[name]?.();
-    return name in keys;
+      byId("turntable-stage").replaceChildren(frame.image);
   }
 }
+
+export const panel = {
+  markup: { "#stage": stage, aside },
+  mount: (designer) => new Turntable(designer),
+};

@@ -10,16 +10,16 @@ import { latencies, Plots, shown, turnLight } from "./plots.js";
 import { Sliders } from "./sliders.js";
 import {
   addSurface,
-  changed,
+  notify,
   colorOf,
-  givenOptions,
+  changedOptions,
   nameOf,
   onChange,
   option,
   readUrl,
-  selected,
+  selectedSurface,
   setOption,
-  shownSurfaces,
+  visibleSurfaces,
   state,
   urlOf,
   wordsOf,
@@ -30,7 +30,7 @@ const $ = (id) => document.getElementById(id);
 const status = $("status"),
   dialog = $("dialog");
 let fading = 0;
-const tell = (text, good = false) => {
+const say = (text, good = false) => {
   status.textContent = text;
   status.className = text && !good ? "bad" : "";
   clearTimeout(fading);
@@ -65,7 +65,7 @@ const OPTIONS = {
   chroma: ["Chroma only"],
 };
 
-const link = new Link((text, good) => tell(text, good));
+const link = new Link((text, good) => say(text, good));
 let shaders, balls, plots, sliders, exact;
 
 const showKinds = () => {
@@ -83,7 +83,7 @@ const showKinds = () => {
       tab.setAttribute("aria-controls", "stage");
       tab.addEventListener("click", () => {
         state.kind = name;
-        changed("kind");
+        notify("kind");
       });
       return tab;
     }),
@@ -99,90 +99,82 @@ $("kinds").addEventListener("keydown", (event) => {
     step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (!step) return;
   state.kind = names[(names.indexOf(state.kind) + step + names.length) % names.length];
-  changed("kind");
+  notify("kind");
   $(`kind-${state.kind}`).focus();
 });
 
+const makeElement = (tag, properties = {}) =>
+  Object.assign(document.createElement(tag), properties);
+
+/** The name of an option, which may be of the kind of the plot. */
+const optionTitle = (name) => {
+  if (name !== "theta") return OPTIONS[name][0];
+  if (state.kind === "cartesian")
+    return { theta_h: "θd", theta_d: "θh", theta_i: "θo" }[option("axis")];
+  return state.kind === "sphere" ? "Light θ" : "View θ";
+};
+
+const changeOption = (name, value, event, held) => {
+  setOption(name, value);
+  if (name === "axis") showOptions();
+  notify("options", { since: event.timeStamp, held });
+};
+
+const optionBox = (name) => {
+  const box = makeElement("input", { type: "checkbox", checked: option(name) });
+  box.addEventListener("change", (event) => changeOption(name, box.checked, event, false));
+  return box;
+};
+
+const optionSelect = (name, choices) => {
+  const select = document.createElement("select");
+  for (const [value, textContent] of Object.entries(choices))
+    select.append(makeElement("option", { value, textContent, selected: option(name) === value }));
+  select.addEventListener("change", (event) => changeOption(name, select.value, event, false));
+  return select;
+};
+
+/** Return the slider of an option, and the output of its value. */
+const optionSlider = (name, [min, max, step, unit]) => {
+  const slider = makeElement("input", { type: "range", min, max, step }),
+    output = document.createElement("output");
+  const put = () => {
+    const value = Number(slider.value);
+    output.textContent = `${value}${unit}`;
+    slider.setAttribute("aria-valuetext", output.textContent);
+    slider.style.setProperty("--at", `${(100 * (value - min)) / (max - min)}%`);
+  };
+  const move = (held) => (event) => {
+    put();
+    changeOption(name, Number(slider.value), event, held);
+  };
+  slider.value = option(name);
+  put();
+  slider.addEventListener("input", move(true));
+  slider.addEventListener("change", move(false));
+  return [slider, output];
+};
+
+const optionField = (name) => {
+  const [, ...values] = OPTIONS[name],
+    field = makeElement("label", { className: "field" }),
+    label = makeElement("span", { textContent: optionTitle(name) });
+  if (!values.length) field.append(optionBox(name), label);
+  else if (typeof values[0] === "object") field.append(label, optionSelect(name, values[0]));
+  else field.append(label, ...optionSlider(name, values));
+  return field;
+};
+
 const showOptions = () => {
   const { uses } = state.offered.kinds[state.kind];
-  const angles = { theta_h: "θd", theta_d: "θh", theta_i: "θo" }[option("axis")];
-  $("options").replaceChildren(
-    ...Object.keys(OPTIONS)
-      .filter((name) => uses.includes(name))
-      .map((name) => {
-        const [text, ...rest] = OPTIONS[name],
-          field = Object.assign(document.createElement("label"), { className: "field" }),
-          label = document.createElement("span");
-        label.textContent =
-          name === "theta" && state.kind === "cartesian"
-            ? angles
-            : name === "theta"
-              ? state.kind === "sphere"
-                ? "Light θ"
-                : "View θ"
-              : text;
-        const set = (value, event, held) => {
-          setOption(name, value);
-          if (name === "axis") showOptions();
-          changed("options", { since: event.timeStamp, held });
-        };
-        if (!rest.length) {
-          const box = Object.assign(document.createElement("input"), {
-            type: "checkbox",
-            checked: option(name),
-          });
-          box.addEventListener("change", (event) => set(box.checked, event, false));
-          field.append(box, label);
-        } else if (typeof rest[0] === "object") {
-          const select = document.createElement("select");
-          for (const [value, textContent] of Object.entries(rest[0]))
-            select.append(
-              Object.assign(document.createElement("option"), {
-                value,
-                textContent,
-                selected: option(name) === value,
-              }),
-            );
-          select.addEventListener("change", (event) => set(select.value, event, false));
-          field.append(label, select);
-        } else {
-          const [min, max, step, unit] = rest,
-            slider = Object.assign(document.createElement("input"), {
-              type: "range",
-              min,
-              max,
-              step,
-            }),
-            out = document.createElement("output");
-          const put = () => {
-            out.textContent = `${Number(slider.value)}${unit}`;
-            slider.setAttribute("aria-valuetext", out.textContent);
-            slider.style.setProperty(
-              "--at",
-              `${(100 * (Number(slider.value) - min)) / (max - min)}%`,
-            );
-          };
-          slider.value = option(name);
-          put();
-          for (const { type, held } of [
-            { type: "input", held: true },
-            { type: "change", held: false },
-          ])
-            slider.addEventListener(type, (event) => {
-              put();
-              set(Number(slider.value), event, held);
-            });
-          field.append(label, slider, out);
-        }
-        return field;
-      }),
-  );
+  const names = Object.keys(OPTIONS).filter((name) => uses.includes(name));
+  $("options").replaceChildren(...names.map(optionField));
 };
 
 const showSubject = () => {
-  const surface = selected(),
+  const surface = selectedSurface(),
     right = $("right");
-  for (const each of ["viewport", "parameters"]) $(each).hidden = !surface;
+  for (const id of ["viewport", "parameters"]) $(id).hidden = !surface;
   $("label").parentElement.hidden = !surface;
   right.style.setProperty("--accent", surface ? colorOf(surface) : "var(--quiet)");
   right.style.setProperty("--own", surface ? colorOf(surface) : "var(--quiet)");
@@ -197,7 +189,7 @@ const showSubject = () => {
 
 const about = (surface) => {
   const model = state.offered.models[surface.model],
-    preset = state.offered.presets.find((each) => each.name === surface.base);
+    preset = state.offered.presets.find(({ name }) => name === surface.base);
   return [
     preset ? `${preset.doc.replace(/\.?$/, ".")}` : "",
     model?.text ?? (surface.look ? `A look: ${surface.title}.` : ""),
@@ -206,14 +198,14 @@ const about = (surface) => {
     .join(" ");
 };
 
-let lightShown = "";
+let visibleLight = "";
 const showLight = () => {
-  const frame = exact.of(selected());
-  lightShown = frame && state.exact ? "exact" : state.light;
-  for (const each of document.querySelectorAll("[data-light]")) {
-    if (each.dataset.light === "exact") each.hidden = !frame;
-    each.setAttribute("aria-checked", each.dataset.light === lightShown);
-    each.tabIndex = each.dataset.light === lightShown ? 0 : -1;
+  const frame = exact.of(selectedSurface());
+  visibleLight = frame && state.exact ? "exact" : state.light;
+  for (const button of document.querySelectorAll("[data-light]")) {
+    if (button.dataset.light === "exact") button.hidden = !frame;
+    button.setAttribute("aria-checked", button.dataset.light === visibleLight);
+    button.tabIndex = button.dataset.light === visibleLight ? 0 : -1;
   }
   drawBall();
 };
@@ -239,10 +231,10 @@ const drawBall = () => {
   }
   ballFrame ||= requestAnimationFrame(async () => {
     ballFrame = 0;
-    const surface = selected(),
+    const surface = selectedSurface(),
       ratio = Math.min(devicePixelRatio, 2);
-    const [width, height] = [ball.clientWidth, ball.clientHeight].map((each) =>
-      Math.round(each * ratio),
+    const [width, height] = [ball.clientWidth, ball.clientHeight].map((side) =>
+      Math.round(side * ratio),
     );
     if (!surface || !width || document.hidden) return;
     if (ballBusy) {
@@ -251,7 +243,7 @@ const drawBall = () => {
     }
     if (ball.width !== width || ball.height !== height) [ball.width, ball.height] = [width, height];
     const context = ball.getContext("2d");
-    if (lightShown === "exact") {
+    if (visibleLight === "exact") {
       exact.draw(context, width, height);
       return;
     }
@@ -261,7 +253,7 @@ const drawBall = () => {
       const more = await balls.draw(
         "ball",
         surface,
-        lightShown,
+        visibleLight,
         width,
         height,
         option("exposure"),
@@ -289,51 +281,51 @@ const add = async (words, { select = true, hidden = false } = {}) => {
   try {
     const surface = addSurface({ ...(await link.ask({ do: "describe", surface: words })) }, hidden);
     if (select) state.selected = state.surfaces.indexOf(surface);
-    if (select) changed("surfaces");
+    if (select) notify("surfaces");
     return surface;
   } catch (error) {
-    tell(error.message);
+    say(error.message);
     return null;
   }
 };
 
-// Of a surface whose form has changed, values follow: a metal's name stands for others.
+// Of a surface whose form has notify, values follow: a metal's name stands for others.
 const reform = async (surface) => {
   try {
     const { values, words } = await link.ask({ do: "describe", surface: wordsOf(surface) });
     Object.assign(surface, { values, words, problem: "" });
   } catch (error) {
     surface.problem = error.message;
-    tell(error.message);
+    say(error.message);
   }
   showSubject();
   plots.ask(surface, {});
   drawBall();
 };
 
-onChange((what, detail) => {
-  if (what === "duplicate") {
+onChange((change, detail) => {
+  if (change === "duplicate") {
     add(wordsOf(detail.surface, true));
     return;
   }
-  if (what === "form") {
+  if (change === "form") {
     reform(detail.surface);
     return;
   }
-  if (what === "kind") {
+  if (change === "kind") {
     showKinds();
     showOptions();
   }
-  if (what === "surfaces" || what === "selected") {
+  if (change === "surfaces" || change === "selected") {
     showSurfaces();
     showSubject();
   }
-  if (what === "theme") {
+  if (change === "theme") {
     showSurfaces();
     showSubject();
   }
   if (detail?.held) handMoved = performance.now();
-  if (what === "parameter" && detail.surface === selected()) {
+  if (change === "parameter" && detail.surface === selectedSurface()) {
     if (state.exact) {
       state.exact = false;
       showLight();
@@ -341,32 +333,32 @@ onChange((what, detail) => {
     // The place on a look is a constant of its shader, which is compiled when the hand rests.
     if (!detail.held || !detail.surface.look) drawBall();
   }
-  if (what === "options" || what === "light") drawBall();
-  const title = `${selected() ? nameOf(selected()) : "Explorer"} · lookdev`;
+  if (change === "options" || change === "light") drawBall();
+  const title = `${selectedSurface() ? nameOf(selectedSurface()) : "Explorer"} · lookdev`;
   if (document.title !== title) document.title = title;
 });
 
 $("label").addEventListener("input", () => {
-  const surface = selected();
+  const surface = selectedSurface();
   surface.label = $("label")
     .value.replace(/[=:@#/]/g, " ")
     .trim();
   $("name").textContent = nameOf(surface);
   showSurfaces();
-  changed("label");
+  notify("label");
 });
-for (const each of document.querySelectorAll("[data-light]")) {
-  each.addEventListener("click", () => {
-    state.exact = each.dataset.light === "exact";
-    if (!state.exact) state.light = each.dataset.light;
+for (const button of document.querySelectorAll("[data-light]")) {
+  button.addEventListener("click", () => {
+    state.exact = button.dataset.light === "exact";
+    if (!state.exact) state.light = button.dataset.light;
     showLight();
-    changed("light");
+    notify("light");
   });
-  each.addEventListener("keydown", (event) => {
+  button.addEventListener("keydown", (event) => {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key],
       all = [...document.querySelectorAll("[data-light]:not([hidden])")];
     if (step) {
-      const other = all[(all.indexOf(each) + step + all.length) % all.length];
+      const other = all[(all.indexOf(button) + step + all.length) % all.length];
       other.click();
       other.focus();
     }
@@ -406,10 +398,10 @@ ball.addEventListener("keydown", (event) => {
 });
 new ResizeObserver(drawBall).observe(ball);
 
-const copy = async (text, what) => {
+const copy = async (text, title) => {
   try {
     await navigator.clipboard.writeText(text);
-    tell(`${what} is copied.`, true);
+    say(`${title} is copied.`, true);
   } catch {
     // Without permission the text is shown, to be copied by hand.
     const area = Object.assign(document.createElement("textarea"), {
@@ -418,7 +410,7 @@ const copy = async (text, what) => {
       rows: 14,
     });
     area.style.cssText = "width:100%;font:12px ui-monospace,monospace";
-    show(what, [area]);
+    show(title, [area]);
     area.select();
   }
 };
@@ -431,7 +423,7 @@ const attempt = (act) => async () => {
   try {
     await act();
   } catch (error) {
-    tell(error.message);
+    say(error.message);
   }
 };
 
@@ -446,8 +438,8 @@ $("copy-command").addEventListener(
         await link.ask({
           do: "command",
           kind: state.kind,
-          surfaces: shownSurfaces().map((each) => wordsOf(each, true)),
-          options: givenOptions(),
+          surfaces: visibleSurfaces().map((surface) => wordsOf(surface, true)),
+          options: changedOptions(),
         })
       ).text,
       "The command",
@@ -457,9 +449,9 @@ $("copy-command").addEventListener(
 $("copy-usd").addEventListener(
   "click",
   attempt(async () => {
-    if (selected())
+    if (selectedSurface())
       await copy(
-        (await link.ask({ do: "usd", surface: wordsOf(selected()) })).text,
+        (await link.ask({ do: "usd", surface: wordsOf(selectedSurface()) })).text,
         "The look as USD",
       );
   }),
@@ -494,12 +486,12 @@ const offer = (blob, name) => {
   anchor.click();
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 };
-for (const each of menu.querySelectorAll("[data-save]"))
-  each.addEventListener(
+for (const item of menu.querySelectorAll("[data-save]"))
+  item.addEventListener(
     "click",
     attempt(async () => {
       openMenu(false);
-      const suffix = each.dataset.save;
+      const suffix = item.dataset.save;
       if (suffix === "shown") {
         await plots.paint();
         const from = $("plot"),
@@ -511,15 +503,15 @@ for (const each of menu.querySelectorAll("[data-save]"))
         offer(await whole.convertToBlob({ type: "image/png" }), `${state.kind}.png`);
         return;
       }
-      tell(`Making ${state.kind}.${suffix} …`, true);
+      say(`Making ${state.kind}.${suffix} …`, true);
       const query = new URLSearchParams([
-        ...shownSurfaces().map((surface) => ["s", wordsOf(surface, true)]),
-        ["options", JSON.stringify(givenOptions())],
+        ...visibleSurfaces().map((surface) => ["s", wordsOf(surface, true)]),
+        ["options", JSON.stringify(changedOptions())],
       ]);
       const answer = await fetch(`save/${state.kind}.${suffix}?${query}`);
       if (!answer.ok) throw new Error((await answer.text()).trim());
       offer(await answer.blob(), `${state.kind}.${suffix}`);
-      tell(`${state.kind}.${suffix} is saved.`, true);
+      say(`${state.kind}.${suffix} is saved.`, true);
     }),
   );
 
@@ -575,23 +567,23 @@ addEventListener("keydown", (event) => {
     return;
   const kinds = Object.keys(state.offered?.kinds ?? {}),
     digit = "1234567890".indexOf(event.key),
-    surface = selected();
+    surface = selectedSurface();
   if (digit >= 0 && kinds[digit]) {
     state.kind = kinds[digit];
-    changed("kind");
+    notify("kind");
   } else if ((event.key === "[" || event.key === "]") && state.surfaces.length) {
     state.selected =
       (state.selected + (event.key === "]" ? 1 : -1) + state.surfaces.length) %
       state.surfaces.length;
-    changed("selected");
+    notify("selected");
   } else if (event.key === "h" && surface) {
     surface.hidden = !surface.hidden;
-    changed("surfaces");
-  } else if (event.key === "d" && surface) changed("duplicate", { surface });
+    notify("surfaces");
+  } else if (event.key === "d" && surface) notify("duplicate", { surface });
   else if (event.key === "Delete" && surface) {
     state.surfaces.splice(state.selected, 1);
     state.selected = Math.max(0, Math.min(state.selected, state.surfaces.length - 1));
-    changed("surfaces");
+    notify("surfaces");
   } else if (event.key === "/") {
     event.preventDefault();
     $("find").focus();
@@ -601,21 +593,21 @@ addEventListener("keydown", (event) => {
 const restore = async () => {
   const { words, on, hidden } = readUrl();
   state.surfaces = [];
-  const found = await Promise.all(
-    (words.length ? words : state.offered.first).map((each) =>
-      link.ask({ do: "describe", surface: each }).catch((error) => {
-        tell(error.message);
+  const surfaces = await Promise.all(
+    (words.length ? words : state.offered.first).map((name) =>
+      link.ask({ do: "describe", surface: name }).catch((error) => {
+        say(error.message);
         return null;
       }),
     ),
   );
-  found.forEach((each, index) => {
-    if (each) addSurface(each, hidden.includes(index));
+  surfaces.forEach((surface, index) => {
+    if (surface) addSurface(surface, hidden.includes(index));
   });
   state.selected = Math.min(on, Math.max(0, state.surfaces.length - 1));
   showKinds();
   showOptions();
-  changed("surfaces");
+  notify("surfaces");
 };
 
 const start = async () => {
@@ -630,13 +622,13 @@ const start = async () => {
   });
   watchOffers(add);
   showOffers(add);
-  watchDrops(add, tell);
+  watchDrops(add, say);
   await restore();
-  addEventListener("hashchange", () => restore().catch((error) => tell(error.message)));
+  addEventListener("hashchange", () => restore().catch((error) => say(error.message)));
   if (!works)
-    tell("This browser has no WebGL 2 with float textures: spheres and lobes are not drawn.");
+    say("This browser has no WebGL 2 with float textures: spheres and lobes are not drawn.");
   window.explorer = { state, latencies, shown, ballCosts, plots, shaders, wordsOf, gl };
   document.body.dataset.ready = "true";
   if (new URLSearchParams(location.search).has("verify")) await runVerify();
 };
-start().catch((error) => tell(error.message));
+start().catch((error) => say(error.message));

@@ -10,7 +10,7 @@ export const theme = () => {
   };
   const probe = document.createElement("i");
   document.body.append(probe);
-  const found = {
+  const colors = {
     ink: read("--ink"),
     quiet: read("--quiet"),
     line: read("--line"),
@@ -19,21 +19,21 @@ export const theme = () => {
     font: style.fontFamily || "system-ui",
   };
   probe.remove();
-  return found;
+  return colors;
 };
 
-const near = (low, high, count) => {
+const niceTicks = (low, high, count) => {
   const step = (high - low) / count,
     power = 10 ** Math.floor(Math.log10(step)),
     left = step / power;
   const nice = (left < 1.5 ? 1 : left < 3 ? 2 : left < 7 ? 5 : 10) * power,
-    found = [];
+    ticks = [];
   for (let k = Math.ceil(low / nice - 1e-9); k * nice <= high + 1e-9 * nice; k++)
-    found.push(k * nice);
-  return found;
+    ticks.push(k * nice);
+  return ticks;
 };
 
-export const shortly = (value) => {
+export const formatShort = (value) => {
   if (value === 0) return "0";
   const size = Math.abs(value);
   return size >= 1e5 || size < 1e-3
@@ -53,7 +53,7 @@ export const scaleOf = (kind, low, high, count) => {
     return {
       low,
       high,
-      ticks: ticks.length > 1 ? ticks : near(low, high, count),
+      ticks: ticks.length > 1 ? ticks : niceTicks(low, high, count),
       at: (v) => (v > 0 ? (Math.log10(v) - a) / (b - a) : -1),
       back: (t) => 10 ** (a + t * (b - a)),
     };
@@ -63,9 +63,9 @@ export const scaleOf = (kind, low, high, count) => {
     return {
       low,
       high,
-      ticks: near(a, b, count)
-        .map((each) => Math.sign(each) * each * each)
-        .map((each) => Number(each.toPrecision(3))),
+      ticks: niceTicks(a, b, count)
+        .map((root) => Math.sign(root) * root * root)
+        .map((tick) => Number(tick.toPrecision(3))),
       at: (v) => (ROOT(v) - a) / (b - a),
       back: (t) => {
         const r = a + t * (b - a);
@@ -76,7 +76,7 @@ export const scaleOf = (kind, low, high, count) => {
   return {
     low,
     high,
-    ticks: near(low, high, count),
+    ticks: niceTicks(low, high, count),
     at: (v) => (v - low) / (high - low),
     back: (t) => low + t * (high - low),
   };
@@ -113,7 +113,7 @@ export class Axes {
       c.moveTo(x, box.top);
       c.lineTo(x, box.top + box.height);
       c.stroke();
-      c.fillText(shortly(tick), x, box.top + box.height + 7);
+      c.fillText(formatShort(tick), x, box.top + box.height + 7);
     }
     c.textAlign = "right";
     c.textBaseline = "middle";
@@ -125,7 +125,7 @@ export class Axes {
       c.moveTo(box.left, y);
       c.lineTo(box.left + box.width, y);
       c.stroke();
-      c.fillText(shortly(tick), box.left - 8, y);
+      c.fillText(formatShort(tick), box.left - 8, y);
       last = y;
     }
     c.fillStyle = look.ink;

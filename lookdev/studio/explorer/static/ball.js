@@ -1,7 +1,7 @@
 // @ts-check
 // Lit spheres: under a point light at once, in the studio dome by samples that accumulate while the
 // page rests.
-import { colors, gl, into, linked, numberOf, sized } from "./gl.js";
+import { colors, gl, bindTarget, linkProgram, numberOf, resizeCanvas } from "./gl.js";
 import { option, state } from "./state.js";
 
 const MOST = 192; // passes of 4 samples
@@ -29,7 +29,7 @@ export class Balls {
   constructor(link, shaders) {
     this.link = link;
     this.shaders = shaders;
-    this.made = new Map();
+    this.films = new Map(); // of spheres, by name
     this.show = null;
     this.dome = null;
   }
@@ -42,79 +42,81 @@ export class Balls {
     return this.dome;
   }
 
-  // A sphere to be drawn in a place: it starts anew when what it shows changes. Resolves with
+  // Draw a pass of the sphere of a name, which starts anew when its surface changes; resolve with
   // whether it lacks passes.
-  async draw(place, surface, light, width, height, exposure, onto) {
-    this.show ??= linked(SHOW);
+  async draw(name, surface, light, width, height, exposure, onto) {
+    this.show ??= linkProgram(SHOW);
     const [show, shader, dome] = await Promise.all([
       this.show,
       this.shaders.of(surface),
       light === "dome" ? this.light() : null,
     ]);
-    const number = numberOf(surface, this.shaders.models);
-    const numbers = Object.values(shader.answer.places).map(number);
+    const number = numberOf(surface, this.shaders.models),
+      film = this.film(name, width, height);
     const key = JSON.stringify([
-      numbers,
+      Object.values(shader.answer.places).map(number),
       light,
-      light === "point" ? state.lightAt : 0,
+      light === "point" ? state.lightAngles : 0,
       width,
       height,
     ]);
-    let kept = this.made.get(place);
-    if (!kept || kept.width !== width || kept.height !== height) {
-      if (kept) for (const each of kept.sums) gl.deleteTexture(each);
-      kept = {
-        width,
-        height,
-        sums: [0, 1].map(() => colors(width, height)),
-        key: "",
-        shader: null,
-        count: 0,
-      };
-      this.made.set(place, kept);
-    }
-    if (kept.key !== key || kept.shader !== shader) Object.assign(kept, { key, shader, count: 0 });
-    const done = light === "dome" ? MOST : 1;
-    if (kept.count < done) {
-      const [theta, phi] = state.lightAt.map((degrees) => (degrees * Math.PI) / 180);
-      const across = Math.sin(theta);
-      const [before] = kept.sums;
-      shader.use(
-        shader.sphere,
-        number,
-        {
-          size: [width, height],
-          corner: [0, 0],
-          light: [across * Math.cos(phi), across * Math.sin(phi), Math.cos(theta)],
-          count: kept.count,
-          lit: light === "dome" ? 1 : 0,
-        },
-        { before, dome: dome?.radiance ?? before, drawn: dome?.drawn ?? before },
-      );
-      gl.disable(gl.DEPTH_TEST);
-      into(kept.sums[1], width, height);
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
-      kept.sums.reverse();
-      kept.count++;
-    }
-    const canvas = sized(width, height);
-    into(null, width, height);
+    if (film.key !== key || film.shader !== shader) Object.assign(film, { key, shader, count: 0 });
+    const most = light === "dome" ? MOST : 1;
+    if (film.count < most) addPass(film, number, dome);
+    const canvas = resizeCanvas(width, height);
+    bindTarget(null, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    const chroma = place !== "ball" && option("chroma");
-    const factor = 2 ** exposure / (chroma ? 1 : kept.count);
-    show.use({ factor, chroma: chroma ? 1 : 0, size: [width, height] }, { sum: kept.sums[0] });
+    const chroma = name !== "ball" && option("chroma");
+    const factor = 2 ** exposure / (chroma ? 1 : film.count);
+    show.use({ factor, chroma: chroma ? 1 : 0, size: [width, height] }, { sum: film.sums[0] });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     onto(canvas, 0, canvas.height - height);
-    return kept.count < done;
+    return film.count < most;
   }
 
-  // Forget spheres that are no longer drawn.
-  keep(places) {
-    for (const [place, { sums }] of this.made) {
-      if (places.has(place)) continue;
-      for (const each of sums) gl.deleteTexture(each);
-      this.made.delete(place);
+  /** Return the film of a name: a new one, if the size is another one. */
+  film(name, width, height) {
+    const before = this.films.get(name);
+    if (before?.width === width && before.height === height) return before;
+    before?.sums.forEach((sum) => gl.deleteTexture(sum));
+    const sums = [0, 1].map(() => colors(width, height));
+    const film = { width, height, sums, key: "", shader: null, count: 0 };
+    this.films.set(name, film);
+    return film;
+  }
+
+  // Delete the spheres without one of some names.
+  deleteOthers(names) {
+    for (const [name, { sums }] of this.films) {
+      if (names.has(name)) continue;
+      sums.forEach((sum) => gl.deleteTexture(sum));
+      this.films.delete(name);
     }
   }
 }
+
+/** Add a pass to a film: of the dome, or of the point light for null. */
+const addPass = (film, number, dome) => {
+  const [theta, phi] = state.lightAngles.map((degrees) => (degrees * Math.PI) / 180),
+    across = Math.sin(theta),
+    [before] = film.sums,
+    { shader, width, height } = film;
+  shader.use(
+    shader.sphere,
+    number,
+    {
+      size: [width, height],
+      corner: [0, 0],
+      light: [across * Math.cos(phi), across * Math.sin(phi), Math.cos(theta)],
+      count: film.count,
+      lit: dome ? 1 : 0,
+    },
+    { before, dome: dome?.radiance ?? before, drawn: dome?.drawn ?? before },
+  );
+  gl.disable(gl.DEPTH_TEST);
+  bindTarget(film.sums[1], width, height);
+  gl.drawArrays(gl.TRIANGLES, 0, 3);
+  film.sums.reverse();
+  film.count++;
+};

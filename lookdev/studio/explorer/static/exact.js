@@ -1,16 +1,16 @@
 // @ts-check
 // The renderer's own picture of the selected surface, in place of the sphere, on request.
 import { imageOf } from "./views.js";
-import { option, selected, wordsOf } from "./state.js";
+import { option, selectedSurface, wordsOf } from "./state.js";
 
 const [start, stop, bar, facts] = ["render", "cancel", "progress", "facts"].map((id) =>
   document.getElementById(id),
 );
 
 export class Exact {
-  constructor(link, shown) {
+  constructor(link, onFrame) {
     this.link = link;
-    this.shown = shown;
+    this.onFrame = onFrame;
     this.frame = null;
     this.busy = false;
     start.addEventListener("click", () => this.render());
@@ -26,7 +26,7 @@ export class Exact {
   }
 
   async render() {
-    const surface = selected();
+    const surface = selectedSurface();
     if (!surface || this.busy) return;
     const words = wordsOf(surface);
     this.busy = true;
@@ -52,7 +52,7 @@ export class Exact {
           `relMSE ${answer.relmse.toExponential(1)}`,
           `${answer.seconds.toFixed(1)} s`,
         ].join(", ");
-        this.shown();
+        this.onFrame();
       }
     } catch (error) {
       facts.textContent = error.message;

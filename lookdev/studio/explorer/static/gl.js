@@ -2,7 +2,7 @@
 // Surfaces as GLSL: one context for spheres, lobes and comparisons. A program is compiled once for
 // a form of a surface; its sliders set uniforms.
 import { wordsOf } from "./state.js";
-import { finished, Programs, texture } from "./viewport/gl.js";
+import { createTexture, Programs, waitForGpu } from "./viewport/gl.js";
 import { OVER_ALL } from "./viewport/shaders.js";
 
 const canvas = document.createElement("canvas");
@@ -122,8 +122,8 @@ void main() {
     result = vec4(sum.rgb + total, 1.0);
 }`;
 
-/** Return a new program of a fragment shader, once it is linked; throws what is wrong with it. */
-export const linked = async (fragment, vertex = OVER_ALL) => {
+/** Return a new program of a fragment shader, once it is linked; throws its errors. */
+export const linkProgram = async (fragment, vertex = OVER_ALL) => {
   if (!works)
     throw new Error(
       "this browser has no WebGL 2 with float textures, which spheres and lobes need",
@@ -132,19 +132,20 @@ export const linked = async (fragment, vertex = OVER_ALL) => {
 };
 
 /** Return a texture of float colours, by default without content. */
-export const colors = (width, height, data = null) => texture(gl, "RGBA32F", width, height, data);
+export const colors = (width, height, data = null) =>
+  createTexture(gl, "RGBA32F", width, height, data);
 
 /** Wait until the graphics driver has drawn what it was given: calls return before that. */
-export const whenDrawn = () => finished(gl);
+export const whenDrawn = () => waitForGpu(gl);
 
 const frame = works ? gl.createFramebuffer() : null;
-export const into = (target, width, height) => {
+export const bindTarget = (target, width, height) => {
   gl.bindFramebuffer(gl.FRAMEBUFFER, target ? frame : null);
   if (target)
     gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, target, 0);
   gl.viewport(0, 0, width, height);
 };
-export const sized = (width, height) => {
+export const resizeCanvas = (width, height) => {
   if (canvas.width < width || canvas.height < height) {
     canvas.width = Math.max(canvas.width, width);
     canvas.height = Math.max(canvas.height, height);
@@ -154,14 +155,17 @@ export const sized = (width, height) => {
 
 // Which parameters a surface's sliders may change without a compilation.
 const formOf = (surface, models) => {
-  const known = models[surface.model]?.parameters ?? [];
+  const parameters = models[surface.model]?.parameters ?? [];
   const live = new Set(
-    known.filter((each) => each.live || surface.open.has(groupOf(each))).map((each) => each.name),
+    parameters
+      .filter((parameter) => parameter.live || surface.open.has(groupOf(parameter)))
+      .map(({ name }) => name),
   );
   const fixed = Object.fromEntries(
     Object.entries(surface.given).filter(([name]) => !surface.editable || !live.has(name)),
   );
-  const extra = [...live].filter((name) => !known.find((each) => each.name === name).live);
+  const isAlwaysLive = (name) => parameters.find((parameter) => parameter.name === name).live;
+  const extra = [...live].filter((name) => !isAlwaysLive(name));
   return { words: wordsOf({ ...surface, given: fixed }), extra };
 };
 export const groupOf = (parameter) =>
@@ -176,7 +180,7 @@ export class Shader {
     this.tables = Object.fromEntries(
       Object.entries(answer.arrays).map(([name, data]) => {
         const [height, width] = answer.shapes[name];
-        return [name, texture(gl, "R32F", width, height, data)];
+        return [name, createTexture(gl, "R32F", width, height, data)];
       }),
     );
   }
@@ -184,17 +188,17 @@ export class Shader {
   /** Return the shader of a surface by the server's answer, compiled. */
   static async of(answer) {
     const deltas = Array.from({ length: answer.deltas }, (_, k) => k);
-    const filled = (text, delta) =>
+    const fillIn = (text, delta) =>
       text
         .replaceAll("TRANSMITS", answer.transmits)
         .replace("DELTAS", deltas.map(delta).join("\n"));
     const start = HEAD + answer.prelude + answer.text + CALL;
-    const evaluate = filled(
+    const evaluate = fillIn(
       EVALUATE,
       (k) => `if (which > 0 && (which - 1) / 2 == ${k}) look_delta${k}(direction, factor);`,
     );
     // What passes a smooth solid leaves it on the other side of the sphere.
-    const sphere = filled(
+    const sphere = fillIn(
       SPHERE.replaceAll("SAMPLES", "4"),
       (k) => `{ vec3 d, f; pair(wo, wo); look_delta${k}(d, f);
         if (d.z > 0.0) total += f * around(toWorld * d).rgb;
@@ -208,17 +212,17 @@ export class Shader {
         } }`,
     );
     // Both compile at the same time.
-    const programsOfSurface = [evaluate, sphere].map((text) => linked(start + text));
+    const programsOfSurface = [evaluate, sphere].map((text) => linkProgram(start + text));
     return new Shader(answer, ...(await Promise.all(programsOfSurface)));
   }
 
   /** Use a program with a surface's numbers, and with others. */
   use(program, numberOfPlace, numbers, textures) {
-    const own = Object.entries(this.answer.numbers).map(([name, usual]) => {
+    const uniforms = Object.entries(this.answer.numbers).map(([name, usual]) => {
       const value = numberOfPlace(this.answer.places[name]) ?? usual;
       return [name, usual.length === 3 || !Array.isArray(value) ? value : value[0]];
     });
-    program.use({ ...Object.fromEntries(own), ...numbers }, { ...this.tables, ...textures });
+    program.use({ ...Object.fromEntries(uniforms), ...numbers }, { ...this.tables, ...textures });
   }
 
   // Values times the cosine, and pdf, of pairs of directions, 4 numbers each; or a delta's
@@ -234,12 +238,12 @@ export class Shader {
     });
     const target = colors(width, height);
     this.use(this.evaluate, numbers, { which }, { all_wo, all_wi });
-    into(target, width, height);
+    bindTarget(target, width, height);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     const values = new Float32Array(4 * width * height);
     gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, values);
-    into(null, canvas.width, canvas.height);
-    for (const used of [all_wo, all_wi, target]) gl.deleteTexture(used);
+    bindTarget(null, canvas.width, canvas.height);
+    for (const texture of [all_wo, all_wi, target]) gl.deleteTexture(texture);
     return values.subarray(0, 4 * count);
   }
 
@@ -254,7 +258,7 @@ export class Shaders {
   constructor(link, models) {
     this.link = link;
     this.models = models;
-    this.known = new Map();
+    this.shaders = new Map();
     this.compiled = 0;
   }
 
@@ -262,30 +266,30 @@ export class Shaders {
   async of(surface) {
     const { words, extra } = formOf(surface, this.models);
     const key = JSON.stringify([words, extra]);
-    if (!this.known.has(key)) {
-      this.known.set(
+    if (!this.shaders.has(key)) {
+      this.shaders.set(
         key,
         this.link.ask({ do: "shader", surface: words, live: extra }).then((answer) => {
           this.compiled++;
           return Shader.of(answer);
         }),
       );
-      this.known.get(key).catch(() => this.known.delete(key));
-      for (const old of [...this.known.keys()].slice(0, -16)) {
-        this.known.get(old).then(
-          (each) => each.free(),
+      this.shaders.get(key).catch(() => this.shaders.delete(key));
+      for (const old of [...this.shaders.keys()].slice(0, -16)) {
+        this.shaders.get(old).then(
+          (shader) => shader.free(),
           () => {},
         );
-        this.known.delete(old);
+        this.shaders.delete(old);
       }
     }
-    return this.known.get(key);
+    return this.shaders.get(key);
   }
 }
 
 // The value of a parameter: given, or that of the one it follows, or as the server says.
 export const numberOf = (surface, models) => (name) => {
-  const parameter = models[surface.model]?.parameters.find((each) => each.name === name);
+  const parameter = models[surface.model]?.parameters.find((other) => other.name === name);
   if (name in surface.given) return surface.given[name];
   if (parameter?.follows && parameter.follows in surface.given)
     return surface.given[parameter.follows];

@@ -1,11 +1,11 @@
 // @ts-check
 // The websocket: requests and their answers, of each slot one at a time and then the newest.
 
-import { packetOf } from "./viewport/packets.js";
+import { parsePacket } from "./viewport/packets.js";
 
 export class Link {
-  constructor(tell) {
-    this.tell = tell;
+  constructor(say) {
+    this.say = say;
     this.next = 1;
     this.open = new Map();
     this.slots = new Map();
@@ -17,36 +17,36 @@ export class Link {
     this.socket = new WebSocket(`ws://${location.host}/talk`);
     this.socket.binaryType = "arraybuffer";
     /** @type {Promise<void>} */
-    this.ready = new Promise((done) => {
+    this.ready = new Promise((resolve) => {
       this.socket.onopen = () => {
         this.wait = 250;
-        this.tell("", true);
-        done();
+        this.say("", true);
+        resolve();
       };
     });
     this.socket.onmessage = ({ data }) =>
-      this.receive(typeof data === "string" ? JSON.parse(data) : packetOf(data));
+      this.receive(typeof data === "string" ? JSON.parse(data) : parsePacket(data));
     this.socket.onclose = () => {
-      const left = [...this.open.values()];
+      const requests = [...this.open.values()];
       this.open.clear();
       this.slots.clear();
-      for (const each of left) each.fail(new Error("the server does not answer"));
-      this.tell("The server does not answer; trying again.", false);
+      for (const request of requests) request.fail(new Error("the server does not answer"));
+      this.say("The server does not answer; trying again.", false);
       setTimeout(() => this.connect(), this.wait);
       this.wait = Math.min(4000, this.wait * 2);
     };
   }
 
   receive(answer) {
-    const asked = this.open.get(answer.id);
-    if (!asked) return;
+    const request = this.open.get(answer.id);
+    if (!request) return;
     if (answer.progress) {
-      asked.progress?.(answer.progress);
+      request.progress?.(answer.progress);
       return;
     }
     this.open.delete(answer.id);
-    if (answer.error !== undefined) asked.fail(new Error(answer.error));
-    else asked.done(answer);
+    if (answer.error !== undefined) request.fail(new Error(answer.error));
+    else request.done(answer);
   }
 
   // Ask, and resolve with the answer; errors are those of the server.

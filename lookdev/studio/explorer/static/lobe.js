@@ -1,7 +1,7 @@
 // @ts-check
 // The lobe in three dimensions: f over all lights above the horizon as a surface, turned by the
 // hand.
-import { gl, into, linked, numberOf, sized, works } from "./gl.js";
+import { gl, bindTarget, linkProgram, numberOf, resizeCanvas, works } from "./gl.js";
 import { state } from "./state.js";
 
 const VERTEX = `#version 300 es
@@ -30,13 +30,13 @@ const COUNT = 72;
 // A third of the numbers even, the others dense about a place (`lookdev.plotting.solid`).
 const dense = (low, high, about, count) => {
   const even = Math.max(Math.floor(count / 3), 2);
-  const found = Array.from({ length: even }, (_, i) => low + ((high - low) * i) / (even - 1));
+  const angles = Array.from({ length: even }, (_, i) => low + ((high - low) * i) / (even - 1));
   const rest = count - even;
   for (let i = 0; i < rest; i++)
-    found.push(
+    angles.push(
       Math.min(high, Math.max(low, about + 0.5 * (high - low) * (-1 + (2 * i) / (rest - 1)) ** 3)),
     );
-  return [...new Set(found)].sort((a, b) => a - b);
+  return [...new Set(angles)].sort((a, b) => a - b);
 };
 
 export class Lobes {
@@ -60,11 +60,11 @@ export class Lobes {
       throw new Error(
         `${surface.title}: scatters along single directions and has no lobe; see Fresnel or albedo`,
       );
-    this.linking ??= linked(FRAGMENT, VERTEX);
+    this.linking ??= linkProgram(FRAGMENT, VERTEX);
     this.program = await this.linking;
     const shader = await this.shaders.of(surface);
     const thetas = dense(0, Math.PI / 2, theta, COUNT),
-      phis = dense(-Math.PI, Math.PI, 0, 2 * COUNT).map((each) => each + phi);
+      phis = dense(-Math.PI, Math.PI, 0, 2 * COUNT).map((angle) => angle + phi);
     const count = thetas.length * phis.length,
       wo = new Float32Array(3 * count),
       wi = new Float32Array(3 * count);
@@ -83,14 +83,14 @@ export class Lobes {
         wo.set(view, k);
         k += 3;
       }
-    const found = shader.at(wo, wi, numberOf(surface, this.shaders.models));
+    const pairs = shader.at(wo, wi, numberOf(surface, this.shaders.models));
     const f = new Float32Array(count);
     let peak = 0;
     for (let i = 0; i < count; i++) {
       const value =
-        LUMINANCE[0] * found[4 * i] +
-        LUMINANCE[1] * found[4 * i + 1] +
-        LUMINANCE[2] * found[4 * i + 2];
+        LUMINANCE[0] * pairs[4 * i] +
+        LUMINANCE[1] * pairs[4 * i + 1] +
+        LUMINANCE[2] * pairs[4 * i + 2];
       f[i] = cosine ? value : value / wi[3 * i + 2];
       // Towards the horizon some models go up without limit.
       if (wi[3 * i + 2] > 0.0175) peak = Math.max(peak, f[i]);
@@ -100,14 +100,14 @@ export class Lobes {
 
   // Draw lobes: the selected one solid, the others as nets.
   draw(lobes, width, height, scale, colors, ink) {
-    const canvas = sized(width, height);
-    into(null, width, height);
+    const canvas = resizeCanvas(width, height);
+    bindTarget(null, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     const { view, turn } = this.camera(width, height);
     this.program.use({ view, turn });
-    const top = Math.max(...lobes.map((each) => each.peak), 1e-30);
+    const top = Math.max(...lobes.map(({ peak }) => peak), 1e-30);
     const radius = (f) =>
       scale === "log"
         ? Math.max(Math.log10(Math.max(f / top, 1e-30)) / DECADES + 1, 0)

@@ -1,6 +1,6 @@
 // @ts-check
 // The left side: the surfaces in the plots, and what can be added to them.
-import { changed, colorOf, nameOf, state } from "./state.js";
+import { notify, colorOf, nameOf, state } from "./state.js";
 
 const list = document.getElementById("surfaces"),
   offers = document.getElementById("offers"),
@@ -24,23 +24,23 @@ const icon = (name) => {
   return svg;
 };
 const iconButton = (name, label, act) => {
-  const made = button("", label, act);
-  made.append(icon(name));
-  return made;
+  const element = button("", label, act);
+  element.append(icon(name));
+  return element;
 };
 
 const button = (text, label, act, className = "plain") => {
-  const made = Object.assign(document.createElement("button"), {
+  const element = Object.assign(document.createElement("button"), {
     type: "button",
     className,
     textContent: text,
   });
   if (label) {
-    made.setAttribute("aria-label", label);
-    made.title = label;
+    element.setAttribute("aria-label", label);
+    element.title = label;
   }
-  made.addEventListener("click", act);
-  return made;
+  element.addEventListener("click", act);
+  return element;
 };
 
 export const showSurfaces = () => {
@@ -52,7 +52,7 @@ export const showSurfaces = () => {
           "",
           () => {
             state.selected = index;
-            changed("selected");
+            notify("selected");
           },
           "pick",
         );
@@ -74,10 +74,10 @@ export const showSurfaces = () => {
           `${surface.hidden ? "Show" : "Hide"} ${nameOf(surface)}`,
           () => {
             surface.hidden = !surface.hidden;
-            changed("surfaces");
+            notify("surfaces");
           },
         ),
-        iconButton("copy", `Duplicate ${nameOf(surface)}`, () => changed("duplicate", { surface })),
+        iconButton("copy", `Duplicate ${nameOf(surface)}`, () => notify("duplicate", { surface })),
         iconButton("remove", `Remove ${nameOf(surface)}`, () => remove(index)),
       );
       return item;
@@ -91,7 +91,7 @@ export const remove = (index) => {
     0,
     Math.min(state.selected - (index < state.selected ? 1 : 0), state.surfaces.length - 1),
   );
-  changed("surfaces");
+  notify("surfaces");
   (list.querySelector(".selected .pick") ?? find).focus();
 };
 
@@ -99,7 +99,7 @@ export const remove = (index) => {
 const groups = () => {
   const { models, presets, looks, measured } = state.offered,
     /** @type {[string, any[][]][]} */
-    found = [
+    offered = [
       [
         "models",
         Object.entries(models)
@@ -108,59 +108,59 @@ const groups = () => {
       ],
     ];
   const byCategory = Map.groupBy
-    ? Map.groupBy(presets, (each) => each.category)
+    ? Map.groupBy(presets, ({ category }) => category)
     : presets.reduce(
-        (all, each) => all.set(each.category, [...(all.get(each.category) ?? []), each]),
+        (all, preset) => all.set(preset.category, [...(all.get(preset.category) ?? []), preset]),
         new Map(),
       );
-  for (const [category, each] of byCategory)
-    found.push([
+  for (const [category, members] of byCategory)
+    offered.push([
       category,
-      each.map(({ name, doc, model }) => [name, name.replaceAll("_", " "), `${doc} (${model})`]),
+      members.map(({ name, doc, model }) => [name, name.replaceAll("_", " "), `${doc} (${model})`]),
     ]);
-  found.push(
-    ["looks", looks.map((each) => [each, each, "a look"])],
+  offered.push(
+    ["looks", looks.map((look) => [look, look, "a look"])],
     [
       "measured",
       [
         ["measured:file=builtin:plastic", "synthetic plastic", models.measured.text],
-        ...measured.map((each) => [
-          each,
-          each.replace(/^uploads\/[0-9a-f]{8}-/, ""),
+        ...measured.map((file) => [
+          file,
+          file.replace(/^uploads\/[0-9a-f]{8}-/, ""),
           models.measured.text,
         ]),
       ],
     ],
   );
-  return found;
+  return offered;
 };
 
 export const showOffers = (add) => {
-  const wanted = find.value.trim().toLowerCase(),
-    shown = [];
+  const search = find.value.trim().toLowerCase(),
+    elements = [];
   for (const [title, entries] of groups()) {
-    const fitting = entries.filter(
+    const matches = entries.filter(
       ([words, name, text]) =>
-        !wanted || `${words} ${name} ${title} ${text}`.toLowerCase().includes(wanted),
+        !search || `${words} ${name} ${title} ${text}`.toLowerCase().includes(search),
     );
-    if (fitting.length)
-      shown.push(
+    if (matches.length)
+      elements.push(
         Object.assign(document.createElement("h3"), { textContent: title }),
-        ...fitting.map(([words, name, text]) => {
-          const made = button(name, "", () => add(words), "offer");
-          made.title = text;
-          return made;
+        ...matches.map(([words, name, text]) => {
+          const offer = button(name, "", () => add(words), "offer");
+          offer.title = text;
+          return offer;
         }),
       );
   }
-  if (!shown.length)
-    shown.push(
+  if (!elements.length)
+    elements.push(
       Object.assign(document.createElement("p"), {
         className: "none",
         textContent: "Nothing has that name. Enter adds the words as they are.",
       }),
     );
-  offers.replaceChildren(...shown);
+  offers.replaceChildren(...elements);
 };
 
 export const watchOffers = (add) => {
@@ -176,75 +176,86 @@ export const watchOffers = (add) => {
   });
 };
 
-// Files that are dropped or chosen go to the server, and become surfaces.
-export const watchDrops = (add, tell) => {
-  const veil = document.getElementById("veil"),
-    input = document.getElementById("file"),
-    bar = document.getElementById("uploading");
+/** Return the name of a file on the server, once it is uploaded. */
+const upload = (file, showProgress) =>
+  new Promise((resolve, reject) => {
+    const request = new XMLHttpRequest();
+    request.open("POST", `upload?name=${encodeURIComponent(file.name)}`);
+    request.responseType = "json";
+    request.upload.onprogress = ({ loaded, total }) => showProgress(total ? loaded / total : 0);
+    request.onload = () =>
+      request.status === 200
+        ? resolve(request.response.name)
+        : reject(new Error(request.response?.error ?? `the server refuses it (${request.status})`));
+    request.onerror = () =>
+      reject(new Error(`${file.name}: the server refuses it, or does not answer`));
+    request.send(file);
+  });
+
+/** Upload files, each of which becomes a surface. */
+const uploadAll = async (files, add, say) => {
+  const bar = document.getElementById("uploading");
+  const showProgress = (share) => {
+    bar.value = share;
+  };
+  bar.hidden = false;
+  for (const file of files) {
+    showProgress(0);
+    try {
+      if (file.size > state.offered.largestUpload)
+        throw new Error(
+          `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; ` +
+            `at most ${state.offered.largestUpload / 2 ** 20} MiB are taken`,
+        );
+      const name = await upload(file, showProgress);
+      if (!state.offered.measured.includes(name)) state.offered.measured.push(name);
+      await add(name);
+      showOffers(add);
+    } catch (error) {
+      say(error.message);
+    }
+  }
+  bar.hidden = true;
+};
+
+/** Call a function with files that the user drops on the page; a veil shows where they can be. */
+const watchDrags = (send) => {
+  const veil = document.getElementById("veil");
   let depth = 0;
-  const has = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
+  const hasFiles = (event) => [...(event.dataTransfer?.types ?? [])].includes("Files");
   addEventListener("dragenter", (event) => {
-    if (has(event)) {
+    if (hasFiles(event)) {
       depth++;
       veil.hidden = false;
       event.preventDefault();
     }
   });
   addEventListener("dragleave", (event) => {
-    if (has(event) && --depth <= 0) {
+    if (hasFiles(event) && --depth <= 0) {
       depth = 0;
       veil.hidden = true;
     }
   });
   addEventListener("dragover", (event) => {
-    if (has(event)) event.preventDefault();
+    if (hasFiles(event)) event.preventDefault();
   });
   addEventListener("drop", (event) => {
-    if (!has(event)) return;
+    if (!hasFiles(event)) return;
     event.preventDefault();
     depth = 0;
     veil.hidden = true;
     send([...event.dataTransfer.files]);
   });
+};
+
+// Files that are dropped or chosen go to the server, and become surfaces.
+export const watchDrops = (add, say) => {
+  const input = document.getElementById("file"),
+    send = (files) => uploadAll(files, add, say);
+  watchDrags(send);
   document.getElementById("choose").addEventListener("click", () => input.click());
   input.addEventListener("change", () => {
     send([...input.files]);
     input.value = "";
   });
-  const sent = (file) =>
-    new Promise((done, fail) => {
-      const request = new XMLHttpRequest();
-      request.open("POST", `upload?name=${encodeURIComponent(file.name)}`);
-      request.responseType = "json";
-      request.upload.onprogress = ({ loaded, total }) => {
-        bar.value = total ? loaded / total : 0;
-      };
-      request.onload = () =>
-        request.status === 200
-          ? done(request.response.name)
-          : fail(new Error(request.response?.error ?? `the server refuses it (${request.status})`));
-      request.onerror = () =>
-        fail(new Error(`${file.name}: the server refuses it, or does not answer`));
-      request.send(file);
-    });
-  const send = async (files) => {
-    bar.hidden = false;
-    for (const file of files) {
-      bar.value = 0;
-      try {
-        if (file.size > state.offered.largestUpload)
-          throw new Error(
-            `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; ` +
-              `at most ${state.offered.largestUpload / 2 ** 20} MiB are taken`,
-          );
-        const name = await sent(file);
-        if (!state.offered.measured.includes(name)) state.offered.measured.push(name);
-        await add(name);
-        showOffers(add);
-      } catch (error) {
-        tell(error.message);
-      }
-    }
-    bar.hidden = true;
-  };
 };

@@ -4,18 +4,18 @@
 import { theme } from "./axes.js";
 import { DECADES } from "./lobe.js";
 import {
-  changed,
+  notify,
   colorOf,
-  givenOptions,
+  changedOptions,
   nameOf,
   onChange,
   option,
-  shownSurfaces,
+  visibleSurfaces,
   state,
   wordsOf,
 } from "./state.js";
 import { squares, VIEWS } from "./views.js";
-import { shortly } from "./axes.js";
+import { formatShort } from "./axes.js";
 
 const canvas = document.getElementById("plot");
 // In memory: curves and pictures of numbers are drawn sooner than a software graphics driver takes
@@ -38,14 +38,14 @@ export class Plots {
     this.balls = balls;
     this.lobes = lobes;
     this.cache = new Map();
-    this.asked = new Map();
+    this.requests = new Map();
     this.waiting = [];
     this.probe = null;
     this.frame = 0;
     this.drawn = 0;
     this.ended = 0;
     this.took = 0;
-    onChange((what, detail) => this.change(what, detail));
+    onChange((change, detail) => this.change(change, detail));
     // Asked of the canvas where it is drawn, its size would be found by a layout of the page for
     // each move.
     this.size = [canvas.clientWidth, canvas.clientHeight];
@@ -55,7 +55,7 @@ export class Plots {
     }).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.look = null;
-      changed("theme");
+      notify("theme");
     });
     canvas.addEventListener("pointermove", (event) => this.point(event.offsetX, event.offsetY));
     canvas.addEventListener("pointerleave", () => {
@@ -63,24 +63,24 @@ export class Plots {
       this.at = null;
     });
     canvas.addEventListener("keydown", (event) => this.key(event));
-    this.orbit();
+    this.followDrags();
   }
 
-  change(what, detail) {
-    if (what === "parameter")
+  change(change, detail) {
+    if (change === "parameter")
       this.ask(detail.surface, { moving: detail.name, draft: detail.held, since: detail.since });
-    else if (what === "turn" || what === "selected" || what === "theme" || what === "label")
+    else if (change === "turn" || change === "selected" || change === "theme" || change === "label")
       this.draw();
-    else if (what === "light") {
+    else if (change === "light") {
       if (state.kind === "sphere") this.draw();
-    } else this.askAll(what === "options" ? detail : {});
+    } else this.askAll(change === "options" ? detail : {});
   }
 
   // The key of what a surface's numbers depend on: exposure and scales are the browser's own.
   request(surface, draft) {
-    const own = new Set(["scale", "angles", "channels", "exposure", "chroma"]);
+    const local = new Set(["scale", "angles", "channels", "exposure", "chroma"]);
     const options = Object.fromEntries(
-      Object.entries(givenOptions()).filter(([name]) => !own.has(name)),
+      Object.entries(changedOptions()).filter(([name]) => !local.has(name)),
     );
     return {
       do: "values",
@@ -104,7 +104,7 @@ export class Plots {
 
   surfaces() {
     const { most } = state.offered.kinds[state.kind];
-    return shownSurfaces().slice(0, most);
+    return visibleSurfaces().slice(0, most);
   }
 
   async ask(surface, { moving = "", draft = false, since = 0 }) {
@@ -120,19 +120,19 @@ export class Plots {
     }
     const request = this.request(surface, draft),
       key = JSON.stringify(request);
-    if (this.asked.get(surface.id) === key) {
+    if (this.requests.get(surface.id) === key) {
       if (this.cache.get(surface.id)?.key === key) this.draw(since);
       return;
     }
-    this.asked.set(surface.id, key);
+    this.requests.set(surface.id, key);
     try {
       const slot = `plot/${surface.id}`,
         { slow } = state.offered.kinds[state.kind];
       // What takes long is first shown as a draft.
-      for (const each of slow && !draft ? [true, draft] : [draft]) {
+      for (const isDraft of slow && !draft ? [true, draft] : [draft]) {
         const data = await this.link.newest(slot, {
           ...request,
-          draft: each,
+          draft: isDraft,
           moving: surface.moved,
         });
         if (!data) return;
@@ -140,12 +140,12 @@ export class Plots {
         // in order.
         this.cache.set(surface.id, { key, kind: request.kind, data });
         this.draw(since);
-        if (this.asked.get(surface.id) !== key) return;
+        if (this.requests.get(surface.id) !== key) return;
         since = 0;
       }
     } catch (error) {
-      if (this.asked.get(surface.id) !== key) return;
-      this.asked.delete(surface.id);
+      if (this.requests.get(surface.id) !== key) return;
+      this.requests.delete(surface.id);
       this.cache.delete(surface.id);
       surface.problem = error.message;
       this.draw();
@@ -160,7 +160,7 @@ export class Plots {
     const paint = () => {
       cancelAnimationFrame(this.frame);
       this.frame = 0;
-      this.paint().catch((error) => this.tell(error.message));
+      this.paint().catch((error) => this.say(error.message));
     };
     if (since && !BROWSER.has(state.kind) && performance.now() - this.ended > this.took) paint();
     else this.frame ||= requestAnimationFrame(paint);
@@ -180,8 +180,7 @@ export class Plots {
       canvas.height = Math.round(height * ratio);
     }
     const waiting = this.waiting.splice(0),
-      surfaces = this.surfaces(),
-      items = [];
+      surfaces = this.surfaces();
     const start = () => {
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
       context.clearRect(0, 0, width, height);
@@ -196,8 +195,8 @@ export class Plots {
       this.busy = true;
       try {
         await (state.kind === "sphere"
-          ? this.spheres(surfaces, width, height, ratio, start)
-          : this.lobe3d(surfaces, width, height, ratio, start));
+          ? this.drawSpheres(surfaces, width, height, ratio, start)
+          : this.drawLobes(surfaces, width, height, ratio, start));
       } finally {
         this.busy = false;
         if (this.again) {
@@ -206,25 +205,7 @@ export class Plots {
         }
       }
     } else {
-      const kind = state.kind === "difference" ? "slice" : state.kind;
-      for (const surface of surfaces) {
-        const kept = this.cache.get(surface.id);
-        if (kept?.kind === kind) items.push({ surface, data: kept.data });
-      }
-      start();
-      this.probe = null;
-      const found =
-        items.length || !surfaces.length
-          ? VIEWS[state.kind](context, items, width, height, this.look)
-          : null;
-      if (typeof found === "string") start();
-      else this.probe = found;
-      // What a view lacks may be on its way.
-      const coming = surfaces.some(
-        (each) => !each.problem && !items.some((item) => item.surface === each),
-      );
-      if (typeof found === "string" && !coming) this.tell(found);
-      else this.problems(surfaces);
+      this.drawNumbers(surfaces, width, height, start);
     }
     const now = performance.now();
     [this.ended, this.took] = [now, now - began];
@@ -233,37 +214,64 @@ export class Plots {
       requestAnimationFrame((frame) => {
         for (const since of waiting) shown.push(Math.max(frame, now) - since);
       });
-    for (const each of [latencies, shown]) if (each.length > 20000) each.splice(0, 10000);
+    for (const times of [latencies, shown]) if (times.length > 20000) times.splice(0, 10000);
     this.drawn++;
-    this.tellLegend(surfaces);
+    this.showLegend(surfaces);
     if (this.at) this.point(...this.at);
   }
 
-  problems(surfaces) {
-    const found = surfaces.filter((each) => each.problem).map((each) => each.problem);
-    const { most } = state.offered.kinds[state.kind],
-      left = shownSurfaces().length - most;
-    if (left > 0) found.push(`This plot shows ${most} surfaces; ${left} more are left out.`);
-    if (!state.surfaces.length)
-      found.push("Add a surface from the list of models, presets and files.");
-    else if (!shownSurfaces().length) found.push("All surfaces are hidden.");
-    this.tell(found.join("  "));
+  /** Draw the numbers of surfaces, as far as they have arrived. */
+  drawNumbers(surfaces, width, height, start) {
+    const kind = state.kind === "difference" ? "slice" : state.kind,
+      items = [];
+    for (const surface of surfaces) {
+      const cached = this.cache.get(surface.id);
+      if (cached?.kind === kind) items.push({ surface, data: cached.data });
+    }
+    start();
+    this.probe = null;
+    const drawn =
+      items.length || !surfaces.length
+        ? VIEWS[state.kind](context, items, width, height, this.look)
+        : null;
+    if (typeof drawn === "string") start();
+    else this.probe = drawn;
+    // What a view lacks may be on its way.
+    const isWaiting = surfaces.some(
+      (surface) => !surface.problem && !items.some((item) => item.surface === surface),
+    );
+    if (typeof drawn === "string" && !isWaiting) this.say(drawn);
+    else this.showProblems(surfaces);
   }
 
-  tell(text) {
+  showProblems(surfaces) {
+    const problems = surfaces.map(({ problem }) => problem).filter(Boolean);
+    const { most } = state.offered.kinds[state.kind],
+      left = visibleSurfaces().length - most;
+    if (left > 0) problems.push(`This plot shows ${most} surfaces; ${left} more are left out.`);
+    if (!state.surfaces.length)
+      problems.push("Add a surface from the list of models, presets and files.");
+    else if (!visibleSurfaces().length) problems.push("All surfaces are hidden.");
+    this.say(problems.join("  "));
+  }
+
+  say(text) {
     if (notice.textContent !== text) notice.textContent = text;
     notice.hidden = !text;
   }
 
-  tellLegend(surfaces) {
-    const key = JSON.stringify([state.kind, surfaces.map((each) => [nameOf(each), colorOf(each)])]);
+  showLegend(surfaces) {
+    const key = JSON.stringify([
+      state.kind,
+      surfaces.map((surface) => [nameOf(surface), colorOf(surface)]),
+    ]);
     if (this.legendKey === key) return;
     this.legendKey = key;
     legend.replaceChildren(
-      ...surfaces.map((each) => {
+      ...surfaces.map((surface) => {
         const item = document.createElement("li");
-        item.style.setProperty("--own", colorOf(each));
-        item.textContent = nameOf(each);
+        item.style.setProperty("--own", colorOf(surface));
+        item.textContent = nameOf(surface);
         return item;
       }),
     );
@@ -273,7 +281,7 @@ export class Plots {
     );
   }
 
-  async spheres(surfaces, width, height, ratio, start) {
+  async drawSpheres(surfaces, width, height, ratio, start) {
     const places = squares(2 * surfaces.length, width, height, {
       left: 10,
       right: 10,
@@ -309,7 +317,7 @@ export class Plots {
           surface.problem = error.message;
         }
       }
-    this.balls.keep(used);
+    this.balls.deleteOthers(used);
     start();
     for (const { copy, place, surface, light } of drawn) {
       context.drawImage(copy, place.x, place.y, place.size, place.size);
@@ -324,12 +332,14 @@ export class Plots {
       );
     }
     this.probe = null;
-    this.problems(surfaces);
+    this.showProblems(surfaces);
     if (more && state.kind === "sphere") this.again = true;
   }
 
-  async lobe3d(surfaces, width, height, ratio, start) {
-    const [theta, phi] = [option("theta"), option("phi")].map((each) => (each * Math.PI) / 180),
+  async drawLobes(surfaces, width, height, ratio, start) {
+    const [theta, phi] = [option("theta"), option("phi")].map(
+        (degrees) => (degrees * Math.PI) / 180,
+      ),
       lobes = [],
       colors = [],
       names = [];
@@ -348,54 +358,51 @@ export class Plots {
         colors.push(
           colorOf(surface)
             .match(/\w\w/g)
-            .map((each) => parseInt(each, 16) / 255),
+            .map((digits) => parseInt(digits, 16) / 255),
         );
         names.push(
-          `${nameOf(surface)}: peak ${shortly(Number(surface.lobe.peak.toPrecision(3)))} /sr`,
+          `${nameOf(surface)}: peak ${formatShort(Number(surface.lobe.peak.toPrecision(3)))} /sr`,
         );
       } catch (error) {
         surface.problem = error.message;
       }
     }
     start();
-    if (lobes.length) {
-      const w = Math.round(width * ratio),
-        h = Math.round(height * ratio),
-        ink = this.look.ink
-          .match(/[\d.]+/g)
-          .slice(0, 3)
-          .map((each) => each / 255);
-      const {
-        canvas: from,
-        top,
-        project,
-      } = this.lobes.draw(lobes, w, h, option("scale"), colors, ink);
-      context.drawImage(from, 0, top, w, h, 0, 0, width, height);
-      context.font = `12px ${this.look.font}`;
-      context.fillStyle = this.look.ink;
-      context.textAlign = "center";
-      const [x, y] = project(lobes[0].view.map((each) => each * 1.17));
-      context.fillText("view", x / ratio, y / ratio);
-      context.textAlign = "left";
-      context.fillText(
-        [
-          `θo = ${option("theta")}°${option("cosine") ? ", times cos θi" : ""}`,
-          `radius ${SCALE_WORDS[option("scale")] ?? "linear"}, one scale for all`,
-        ].join("; "),
-        18,
-        28,
-      );
-      context.fillStyle = this.look.quiet;
-      names.forEach((name, i) => context.fillText(name, 18, 50 + 18 * i));
-    }
+    if (lobes.length) this.drawLobeScene(lobes, colors, names, width, height, ratio);
     this.probe = null;
-    this.problems(surfaces);
+    this.showProblems(surfaces);
+  }
+
+  drawLobeScene(lobes, colors, names, width, height, ratio) {
+    const w = Math.round(width * ratio),
+      h = Math.round(height * ratio),
+      ink = this.look.ink
+        .match(/[\d.]+/g)
+        .slice(0, 3)
+        .map((code) => code / 255);
+    const scene = this.lobes.draw(lobes, w, h, option("scale"), colors, ink);
+    context.drawImage(scene.canvas, 0, scene.top, w, h, 0, 0, width, height);
+    context.font = `12px ${this.look.font}`;
+    context.fillStyle = this.look.ink;
+    context.textAlign = "center";
+    const [x, y] = scene.project(lobes[0].view.map((part) => part * 1.17));
+    context.fillText("view", x / ratio, y / ratio);
+    context.textAlign = "left";
+    context.fillText(
+      [
+        `θo = ${option("theta")}°${option("cosine") ? ", times cos θi" : ""}`,
+        `radius ${SCALE_WORDS[option("scale")] ?? "linear"}, one scale for all`,
+      ].join("; "),
+      18,
+      28,
+    );
+    context.fillStyle = this.look.quiet;
+    names.forEach((name, i) => context.fillText(name, 18, 50 + 18 * i));
   }
 
   point(x, y) {
     this.at = [x, y];
-    const found = this.probe?.(x, y);
-    readout.textContent = found?.text ?? "";
+    readout.textContent = this.probe?.(x, y)?.text ?? "";
   }
 
   // Arrow keys move the place that is read, or turn the lobe and the light.
@@ -423,11 +430,11 @@ export class Plots {
         state.turn[0] - dx * 0.008,
         Math.min(Math.PI / 2, Math.max(-0.2, state.turn[1] + dy * 0.008)),
       ];
-      changed("turn");
+      notify("turn");
     } else turnLight(dx, dy);
   }
 
-  orbit() {
+  followDrags() {
     let last = null;
     canvas.addEventListener("pointerdown", (event) => {
       if (!BROWSER.has(state.kind)) return;
@@ -448,10 +455,10 @@ export class Plots {
 
 // Move the point light over the sphere, by pixels.
 export const turnLight = (dx, dy) => {
-  const [theta, phi] = state.lightAt.map((each) => (each * Math.PI) / 180);
+  const [theta, phi] = state.lightAngles.map((degrees) => (degrees * Math.PI) / 180);
   const x = Math.sin(theta) * Math.cos(phi) + dx * 0.008,
     y = Math.sin(theta) * Math.sin(phi) - dy * 0.008;
   const sine = Math.min(0.999, Math.hypot(x, y));
-  state.lightAt = [(Math.asin(sine) * 180) / Math.PI, (Math.atan2(y, x) * 180) / Math.PI];
-  changed("light");
+  state.lightAngles = [(Math.asin(sine) * 180) / Math.PI, (Math.atan2(y, x) * 180) / Math.PI];
+  notify("light");
 };

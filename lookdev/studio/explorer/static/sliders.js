@@ -2,45 +2,98 @@
 // The parameters of the selected surface: sliders with units, ranges, and what the publication says
 // of each.
 import { groupOf } from "./gl.js";
-import { changed, nameOf, selected, state } from "./state.js";
+import { notify, nameOf, selectedSurface, state } from "./state.js";
 
-const made = (tag, properties = {}, ...children) => {
+const makeElement = (tag, properties = {}, ...children) => {
   const element = Object.assign(document.createElement(tag), properties);
   element.append(...children);
   return element;
 };
+const setLabel = (element, label) => {
+  element.setAttribute("aria-label", label);
+  return element;
+};
 
-const spaced = (name) => {
+/** A name as a title: "clearcoatGloss" is "Clearcoat gloss". */
+const titleOf = (name) => {
   const text = name.replace(/([a-z])([A-Z0-9])/g, "$1 $2");
   return text[0].toUpperCase() + text.slice(1).toLowerCase();
 };
-const shown = (value) => Number(value.toPrecision(4)).toString();
+const formatNumber = (value) => Number(value.toPrecision(4)).toString();
+const clamp = (value, [low, high]) => Math.min(high, Math.max(low, value));
 
 // Exponents and the like: a slider of the root of the value, where the range is long.
-const bent = ([low, high]) => low >= 0 && high >= 100;
+const isLong = ([low, high]) => low >= 0 && high >= 100;
 const toSlider = (value, range) => {
   const t = (value - range[0]) / (range[1] - range[0]);
-  return bent(range) ? Math.max(0, t) ** (1 / 3) : t;
+  return isLong(range) ? Math.max(0, t) ** (1 / 3) : t;
 };
 const fromSlider = (t, range) => {
-  const value = range[0] + (bent(range) ? t ** 3 : t) * (range[1] - range[0]);
-  return Number(value.toPrecision(bent(range) ? 3 : 4));
+  const value = range[0] + (isLong(range) ? t ** 3 : t) * (range[1] - range[0]);
+  return Number(value.toPrecision(isLong(range) ? 3 : 4));
 };
 
-const toHex = (color) =>
-  `#${color
-    .map((v) => {
-      const c = Math.min(1, Math.max(0, v));
-      return Math.round(255 * (c <= 0.0031308 ? 12.92 * c : 1.055 * c ** (1 / 2.4) - 0.055))
-        .toString(16)
-        .padStart(2, "0");
-    })
-    .join("")}`;
-const fromHex = (text) =>
-  text.match(/\w\w/g).map((each) => {
-    const c = parseInt(each, 16) / 255;
-    return Number((c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4).toPrecision(4));
+/** Set a slider to a share of its range, which its style shows. */
+const setShare = (slider, share) =>
+  slider.style.setProperty("--at", `${100 * clamp(share, [0, 1])}%`);
+
+const makeSlider = (properties) =>
+  makeElement("input", { type: "range", min: 0, max: 1, ...properties });
+
+/** Call a function with the event, and whether the pointer holds the input. */
+const onMove = (input, act) => {
+  input.addEventListener("input", (event) => act(event, true));
+  input.addEventListener("change", (event) => act(event, false));
+};
+
+const encodeSrgb = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
+const decodeSrgb = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+const toHex = (color) => {
+  const codes = color.map((v) => Math.round(255 * encodeSrgb(clamp(v, [0, 1]))));
+  return `#${codes.map((code) => code.toString(16).padStart(2, "0")).join("")}`;
+};
+const fromHex = (text) => {
+  const codes = text.match(/\w\w/g).map((digits) => parseInt(digits, 16) / 255);
+  return codes.map((code) => Number(decodeSrgb(code).toPrecision(4)));
+};
+
+/** Return what the publication says of a parameter, or its help. */
+function makeSentence({ name, quote, help }, model) {
+  const sentence = makeElement("p", { className: "sentence", id: `p-${name}-s` });
+  if (quote)
+    sentence.append(makeElement("q", { textContent: quote, title: `${help} ${model.quoted}.` }));
+  else sentence.textContent = help;
+  return sentence;
+}
+
+function makeLabel(id, title, help) {
+  return makeElement("label", { htmlFor: id, textContent: title, title: help });
+}
+
+function makeNumber([min, max], properties = {}) {
+  return makeElement("input", { type: "number", min, max, step: "any", ...properties });
+}
+
+/**
+ * Return a slider and a field for a component of a vector, and `put`, which sets both. `set` is
+ * called with a number, or with null for an entry that is not a number.
+ */
+function componentInputs(label, soft, hard, set) {
+  const slider = setLabel(makeSlider({ step: 0.002 }), `${label}, slider`),
+    field = setLabel(makeNumber(hard), label);
+  onMove(slider, (event, held) => set(fromSlider(Number(slider.value), soft), event, held));
+  field.addEventListener("change", (event) => {
+    const number = Number(field.value),
+      isValid = field.value !== "" && Number.isFinite(number);
+    set(isValid ? clamp(number, hard) : null, event, false);
   });
+  const put = (number) => {
+    field.value = formatNumber(number);
+    slider.value = toSlider(number, soft);
+    setShare(slider, toSlider(number, soft));
+  };
+  return { slider, field, put };
+}
 
 export class Sliders {
   constructor(link) {
@@ -53,7 +106,7 @@ export class Sliders {
       model = models[surface.model];
     this.panel.replaceChildren();
     if (!surface.editable || !model) {
-      if (surface.look) this.place(surface);
+      if (surface.look) this.showCoordinates(surface);
       return;
     }
     const groups = new Map();
@@ -70,18 +123,18 @@ export class Sliders {
     };
     for (const group of ["", "forms", "optional", "normals"]) {
       const rows = (groups.get(group) ?? [])
-        .filter((each) => !each.file)
-        .map((each) => this.row(surface, each, model));
+        .filter((parameter) => !parameter.file)
+        .map((parameter) => this.row(surface, parameter, model));
       if (!rows.length) continue;
       if (group === "optional" || group === "normals") {
-        const box = made(
+        const box = makeElement(
           "details",
           {
             open:
               surface.open.has(group) ||
-              groups.get(group).some((each) => each.name in surface.given),
+              groups.get(group).some(({ name }) => name in surface.given),
           },
-          made("summary", { textContent: titles[group] }),
+          makeElement("summary", { textContent: titles[group] }),
           ...rows,
         );
         if (box.open) surface.open.add(group);
@@ -89,17 +142,17 @@ export class Sliders {
           surface.open[box.open ? "add" : "delete"](group);
         });
         this.panel.append(box);
-      } else this.panel.append(made("h3", { textContent: titles[group] }), ...rows);
+      } else this.panel.append(makeElement("h3", { textContent: titles[group] }), ...rows);
     }
   }
 
-  // Of a look, the place whose stack is plotted.
-  place(surface) {
+  // Of a look: the texture coordinates at which its stack is plotted.
+  showCoordinates(surface) {
     const [, stem, , u, v] = surface.base.match(/^(.*?)(@([\d.]+),([\d.]+))?$/),
-      at = [u ?? 0.5, v ?? 0.5].map(Number);
+      st = [u ?? 0.5, v ?? 0.5].map(Number);
     this.panel.append(
-      made("h3", { textContent: "Place" }),
-      made("p", {
+      makeElement("h3", { textContent: "Place" }),
+      makeElement("p", {
         className: "sentence",
         textContent:
           "A look has its parameters in its file. Its layers, the lowest first: " +
@@ -107,40 +160,19 @@ export class Sliders {
       }),
     );
     ["U", "V"].forEach((name, k) => {
-      const slider = made("input", {
-          type: "range",
-          min: 0,
-          max: 1,
-          step: 0.005,
-          value: at[k],
-          id: `p-${name}`,
-        }),
-        out = made("output", { textContent: shown(at[k]) });
-      for (const [type, held] of [
-        ["input", true],
-        ["change", false],
-      ])
-        slider.addEventListener(type, (event) => {
-          at[k] = Number(slider.value);
-          out.textContent = shown(at[k]);
-          slider.style.setProperty("--at", `${100 * at[k]}%`);
-          surface.base = `${stem}@${at.map(shown).join(",")}`;
-          changed("parameter", { surface, name: "", since: event.timeStamp, held });
-        });
-      slider.style.setProperty("--at", `${100 * at[k]}%`);
-      this.panel.append(
-        made(
-          "div",
-          { className: "parameter" },
-          made(
-            "div",
-            { className: "row" },
-            made("label", { htmlFor: slider.id, textContent: name }),
-            out,
-          ),
-          slider,
-        ),
-      );
+      const slider = makeSlider({ step: 0.005, value: st[k], id: `p-${name}` }),
+        output = makeElement("output", { textContent: formatNumber(st[k]) }),
+        label = makeElement("label", { htmlFor: slider.id, textContent: name });
+      onMove(slider, (event, held) => {
+        st[k] = Number(slider.value);
+        output.textContent = formatNumber(st[k]);
+        setShare(slider, st[k]);
+        surface.base = `${stem}@${st.map(formatNumber).join(",")}`;
+        notify("parameter", { surface, name: "", since: event.timeStamp, held });
+      });
+      setShare(slider, st[k]);
+      const row = makeElement("div", { className: "row" }, label, output);
+      this.panel.append(makeElement("div", { className: "parameter" }, row, slider));
     });
   }
 
@@ -151,232 +183,175 @@ export class Sliders {
     return surface.values[parameter.name] ?? parameter.default;
   }
 
+  /** Return the row of a parameter: its name, what sets it, and its sentence. */
   row(surface, parameter, model) {
-    const id = `p-${parameter.name}`,
-      row = made("div", { className: "parameter" }),
-      reset = made("button", {
-        type: "button",
-        className: "plain reset",
-        textContent: "↺",
-        title: "Reset",
-      });
-    reset.setAttribute("aria-label", `Reset ${spaced(parameter.name)}`);
-    const mark = () => row.classList.toggle("changed", parameter.name in surface.given);
-    reset.addEventListener("click", () => {
-      delete surface.given[parameter.name];
+    const { name, kind } = parameter,
+      element = makeElement("div", { className: "parameter" });
+    const mark = () => element.classList.toggle("changed", name in surface.given);
+    const row = {
+      element,
+      surface,
+      parameter,
+      id: `p-${name}`,
+      title: titleOf(name),
+      reset: this.resetButton(surface, parameter),
+      sentence: makeSentence(parameter, model),
+      set: (value, event, held) => {
+        this.free(surface, parameter);
+        surface.given[name] = value;
+        mark();
+        notify("parameter", { surface, name, since: event.timeStamp, held });
+      },
+    };
+    if (kind === "token") this.addChoice(row);
+    else if (kind === "float") this.addNumber(row);
+    else this.addVector(row);
+    mark();
+    return element;
+  }
+
+  resetButton(surface, { name }) {
+    const button = makeElement("button", {
+      type: "button",
+      className: "plain reset",
+      textContent: "↺",
+      title: "Reset",
+    });
+    button.addEventListener("click", () => {
+      delete surface.given[name];
       this.refresh(surface);
     });
-    const [low, high] = parameter.soft,
-      unit = made("span", { className: "unit", textContent: parameter.unit });
-    const sentence = made("p", { className: "sentence", id: `${id}-s` });
-    if (parameter.quote)
-      sentence.append(
-        made("q", { textContent: parameter.quote, title: `${parameter.help} ${model.quoted}.` }),
-      );
-    else sentence.textContent = parameter.help;
-    const label = (like) =>
-      made(
-        like ? "span" : "label",
-        like
-          ? {
-              className: "like",
-              textContent: spaced(parameter.name),
-              title: parameter.help,
-              id: `${id}-l`,
-            }
-          : { htmlFor: id, textContent: spaced(parameter.name), title: parameter.help },
-      );
-    const give = (value, event, held) => {
-      this.free(surface, parameter);
-      surface.given[parameter.name] = value;
-      mark();
-      changed("parameter", { surface, name: parameter.name, since: event.timeStamp, held });
+    return setLabel(button, `Reset ${titleOf(name)}`);
+  }
+
+  addChoice({ element, surface, parameter, id, title, reset, sentence }) {
+    const options = parameter.choices.map((choice) =>
+      makeElement("option", { value: choice, textContent: choice }),
+    );
+    const select = makeElement("select", { id }, ...options);
+    select.value = this.value(surface, parameter);
+    select.setAttribute("aria-describedby", sentence.id);
+    select.addEventListener("change", () => {
+      if (select.value === parameter.default) delete surface.given[parameter.name];
+      else surface.given[parameter.name] = select.value;
+      this.refresh(surface);
+    });
+    const label = makeLabel(id, title, parameter.help);
+    element.append(makeElement("div", { className: "row" }, label, reset, select), sentence);
+  }
+
+  addNumber({ element, surface, parameter, id, title, reset, sentence, set }) {
+    const { soft, hard, unit, help } = parameter;
+    const field = makeNumber(hard, { id });
+    const slider = setLabel(makeSlider({ step: 0.001 }), `${title}, slider`);
+    field.setAttribute("aria-describedby", sentence.id);
+    const put = (value) => {
+      field.value = formatNumber(value);
+      slider.value = toSlider(value, soft);
+      setShare(slider, toSlider(value, soft));
+      slider.setAttribute("aria-valuetext", `${formatNumber(value)} ${unit}`.trim());
     };
-    if (parameter.kind === "token") {
-      const select = made(
-        "select",
-        { id },
-        ...parameter.choices.map((each) => made("option", { value: each, textContent: each })),
-      );
-      select.value = this.value(surface, parameter);
-      select.setAttribute("aria-describedby", `${id}-s`);
-      select.addEventListener("change", () => {
-        if (select.value === parameter.default) delete surface.given[parameter.name];
-        else surface.given[parameter.name] = select.value;
-        this.refresh(surface);
+    onMove(slider, (event, held) => {
+      const value = fromSlider(Number(slider.value), soft);
+      if (held) put(value);
+      set(value, event, held);
+    });
+    field.addEventListener("change", (event) => {
+      const value = clamp(Number(field.value), hard);
+      if (field.value === "" || !Number.isFinite(value)) {
+        put(this.value(surface, parameter));
+        return;
+      }
+      put(value);
+      set(value, event, false);
+    });
+    put(this.value(surface, parameter));
+    const [low, high] = soft,
+      isWider = hard[0] !== low || hard[1] !== high;
+    const beyond = isWider ? ` (up to ${formatNumber(hard[1])})` : "";
+    const units = unit ? [makeElement("span", { className: "unit", textContent: unit })] : [];
+    const label = makeLabel(id, title, help);
+    element.append(
+      makeElement("div", { className: "row" }, label, reset, field, ...units),
+      slider,
+      makeElement(
+        "div",
+        { className: "ends" },
+        makeElement("span", { textContent: formatNumber(low) }),
+        makeElement("span", { textContent: `${formatNumber(high)}${beyond}` }),
+      ),
+      sentence,
+    );
+  }
+
+  /** Add a colour, a vector or a normal: a slider and a field for each component. */
+  addVector({ element, surface, parameter, id, title, reset, sentence, set }) {
+    const { kind, name, soft, hard, help } = parameter,
+      value = [...this.value(surface, parameter)],
+      isDisplayable = kind === "color" && soft[0] === 0 && soft[1] === 1,
+      isColor = isDisplayable || (kind === "color" && !/coefficients/.test(name));
+    const swatch = isDisplayable
+      ? makeElement("input", { type: "color", className: "swatch", value: toHex(value) })
+      : null;
+    const grid = makeElement("div", { className: "channels" });
+    grid.setAttribute("role", "group");
+    grid.setAttribute("aria-labelledby", `${id}-l`);
+    grid.setAttribute("aria-describedby", sentence.id);
+    const components = [];
+    const send = (event, held) => {
+      if (kind === "normal" && !value.some(Boolean)) return;
+      components.forEach((component, k) => component.put(value[k]));
+      if (swatch) swatch.value = toHex(value);
+      set([...value], event, held);
+    };
+    (isColor ? ["R", "G", "B"] : ["X", "Y", "Z"]).forEach((component, k) => {
+      const inputs = componentInputs(`${title} ${component}`, soft, hard, (number, event, held) => {
+        value[k] = number ?? value[k];
+        send(event, held);
       });
-      row.append(made("div", { className: "row" }, label(false), reset, select), sentence);
-    } else if (parameter.kind === "float") {
-      const field = made("input", {
-        type: "number",
-        id,
-        min: parameter.hard[0],
-        max: parameter.hard[1],
-        step: "any",
+      inputs.put(value[k]);
+      components.push(inputs);
+      const label = makeElement("span", { textContent: component });
+      grid.append(label, inputs.slider, inputs.field);
+    });
+    if (swatch) {
+      setLabel(swatch, `${title}, colour`);
+      onMove(swatch, (event, held) => {
+        value.splice(0, 3, ...fromHex(swatch.value));
+        send(event, held);
       });
-      const slider = made("input", { type: "range", min: 0, max: 1, step: 0.001 });
-      field.setAttribute("aria-describedby", `${id}-s`);
-      slider.setAttribute("aria-label", `${spaced(parameter.name)}, slider`);
-      const put = (value) => {
-        field.value = shown(value);
-        slider.value = toSlider(value, parameter.soft);
-        slider.style.setProperty(
-          "--at",
-          `${100 * Math.min(1, Math.max(0, toSlider(value, parameter.soft)))}%`,
-        );
-        slider.setAttribute("aria-valuetext", `${shown(value)} ${parameter.unit}`.trim());
-      };
-      slider.addEventListener("input", (event) => {
-        const value = fromSlider(Number(slider.value), parameter.soft);
-        put(value);
-        give(value, event, true);
-      });
-      slider.addEventListener("change", (event) =>
-        give(fromSlider(Number(slider.value), parameter.soft), event, false),
-      );
-      field.addEventListener("change", (event) => {
-        const value = Math.min(parameter.hard[1], Math.max(parameter.hard[0], Number(field.value)));
-        if (field.value === "" || !Number.isFinite(value)) {
-          put(this.value(surface, parameter));
-          return;
-        }
-        put(value);
-        give(value, event, false);
-      });
-      put(this.value(surface, parameter));
-      const beyond =
-        parameter.hard[0] !== low || parameter.hard[1] !== high
-          ? ` (up to ${shown(parameter.hard[1])})`
-          : "";
-      row.append(
-        made(
-          "div",
-          { className: "row" },
-          label(false),
-          reset,
-          field,
-          ...(parameter.unit ? [unit] : []),
-        ),
-        slider,
-        made(
-          "div",
-          { className: "ends" },
-          made("span", { textContent: shown(low) }),
-          made("span", { textContent: `${shown(high)}${beyond}` }),
-        ),
-        sentence,
-      );
-    } else {
-      const value = [...this.value(surface, parameter)],
-        plain = parameter.kind === "color" && low === 0 && high === 1,
-        names = plain
-          ? ["R", "G", "B"]
-          : parameter.kind === "color" && !/coefficients/.test(parameter.name)
-            ? ["R", "G", "B"]
-            : ["X", "Y", "Z"];
-      const swatch = plain
-        ? made("input", { type: "color", className: "swatch", value: toHex(value) })
-        : null;
-      swatch?.setAttribute("aria-label", `${spaced(parameter.name)}, colour`);
-      const fields = [],
-        sliders = [],
-        grid = made("div", { className: "channels" });
-      grid.setAttribute("role", "group");
-      grid.setAttribute("aria-labelledby", `${id}-l`);
-      grid.setAttribute("aria-describedby", `${id}-s`);
-      const put = () =>
-        value.forEach((each, k) => {
-          fields[k].value = shown(each);
-          sliders[k].value = toSlider(each, parameter.soft);
-          sliders[k].style.setProperty(
-            "--at",
-            `${100 * Math.min(1, Math.max(0, toSlider(each, parameter.soft)))}%`,
-          );
-          if (swatch) swatch.value = toHex(value);
-        });
-      const send = (event, held) => {
-        if (parameter.kind === "normal" && !value.some(Boolean)) return;
-        put();
-        give([...value], event, held);
-      };
-      names.forEach((name, k) => {
-        sliders.push(made("input", { type: "range", min: 0, max: 1, step: 0.002 }));
-        fields.push(
-          made("input", {
-            type: "number",
-            min: parameter.hard[0],
-            max: parameter.hard[1],
-            step: "any",
-          }),
-        );
-        sliders[k].setAttribute("aria-label", `${spaced(parameter.name)} ${name}, slider`);
-        fields[k].setAttribute("aria-label", `${spaced(parameter.name)} ${name}`);
-        for (const [type, held] of [
-          ["input", true],
-          ["change", false],
-        ])
-          sliders[k].addEventListener(type, (event) => {
-            value[k] = fromSlider(Number(sliders[k].value), parameter.soft);
-            send(event, held);
-          });
-        fields[k].addEventListener("change", (event) => {
-          const read = Number(fields[k].value);
-          if (fields[k].value !== "" && Number.isFinite(read))
-            value[k] = Math.min(parameter.hard[1], Math.max(parameter.hard[0], read));
-          send(event, false);
-        });
-        grid.append(made("span", { textContent: name }), sliders[k], fields[k]);
-      });
-      for (const [type, held] of [
-        ["input", true],
-        ["change", false],
-      ])
-        swatch?.addEventListener(type, (event) => {
-          fromHex(swatch.value).forEach((each, k) => {
-            value[k] = each;
-          });
-          send(event, held);
-        });
-      put();
-      row.append(
-        made("div", { className: "row" }, label(true), reset, ...(swatch ? [swatch] : [])),
-        grid,
-        sentence,
-      );
     }
-    mark();
-    return row;
+    const properties = { className: "like", textContent: title, title: help, id: `${id}-l` };
+    const label = makeElement("span", properties),
+      swatches = swatch ? [swatch] : [];
+    const row = makeElement("div", { className: "row" }, label, reset, ...swatches);
+    element.append(row, grid, sentence);
   }
 
   // A value that a name such as a metal's stands for becomes the surface's own when it is moved.
   free(surface, parameter) {
     const model = state.offered.models[surface.model];
-    const short = model.parameters.filter(
-      (each) =>
-        each.stands && each.name in surface.given && surface.given[each.name] !== each.default,
+    const presets = model.parameters.filter(
+      ({ name, stands, default: standard }) =>
+        stands && name in surface.given && surface.given[name] !== standard,
     );
-    if (!short.length || parameter.kind === "token" || parameter.name in surface.given) return;
-    for (const each of model.parameters) {
-      if (
-        each.kind !== "token" &&
-        JSON.stringify(surface.values[each.name]) !== JSON.stringify(surface.usual[each.name])
-      )
-        surface.given[each.name] ??= surface.values[each.name];
-    }
-    for (const each of model.parameters)
-      if (
-        each.kind === "token" &&
-        !each.stands &&
-        surface.values[each.name] !== surface.usual[each.name]
-      )
-        surface.given[each.name] ??= surface.values[each.name];
-    for (const each of short) delete surface.given[each.name];
+    if (!presets.length || parameter.kind === "token" || parameter.name in surface.given) return;
+    const { given, usual, values } = surface;
+    const differs = ({ name }) => JSON.stringify(values[name]) !== JSON.stringify(usual[name]);
+    const isToken = ({ kind }) => kind === "token";
+    const numbers = model.parameters.filter((other) => !isToken(other) && differs(other));
+    const tokens = model.parameters.filter(
+      (other) => isToken(other) && !other.stands && differs(other),
+    );
+    for (const { name } of [...numbers, ...tokens]) given[name] ??= values[name];
+    for (const { name } of presets) delete given[name];
     queueMicrotask(() => this.show(surface));
   }
 
   // After a change of form: ask for all values anew.
   async refresh(surface) {
-    changed("form", { surface });
-    if (selected() === surface) document.getElementById("name").textContent = nameOf(surface);
+    notify("form", { surface });
+    if (selectedSurface() === surface)
+      document.getElementById("name").textContent = nameOf(surface);
   }
 }

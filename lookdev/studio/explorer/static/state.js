@@ -2,19 +2,21 @@
 // What the page shows: surfaces, kind of plot, options, light. All of it is in the URL, as words of
 // the command line.
 
-const plain = (value) => Number(value.toPrecision(7)).toString();
-const written = (value) =>
+const formatNumber = (value) => Number(value.toPrecision(7)).toString();
+const formatValue = (value) =>
   Array.isArray(value)
-    ? value.map(plain).join("/")
+    ? value.map(formatNumber).join("/")
     : typeof value === "number"
-      ? plain(value)
+      ? formatNumber(value)
       : value;
 
 // The words of a surface: label, base, and the parameters that are given.
-export const wordsOf = (surface, labelled = false) => {
-  const given = Object.entries(surface.given).map(([name, value]) => `${name}=${written(value)}`);
-  const words = given.length ? `${surface.base}:${given.join(",")}` : surface.base;
-  return labelled && surface.label ? `${surface.label}=${words}` : words;
+export const wordsOf = (surface, hasLabel = false) => {
+  const parameters = Object.entries(surface.given).map(
+    ([name, value]) => `${name}=${formatValue(value)}`,
+  );
+  const words = parameters.length ? `${surface.base}:${parameters.join(",")}` : surface.base;
+  return hasLabel && surface.label ? `${surface.label}=${words}` : words;
 };
 
 export const nameOf = (surface) =>
@@ -28,7 +30,7 @@ export const state = {
   kind: "cartesian",
   options: {},
   light: "dome",
-  lightAt: [35, 40], // degrees from the view, and of azimuth
+  lightAngles: [35, 40], // degrees from the view, and of azimuth
   turn: [-0.6, 0.42], // of the lobe: azimuth and elevation, radians
 };
 
@@ -37,16 +39,17 @@ const listeners = new Set();
 export const onChange = (listener) => listeners.add(listener);
 
 let writing = 0;
-// Tell what changed: "surfaces", "kind", "options", "parameter", "selected", "light", "turn";
-// `detail` is passed on.
-export const changed = (what, detail = {}) => {
-  for (const each of listeners) each(what, detail);
+// Tell the listeners of a change: "surfaces", "kind", "options", "parameter", "selected", "light",
+// "turn"; `detail` is passed on.
+export const notify = (change, detail = {}) => {
+  for (const listener of listeners) listener(change, detail);
   clearTimeout(writing);
   writing = setTimeout(writeUrl, 250);
 };
 
-export const selected = () => state.surfaces[state.selected];
-export const shownSurfaces = () => state.surfaces.filter((each) => !each.hidden && !each.error);
+export const selectedSurface = () => state.surfaces[state.selected];
+export const visibleSurfaces = () =>
+  state.surfaces.filter((surface) => !surface.hidden && !surface.error);
 
 export const colorOf = (surface) => {
   const color = state.offered.colors[surface.color % state.offered.colors.length];
@@ -61,7 +64,7 @@ export const colorOf = (surface) => {
 };
 
 export const addSurface = (described, hidden = false) => {
-  const used = new Set(state.surfaces.map((each) => each.color));
+  const used = new Set(state.surfaces.map((surface) => surface.color));
   let color = 0;
   while (used.has(color) && color < state.offered.colors.length - 1) color++;
   const surface = { id: ++number, color, hidden, error: "", open: new Set(), ...described };
@@ -70,7 +73,7 @@ export const addSurface = (described, hidden = false) => {
 };
 
 // The options of the current kind that are not at their defaults.
-export const givenOptions = () => {
+export const changedOptions = () => {
   const { uses } = state.offered.kinds[state.kind];
   return Object.fromEntries(
     uses
@@ -82,25 +85,25 @@ export const givenOptions = () => {
 const ofLight = (name) => (state.kind === "sphere" ? ["theta", "phi"].indexOf(name) : -1);
 export const option = (name) =>
   ofLight(name) >= 0
-    ? state.lightAt[ofLight(name)]
+    ? state.lightAngles[ofLight(name)]
     : (state.options[name] ?? state.offered.options[name]);
 export const setOption = (name, value) => {
-  if (ofLight(name) >= 0) state.lightAt[ofLight(name)] = value;
+  if (ofLight(name) >= 0) state.lightAngles[ofLight(name)] = value;
   else state.options[name] = value;
 };
 
 export const urlOf = () => {
   const query = new URLSearchParams();
-  for (const each of state.surfaces) query.append("s", wordsOf(each, true));
+  for (const surface of state.surfaces) query.append("s", wordsOf(surface, true));
   query.set("kind", state.kind);
   if (state.selected) query.set("on", `${state.selected}`);
-  const hidden = state.surfaces.flatMap((each, index) => (each.hidden ? [index] : []));
+  const hidden = state.surfaces.flatMap((surface, index) => (surface.hidden ? [index] : []));
   if (hidden.length) query.set("hide", hidden.join(","));
   for (const [name, value] of Object.entries(state.options))
     if (value !== state.offered.options[name]) query.set(name, value);
   if (state.light === "point") query.set("light", "point");
-  query.set("at", state.lightAt.map((each) => Math.round(each)).join(","));
-  query.set("turn", state.turn.map((each) => each.toFixed(2)).join(","));
+  query.set("at", state.lightAngles.map((angle) => Math.round(angle)).join(","));
+  query.set("turn", state.turn.map((angle) => angle.toFixed(2)).join(","));
   return `${location.pathname}${location.search}#${query}`;
 };
 
@@ -127,7 +130,7 @@ export const readUrl = () => {
     else if (choices[name]?.includes(text)) state.options[name] = text;
   }
   state.light = query.get("light") === "point" ? "point" : "dome";
-  state.lightAt = pair(query.get("at"), state.lightAt);
+  state.lightAngles = pair(query.get("at"), state.lightAngles);
   state.turn = pair(query.get("turn"), state.turn);
   return {
     words: query.getAll("s"),

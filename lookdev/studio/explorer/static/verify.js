@@ -1,18 +1,18 @@
 // @ts-check
 // What the browser computes, at random pairs of directions, beside the models in float64.
 import { numberOf } from "./gl.js";
-import { nameOf, shownSurfaces, wordsOf } from "./state.js";
+import { nameOf, visibleSurfaces, wordsOf } from "./state.js";
 
 export const TOLERANCE = 2e-4;
 const SHARE = 0.99;
 
 // Differences relative to each value, or to the thousandth part of the median where that is larger.
-const compare = (found, expected, width) => {
+const compare = (values, expected, width) => {
   const sizes = Float32Array.from(expected, Math.abs).sort(),
     floor = 1e-3 * Math.max(1, sizes[sizes.length >> 1]),
     differences = new Float32Array(expected.length);
   for (let i = 0; i < expected.length; i++) {
-    const value = found[4 * Math.floor(i / width) + (i % width)];
+    const value = values[4 * Math.floor(i / width) + (i % width)];
     differences[i] = Number.isFinite(value)
       ? Math.abs(value - expected[i]) / Math.max(Math.abs(expected[i]), floor)
       : Infinity;
@@ -24,7 +24,7 @@ const compare = (found, expected, width) => {
 // largest difference.
 export const verify = async (link, shaders) => {
   const rows = [];
-  for (const surface of shownSurfaces()) {
+  for (const surface of visibleSurfaces()) {
     try {
       const [shader, { arrays }] = [
         await shaders.of(surface),
@@ -33,16 +33,16 @@ export const verify = async (link, shaders) => {
       const numbers = numberOf(surface, shaders.models),
         all = [];
       if (arrays.value.some(Boolean)) {
-        const found = shader.at(arrays.wo, arrays.wi, numbers);
+        const values = shader.at(arrays.wo, arrays.wi, numbers);
         all.push(
-          compare(found, arrays.value, 3),
+          compare(values, arrays.value, 3),
           compare(
-            found
+            values
               .filter((_, i) => i % 4 === 3)
               .reduce((out, v, i) => {
                 out[4 * i] = v;
                 return out;
-              }, new Float32Array(found.length)),
+              }, new Float32Array(values.length)),
             arrays.pdf,
             1,
           ),
@@ -56,12 +56,12 @@ export const verify = async (link, shaders) => {
           compare(shader.at(arrays.wo, arrays.wi, numbers, 2 + 2 * k), arrays[`factor${k}`], 3),
         );
       }
-      const sorted = Float32Array.from(all.flatMap((each) => [...each])).sort();
+      const sorted = Float32Array.from(all.flatMap((differences) => [...differences])).sort();
       const quantile = sorted[Math.floor(SHARE * (sorted.length - 1))];
       rows.push({
         name: nameOf(surface),
         count: sorted.length,
-        within: sorted.filter((each) => each < TOLERANCE).length / sorted.length,
+        within: sorted.filter((difference) => difference < TOLERANCE).length / sorted.length,
         quantile,
         most: sorted[sorted.length - 1],
         agrees: quantile < TOLERANCE,
@@ -79,24 +79,24 @@ export const verdict = (rows) => {
     "<thead><tr><th>Surface</th><th>Channels</th><th>99 % within</th>" +
     "<th>Largest</th><th></th></tr></thead>";
   const body = table.createTBody();
-  for (const each of rows) {
+  for (const result of rows) {
     const row = body.insertRow(),
-      cells = each.problem
-        ? [each.name, each.problem, "", "", ""]
+      cells = result.problem
+        ? [result.name, result.problem, "", "", ""]
         : [
-            each.name,
-            each.count,
-            each.quantile.toExponential(1),
-            each.most.toExponential(1),
-            each.agrees ? "agrees" : "differs",
+            result.name,
+            result.count,
+            result.quantile.toExponential(1),
+            result.most.toExponential(1),
+            result.agrees ? "agrees" : "differs",
           ];
     cells.forEach((text, i) => {
       const cell = row.insertCell();
       cell.textContent = text;
-      if (i === 4) cell.className = each.agrees ? "good" : "bad";
-      else if (i && !each.problem) cell.className = "number";
+      if (i === 4) cell.className = result.agrees ? "good" : "bad";
+      else if (i && !result.problem) cell.className = "number";
     });
-    if (each.problem)
+    if (result.problem)
       ((row.cells[1].colSpan = 4), row.deleteCell(4), row.deleteCell(3), row.deleteCell(2));
   }
   const text = document.createElement("p");

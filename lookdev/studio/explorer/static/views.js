@@ -2,7 +2,7 @@
 // How each kind of plot draws the numbers of surfaces on the canvas. A view is given `items`,
 // surfaces with their
 // numbers, and returns what is under a point of the canvas, as text.
-import { Axes, scaleOf, shortly } from "./axes.js";
+import { Axes, scaleOf, formatShort } from "./axes.js";
 import { colorOf, nameOf, option, state } from "./state.js";
 
 const LUMINANCE = [0.2126, 0.7152, 0.0722];
@@ -60,10 +60,10 @@ const SCALE_WORDS = { log: ["log", `${DECADES} decades`], sqrt: ["square root"] 
 const valueAt =
   (angle) =>
   ({ data, values, label }) =>
-    `${label} ${shortly(values[nearest(data.arrays.x, angle)])}`;
+    `${label} ${formatShort(values[nearest(data.arrays.x, angle)])}`;
 
 /** Write the half and difference angles of a place in a slice. */
-const halfAngles = (found) => `θh ${found[2].toFixed(1)}°  θd ${found[3].toFixed(1)}°`;
+const formatAngles = (cell) => `θh ${cell[2].toFixed(1)}°  θd ${cell[3].toFixed(1)}°`;
 
 const curvesView =
   ({ xLabel, yLabel, name = "f", range = null, extra = null, title, one = false }) =>
@@ -117,34 +117,55 @@ const curvesView =
     return (x) => {
       if (x < box.left || x > box.left + box.width || !curves.length) return "";
       const at = axes.x.back((x - box.left) / box.width);
-      const found = curves.map(
-        ({ data, values, label }) => `${label} ${shortly(values[nearest(data.arrays.x, at)])}`,
+      const readings = curves.map(
+        ({ data, values, label }) => `${label} ${formatShort(values[nearest(data.arrays.x, at)])}`,
       );
-      return { text: `${shortly(Number(at.toPrecision(4)))}°   ${found.join("   ")}`, line: x };
+      return {
+        text: `${formatShort(Number(at.toPrecision(4)))}°   ${readings.join("   ")}`,
+        line: x,
+      };
     };
   };
 
-const polar = (c, items, width, height, look) => {
-  const curves = curvesOf(items),
-    radius = Math.min(width / 2 - 46, height - 110),
+/** Return the points of a polar plot: `at` of degrees and a share of the radius, in pixels. */
+const polarFrame = (width, height) => {
+  const radius = Math.min(width / 2 - 46, height - 110),
     [x0, y0] = [width / 2, (height + radius) / 2 + 14];
-  const peak =
-      Math.max(...curves.map(({ values }) => values.reduce((a, b) => Math.max(a, b), 0)), 0) || 1,
-    floor = peak * 10 ** -DECADES;
-  const scale = option("scale");
-  const size = (v) =>
-    (scale === "log"
-      ? Math.log10(Math.max(v, floor) / floor) / DECADES
-      : scale === "sqrt"
-        ? Math.sqrt(Math.max(v, 0) / peak)
-        : Math.max(v, 0) / peak) * 0.94;
-  c.lineWidth = 1;
-  c.font = `11px ${look.font}`;
-  c.textAlign = "center";
+  const at = (degrees, share, beyond = 0) => {
+    const a = (degrees * Math.PI) / 180,
+      r = share * radius + beyond;
+    return [x0 + r * Math.sin(a), y0 - r * Math.cos(a)];
+  };
+  return { radius, x0, y0, at };
+};
+
+/** Return the function from values to shares of the radius, and the values of the rings. */
+const polarScale = (scale, peak) => {
+  const floor = peak * 10 ** -DECADES;
+  const share = {
+    log: (v) => Math.log10(Math.max(v, floor) / floor) / DECADES,
+    sqrt: (v) => Math.sqrt(Math.max(v, 0) / peak),
+    linear: (v) => Math.max(v, 0) / peak,
+  }[scale];
   const rings =
     scale === "log"
       ? Array.from({ length: DECADES + 1 }, (_, k) => floor * 10 ** k)
       : scaleOf(scale, 0, peak, 4).ticks.filter((v) => v > 0 && v <= peak * 1.001);
+  return { size: (v) => share(v) * 0.94, rings };
+};
+
+const strokeLine = (c, from, to) => {
+  c.beginPath();
+  c.moveTo(...from);
+  c.lineTo(...to);
+  c.stroke();
+};
+
+/** Draw rings with their values, and spokes with their angles. */
+const drawPolarGrid = (c, { radius, x0, y0, at }, { size, rings }, look) => {
+  c.lineWidth = 1;
+  c.font = `11px ${look.font}`;
+  c.textAlign = "center";
   for (const v of rings) {
     const r = size(v) * radius;
     if (r < 1) continue;
@@ -153,61 +174,61 @@ const polar = (c, items, width, height, look) => {
     c.arc(x0, y0, r, Math.PI, 0);
     c.stroke();
     c.fillStyle = look.quiet;
-    c.fillText(shortly(Number(v.toPrecision(2))), x0 + r, y0 + 16);
+    c.fillText(formatShort(Number(v.toPrecision(2))), x0 + r, y0 + 16);
   }
   for (let degrees = -90; degrees <= 90; degrees += 30) {
-    const a = (degrees * Math.PI) / 180;
     c.strokeStyle = look.line;
-    c.beginPath();
-    c.moveTo(x0, y0);
-    c.lineTo(x0 + radius * Math.sin(a), y0 - radius * Math.cos(a));
-    c.stroke();
+    strokeLine(c, [x0, y0], at(degrees, 1));
     c.fillStyle = look.quiet;
-    if (Math.abs(degrees) < 90)
-      c.fillText(
-        `${degrees}°`,
-        x0 + (radius + 16) * Math.sin(a),
-        y0 - (radius + 14) * Math.cos(a) + 4,
-      );
+    if (Math.abs(degrees) < 90) {
+      const [x, y] = [at(degrees, 1, 16)[0], at(degrees, 1, 14)[1]];
+      c.fillText(`${degrees}°`, x, y + 4);
+    }
   }
+};
+
+/** Draw the direction of the view, and its mirrored one. */
+const drawPolarView = (c, { x0, y0, at }, look) => {
   for (const { sign, text } of [
     { sign: -1, text: "view" },
     { sign: 1, text: "mirrored" },
   ]) {
-    const a = (sign * option("theta") * Math.PI) / 180,
-      [x, y] = [x0 + radius * Math.sin(a), y0 - radius * Math.cos(a)];
+    const [x, y] = at(sign * option("theta"), 1);
     c.strokeStyle = look.quiet;
     c.setLineDash([5, 4]);
-    c.beginPath();
-    c.moveTo(x0, y0);
-    c.lineTo(x, y);
-    c.stroke();
+    strokeLine(c, [x0, y0], [x, y]);
     c.setLineDash([]);
     c.fillStyle = look.ink;
     c.fillText(text, x + sign * 4, y - 6);
   }
+};
+
+const polar = (c, items, width, height, look) => {
+  const curves = curvesOf(items),
+    frame = polarFrame(width, height),
+    peaks = curves.map(({ values }) => values.reduce((a, b) => Math.max(a, b), 0)),
+    name = option("scale"),
+    scale = polarScale(name, Math.max(...peaks, 0) || 1);
+  drawPolarGrid(c, frame, scale, look);
+  drawPolarView(c, frame, look);
   for (const { data, values, color, dash } of curves) {
     c.strokeStyle = color;
     c.lineWidth = 2;
     c.setLineDash(dash);
     c.beginPath();
-    data.arrays.x.forEach((degrees, i) => {
-      const a = (degrees * Math.PI) / 180,
-        r = size(values[i]) * radius;
-      c.lineTo(x0 + r * Math.sin(a), y0 - r * Math.cos(a));
-    });
+    data.arrays.x.forEach((degrees, i) => c.lineTo(...frame.at(degrees, scale.size(values[i]))));
     c.stroke();
     c.setLineDash([]);
   }
   c.fillStyle = look.ink;
   c.textAlign = "left";
   c.font = `12px ${look.font}`;
-  c.fillText([fLabel(), ...(SCALE_WORDS[scale] ?? [])].join(", "), 18, 28);
+  c.fillText([fLabel(), ...(SCALE_WORDS[name] ?? [])].join(", "), 18, 28);
   return (x, y) => {
-    const at = (Math.atan2(x - x0, y0 - y) * 180) / Math.PI;
-    if (Math.abs(at) > 90) return "";
+    const degrees = (Math.atan2(x - frame.x0, frame.y0 - y) * 180) / Math.PI;
+    if (Math.abs(degrees) > 90) return "";
     return {
-      text: [`θi ${at.toFixed(1)}°`, ...curves.map(valueAt(at))].join("   "),
+      text: [`θi ${degrees.toFixed(1)}°`, ...curves.map(valueAt(degrees))].join("   "),
     };
   };
 };
@@ -359,12 +380,12 @@ const slice = (c, items, width, height, look) => {
   return (x, y) => {
     for (const [i, place] of places.entries()) {
       const { data } = items[i],
-        found = sliceAt(place, x, y, data.shapes.f[1]);
-      if (!found) continue;
-      const k = 3 * (found[1] * data.shapes.f[1] + found[0]);
-      const channels = [0, 1, 2].map((n) => shortly(data.arrays.f[k + n]));
+        cell = sliceAt(place, x, y, data.shapes.f[1]);
+      if (!cell) continue;
+      const k = 3 * (cell[1] * data.shapes.f[1] + cell[0]);
+      const channels = [0, 1, 2].map((n) => formatShort(data.arrays.f[k + n]));
       return {
-        text: `${halfAngles(found)}   f ${channels.join(" / ")}`,
+        text: `${formatAngles(cell)}   f ${channels.join(" / ")}`,
       };
     }
     return "";
@@ -385,31 +406,38 @@ const BLUE_RED = (t) => {
           ],
     s = t < 0.5 ? 2 * t : 2 * t - 1;
   const bent = t < 0.5 ? s ** 0.8 : s ** 1.2;
-  return a.map((each, i) => each + (b[i] - each) * bent);
+  return a.map((x, i) => x + (b[i] - x) * bent);
+};
+
+/** Return the picture of differences up to a limit: blue below 0, red above. */
+const drawDifferences = (values, limit, columns, rows) => {
+  const picture = new OffscreenCanvas(columns, rows),
+    context = picture.getContext("2d"),
+    pixels = context.createImageData(columns, rows);
+  for (let y = 0; y < rows; y++)
+    for (let x = 0; x < columns; x++) {
+      const t = 0.5 + (0.5 * values[(rows - 1 - y) * columns + x]) / limit,
+        color = BLUE_RED(Math.min(1, Math.max(0, t)));
+      pixels.data.set([...color, 255], 4 * (y * columns + x));
+    }
+  context.putImageData(pixels, 0, 0);
+  return picture;
 };
 
 const difference = (c, items, width, height, look) => {
   if (items.length < 2) return "A difference needs two surfaces: add another.";
-  const [one, other] = items.map(({ data }) => data.arrays.f),
+  const [first, second] = items.map(({ data }) => data.arrays.f),
     [rows, columns] = items[0].data.shapes.f;
   const luminance = (f, k) =>
     LUMINANCE[0] * f[k] + LUMINANCE[1] * f[k + 1] + LUMINANCE[2] * f[k + 2];
   const root = new Float32Array(rows * columns);
   let sum = 0;
   for (let i = 0; i < root.length; i++) {
-    root[i] = Math.cbrt(luminance(other, 3 * i)) - Math.cbrt(luminance(one, 3 * i));
+    root[i] = Math.cbrt(luminance(second, 3 * i)) - Math.cbrt(luminance(first, 3 * i));
     sum += root[i] ** 2;
   }
   const limit = root.map(Math.abs).sort()[Math.floor(0.98 * (root.length - 1))] || 1;
-  const picture = new OffscreenCanvas(columns, rows),
-    context = picture.getContext("2d"),
-    pixels = context.createImageData(columns, rows);
-  for (let y = 0; y < rows; y++)
-    for (let x = 0; x < columns; x++) {
-      const t = Math.min(1, Math.max(0, 0.5 + (0.5 * root[(rows - 1 - y) * columns + x]) / limit));
-      pixels.data.set([...BLUE_RED(t), 255], 4 * (y * columns + x));
-    }
-  context.putImageData(pixels, 0, 0);
+  const picture = drawDifferences(root, limit, columns, rows);
   const places = squares(3, width, height);
   items
     .slice(0, 2)
@@ -418,32 +446,28 @@ const difference = (c, items, width, height, look) => {
     );
   c.imageSmoothingEnabled = false;
   c.drawImage(picture, places[2].x, places[2].y, places[2].size, places[2].size);
-  frameSlice(
-    c,
-    places[2],
-    look,
-    `∛f: second less first, rms ${shortly(Number(Math.sqrt(sum / root.length).toPrecision(3)))}`,
-    look.ink,
-  );
+  const rms = formatShort(Number(Math.sqrt(sum / root.length).toPrecision(3))),
+    most = formatShort(Number(limit.toPrecision(2)));
+  frameSlice(c, places[2], look, `∛f: second less first, rms ${rms}`, look.ink);
   c.font = `11px ${look.font}`;
   c.textAlign = "right";
   c.fillStyle = look.quiet;
   c.fillText(
-    `blue −${shortly(Number(limit.toPrecision(2)))}, red +${shortly(Number(limit.toPrecision(2)))}`,
+    `blue −${most}, red +${most}`,
     places[2].x + places[2].size,
     places[2].y + places[2].size + 34,
   );
   return (x, y) => {
     for (const [i, place] of places.entries()) {
-      const found = sliceAt(place, x, y, columns);
-      if (!found) continue;
-      const k = found[1] * columns + found[0];
+      const cell = sliceAt(place, x, y, columns);
+      if (!cell) continue;
+      const k = cell[1] * columns + cell[0];
       const value =
         i === 2
-          ? `difference of ∛f ${shortly(root[k])}`
-          : `f ${shortly(luminance([one, other][i], 3 * k))}`;
+          ? `difference of ∛f ${formatShort(root[k])}`
+          : `f ${formatShort(luminance([first, second][i], 3 * k))}`;
       return {
-        text: `${halfAngles(found)}   ${value}`,
+        text: `${formatAngles(cell)}   ${value}`,
       };
     }
     return "";
@@ -461,7 +485,7 @@ const VIRIDIS = [
 const viridis = (t) => {
   const k = Math.min(3, Math.floor(t * 4)),
     s = t * 4 - k;
-  return VIRIDIS[k].map((each, i) => each + (VIRIDIS[k + 1][i] - each) * s);
+  return VIRIDIS[k].map((x, i) => x + (VIRIDIS[k + 1][i] - x) * s);
 };
 
 const heat = (array, top, width, height) => {
@@ -477,12 +501,54 @@ const heat = (array, top, width, height) => {
   return canvas;
 };
 
+/** Draw numbers over the sphere of directions; return the rectangle that they fill. */
+const drawDirections = (c, { left, top, width, height }, numbers, peak, look) => {
+  const { array, rows, columns, title } = numbers;
+  c.imageSmoothingEnabled = false;
+  c.drawImage(heat(array, peak, columns, rows), left, top, width, height);
+  c.strokeStyle = look.edge;
+  c.strokeRect(left - 0.5, top - 0.5, width + 1, height + 1);
+  c.fillStyle = look.ink;
+  c.textAlign = "left";
+  c.fillText(title, left, top - 8);
+  c.fillStyle = look.quiet;
+  c.font = `11px ${look.font}`;
+  c.textAlign = "right";
+  for (const tick of [-1, 0, 1])
+    c.fillText(tick, left - 6, top + height * (1 - (tick + 1) / 2) + 4);
+  c.textAlign = "center";
+  for (const tick of [0, 180, 360])
+    c.fillText(tick, left + (width * tick) / 360, top + height + 16);
+  c.fillText("φ (degrees), upwards cos θi", left + width / 2, top + height + 32);
+  c.font = `12px ${look.font}`;
+  return { ...numbers, left, top, width, height };
+};
+
+/** Draw how many samples have which weight, f cos / pdf. */
+const drawWeights = (c, box, { counts, edges }, color, look) => {
+  const most = counts.reduce((a, b) => Math.max(a, b), 1);
+  const axes = new Axes(
+    c,
+    box,
+    scaleOf("log", edges[0], edges[edges.length - 1], 3),
+    scaleOf("log", 0.7, most * 1.5, 5),
+    look,
+  );
+  axes.grid("", "samples, by f cos / pdf");
+  c.fillStyle = color;
+  for (let i = 0; i < counts.length; i++) {
+    if (!counts[i]) continue;
+    const [x, y] = [axes.px(edges[i]), axes.py(counts[i])];
+    c.fillRect(x, y, Math.max(1, axes.px(edges[i + 1]) - x), axes.box.top + axes.box.height - y);
+  }
+};
+
 const sampling = (c, items, width, height, look) => {
   const rowHeight = height / items.length,
     column = (width - 40) / 3;
-  const spots = [];
+  const areas = [];
   items.forEach(({ surface, data }, row) => {
-    const { pdf, value, counts, edges } = data.arrays,
+    const { pdf, value } = data.arrays,
       [rows, columns] = data.shapes.pdf,
       top = row * rowHeight,
       box = { top: top + 56, height: rowHeight - 108 };
@@ -495,52 +561,22 @@ const sampling = (c, items, width, height, look) => {
     c.fillText(data.note, 60 + c.measureText(nameOf(surface)).width + 24, top + 22);
     const peak = pdf.reduce((a, b) => Math.max(a, b), 1e-12);
     [
-      [pdf, "pdf (1/sr), log"],
-      [value, "f cos θi (1/sr), log"],
-    ].forEach(([array, title], k) => {
-      const left = 60 + k * column,
-        w = column - 66;
-      c.imageSmoothingEnabled = false;
-      c.drawImage(heat(array, peak, columns, rows), left, box.top, w, box.height);
-      c.strokeStyle = look.edge;
-      c.strokeRect(left - 0.5, box.top - 0.5, w + 1, box.height + 1);
-      c.fillStyle = look.ink;
-      c.textAlign = "left";
-      c.fillText(title, left, box.top - 8);
-      c.fillStyle = look.quiet;
-      c.font = `11px ${look.font}`;
-      c.textAlign = "right";
-      for (const tick of [-1, 0, 1])
-        c.fillText(tick, left - 6, box.top + box.height * (1 - (tick + 1) / 2) + 4);
-      c.textAlign = "center";
-      for (const tick of [0, 180, 360])
-        c.fillText(tick, left + (w * tick) / 360, box.top + box.height + 16);
-      c.fillText("φ (degrees), upwards cos θi", left + w / 2, box.top + box.height + 32);
-      c.font = `12px ${look.font}`;
-      spots.push({ left, w, top: box.top, h: box.height, array, rows, columns, title });
+      { array: pdf, title: "pdf (1/sr), log" },
+      { array: value, title: "f cos θi (1/sr), log" },
+    ].forEach((numbers, k) => {
+      const area = { ...box, left: 60 + k * column, width: column - 66 };
+      areas.push(drawDirections(c, area, { ...numbers, rows, columns }, peak, look));
     });
-    const most = counts.reduce((a, b) => Math.max(a, b), 1);
-    const axes = new Axes(
-      c,
-      { left: 60 + 2 * column + 10, top: box.top, width: column - 56, height: box.height },
-      scaleOf("log", edges[0], edges[edges.length - 1], 3),
-      scaleOf("log", 0.7, most * 1.5, 5),
-      look,
-    );
-    axes.grid("", "samples, by f cos / pdf");
-    c.fillStyle = colorOf(surface);
-    for (let i = 0; i < counts.length; i++) {
-      if (!counts[i]) continue;
-      const [x, y] = [axes.px(edges[i]), axes.py(counts[i])];
-      c.fillRect(x, y, Math.max(1, axes.px(edges[i + 1]) - x), axes.box.top + axes.box.height - y);
-    }
+    const weights = { ...box, left: 60 + 2 * column + 10, width: column - 56 };
+    drawWeights(c, weights, data.arrays, colorOf(surface), look);
   });
   return (x, y) => {
-    for (const { left, w, top, h, array, rows, columns, title } of spots) {
-      const [u, v] = [(x - left) / w, 1 - (y - top) / h];
+    for (const picture of areas) {
+      const [u, v] = [(x - picture.left) / picture.width, 1 - (y - picture.top) / picture.height];
       if (u < 0 || u >= 1 || v < 0 || v >= 1) continue;
-      const cell = Math.floor(v * rows) * columns + Math.floor(u * columns);
-      const value = `${title.split(" (")[0]} ${shortly(array[cell])}`;
+      const { array, rows, columns, title } = picture,
+        cell = Math.floor(v * rows) * columns + Math.floor(u * columns);
+      const value = `${title.split(" (")[0]} ${formatShort(array[cell])}`;
       return {
         text: `φ ${(u * 360).toFixed(0)}°  cos θi ${(2 * v - 1).toFixed(3)}   ${value}`,
       };
@@ -550,24 +586,24 @@ const sampling = (c, items, width, height, look) => {
 };
 
 const schlick = (axes, items, look) => {
-  const found = items.find(({ data }) => data.arrays.schlick);
-  if (found)
-    axes.curve(found.data.arrays.x, found.data.arrays.schlick, look.ink, {
+  const item = items.find(({ data }) => data.arrays.schlick);
+  if (item)
+    axes.curve(item.data.arrays.x, item.data.arrays.schlick, look.ink, {
       dash: [6, 4],
       width: 1.2,
     });
 };
-const still = () => {
+const fixedAngles = () => {
   const [axis, theta, phi] = [option("axis"), option("theta"), option("phi")];
   return axis === "theta_i"
     ? `view θo = ${theta}°`
     : `${axis === "theta_h" ? "θd" : "θh"} = ${theta}°, φd = ${phi}°`;
 };
-const risen = (items) => items.some(({ data }) => data.arrays.schlick);
-const worst = (items) => {
+const hasSchlick = (items) => items.some(({ data }) => data.arrays.schlick);
+const largestError = (items) => {
   const most = items.map(({ data }) => data.arrays.error.reduce((a, b) => Math.max(a, b), 0));
   return most.length
-    ? `integration error at most ${shortly(Number(Math.max(...most).toPrecision(1)))}`
+    ? `integration error at most ${formatShort(Number(Math.max(...most).toPrecision(1)))}`
     : "";
 };
 
@@ -575,7 +611,7 @@ export const VIEWS = {
   cartesian: curvesView({
     xLabel: () => `${AXIS[option("axis")]} (degrees)`,
     yLabel: fLabel,
-    title: still,
+    title: fixedAngles,
   }),
   retro: curvesView({
     xLabel: () => "θh = θi = θo (degrees)",
@@ -584,16 +620,18 @@ export const VIEWS = {
   }),
   fresnel: curvesView({
     xLabel: () => "θd (degrees)",
-    yLabel: (items) => (risen(items) ? "offset and scaled f" : "reflectance"),
-    range: (items) => (risen(items) ? state.offered.fresnelRange : null),
+    yLabel: (items) => (hasSchlick(items) ? "offset and scaled f" : "reflectance"),
+    range: (items) => (hasSchlick(items) ? state.offered.fresnelRange : null),
     extra: schlick,
     title: (items) =>
-      risen(items) ? "mean over θh from 1° to 4°; dashed: Schlick's curve" : "Fresnel reflectance",
+      hasSchlick(items)
+        ? "mean over θh from 1° to 4°; dashed: Schlick's curve"
+        : "Fresnel reflectance",
   }),
   albedo: curvesView({
     xLabel: () => "θo (degrees)",
     yLabel: () => "directional albedo",
-    title: worst,
+    title: largestError,
     one: true,
   }),
   polar,

@@ -10,7 +10,7 @@ const cross = (a, b) => [
 export const sum = (a, b, scale = 1) => a.map((x, i) => x + scale * b[i]);
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
-/** Half the width of the frame at depth 1. */
+/** Return half the width of the frame at depth 1. */
 export const reach = (camera) => Math.tan(radians(camera.fov) / 2);
 
 /** The unit vectors to the right, up and backwards. */
@@ -22,15 +22,16 @@ export function frame(camera) {
   const level = Math.cos(elevation);
   const back = [level * Math.cos(azimuth), level * Math.sin(azimuth), Math.sin(elevation)];
   const up = cross(back, right);
-  const turned = (a, b, sign) => a.map((x, i) => Math.cos(roll) * x + sign * Math.sin(roll) * b[i]);
-  return [turned(right, up, 1), turned(up, right, -1), back];
+  const rollAxis = (a, b, sign) =>
+    a.map((x, i) => Math.cos(roll) * x + sign * Math.sin(roll) * b[i]);
+  return [rollAxis(right, up, 1), rollAxis(up, right, -1), back];
 }
 
 /** The point of view. */
 export const position = (camera) => sum(camera.target, frame(camera)[2], camera.distance);
 
-/** The camera after it has orbited its pivot, counter-clockwise seen from above. */
-export function orbited(camera, degrees) {
+/** Return the camera after an orbit about its pivot, counter-clockwise seen from above. */
+export function orbit(camera, degrees) {
   const [x, y] = camera.pivot,
     turn = radians(degrees);
   const [dx, dy] = [camera.target[0] - x, camera.target[1] - y];
@@ -42,26 +43,26 @@ export function orbited(camera, degrees) {
 }
 
 /**
- * The same camera about its target, turned and raised; never beyond the poles, where right has no
- * direction.
+ * Return the camera after a rotation about its target; it stops before the poles, where right has
+ * no direction.
  */
-export function rotated(camera, degrees, raised) {
-  const elevation = Math.max(-89.9, Math.min(89.9, camera.elevation + raised));
+export function rotate(camera, degrees, rise) {
+  const elevation = Math.max(-89.9, Math.min(89.9, camera.elevation + rise));
   return { ...camera, azimuth: camera.azimuth + degrees, elevation };
 }
 
 /**
- * The camera moved so that what is at the target's depth follows the pointer, by shares of the
- * frame's width.
+ * Return the camera, moved by shares of the frame's width: points at the target's depth follow the
+ * pointer.
  */
-export function panned(camera, across, along) {
+export function pan(camera, across, along) {
   const [right, up] = frame(camera),
     width = 2 * reach(camera) * camera.distance;
   return { ...camera, target: sum(sum(camera.target, right, -across * width), up, -along * width) };
 }
 
-/** The camera nearer to its target by a factor. */
-export const zoomed = (camera, factor) => ({ ...camera, distance: camera.distance / factor });
+/** Return the camera nearer to its target by a factor. */
+export const zoom = (camera, factor) => ({ ...camera, distance: camera.distance / factor });
 
 // Roberts' additive recurrence in four dimensions, shifted at random by a seed (Cranley and
 // Patterson 1976).
@@ -82,16 +83,16 @@ export function view(
   camera,
   { element, center, radius, width, height, number, seed, centred = false },
 ) {
-  const seen = orbited(camera, -element);
-  const [right, up, back] = frame(seen),
-    half = reach(seen);
+  const orbited = orbit(camera, -element);
+  const [right, up, back] = frame(orbited),
+    half = reach(orbited);
   const [lensU, lensV, ...area] = point(number, seed);
   const [u, v] = centred ? [0.5, 0.5] : area;
   const around = 2 * Math.PI * lensV,
     out = camera.lens ? 0.5 * camera.lens.aperture * Math.sqrt(lensU) : 0;
   const within = [out * Math.cos(around), out * Math.sin(around)];
   const focus = camera.lens ? camera.lens.focus : 1;
-  const middle = sum(position(seen), center, -1);
+  const middle = sum(position(orbited), center, -1);
   const away = Math.hypot(...middle);
   return {
     right: right.map((x) => x / half),
@@ -111,8 +112,8 @@ export function view(
 
 /** Sines and cosines of the turns of the lights that turn with the rig, and of those that stay. */
 export function turns(element, lighting) {
-  return [lighting - element, -element].flatMap((each) => [
-    Math.sin(radians(each)),
-    Math.cos(radians(each)),
+  return [lighting - element, -element].flatMap((angle) => [
+    Math.sin(radians(angle)),
+    Math.cos(radians(angle)),
   ]);
 }

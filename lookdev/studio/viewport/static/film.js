@@ -1,8 +1,8 @@
 // @ts-check
-// A film: what each pixel sees, one sample of its light, and the sum of all samples so far, in
-// floats.
+// A film: the visible triangle of each pixel, one sample of its light, and the sum of all samples
+// so far, in floats.
 
-import { texture } from "./gl.js";
+import { createTexture } from "./gl.js";
 
 const MOST_PLACES = 8; // of a pixel along each axis
 const FINEST = 1024; // places along the longer side, if that is more than pixels
@@ -17,7 +17,8 @@ export class Film {
     this.height = height;
     this.places = places ?? Math.min(MOST_PLACES, 2 ** fit);
     this.count = 0;
-    this.seen = null;
+    /** The uniforms of the view whose triangles `visible` has; null for none. */
+    this.view = null;
     this.visible = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.visible);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32UI, this.places * width, this.places * height);
@@ -31,26 +32,28 @@ export class Film {
       this.places * width,
       this.places * height,
     );
-    this.seeing = this.target(this.visible);
+    this.visibleTarget = this.createTarget(this.visible);
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.depth);
-    this.floats = [0, 1, 2, 3].map(() => texture(gl, "RGBA32F", width, height));
-    this.targets = this.floats.map((each) => this.target(each));
-    this.developed = texture(gl, "RGBA8", width, height);
-    this.developing = this.target(this.developed);
+    this.floats = [0, 1, 2, 3].map(() => createTexture(gl, "RGBA32F", width, height));
+    this.targets = this.floats.map((floats) => this.createTarget(floats));
+    this.developed = createTexture(gl, "RGBA8", width, height);
+    this.developedTarget = this.createTarget(this.developed);
   }
 
-  target(attached) {
+  createTarget(attachment) {
     const { gl } = this,
-      made = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, made);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, attached, 0);
-    return made;
+      framebuffer = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, attachment, 0);
+    return framebuffer;
   }
 
   delete() {
     const { gl } = this;
-    [this.visible, this.developed, ...this.floats].forEach((each) => gl.deleteTexture(each));
-    [this.seeing, this.developing, ...this.targets].forEach((each) => gl.deleteFramebuffer(each));
+    [this.visible, this.developed, ...this.floats].forEach((texture) => gl.deleteTexture(texture));
+    [this.visibleTarget, this.developedTarget, ...this.targets].forEach((target) =>
+      gl.deleteFramebuffer(target),
+    );
     gl.deleteRenderbuffer(this.depth);
   }
 
@@ -59,8 +62,8 @@ export class Film {
     return this.floats[2];
   }
 
-  /** What is behind the asset. */
-  get lights() {
+  /** The light behind the asset. */
+  get background() {
     return this.floats[3];
   }
 
@@ -69,16 +72,16 @@ export class Film {
     return this.floats[this.count % 2];
   }
 
-  /** Begin to find what is seen: nothing. */
-  see() {
+  /** Begin to find the visible triangles: none. */
+  clearVisible() {
     const { gl } = this;
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.seeing);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.visibleTarget);
     gl.viewport(0, 0, this.places * this.width, this.places * this.height);
     gl.clearBufferuiv(gl.COLOR, 0, new Uint32Array(4));
     gl.clearBufferfv(gl.DEPTH, 0, new Float32Array([1]));
   }
 
-  /** Begin a new sample: nothing is lit. */
+  /** Begin a new sample: no pixel has light. */
   clear() {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets[2]);
@@ -95,7 +98,7 @@ export class Film {
     this.count += 1;
   }
 
-  /** Have the means (height x width x 4), row 0 at the top, as of one sample. */
+  /** Set the means (height x width x 4), row 0 at the top, as of one sample. */
   write(means) {
     const { gl, width, height } = this,
       rows = new Float32Array(means.length);
@@ -127,12 +130,12 @@ export class Film {
     return means;
   }
 
-  /** Return the number of the triangle seen at a pixel, -1 for none; y from the top. */
+  /** Return the number of the triangle that is visible at a pixel, -1 for none; y from the top. */
   triangle(x, y) {
     const { gl, places } = this,
       texel = new Uint32Array(4),
       middle = Math.floor(places / 2);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, this.seeing);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.visibleTarget);
     gl.readPixels(
       places * x + middle,
       places * (this.height - 1 - y) + middle,

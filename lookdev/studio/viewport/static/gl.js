@@ -12,7 +12,7 @@ const FORMATS = {
 };
 
 /** Return WebGL 2 of a canvas; throws an Error that says what the browser lacks. */
-export function context(canvas) {
+export function createContext(canvas) {
   const gl = canvas.getContext("webgl2", {
     alpha: false,
     antialias: false,
@@ -33,8 +33,8 @@ export function context(canvas) {
 
 const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
-/** Wait until the GPU has done what it was given; returns the milliseconds since. */
-export async function finished(gl) {
+/** Wait until the GPU has executed all calls; return the milliseconds that it took. */
+export async function waitForGpu(gl) {
   const started = performance.now();
   const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
   gl.flush();
@@ -49,8 +49,8 @@ export class Programs {
   constructor(gl) {
     this.gl = gl;
     this.parallel = gl.getExtension("KHR_parallel_shader_compile");
-    this.made = new Map();
-    this.compiled = 0; // programs so far
+    this.programs = new Map();
+    this.compiled = 0; // number of programs so far
   }
 
   /**
@@ -59,8 +59,8 @@ export class Programs {
    */
   get(vertex, fragment) {
     const key = `${vertex}\n//\n${fragment}`;
-    if (!this.made.has(key)) this.made.set(key, this.link(vertex, fragment));
-    return this.made.get(key);
+    if (!this.programs.has(key)) this.programs.set(key, this.link(vertex, fragment));
+    return this.programs.get(key);
   }
 
   async link(vertex, fragment) {
@@ -87,12 +87,12 @@ export class Programs {
     }
     if (!gl.getProgramParameter(handle, gl.LINK_STATUS)) {
       const logs = [
-        ...shaders.map((each) => gl.getShaderInfoLog(each)),
+        ...shaders.map((shader) => gl.getShaderInfoLog(shader)),
         gl.getProgramInfoLog(handle),
       ];
       throw new Error(`a shader does not compile: ${logs.filter(Boolean).join("\n")}`);
     }
-    shaders.forEach((each) => gl.deleteShader(each));
+    shaders.forEach((shader) => gl.deleteShader(shader));
     return new Program(gl, handle);
   }
 }
@@ -108,8 +108,8 @@ export class Program {
     const count = gl.getProgramParameter(handle, gl.ACTIVE_UNIFORMS);
     for (let number = 0; number < count; number += 1) {
       const { name, type } = gl.getActiveUniform(handle, number);
-      const at = gl.getUniformLocation(handle, name);
-      this.uniforms.set(name, { at, type });
+      const location = gl.getUniformLocation(handle, name);
+      this.uniforms.set(name, { location, type });
       const samplers = [
         gl.SAMPLER_2D,
         gl.SAMPLER_3D,
@@ -117,7 +117,7 @@ export class Program {
         gl.UNSIGNED_INT_SAMPLER_2D,
       ];
       if (samplers.includes(type)) {
-        gl.uniform1i(at, this.units.size);
+        gl.uniform1i(location, this.units.size);
         this.units.set(name, this.units.size);
       }
     }
@@ -141,11 +141,11 @@ export class Program {
       const uniform = this.uniforms.get(name);
       if (!uniform) continue;
       const values = typeof value === "object" ? value : [value];
-      if (uniform.type === gl.FLOAT_MAT3) gl.uniformMatrix3fv(uniform.at, false, values);
-      else if (uniform.type === gl.FLOAT_MAT4) gl.uniformMatrix4fv(uniform.at, false, values);
+      if (uniform.type === gl.FLOAT_MAT3) gl.uniformMatrix3fv(uniform.location, false, values);
+      else if (uniform.type === gl.FLOAT_MAT4) gl.uniformMatrix4fv(uniform.location, false, values);
       else {
-        const whole = [gl.INT, gl.INT_VEC2, gl.BOOL].includes(uniform.type);
-        gl[`uniform${values.length}${whole ? "iv" : "fv"}`](uniform.at, values);
+        const isWhole = [gl.INT, gl.INT_VEC2, gl.BOOL].includes(uniform.type);
+        gl[`uniform${values.length}${isWhole ? "iv" : "fv"}`](uniform.location, values);
       }
     }
     this.bind(textures);
@@ -155,16 +155,16 @@ export class Program {
   bind(textures) {
     const { gl } = this;
     for (const [name, unit] of this.units) {
-      const bound = textures[name];
-      if (!bound) throw new Error(`no texture '${name}'`);
+      const source = textures[name];
+      if (!source) throw new Error(`no texture '${name}'`);
       gl.activeTexture(gl.TEXTURE0 + unit);
-      gl.bindTexture(bound.target ?? gl.TEXTURE_2D, bound.handle ?? bound);
+      gl.bindTexture(source.target ?? gl.TEXTURE_2D, source.handle ?? source);
     }
   }
 }
 
-/** A texture whose texels are read by texelFetch. */
-export function texture(gl, format, width, height, data = null) {
+/** Return a new texture whose texels are read by texelFetch. */
+export function createTexture(gl, format, width, height, data = null) {
   const [channels, type] = FORMATS[format];
   const handle = gl.createTexture();
   gl.activeTexture(gl.TEXTURE0);
@@ -218,66 +218,65 @@ export class Triangles {
 
   delete() {
     this.gl.deleteVertexArray(this.array);
-    this.buffers.forEach((each) => this.gl.deleteBuffer(each));
+    this.buffers.forEach((buffer) => this.gl.deleteBuffer(buffer));
   }
 }
 
 /** Textures of buffers that are fetched by their digests, each once. */
 export class Textures {
-  constructor(gl, fetched) {
+  /** `fetchBuffer` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
+  constructor(gl, fetchBuffer) {
     this.gl = gl;
-    this.fetched = fetched;
-    this.made = new Map();
+    this.fetchBuffer = fetchBuffer;
+    this.textures = new Map();
   }
 
   /** Return the textures of descriptions by name, fetched where they are new. */
-  async get(described) {
-    const entries = Object.entries(described).map(async ([name, each]) => [
+  async loadAll(descriptions) {
+    const entries = Object.entries(descriptions).map(async ([name, description]) => [
       name,
-      await this.one(each),
+      await this.load(description),
     ]);
     return Object.fromEntries(await Promise.all(entries));
   }
 
-  one(each) {
-    const key = `${each.buffer} ${each.format} ${each.width}`;
-    if (!this.made.has(key)) {
-      this.made.set(
+  load(description) {
+    const key = textureKey(description);
+    if (!this.textures.has(key)) {
+      const bytes = this.fetchBuffer(description.buffer);
+      this.textures.set(
         key,
-        this.fetched(each.buffer).then((bytes) => {
-          const most = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE);
-          if (Math.max(each.width, each.height) > most) {
-            throw new Error(
-              `an image of ${each.width} x ${each.height} texels; ` +
-                `this browser has room for ${most} a side`,
-            );
-          }
-          return texture(
-            this.gl,
-            each.format,
-            each.width,
-            each.height,
-            new FORMATS[each.format][2](bytes),
-          );
-        }),
+        bytes.then((buffer) => this.upload(description, buffer)),
       );
     }
-    return this.made.get(key);
+    return this.textures.get(key);
   }
 
-  /** Delete the textures that none of some scenes describes. */
-  async keep(described) {
-    const kept = new Set(described.map((each) => `${each.buffer} ${each.format} ${each.width}`));
-    for (const [key, made] of this.made) {
-      if (kept.has(key)) continue;
-      this.made.delete(key);
-      this.gl.deleteTexture(await made);
+  upload({ format, width, height }, bytes) {
+    const most = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE);
+    if (Math.max(width, height) > most) {
+      throw new Error(
+        `an image of ${width} x ${height} texels; this browser has room for ${most} a side`,
+      );
+    }
+    return createTexture(this.gl, format, width, height, new FORMATS[format][2](bytes));
+  }
+
+  /** Delete the textures that have none of some descriptions. */
+  async deleteOthers(descriptions) {
+    const keys = new Set(descriptions.map(textureKey));
+    for (const [key, loading] of this.textures) {
+      if (keys.has(key)) continue;
+      this.textures.delete(key);
+      this.gl.deleteTexture(await loading);
     }
   }
 }
 
-/** The tables of a view of OpenColorIO, as lookdev.output.review.view describes them. */
-export function viewTextures(gl, view) {
+const textureKey = ({ buffer, format, width }) => `${buffer} ${format} ${width}`;
+
+/** Return the tables of a view of OpenColorIO, as lookdev.output.review.view describes them. */
+export function createViewTextures(gl, view) {
   const smooth = gl.getExtension("OES_texture_float_linear");
   return Object.fromEntries(
     view.textures.map((table) => {
@@ -304,8 +303,8 @@ export function viewTextures(gl, view) {
           gl.FLOAT,
           texels,
         );
-      for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-        gl.texParameteri(target, which, table.smooth ? gl.LINEAR : gl.NEAREST);
+      for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+        gl.texParameteri(target, filter, table.smooth ? gl.LINEAR : gl.NEAREST);
       }
       for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) {
         gl.texParameteri(target, axis, gl.CLAMP_TO_EDGE);

@@ -2,17 +2,17 @@
 // Numbers of the server, as lookdev/studio/packets.py writes them: a header, and arrays of floats
 // by their names.
 
-export const packetOf = (buffer) => {
+export function parsePacket(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  let place = 4 + length;
+  let offset = 4 + length;
   const arrays = {},
     shapes = {};
   for (const [name, shape] of header.arrays) {
     const count = shape.reduce((a, b) => a * b, 1);
-    arrays[name] = new Float32Array(buffer, place, count);
+    arrays[name] = new Float32Array(buffer, offset, count);
     shapes[name] = shape;
-    place += 4 * count;
+    offset += 4 * count;
   }
   return { ...header, arrays, shapes };
-};
+}

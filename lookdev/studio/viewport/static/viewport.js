@@ -1,7 +1,6 @@
 // @ts-check
 // The viewport: a scene of lookdev.studio.viewport under an orbiting camera. Light adds up over
-// frames; a change shows
-// at once at a resolution that the machine draws in time, then whole.
+// frames; a change shows at once at a resolution that the machine draws in time, then whole.
 
 import * as cameras from "./camera.js";
 import { Film } from "./film.js";
@@ -9,9 +8,9 @@ import {
   Programs,
   Textures,
   Triangles,
-  context,
-  finished,
-  viewTextures,
+  createContext,
+  createViewTextures,
+  waitForGpu,
   writeNumbers,
 } from "./gl.js";
 import { ADD, OVER_ALL, PRESENT } from "./shaders.js";
@@ -30,13 +29,13 @@ const LIFT = 1e-6;
 const SCALES = [1, 2, 4, 8, 16];
 
 export class Viewport extends EventTarget {
-  /** `fetched` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
-  constructor(canvas, fetched) {
+  /** `fetchBuffer` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
+  constructor(canvas, fetchBuffer) {
     super();
     this.canvas = canvas;
-    this.gl = context(canvas);
+    this.gl = createContext(canvas);
     this.programs = new Programs(this.gl);
-    this.textures = new Textures(this.gl, fetched);
+    this.textures = new Textures(this.gl, fetchBuffer);
     this.settings = {
       element: 0,
       lighting: 0,
@@ -54,10 +53,10 @@ export class Viewport extends EventTarget {
     this.scale = 3; // of SCALES
     this.rate = null; // pixels a millisecond
     this.version = 0;
-    this.placed = 0; // version of what is seen
-    this.lit = 0; // version of the lights
-    this.shown = -1; // version of the last picture
-    this.awaited = 0; // samples
+    this.viewVersion = 0; // of the visible triangles
+    this.lightVersion = 0; // of the lights' numbers
+    this.shownVersion = -1; // version of the last picture
+    this.awaitedSamples = 0; // samples
     this.frames = 0;
     /** @type {(() => void) | null} */
     this.wake = null;
@@ -77,7 +76,7 @@ export class Viewport extends EventTarget {
         ...look,
         visible: await this.programs.get(data.vertex, look.visible),
         relight: await this.programs.get(OVER_ALL, look.relight),
-        textures: await this.textures.get(look.textures),
+        textures: await this.textures.loadAll(look.textures),
         numbers: { ...look.numbers },
       })),
     );
@@ -86,15 +85,15 @@ export class Viewport extends EventTarget {
       this.programs.get(OVER_ALL, data.behind),
       this.programs.get(OVER_ALL, data.develop),
       this.programs.get(OVER_ALL, PRESENT),
-      this.textures.get(data.rig.textures),
-      this.textures.one(data.corners),
-      this.textures.fetched(data.vertices),
-      this.textures.fetched(data.indices),
+      this.textures.loadAll(data.rig.textures),
+      this.textures.load(data.corners),
+      this.textures.fetchBuffer(data.vertices),
+      this.textures.fetchBuffer(data.indices),
     ]);
     const before = this.scene;
     const triangles = new Triangles(gl, vertices, indices);
     const view =
-      before?.data.view.name === data.view.name ? before.view : viewTextures(gl, data.view);
+      before?.data.view.name === data.view.name ? before.view : createViewTextures(gl, data.view);
     this.scene = {
       ...data,
       data,
@@ -111,8 +110,12 @@ export class Viewport extends EventTarget {
     before?.triangles.delete();
     if (JSON.stringify(before?.data.camera) !== JSON.stringify(data.camera))
       this.camera = data.camera;
-    const described = data.looks.flatMap((look) => Object.values(look.textures));
-    this.textures.keep([...described, ...Object.values(data.rig.textures), data.corners]);
+    const descriptions = data.looks.flatMap((look) => Object.values(look.textures));
+    this.textures.deleteOthers([
+      ...descriptions,
+      ...Object.values(data.rig.textures),
+      data.corners,
+    ]);
     this.resize(...(this.size ?? data.resolution));
   }
 
@@ -138,12 +141,10 @@ export class Viewport extends EventTarget {
   /** Change settings: element and lighting are degrees, exposure is in stops. */
   set(settings) {
     const differs = (name) => name in settings && settings[name] !== this.settings[name];
-    const [seen, lit] = [
-      differs("element") || differs("seed"),
-      differs("lighting") || differs("shadows"),
-    ];
+    const viewChanges = differs("element") || differs("seed");
+    const lightChanges = differs("lighting") || differs("shadows");
     Object.assign(this.settings, settings);
-    if (seen || lit) this.change(seen);
+    if (viewChanges || lightChanges) this.change(viewChanges);
     else this.redraw();
   }
 
@@ -157,7 +158,7 @@ export class Viewport extends EventTarget {
       this.scene.data.rig.textures.rig_numbers.width,
       numbers,
     );
-    this.lit += 1;
+    this.lightVersion += 1;
     this.change();
   }
 
@@ -166,11 +167,12 @@ export class Viewport extends EventTarget {
     this.change(true);
   }
 
-  /** Begin anew; `seen` where other places are seen, not only another light. */
-  change(seen = false) {
+  /** Begin the picture anew; `viewChanges`: triangles are found anew, too, not only the light. */
+  change(viewChanges = false) {
     this.version += 1;
     this.dispatchEvent(new Event("change"));
-    if (seen || this.scene?.looks.some((look) => look.see_through)) this.placed = this.version;
+    if (viewChanges || this.scene?.looks.some((look) => look.see_through))
+      this.viewVersion = this.version;
     this.wake?.();
   }
 
@@ -182,32 +184,32 @@ export class Viewport extends EventTarget {
   /** Return the part seen at a pixel of the canvas, y from the top, or null. */
   pick(x, y) {
     if (!this.last) return null;
-    const at = (value, size, whole) => Math.min(size - 1, Math.floor((value * size) / whole));
+    const scale = (value, size, whole) => Math.min(size - 1, Math.floor((value * size) / whole));
     const { width, height } = this.last;
     const triangle = this.last.triangle(
-      at(x, width, this.canvas.width),
-      at(y, height, this.canvas.height),
+      scale(x, width, this.canvas.width),
+      scale(y, height, this.canvas.height),
     );
-    return this.scene.parts.find((each) => each.first <= triangle && triangle < each.last) ?? null;
+    return this.scene.parts.find((part) => part.first <= triangle && triangle < part.last) ?? null;
   }
 
   /** Wait until a picture of the last change is shown. */
-  async changed() {
+  async waitForPicture() {
     const version = this.version;
-    while (this.shown < version) await this.once("picture");
+    while (this.shownVersion < version) await this.waitForEvent("picture");
   }
 
   /**
    * Wait until `count` samples have been added up; returns the means of them, or of more if there
    * were, row 0 at the top.
    */
-  async accumulated(count) {
-    this.awaited = count;
+  async accumulate(count) {
+    this.awaitedSamples = count;
     this.wake?.();
     const complete = () =>
-      this.shown === this.version && this.last === this.film(0) && this.last.count >= count;
-    while (!complete()) await this.once("picture");
-    this.awaited = 0;
+      this.shownVersion === this.version && this.last === this.film(0) && this.last.count >= count;
+    while (!complete()) await this.waitForEvent("picture");
+    this.awaitedSamples = 0;
     return this.last.read();
   }
 
@@ -216,11 +218,11 @@ export class Viewport extends EventTarget {
    * they are made.
    */
   goal() {
-    return this.film(0).count < this.awaited ? this.awaited : this.settings.most;
+    return this.film(0).count < this.awaitedSamples ? this.awaitedSamples : this.settings.most;
   }
 
   /** Wait for the next event of a name; throws what has ended the drawing. */
-  async once(name) {
+  async waitForEvent(name) {
     if (!this.failed)
       await new Promise((resolve) => this.addEventListener(name, resolve, { once: true }));
     if (this.failed) throw this.failed;
@@ -235,9 +237,9 @@ export class Viewport extends EventTarget {
   async run() {
     try {
       while (!this.stopped) {
-        if (this.scene && this.shown < this.version) await this.first();
-        else if (this.scene && this.film(0).count < this.goal()) await this.more();
-        else if (this.dirty && this.last) this.picture(this.last);
+        if (this.scene && this.shownVersion < this.version) await this.drawFirst();
+        else if (this.scene && this.film(0).count < this.goal()) await this.drawMore();
+        else if (this.dirty && this.last) this.showFilm(this.last);
         else
           await new Promise((resolve) => {
             this.wake = () => resolve(undefined);
@@ -251,22 +253,20 @@ export class Viewport extends EventTarget {
   }
 
   /** Draw one sample of all pixels after a change, at the finest scale that has been in time. */
-  async first() {
+  async drawFirst() {
     const { version } = this,
       film = this.film(this.scale),
       started = performance.now();
-    this.films.forEach((each) => {
-      if (each) each.count = 0;
-    });
-    await this.see(film);
+    for (const other of this.films) if (other) other.count = 0;
+    await this.findVisible(film);
     if (this.version !== version) return;
     film.clear();
     this.relight(film, 0, film.height);
     film.add(this.scene.add);
-    this.shown = version;
+    this.shownVersion = version;
     this.last = film;
     this.draw(film);
-    await finished(this.gl);
+    await waitForGpu(this.gl);
     const took = performance.now() - started;
     this.frames += 1;
     this.dispatchEvent(
@@ -280,10 +280,10 @@ export class Viewport extends EventTarget {
    * Add samples to the whole film: strips of one, or as many as fit in the time between looks for a
    * change.
    */
-  async more() {
-    const between = this.between();
-    if (between) {
-      if (await this.strips(between)) this.picture(between);
+  async drawMore() {
+    const finer = this.finerFilm();
+    if (finer) {
+      if (await this.drawStrips(finer)) this.showFilm(finer);
       return;
     }
     const { gl, version } = this,
@@ -291,36 +291,36 @@ export class Viewport extends EventTarget {
       fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
     const started = performance.now();
     if (fit < 2) {
-      if (!(await this.strips(film))) return;
+      if (!(await this.drawStrips(film))) return;
     } else {
       const count = Math.min(Math.floor(fit), this.goal() - film.count);
       for (let k = 0; k < count; k += 1) {
-        if (!(await this.see(film, true)) || this.version !== version) return;
+        if (!(await this.findVisible(film, true)) || this.version !== version) return;
         film.clear();
         this.relight(film, 0, film.height);
         film.add(this.scene.add);
       }
     }
-    this.picture(film);
-    await finished(gl);
-    if (fit >= 2) this.timed(Math.floor(fit) * film.width * film.height, started);
+    this.showFilm(film);
+    await waitForGpu(gl);
+    if (fit >= 2) this.measureRate(Math.floor(fit) * film.width * film.height, started);
   }
 
   /**
    * The film that is twice as fine as the one shown, where the whole one takes long: the picture
    * always gets finer.
    */
-  between() {
+  finerFilm() {
     const whole = this.film(0),
-      shown = this.films.indexOf(this.last);
+      scale = this.films.indexOf(this.last);
     const takes = this.rate ? (whole.width * whole.height) / this.rate : Infinity;
-    return whole.count === 0 && shown > 1 && takes > LONG ? this.film(shown - 1) : null;
+    return whole.count === 0 && scale > 1 && takes > LONG ? this.film(scale - 1) : null;
   }
 
   /** Add one sample to a film; returns whether no change has ended it. */
-  async strips(film) {
+  async drawStrips(film) {
     const { version } = this;
-    if (!(await this.see(film, true)) || this.version !== version) return false;
+    if (!(await this.findVisible(film, true)) || this.version !== version) return false;
     film.clear();
     let top = 0;
     while (top < film.height) {
@@ -328,8 +328,8 @@ export class Viewport extends EventTarget {
       const bottom = Math.min(film.height, top + rows),
         started = performance.now();
       this.relight(film, top, bottom);
-      await finished(this.gl);
-      this.timed((bottom - top) * film.width, started);
+      await waitForGpu(this.gl);
+      this.measureRate((bottom - top) * film.width, started);
       if (this.version !== version || this.stopped) return false;
       top = bottom;
     }
@@ -340,12 +340,12 @@ export class Viewport extends EventTarget {
   /**
    * Note how many pixels took the time since; a single quick strip does not make the next one long.
    */
-  timed(pixels, started) {
+  measureRate(pixels, started) {
     const now = pixels / Math.max(performance.now() - started, 0.1);
     this.rate = this.rate ? Math.min(now, 2 * this.rate) : now;
   }
 
-  picture(film) {
+  showFilm(film) {
     this.last = film;
     this.draw(film);
     this.dispatchEvent(
@@ -356,22 +356,22 @@ export class Viewport extends EventTarget {
   }
 
   /**
-   * Find what each pixel of a film sees in its next sample, unless that was seen last; returns
-   * whether it has.
+   * Find the triangle that each pixel of a film sees in its next sample, unless the film has it;
+   * return whether it has.
    *
    * With `patient`, triangles are drawn some at a time, and a change ends it. */
-  async see(film, patient = false) {
+  async findVisible(film, patient = false) {
     const { gl, scene, version } = this,
       { element, seed } = this.settings;
     const number = Math.floor(film.count / Math.max(LEAST_PER_VIEW, film.places ** 2));
-    if (film.seen?.placed === this.placed && film.seen.number === number) return true;
-    const given = { element, center: scene.center, radius: scene.radius, number, seed };
+    if (film.view?.version === this.viewVersion && film.view.number === number) return true;
+    const subject = { element, center: scene.center, radius: scene.radius, number, seed };
     const [width, height] = [film.places * film.width, film.places * film.height];
-    const seen = cameras.view(this.camera, { ...given, width, height });
-    Object.assign(seen, { placed: this.placed, number });
-    film.seen = null;
-    film.see();
-    const opaque = merged(scene.looks.filter((look) => !look.see_through));
+    const view = cameras.view(this.camera, { ...subject, width, height });
+    Object.assign(view, { version: this.viewVersion, number });
+    film.view = null;
+    film.clearVisible();
+    const opaque = mergeRanges(scene.looks.filter((look) => !look.see_through));
     const ranges = [
       ...opaque.map((range) => ({ ...range, look: scene.looks.find((look) => !look.see_through) })),
       ...scene.looks
@@ -380,10 +380,10 @@ export class Viewport extends EventTarget {
     ];
     for (const { first, last, look } of ranges) {
       for (let from = first; from < last; from += TRIANGLES) {
-        gl.bindFramebuffer(gl.FRAMEBUFFER, film.seeing);
+        gl.bindFramebuffer(gl.FRAMEBUFFER, film.visibleTarget);
         gl.viewport(0, 0, width, height);
         gl.enable(gl.DEPTH_TEST);
-        const numbers = { ...seen, sample_number: number, seed };
+        const numbers = { ...view, sample_number: number, seed };
         look.visible.use(
           { ...numbers, ...look.numbers },
           { ...look.textures, corners: scene.corners },
@@ -393,12 +393,12 @@ export class Viewport extends EventTarget {
         gl.bindVertexArray(null);
         gl.disable(gl.DEPTH_TEST);
         if (patient && last - from > TRIANGLES) {
-          await finished(gl);
+          await waitForGpu(gl);
           if (this.version !== version || this.stopped) return false;
         }
       }
     }
-    film.seen = seen;
+    film.view = view;
     return true;
   }
 
@@ -413,7 +413,7 @@ export class Viewport extends EventTarget {
     const shadow = { shadowed: settings.shadows ? 1 : 0, lift: LIFT * scene.radius };
     for (const look of scene.looks) {
       const numbers = {
-        ...film.seen,
+        ...film.view,
         ...shadow,
         size: [film.width, film.height],
         places: film.places,
@@ -436,12 +436,12 @@ export class Viewport extends EventTarget {
     gl.disable(gl.SCISSOR_TEST);
   }
 
-  /** Turn the light of a film into code values, over what is behind the asset. */
+  /** Convert the light of a film to code values, over the light behind the asset. */
   develop(film) {
     const { gl, scene } = this,
       { exposure, behind, background } = this.settings;
-    this.lights(film);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, film.developing);
+    this.drawBackground(film);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, film.developedTarget);
     gl.viewport(0, 0, film.width, film.height);
     const numbers = {
       samples: film.count,
@@ -449,9 +449,9 @@ export class Viewport extends EventTarget {
       behind,
       lit: background ? 1 : 0,
     };
-    scene.develop.use(numbers, { ...scene.view, sums: film.sums, lights: film.lights });
+    scene.develop.use(numbers, { ...scene.view, sums: film.sums, lights: film.background });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    film.shows = JSON.stringify([this.surroundings, exposure, behind, background]);
+    film.developedKey = JSON.stringify([this.backgroundKey, exposure, behind, background]);
   }
 
   /**
@@ -472,13 +472,13 @@ export class Viewport extends EventTarget {
     this.redraw();
   }
 
-  /** What stands right of the wipe: numbers and textures of `PRESENT`. */
-  beside(film) {
+  /** Return the numbers and textures of `PRESENT` for the exact picture, right of the wipe. */
+  exactInputs(film) {
     const { wipe, differs } = this.settings,
       { exact } = this,
-      shows = exact && this.exactVersion === this.version;
+      isCurrent = exact && this.exactVersion === this.version;
     const none = { exact: film.developed, exact_sums: film.sums, sums: film.sums };
-    if (!shows || (wipe >= 1 && !differs))
+    if (!isCurrent || (wipe >= 1 && !differs))
       return { numbers: { wipe: 2, differs: 0, samples: 1, gain: 0 }, textures: none };
     this.develop(exact);
     const numbers = {
@@ -500,38 +500,38 @@ export class Viewport extends EventTarget {
       whole = this.films[0];
     this.dirty = false;
     this.develop(film);
-    const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
-    const beside = this.beside(film);
+    const keep = film !== whole && whole?.developedKey === film.developedKey ? 1 : 0;
+    const inputs = this.exactInputs(film);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, width, height);
     const textures = { film: film.developed, whole: keep ? whole.developed : film.developed };
     scene.present.use(
-      { canvas: [width, height], keep, ...beside.numbers },
-      { ...textures, ...beside.textures },
+      { canvas: [width, height], keep, ...inputs.numbers },
+      { ...textures, ...inputs.textures },
     );
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** What is behind the asset, by what it depends on. */
-  get surroundings() {
+  /** All on which the light behind the asset depends. */
+  get backgroundKey() {
     const { element, lighting } = this.settings;
     return JSON.stringify([
       this.camera,
       element,
       lighting,
       this.scene.data.rig.textures.rig_numbers.buffer,
-      this.lit,
+      this.lightVersion,
     ]);
   }
 
-  /** Find what is behind the asset, unless a film has it. */
-  lights(film) {
-    const { gl, scene, settings, surroundings } = this;
-    if (film.surroundings === surroundings || !settings.background) return;
-    film.surroundings = surroundings;
+  /** Draw the light behind the asset, unless the film has it. */
+  drawBackground(film) {
+    const { gl, scene, settings, backgroundKey } = this;
+    if (film.backgroundKey === backgroundKey || !settings.background) return;
+    film.backgroundKey = backgroundKey;
     gl.bindFramebuffer(gl.FRAMEBUFFER, film.targets[3]);
     gl.viewport(0, 0, film.width, film.height);
-    const given = {
+    const subject = {
       element: settings.element,
       center: scene.center,
       radius: scene.radius,
@@ -539,7 +539,7 @@ export class Viewport extends EventTarget {
       seed: 0,
     };
     const size = { width: film.width, height: film.height, centred: true };
-    const view = cameras.view({ ...this.camera, lens: null }, { ...given, ...size });
+    const view = cameras.view({ ...this.camera, lens: null }, { ...subject, ...size });
     scene.behind.use(
       { ...view, turns: cameras.turns(settings.element, settings.lighting) },
       scene.rig,
@@ -549,7 +549,7 @@ export class Viewport extends EventTarget {
 }
 
 /** Ranges of triangles, those that follow each other as one. */
-function merged(ranges) {
+function mergeRanges(ranges) {
   const joined = [];
   for (const { first, last } of ranges) {
     if (joined.length && joined[joined.length - 1].last === first)

@@ -24,10 +24,10 @@ from lookdev.job.keys import MATERIAL_SUFFIXES
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.schema import JobIbl, JobRig
 from lookdev.light import BUILTIN_LIGHTS
-from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.material.library import find_preset, library_folders
 from lookdev.material.library.edit import new_look
 from lookdev.scene.dress import asset_parts
+from lookdev.shipped import BUILTIN_RIGS
 from lookdev.text import decode
 
 _LOOK = re.compile(r"look\[(\d+)\]")

@@ -13,7 +13,7 @@ from lookdev.errors import LookdevError
 from lookdev.job import load_job
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit
-from lookdev.studio.designer.opening import open_document
+from lookdev.studio.designer.open_document import open_document
 from lookdev.studio.designer.sources import ConflictError
 
 ROOT = Path(__file__).parents[2]

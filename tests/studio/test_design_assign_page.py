@@ -46,7 +46,8 @@ def page(open_page: DesignPage, job: Path) -> Iterator[DesignPage]:
     """Return the page; what a test edits is undone afterwards, and the job is as it was."""
     yield open_page
     open_page.js(
-        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await exact.settled(); } await answered();"
+        "while (!at('undo').disabled) { at('undo').click(); await pause(0); await designer.settle(); }"
+        "await answered();"
         "if (!at('save').disabled) await saved();"
     )
     assert job.read_text() == JOB

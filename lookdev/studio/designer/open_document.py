@@ -6,7 +6,7 @@ from pathlib import Path
 
 from lookdev.job import load_job
 from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.dressing import EditedJob, stated_path
+from lookdev.studio.designer.edited_job import EditedJob, stated_path
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.text import TextError, read_bytes
 

@@ -12,7 +12,7 @@ from starlette.websockets import WebSocket
 from lookdev.scene import Scene
 from lookdev.studio.designer.exact import Exact, parse_view
 from lookdev.studio.packets import packet
-from lookdev.studio.talk import PageSocket, Ticket
+from lookdev.studio.websocket import PageSocket, Ticket
 from lookdev.text import TextError, parse_json
 
 

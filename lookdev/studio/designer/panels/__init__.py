@@ -1,0 +1,44 @@
+"""The panels of the Designer's page: a record each, in the order in which the page has them.
+
+A panel is a module of the page, `static/<name>.js`, whose record `panel` has the panel's HTML and its behaviour, and,
+if it has requests of its own, a class of `Routes` here. `lookdev.studio.designer.app` serves both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lookdev.studio.designer.panels.assign import AssignRoutes
+from lookdev.studio.designer.panels.exact import ExactRoutes
+from lookdev.studio.designer.panels.files import FileRoutes
+from lookdev.studio.designer.panels.history import HistoryRoutes
+from lookdev.studio.designer.panels.layers import LayerRoutes
+from lookdev.studio.designer.panels.lights import LightRoutes
+from lookdev.studio.designer.panels.presets import PresetRoutes
+from lookdev.studio.designer.panels.snapshots import SnapshotRoutes
+from lookdev.studio.designer.panels.turntable import TurntableRoutes
+from lookdev.studio.designer.routes import Routes
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel of the page: the name of its JavaScript module, and the class of its routes, if it has any."""
+
+    name: str
+    routes: type[Routes] | None = None
+
+
+PANELS = (
+    Panel("history", HistoryRoutes),
+    Panel("snapshots", SnapshotRoutes),
+    Panel("files", FileRoutes),
+    Panel("exact", ExactRoutes),
+    Panel("assign", AssignRoutes),
+    Panel("layers", LayerRoutes),
+    Panel("view"),
+    Panel("lights", LightRoutes),
+    Panel("turntable", TurntableRoutes),
+    Panel("left_out"),
+    Panel("presets", PresetRoutes),
+)
+"""The panels of the page, in their order on it."""

@@ -1,0 +1,20 @@
+"""The panel of the picked part: the look that is assigned to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lookdev.studio.designer.routes import Query, Routes, json_route
+
+
+class AssignRoutes(Routes):
+    """Looks are assigned to parts, and the materials that can be assigned are listed."""
+
+    @json_route("/wear", "POST")
+    def assign_look(self, query: Query) -> Mapping[str, Any]:
+        return self.session.change_answer(self.document.assign_look(query.body))
+
+    @json_route("/wearables")
+    def list_materials(self, query: Query) -> Mapping[str, Any]:
+        return self.document.list_materials()

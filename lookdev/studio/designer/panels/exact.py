@@ -1,0 +1,25 @@
+"""The panel of the exact picture."""
+
+from __future__ import annotations
+
+from starlette.websockets import WebSocket
+
+from lookdev.studio.designer.exact import Exact
+from lookdev.studio.designer.exact_socket import ExactPictures
+from lookdev.studio.designer.routes import Routes, socket_route
+from lookdev.studio.designer.session import Session
+
+
+class ExactRoutes(Routes):
+    """The websocket of exact pictures."""
+
+    def __init__(self, session: Session) -> None:
+        super().__init__(session)
+        self._exact = Exact()
+
+    @socket_route("/exact")
+    async def serve_pictures(self, socket: WebSocket) -> None:
+        await ExactPictures(socket, self.session.scene_with_lights, self._exact).run()
+
+    def close(self) -> None:
+        self._exact.close()

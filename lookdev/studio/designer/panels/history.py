@@ -1,0 +1,20 @@
+"""The panel of undo and redo."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lookdev.errors import LookdevError
+from lookdev.studio.designer.routes import Query, Routes, json_route
+
+
+class HistoryRoutes(Routes):
+    """Steps through the history of edits."""
+
+    @json_route("/history", "POST")
+    def step_history(self, query: Query) -> Mapping[str, Any]:
+        redo = query.body.get("redo")
+        if not isinstance(redo, bool):
+            raise LookdevError("a step of the history has 'redo', true or false")
+        return self.session.change_answer(self.document.undo(1 if redo else -1))

@@ -1,0 +1,37 @@
+"""The panel of the turntable."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+
+from lookdev.studio.designer.routes import FRESH, Query, Routes, json_route, raw_route
+from lookdev.studio.designer.session import Session
+from lookdev.studio.designer.turntable import Turntable
+
+
+class TurntableRoutes(Routes):
+    """A turntable of the visible scene: started, cancelled, described, and its pictures."""
+
+    def __init__(self, session: Session) -> None:
+        super().__init__(session)
+        self._turntable = Turntable(lambda: session.document.job)
+
+    @json_route("/turntable", "GET", "POST")
+    def render_turntable(self, query: Query) -> Mapping[str, Any]:
+        if query.body.get("do") == "render":
+            self._turntable.start(self.session.scene_with_lights, *self.document.scene_key)
+        elif query.body.get("do") == "cancel":
+            self._turntable.cancel()
+        return self._turntable.describe()
+
+    @raw_route("/turntable/{run:int}/{number:int}.png")
+    async def send_turntable_picture(self, request: Request) -> Response:
+        file = self._turntable.picture(request.path_params["run"], request.path_params["number"])
+        return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=FRESH)
+
+    def close(self) -> None:
+        self._turntable.close()

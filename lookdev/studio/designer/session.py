@@ -1,0 +1,37 @@
+"""The state that the panels of a page share: the document, the settings of lights, and the library of presets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lookdev.material.library import Library, library_folders, read_library
+from lookdev.scene import Scene
+from lookdev.studio.designer.document import Document
+from lookdev.studio.designer.lights import Lights
+
+
+class Session:
+    """The document of a page with its view. Methods are thread-safe."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.lights = Lights()
+        self._library: Library | None = None
+
+    def scene_with_lights(self) -> Scene:
+        """Return the visible scene, with the page's settings of its lights."""
+        return self.lights.apply(self.document.scene_key[1], self.document.scene)
+
+    def library(self) -> Library:
+        """Return the library of presets, which is read once."""
+        library = self._library = self._library or read_library(library_folders())
+        return library
+
+    def forget_library(self) -> None:
+        """Read the library anew when it is needed next."""
+        self._library = None
+
+    def change_answer(self, compiles: bool = False) -> Mapping[str, Any]:
+        """Return the answer to a change of the document; `compiles` says whether the viewport needs new shaders."""
+        return {"compiles": compiles, **self.document.status()}

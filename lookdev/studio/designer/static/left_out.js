@@ -1,0 +1,34 @@
+// @ts-check
+// What the viewport's picture leaves out of the light.
+
+import { byId, makeElement } from "./elements.js";
+
+const aside = `
+  <section>
+    <details id="left-out"><summary>What this picture leaves out</summary><ul></ul></details>
+  </section>`;
+
+function mount({ viewport }) {
+  let leftOut = [];
+  let text = "";
+  const show = () => {
+    const names = [...leftOut];
+    if (viewport.scene?.shadows && !viewport.settings.shadows)
+      names.push("cast shadow: switched off");
+    if (text === names.join()) return;
+    text = names.join();
+    const items = names.map((name) => makeElement("li", { textContent: name }));
+    byId("left-out")
+      .querySelector("ul")
+      .replaceChildren(...items);
+  };
+  viewport.addEventListener("change", show);
+  return {
+    load({ left_out }) {
+      leftOut = left_out;
+      show();
+    },
+  };
+}
+
+export const panel = { markup: { aside }, mount };
