@@ -104,7 +104,7 @@ def run_supervised(program: Callable[[], None]) -> int:
         A limit in the environment is not a number.
     """
     global _pipe_to_parent
-    limits = _Limits(_read_limit(MEMORY_VARIABLE, DEFAULT_MEMORY), _read_limit(SECONDS_VARIABLE, DEFAULT_SECONDS))
+    memory, seconds = _read_limit(MEMORY_VARIABLE, DEFAULT_MEMORY), _read_limit(SECONDS_VARIABLE, DEFAULT_SECONDS)
     parent, trace = os.getpid(), os.memfd_create("traceback")
     reader, writer = os.pipe()
     signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED_SIGNALS)  # until the child exists
@@ -123,7 +123,7 @@ def run_supervised(program: Callable[[], None]) -> int:
         number: signal.signal(number, lambda number, _: os.kill(child, number)) for number in _FORWARDED_SIGNALS
     }
     signal.pthread_sigmask(signal.SIG_UNBLOCK, _FORWARDED_SIGNALS)
-    state = _ChildState(child, limits)
+    state = _ChildState(child, memory, seconds)
     try:
         reason = _watch(state, reader)
         code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
@@ -146,24 +146,6 @@ def run_supervised(program: Callable[[], None]) -> int:
 
 
 @dataclass(frozen=True)
-class _Limits:
-    memory: int  # MiB
-    seconds: int
-
-    def exceeded_limit(self, start: _Use, now: _Use, size: float) -> str:
-        """Return the limit that a reader of files of `size` MiB exceeds, as the end of a sentence, or ''."""
-        memory, seconds = self.memory + _MEMORY_PER_MIB * size, self.seconds + _SECONDS_PER_MIB * size
-        if now.memory - start.memory > memory:
-            limit = f"{MEMORY_VARIABLE}, {self.memory} MiB beside {_MEMORY_PER_MIB} times the size of its files"
-            return f"more than {int(memory)} MiB of memory; if it is right, raise {limit}"
-        # The clock goes on while a process is stopped; the CPU time of many threads exceeds the clock.
-        if min(now.clock - start.clock, now.cpu - start.cpu) > seconds:
-            limit = f"{SECONDS_VARIABLE}, {self.seconds} s beside {_SECONDS_PER_MIB} s for each MiB of its files"
-            return f"more than {int(seconds)} s; if it is right, raise {limit}"
-        return ""
-
-
-@dataclass(frozen=True)
 class _Use:
     """The use of a process: MiB of private memory now, CPU seconds of all its threads, and seconds on the clock."""
 
@@ -182,10 +164,11 @@ class _Use:
 
 @dataclass
 class _ChildState:
-    """The reports of a child: the files that it reads, the innermost last, and the bytes of all files so far."""
+    """The limits of a child, MiB and seconds, the files that it reads, the innermost last, and the bytes of all."""
 
     child: int
-    limits: _Limits
+    memory: int
+    seconds: int
     files: list[str] = field(default_factory=list)
     sizes: dict[str, int] = field(default_factory=dict)
     start: _Use | None = None
@@ -205,8 +188,18 @@ class _ChildState:
         """Measure the child while it reads; return the fault of the outermost file, or ''."""
         now = _Use.of_process(self.child)
         self.start = self.start or now
-        excess = self.limits.exceeded_limit(self.start, now, sum(self.sizes.values()) / _MIB)
-        return excess and f"{shorten(self.files[0], 4096)}: reading it takes {excess}"
+        size = sum(self.sizes.values()) / _MIB
+        memory, seconds = self.memory + _MEMORY_PER_MIB * size, self.seconds + _SECONDS_PER_MIB * size
+        if now.memory - self.start.memory > memory:
+            limit = f"{MEMORY_VARIABLE}, {self.memory} MiB beside {_MEMORY_PER_MIB} times the size of its files"
+            excess = f"{int(memory)} MiB of memory"
+        # The clock goes on while a process is stopped; the CPU time of many threads exceeds the clock.
+        elif min(now.clock - self.start.clock, now.cpu - self.start.cpu) > seconds:
+            limit = f"{SECONDS_VARIABLE}, {self.seconds} s beside {_SECONDS_PER_MIB} s for each MiB of its files"
+            excess = f"{int(seconds)} s"
+        else:
+            return ""
+        return f"{shorten(self.files[0], 4096)}: reading it takes more than {excess}; if it is right, raise {limit}"
 
 
 def _watch(state: _ChildState, reader: int) -> str:

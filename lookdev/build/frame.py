@@ -22,8 +22,8 @@ from lookdev.build.assign import AssignedAsset, loss_notes
 from lookdev.build.faults import Findings
 from lookdev.build.refine import Refiner, cached_outline, cages_of_displaced
 from lookdev.errors import AssetError
-from lookdev.job.ground import JobGround
 from lookdev.job.schema import Job
+from lookdev.job.surroundings import JobGround
 from lookdev.material import Look
 from lookdev.material.usd.bound import read_any_look
 from lookdev.scene import Camera, frame_camera, frame_fill

@@ -12,11 +12,12 @@ import sys
 from typing import Annotated, NoReturn
 
 import typer
+from typer import Option
 
 import lookdev
 from lookdev.cache import take_notes
-from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials, plots, review, studio, warm
-from lookdev.cli.options import say
+from lookdev.cli import checks, export, files, jobs, machine, materials, plots, studio
+from lookdev.cli.options import say, say_notes
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.guard import KilledError, NativeCrash, run_supervised
 from lookdev.lifetime import end_at_signals
@@ -30,10 +31,10 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for group in (jobs, review, assets, looks, plots, studio, checks, bench, machine):
+for group in (jobs, files, plots, studio, checks, machine):
     app.add_typer(group.app)
 app.add_typer(materials.app, name="materials", rich_help_panel="Looks")
-app.add_typer(warm.app, name="warm", rich_help_panel="Jobs")
+app.add_typer(machine.warm_app, name="warm", rich_help_panel="Jobs")
 app.add_typer(export.app, name="export", rich_help_panel="Jobs")
 
 
@@ -93,8 +94,7 @@ def run() -> None:
     except Exception as error:  # noqa: BLE001  the last resort
         _leave_with_report(error)
     finally:
-        for note in take_notes():
-            say(f"note: {note}", err=True)
+        say_notes(take_notes())
 
 
 def _leave_with_report(error: Exception) -> NoReturn:
@@ -117,7 +117,7 @@ def _show_version(show: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool, typer.Option("--version", help="Show the version and leave.", callback=_show_version, is_eager=True)
+        bool, Option("--version", help="Show the version and leave.", callback=_show_version, is_eager=True)
     ] = False,
 ) -> None:
     pass

@@ -1,67 +1,39 @@
-"""The verbs that compare the renderer with the models: check, eval."""
+"""The verbs that compare the renderer with the models, and measure its speed: check, eval, bench."""
 
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
+from typer import Argument, Option
 
 from lookdev.cli.options import Prim, Variants, say
 
 app = typer.Typer()
 _PANEL = "Accuracy and speed"
-
-
-class Evaluator(StrEnum):
-    """The implementation that evaluates the models."""
-
-    numpy = "numpy"
-    cycles = "cycles"
-
-
-class Depth(StrEnum):
-    """The number of cases that a check compares."""
-
-    quick = "quick"
-    default = "default"
-    full = "full"
+_kind = partial(Option, rich_help_panel="Other benchmarks")
+_choice = partial(Option, rich_help_panel="Selection")
 
 
 @app.command(rich_help_panel=_PANEL)
 def check(
-    file: Annotated[
-        Path | None, typer.Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.", show_default=False)
-    ] = None,
-    html: Annotated[
-        Path | None, typer.Option("--html", metavar="FILE", help="Write a page with plots too.", show_default=False)
-    ] = None,
+    file: Annotated[Path | None, Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.")] = None,
+    html: Annotated[Path | None, Option(metavar="FILE", help="Write a page with plots too.")] = None,
     only: Annotated[
-        str,
-        typer.Option(
-            "--only",
-            metavar="CHECKS",
-            help="Some of points,albedo,image,stability; default: all but stability.",
-            show_default=False,
-        ),
+        str, Option(metavar="CHECKS", help="Some of points,albedo,image,stability; default: all but stability.")
     ] = "",
     stress: Annotated[
-        bool, typer.Option("--stress", help="As '--only stability': extreme values; without FILE, all models.")
+        bool, Option("--stress", help="As '--only stability': extreme values; without FILE, all models.")
     ] = False,
-    depth: Annotated[Depth, typer.Option("--depth", help="The number of cases to compare.")] = Depth.default,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of cases, positions and samples.")] = 0,
+    depth: Annotated[Literal["quick", "default", "full"], Option(help="The number of cases to compare.")] = "default",
+    seed: Annotated[int, Option(min=0, help="Seed of cases, positions and samples.")] = 0,
     prim: Prim = None,
     variants: Variants = None,
     backend: Annotated[
-        str | None,
-        typer.Option(
-            "--backend",
-            metavar="NAME",
-            help="The backend that renders a look, as in a job; default: exact.",
-            show_default=False,
-        ),
+        str | None, Option(metavar="NAME", help="The backend that renders a look, as in a job; default: exact.")
     ] = None,
 ) -> None:
     """Compare Cycles with the models in float64; exit code 1 if they disagree."""
@@ -72,15 +44,9 @@ def check(
     from lookdev.material.variants import parse_variants
 
     findings = []
-    for finding in check_file(
-        file,
-        only=["stability"] if stress else parse_only(only),
-        depth=depth.value,
-        seed=seed,
-        prim=prim,
-        variants=parse_variants(variants or ()),
-        backend=backend,
-    ):
+    checks = ["stability"] if stress else parse_only(only)
+    selected = parse_variants(variants or ())
+    for finding in check_file(file, only=checks, depth=depth, seed=seed, prim=prim, variants=selected, backend=backend):
         say(finding.headline, err=True)
         findings.append(finding)
     print_findings(findings, Console())
@@ -93,8 +59,8 @@ def check(
 @app.command("eval", rich_help_panel=_PANEL)
 def evaluate(
     backend: Annotated[
-        Evaluator, typer.Option("--backend", help="numpy: the float64 models; cycles: the generated OSL.")
-    ] = Evaluator.numpy,
+        Literal["numpy", "cycles"], Option(help="numpy: the float64 models; cycles: the generated OSL.")
+    ] = "numpy",
 ) -> None:
     """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout.
 
@@ -104,5 +70,67 @@ def evaluate(
     from lookdev.text import decode
 
     lines = (decode(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
-    for line in evaluate_lines(lines, backend.value):
+    for line in evaluate_lines(lines, backend):
         say(line)
+
+
+@app.command(rich_help_panel=_PANEL)
+def bench(
+    table: Annotated[
+        Path | None,
+        _kind(metavar="FILE", help="Time to an error beside other renderers, growth, plots: for docs/bench.md."),
+    ] = None,
+    profile: Annotated[
+        Path | None, _kind(metavar="FILE", help="Where a second of rendering goes: for docs/bench.md.")
+    ] = None,
+    setup: Annotated[
+        Path | None, _kind(metavar="FILE", help="Whole commands, a first frame, changes of scene: for docs/bench.md.")
+    ] = None,
+    sequence: Annotated[bool, _kind("--sequence", help="Turntables against a plain Blender script.")] = False,
+    scale: Annotated[bool, _kind("--scale", help="Large assets, against Blender's own import.")] = False,
+    denoise_trial: Annotated[
+        bool, _kind("--denoise-trial", help="Random denoised frames: is their error as measured?")
+    ] = False,
+    scenes: Annotated[str, _choice(metavar="NAMES", help="Scenes, separated by commas.")] = "",
+    ibls: Annotated[str, _choice(metavar="NAMES", help="Lights.")] = "",
+    looks: Annotated[str, _choice(metavar="NAMES", help="Looks.")] = "",
+    backends: Annotated[str, _choice(metavar="NAMES", help="Backends.")] = "",
+    samples: Annotated[str, _choice(metavar="NAMES", help="Increasing powers of two, like 4,16,64.")] = "",
+    resolution: Annotated[int | None, _choice(metavar="N", help="Side of the frame, pixels.")] = None,
+    repeats: Annotated[int | None, _choice(metavar="N", help="Renders with each number of samples.")] = None,
+    reference: Annotated[
+        int | None, _choice(metavar="N", help="Samples of a reference, as a multiple of the largest count.")
+    ] = None,
+    seed: Annotated[int | None, _choice(metavar="N", help="Seed of the samples.")] = None,
+    frames: Annotated[
+        int | None, _choice(metavar="N", help="Frames of the sequence whose growth is measured, or of the trial.")
+    ] = None,
+    everything: Annotated[bool, _choice("--all", help="Default to all names instead of a few.")] = False,
+    fresh: Annotated[bool, Option("--fresh", help="Render references anew.")] = False,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
+    show: Annotated[bool, Option("--list", help="Only list the names.")] = False,
+) -> None:
+    """Measure time against error, beside other renderers; Ctrl-C keeps the results so far (exit code 130)."""
+    from lookdev.bench.kinds import KINDS
+    from lookdev.bench.options import list_names, parse_options
+    from lookdev.errors import LookdevError
+
+    if show:
+        say(list_names())
+        return
+    files = {"table": table, "profile": profile, "setup": setup}
+    kinds: dict[str, Path | None] = {name: file for name, file in files.items() if file}
+    flags = {"sequence": sequence, "denoise-trial": denoise_trial, "scale": scale}
+    kinds |= {name: None for name, is_set in flags.items() if is_set}
+    if len(kinds) > 1:
+        raise LookdevError(f"one kind of benchmark at a time, not {' and '.join(f'--{name}' for name in kinds)}")
+    name, document = next(iter(kinds.items()), ("matrix", None))
+    options = parse_options(
+        {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
+        defaults=KINDS[name].DEFAULTS, everything=everything, resolution=resolution, repeats=repeats,
+        reference=reference, seed=seed, frames=frames, fresh=fresh,
+    )  # fmt: skip
+    benchmark = KINDS[name](options=options, report=partial(say, err=True))
+    benchmark.run(out, document)
+    say(benchmark.summary())
+    raise typer.Exit(benchmark.exit_code)

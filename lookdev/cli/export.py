@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
-from lookdev.cli.options import JobFile, say
+from lookdev.cli.options import JobFile, say, say_notes
 
 app = typer.Typer(help="Write a job for another program.", no_args_is_help=True)
 
@@ -15,35 +16,28 @@ app = typer.Typer(help="Write a job for another program.", no_args_is_help=True)
 @app.command("blend")
 def export_blend(
     job: JobFile,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FILE.blend", help="The file to write.", show_default=False)
-    ],
+    out: Annotated[Path, Option("-o", "--out", metavar="FILE.blend", help="The file to write.")],
     pack: Annotated[
-        bool, typer.Option("--pack", help="Put images into the file, instead of a folder <FILE>_files beside it.")
+        bool, Option("--pack", help="Put images into the file, instead of a folder <FILE>_files beside it.")
     ] = False,
 ) -> None:
     """Write the job's scenes for Blender: looks as native nodes, lights as worlds, turntables as keyframes."""
     from lookdev.export.blend import export_blend as export
 
     exported = export(job, out, pack=pack)
-    for note in exported.notes:
-        say(f"note: {note}", err=True)
+    say_notes(exported.notes)
     say(exported.summary())
 
 
 @app.command("mitsuba")
 def export_mitsuba(
-    job: JobFile,
-    out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FOLDER", help="The folder of the scenes.", show_default=False)
-    ],
+    job: JobFile, out: Annotated[Path, Option("-o", "--out", metavar="FOLDER", help="The folder of the scenes.")]
 ) -> None:
     """Write the job's looks under its lights as scenes of Mitsuba 3, with their first pose."""
     from lookdev.export.mitsuba import export_mitsuba as export
 
     exported = export(job, out)
-    for note in exported.notes:
-        say(f"note: {note}", err=True)
+    say_notes(exported.notes)
     say(exported.summary())
 
 
@@ -52,29 +46,26 @@ def export_openjd(
     job: JobFile,
     out: Annotated[
         Path,
-        typer.Option(
+        Option(
             "-o",
             "--out",
             metavar="FILE",
             help="The template to write, YAML or JSON. A name without suffix is the folder of a job bundle for AWS "
             "Deadline Cloud.",
-            show_default=False,
         ),
     ],
     chunks: Annotated[
         str | None,
-        typer.Option(
-            "--chunks",
+        Option(
             metavar="N[@M]",
             help="Number of render tasks. With @M, they suit M hosts that take them in turn: the last ones are small. "
             "Default: tasks of about five minutes.",
-            show_default=False,
         ),
     ] = None,
-    cores: Annotated[int, typer.Option("--cores", metavar="N", min=1, help="Cores that a host must have.")] = 2,
-    memory: Annotated[int, typer.Option("--memory", metavar="MIB", min=1, help="Memory that a host must have.")] = 4096,
+    cores: Annotated[int, Option(metavar="N", min=1, help="Cores that a host must have.")] = 2,
+    memory: Annotated[int, Option(metavar="MIB", min=1, help="Memory that a host must have.")] = 4096,
     command: Annotated[
-        str, typer.Option("--command", metavar="PROGRAM", help="The command that starts this program on the hosts.")
+        str, Option(metavar="PROGRAM", help="The command that starts this program on the hosts.")
     ] = "lookdev",
 ) -> None:
     """Write the job for a render farm, as a template of Open Job Description 2023-09."""
@@ -84,6 +75,5 @@ def export_openjd(
 
     division = None if chunks is None else Division.parse(chunks)
     exported = export(job, out, division, Needs(cores, memory, command))
-    for note in exported.notes:
-        say(f"note: {note}", err=True)
+    say_notes(exported.notes)
     say(exported.summary())

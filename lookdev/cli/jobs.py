@@ -1,107 +1,84 @@
-"""The verbs of job files: render, plan, example, schema."""
+"""The verbs of job files: render, plan, example, schema; and of their output: review, manifest, status."""
 
 from __future__ import annotations
 
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from lookdev.cli.options import AsJson, JobFile, say, say_json, stdout_to_stderr
-from lookdev.errors import LookdevError
+from lookdev.cli.options import AsJson, JobFile, say, say_json, say_notes, stdout_to_stderr
+from lookdev.errors import LookdevError, OutputError
 from lookdev.run.events import LogFormat
-
-if TYPE_CHECKING:
-    from lookdev.job import Job
-    from lookdev.plan.chunks import Chunk
 
 app = typer.Typer()
 _PANEL = "Jobs"
+
+OutputFolder = Annotated[Path, Argument(metavar="OUT", help="The output folder of a job.", file_okay=False)]
 
 
 @app.command(rich_help_panel=_PANEL)
 def render(
     job: JobFile,
-    force: Annotated[bool, typer.Option("--force", help="Render every frame again, done or not.")] = False,
+    force: Annotated[bool, Option("--force", help="Render every frame again, done or not.")] = False,
     frame: Annotated[
         list[str] | None,
-        typer.Option(
-            "--frame",
-            metavar="NAME",
-            help="Render only this frame, for example gold/city/element.0001; repeatable.",
-            show_default=False,
-        ),
+        Option(metavar="NAME", help="Render only this frame, for example gold/city/element.0001; repeatable."),
     ] = None,
     chunk: Annotated[
         str | None,
-        typer.Option(
-            "--chunk",
+        Option(
             metavar="I/N[@M]",
             help="Render part I, from 1, of N parts of similar cost. With @M, the parts suit M machines that take them "
             "in turn: the last ones are small. After all parts, render the job without --chunk or with --outputs-only.",
-            show_default=False,
         ),
     ] = None,
     outputs_only: Annotated[
-        bool,
-        typer.Option("--outputs-only", help="Render nothing: make pictures, sheets, movies and the manifest."),
+        bool, Option("--outputs-only", help="Render nothing: make pictures, sheets, movies and the manifest.")
     ] = False,
     workers: Annotated[
         int | None,
-        typer.Option(
-            "--workers",
+        Option(
             metavar="N",
             min=1,
             help="Frames that are rendered at once; default: one, and more while cores and memory are unused.",
-            show_default=False,
         ),
     ] = None,
     device: Annotated[
         str | None,
-        typer.Option(
-            "--device",
+        Option(
             metavar="KIND[:N,...]",
             help="Render on this kind of device instead of the job's, for example cuda, or on some devices: cuda:0,1.",
-            show_default=False,
         ),
     ] = None,
     executor: Annotated[
         str,
-        typer.Option(
-            "--executor",
+        Option(
             metavar="NAME[:ADDRESS]",
             help="The workers that render. local: of this machine; dask: of a Dask cluster on this machine, or of the "
             "scheduler at an address; warm:SOCKET: one that 'lookdev warm start' started.",
         ),
     ] = "local",
     shared: Annotated[
-        bool,
-        typer.Option("--shared", help="Workers of Dask write frames themselves, to an output that all machines share."),
+        bool, Option("--shared", help="Workers of Dask write frames themselves, to an output that all machines share.")
     ] = False,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", metavar="DIR", help="Write here instead of the job's output.", show_default=False),
-    ] = None,
+    output: Annotated[Path | None, Option(metavar="DIR", help="Write here instead of the job's output.")] = None,
     path_mapping: Annotated[
         Path | None,
-        typer.Option(
-            "--path-mapping",
+        Option(
             metavar="FILE",
             help="Rules of Open Job Description (JSON), which map the absolute paths of the job to this machine.",
-            show_default=False,
         ),
     ] = None,
     log_format: Annotated[
         LogFormat,
-        typer.Option(
-            "--log-format",
-            help="Write events as text, as lines of JSON, or in the format of sessions of Open Job Description.",
-        ),
+        Option(help="Write events as text, as lines of JSON, or in the format of sessions of Open Job Description."),
     ] = LogFormat.TEXT,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
+        bool, Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
 ) -> None:
     """Render every frame of a job that is new or stale, then pictures and contact sheets.
@@ -122,37 +99,24 @@ def render(
     if dry_run:
         if force or frame or outputs_only:
             raise LookdevError("--dry-run lists new and stale frames: it goes without --force, --frame, --outputs-only")
+        from lookdev.plan.prepare import plan_job
+        from lookdev.run.chunks import plan_of_chunk
+        from lookdev.run.listing import plan_text
+
         with mapped_files(rules):
-            _list_frames(load_mapped_job(job, rules, output, choice.device), part)
+            with stdout_to_stderr():
+                prepared = plan_job(load_mapped_job(job, rules, output, choice.device))
+            say_notes(prepared.notes)
+            say(plan_text(prepared.plan if part is None else plan_of_chunk(prepared.plan, part)))
         return
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(
-            job,
-            rules=rules,
-            output=output,
-            force=force,
-            only=frame or (),
-            chunk=part,
-            outputs_only=outputs_only,
-            choice=choice,
-            report=report,
-        )
+            job, rules=rules, output=output, force=force, only=frame or (), chunk=part, outputs_only=outputs_only,
+            choice=choice, report=report,
+        )  # fmt: skip
     if log_format is not LogFormat.JSON:
         say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
-
-
-def _list_frames(job: Job, chunk: Chunk | None) -> None:
-    from lookdev.plan.prepare import plan_job
-    from lookdev.run.chunks import plan_of_chunk
-    from lookdev.run.listing import plan_text
-
-    with stdout_to_stderr():
-        prepared = plan_job(job)
-    for note in prepared.notes:
-        say(f"note: {note}", err=True)
-    plan = prepared.plan if chunk is None else plan_of_chunk(prepared.plan, chunk)
-    say(plan_text(plan))
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -160,16 +124,14 @@ def plan(
     job: JobFile,
     chunks: Annotated[
         str | None,
-        typer.Option(
-            "--chunks",
+        Option(
             metavar="N[@M]",
             help="List the N parts that 'lookdev render --chunk I/N' renders; with @M, the parts for M machines.",
-            show_default=False,
         ),
     ] = None,
     measured: Annotated[
         bool,
-        typer.Option(
+        Option(
             "--measured",
             help="Divide by the render times of frames on disk, and store the chunks in the output folder; use it "
             "before the first chunk is rendered.",
@@ -188,25 +150,20 @@ def plan(
     division = None if chunks is None else Division.parse(chunks)
     with stdout_to_stderr():
         prepared = prepare_job(job)
-    for note in prepared.notes:
-        say(f"note: {note}", err=True)
+    say_notes(prepared.notes)
     if division is not None:
         if measured:
             store_measured_chunks(prepared.plan, division)
         say_json(chunks_data(prepared.plan, division)) if as_json else say(chunks_text(prepared.plan, division))
-    elif as_json:
-        say_json(plan_data(prepared.plan, prepared.job.output))
     else:
-        say(plan_text(prepared.plan))
+        say_json(plan_data(prepared.plan, prepared.job.output)) if as_json else say(plan_text(prepared.plan))
 
 
 @app.command(rich_help_panel=_PANEL)
 def example(
-    name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="The example; default: list all.", show_default=False)
-    ] = None,
-    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="The folder to copy into.")] = Path(),
-    force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
+    name: Annotated[str | None, Argument(metavar="[NAME]", help="The example; default: list all.")] = None,
+    to: Annotated[Path, Option(metavar="DIR", help="The folder to copy into.")] = Path(),
+    force: Annotated[bool, Option("--force", help="Replace files that differ.")] = False,
 ) -> None:
     """List the example jobs, or copy one with the looks, presets and textures that it needs."""
     from lookdev.export.examples import copy_example, examples_text, list_examples
@@ -216,9 +173,7 @@ def example(
 
 @app.command(rich_help_panel=_PANEL)
 def schema(
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write to this file instead of stdout.")
-    ] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="Write to this file instead of stdout.")] = None,
 ) -> None:
     """Write the JSON Schema of job files, for editors."""
     from lookdev.cache import atomic_path
@@ -229,3 +184,77 @@ def schema(
         return
     with atomic_path(out) as temporary:
         temporary.write_text(json.dumps(json_schema(), indent=2) + "\n")
+
+
+@app.command(rich_help_panel=_PANEL)
+def review(
+    out: OutputFolder,
+    against: Annotated[
+        Path | None, Option(metavar="OLD", help="The output folder of an earlier version, to compare with.")
+    ] = None,
+    to: Annotated[
+        Path | None, Option("-o", "--to", metavar="FOLDER", help="The folder of the page; default: review in OUT.")
+    ] = None,
+    view: Annotated[str | None, Option(metavar="VIEW", help="The OCIO view; default: the pictures' own.")] = None,
+) -> None:
+    """Write a page that shows turntables and compares looks and versions; it needs no server and no network."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from lookdev.output.review.folder import review
+
+    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
+        task = progress.add_task("frames", total=None)
+        page, written, notes = review(
+            out, against, to, view, lambda done, total: progress.update(task, completed=done, total=total)
+        )
+    say_notes(notes)
+    say(f"{page}: {written.made} files made, {written.kept} kept, {written.size / 1e6:.1f} MB in all")
+
+
+@app.command(rich_help_panel=_PANEL)
+def manifest(
+    out: OutputFolder,
+    check: Annotated[
+        bool, Option("--verify", help="Compare all files with their hashes; exit code 1 if one differs.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show the files of an output and the inputs of its render, from the manifest that 'render' wrote."""
+    from lookdev.output.manifest import read_manifest
+    from lookdev.run.manifest import manifest_text, verify
+
+    listed, deviations = verify(out) if check else (read_manifest(out), None)
+    if as_json:
+        rows = [{"file": str(row.file), "kind": row.kind, "state": row.state} for row in deviations or ()]
+        say_json({**listed, "deviations": rows} if check else listed)
+    else:
+        say(manifest_text(out, listed, deviations))
+    raise typer.Exit(1 if any(row.fails for row in deviations or ()) else 0)
+
+
+@app.command(rich_help_panel=_PANEL)
+def status(
+    out: OutputFolder,
+    metrics: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="Also write the status to a file, in the text format of Prometheus that its node exporter collects.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the progress of a job: frames done and failed, runs that work, runs that have stalled, the time left."""
+    from lookdev.cache import atomic_path
+    from lookdev.run.status import read_status, status_data, status_metrics, status_text
+
+    job_status = read_status(out.absolute())
+    if metrics is not None:
+        metrics_text = status_metrics(job_status)
+        try:
+            with atomic_path(metrics) as temporary:
+                temporary.write_text(metrics_text)
+        except OSError as error:
+            raise OutputError(f"{metrics}: cannot be written: {error.strerror}") from error
+    say_json(status_data(job_status)) if as_json else say(status_text(job_status))

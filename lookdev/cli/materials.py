@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import sys
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
+from typer import Argument, Option
 from typer.core import TyperGroup
 
-from lookdev.cli.options import LookFile, Prim, say
+from lookdev.cli.options import LookFile, Prim, say, say_notes
 
 
 class _ListByDefault(TyperGroup):
@@ -25,32 +25,22 @@ class _ListByDefault(TyperGroup):
 app = typer.Typer(cls=_ListByDefault, help="List the library of presets, or edit the layers of a look.")
 
 
-class LayerMode(StrEnum):
-    """How a layer combines with the layers beneath."""
-
-    over = "over"
-    transmit = "transmit"
-
-
-PresetName = Annotated[str, typer.Argument(metavar="PRESET", help="A preset's name, or its file.", show_default=False)]
-LayerName = Annotated[str, typer.Argument(metavar="LAYER", help="The layer's number or name.", show_default=False)]
+PresetName = Annotated[str, Argument(metavar="PRESET", help="A preset's name, or its file.")]
+LayerName = Annotated[str, Argument(metavar="LAYER", help="The layer's number or name.")]
 Folder = Annotated[
     Path | None,
-    typer.Option(
-        "--library",
+    Option(
         metavar="DIR",
         help="A folder of presets; default: $LOOKDEV_LIBRARY, else ./materials and the presets of the program.",
-        show_default=False,
     ),
 ]
 MASK_HELP = "A number, IMAGE[:CHANNEL], primvar:NAME, or an expression."
 Inputs = Annotated[
     list[str] | None,
-    typer.Option(
+    Option(
         "--input",
         metavar="NAME=SOURCE",
         help="The source of a name in an expression: a number, IMAGE[:CHANNEL], primvar:NAME or uv:NAME. Repeatable.",
-        show_default=False,
     ),
 ]
 
@@ -58,19 +48,14 @@ Inputs = Annotated[
 @app.command("list")
 def list_presets(
     library: Folder = None,
-    category: Annotated[
-        str | None, typer.Option("--category", help="Only presets of this category.", show_default=False)
-    ] = None,
-    sheet: Annotated[
-        Path | None, typer.Option("--sheet", metavar="FILE.png", help="Render a contact sheet too.", show_default=False)
-    ] = None,
+    category: Annotated[str | None, Option(help="Only presets of this category.")] = None,
+    sheet: Annotated[Path | None, Option(metavar="FILE.png", help="Render a contact sheet too.")] = None,
 ) -> None:
     """List the presets of the library; the default of 'lookdev materials'."""
     from lookdev.material.library import library_folders, library_text, read_library
 
     presets = read_library(library_folders(library), category)
-    for fault in presets.faults:
-        say(f"note: {fault}", err=True)
+    say_notes(presets.faults)
     say(library_text(presets))
     if sheet is not None:
         from lookdev.inspect.pictures import write_library_sheet
@@ -86,9 +71,7 @@ def list_presets(
 def new(
     look: LookFile,
     preset: PresetName,
-    name: Annotated[
-        str | None, typer.Option("--name", help="The material's name; default: that of the file.", show_default=False)
-    ] = None,
+    name: Annotated[str | None, Option(help="The material's name; default: that of the file.")] = None,
     library: Folder = None,
 ) -> None:
     """Write a new look whose base is a preset, by reference."""
@@ -104,11 +87,11 @@ def new(
 def add(
     look: LookFile,
     preset: PresetName,
-    mask: Annotated[str, typer.Option("--mask", help=MASK_HELP)] = "1",
+    mask: Annotated[str, Option(help=MASK_HELP)] = "1",
     inputs: Inputs = None,
     mode: Annotated[
-        LayerMode, typer.Option("--mode", help="How the layer combines with the layers beneath.")
-    ] = LayerMode.over,
+        Literal["over", "transmit"], Option(help="How the layer combines with the layers beneath.")
+    ] = "over",
     prim: Prim = None,
     library: Folder = None,
 ) -> None:
@@ -118,7 +101,7 @@ def add(
     from lookdev.material.library.masks import parse_mask
 
     library_preset = find_preset(preset, library)
-    number, name = add_layer(look, library_preset, parse_mask(mask, inputs or ()), mode.value, prim)
+    number, name = add_layer(look, library_preset, parse_mask(mask, inputs or ()), mode, prim)
     say(f"{look}: layer {number} is {name}")
 
 
@@ -135,7 +118,7 @@ def remove(look: LookFile, layer: LayerName, prim: Prim = None) -> None:
 def mask(
     look: LookFile,
     layer: LayerName,
-    mask: Annotated[str, typer.Argument(metavar="MASK", help=MASK_HELP, show_default=False)],
+    mask: Annotated[str, Argument(metavar="MASK", help=MASK_HELP)],
     inputs: Inputs = None,
     prim: Prim = None,
 ) -> None:
@@ -159,15 +142,10 @@ def preview(look: LookFile, prim: Prim = None) -> None:
 def import_document(
     document: Annotated[
         Path,
-        typer.Argument(
-            metavar="FILE",
-            help="A MaterialX document (.mtlx), a MERL binary or anisotropic data of Ngan et al.",
-            show_default=False,
-        ),
+        Argument(metavar="FILE", help="A MaterialX document (.mtlx), a MERL binary or anisotropic data of Ngan et al."),
     ],
     look: Annotated[
-        Path | None,
-        typer.Argument(metavar="[LOOK]", help="The look, a USD file; default: FILE with .usda.", show_default=False),
+        Path | None, Argument(metavar="[LOOK]", help="The look, a USD file; default: FILE with .usda.")
     ] = None,
 ) -> None:
     """Write a new look from MaterialX, its disney_principled materials, or from measured reflectance."""

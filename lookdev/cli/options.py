@@ -6,36 +6,34 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from lookdev.errors import replace_controls
 
-JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML.", show_default=False)]
-LookFile = Annotated[Path, typer.Argument(metavar="LOOK", help="The look, a USD file.", show_default=False)]
-Prim = Annotated[
-    str | None,
-    typer.Option("--prim", metavar="PATH", help="The material, if the file has several.", show_default=False),
-]
+JobFile = Annotated[Path, Argument(metavar="JOB", help="The job file, TOML.")]
+LookFile = Annotated[Path, Argument(metavar="LOOK", help="The look, a USD file.")]
+Prim = Annotated[str | None, Option(metavar="PATH", help="The material, if the file has several.")]
 Variants = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--variants",
-        metavar="SET=VARIANT",
-        help="The variant of a set; repeatable, once for each set.",
-        show_default=False,
-    ),
+    list[str] | None, Option(metavar="SET=VARIANT", help="The variant of a set; repeatable, once for each set.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document instead of text.")]
+AsJson = Annotated[bool, Option("--json", help="Write one JSON document instead of text.")]
 
 
 def say(text: str, *, err: bool = False) -> None:
     """Print text without characters that control the terminal, which files and paths may contain; all verbs use it."""
     typer.echo(replace_controls(text), err=err)
+
+
+def say_notes(notes: Iterable[object]) -> None:
+    """Print notes for the user, which are not part of a verb's answer."""
+    for note in notes:
+        say(f"note: {note}", err=True)
 
 
 def say_json(data: object) -> None:

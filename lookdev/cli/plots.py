@@ -3,57 +3,52 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
-from lookdev.cli.options import AsJson, say, say_json
+from lookdev.cli.options import AsJson, say, say_json, say_notes
 from lookdev.errors import LookdevError
 
 app = typer.Typer()
-_PICTURES = "Pictures"
+_picture = partial(Option, rich_help_panel="Pictures")
 
 Subjects = Annotated[
     list[str],
-    typer.Argument(
+    Argument(
         metavar="WHAT...",
         help="A model (disney:roughness=.3,baseColor=.8/.2/.1), a preset, a look (FILE, FILE:LAYER, FILE@U,V), or "
         "measured data (FILE); LABEL= before it names it in the legend.",
-        show_default=False,
     ),
 ]
-Library = Annotated[
-    Path | None, typer.Option("--library", metavar="DIR", help="A folder of presets.", show_default=False)
-]
+Library = Annotated[Path | None, Option(metavar="DIR", help="A folder of presets.")]
 
 
 @app.command(rich_help_panel="Looks")
 def plot(
     kind: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="KIND",
             help="slice, polar, lobe3d, cartesian, albedo, sphere, retro, fresnel, difference or sampling.",
-            show_default=False,
         ),
     ],
     subjects: Subjects,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="PNG, SVG, PDF, or CSV: the numbers.")],
-    theta: Annotated[
-        float, typer.Option("--theta", help="Polar angle of the view, or the fixed angle, in degrees.")
-    ] = 45.0,
-    phi: Annotated[float, typer.Option("--phi", help="phi_d, or the azimuth of the view, in degrees.")] = 90.0,
-    axis: Annotated[str, typer.Option("--axis", help="Axis of cartesian: theta_h, theta_d or theta_i.")] = "theta_h",
-    scale: Annotated[str, typer.Option("--scale", help="Scale of values: linear, sqrt or log.")] = "linear",
-    angles: Annotated[str, typer.Option("--angles", help="Scale of angles: linear or sqrt.")] = "linear",
-    limit: Annotated[float, typer.Option("--limit", help="The largest angle, in degrees.")] = 90.0,
-    channels: Annotated[str, typer.Option("--channels", help="Channels of curves: luminance or rgb.")] = "luminance",
-    exposure: Annotated[float, typer.Option("--exposure", help="Exposure of pictures, in stops.")] = 0.0,
-    chroma: Annotated[bool, typer.Option("--chroma", help="Divide pictures by their largest channel.")] = False,
-    cosine: Annotated[bool, typer.Option("--cosine", help="Plot f times the cosine of the light.")] = False,
-    size: Annotated[int, typer.Option("--size", help="Samples along an axis, or pixels; 0: the kind's default.")] = 0,
+    output: Annotated[Path, Option("--output", "-o", metavar="FILE", help="PNG, SVG, PDF, or CSV: the numbers.")],
+    theta: Annotated[float, Option(help="Polar angle of the view, or the fixed angle, in degrees.")] = 45.0,
+    phi: Annotated[float, Option(help="phi_d, or the azimuth of the view, in degrees.")] = 90.0,
+    axis: Annotated[str, Option(help="Axis of cartesian: theta_h, theta_d or theta_i.")] = "theta_h",
+    scale: Annotated[str, Option(help="Scale of values: linear, sqrt or log.")] = "linear",
+    angles: Annotated[str, Option(help="Scale of angles: linear or sqrt.")] = "linear",
+    limit: Annotated[float, Option(help="The largest angle, in degrees.")] = 90.0,
+    channels: Annotated[str, Option(help="Channels of curves: luminance or rgb.")] = "luminance",
+    exposure: Annotated[float, Option(help="Exposure of pictures, in stops.")] = 0.0,
+    chroma: Annotated[bool, Option("--chroma", help="Divide pictures by their largest channel.")] = False,
+    cosine: Annotated[bool, Option("--cosine", help="Plot f times the cosine of the light.")] = False,
+    size: Annotated[int, Option(help="Samples along an axis, or pixels; 0: the kind's default.")] = 0,
     library: Library = None,
 ) -> None:
     """Plot reflectance: models, presets, looks and measured data, in one plot."""
@@ -77,122 +72,74 @@ def plot(
 def fit(
     source: Annotated[
         str,
-        typer.Argument(
+        Argument(
             metavar="DATA|JOB",
             help="Measured data, or any other subject of plot; with --picture, the job of the scene in the picture.",
-            show_default=False,
         ),
     ],
     model: Annotated[
         str | None,
-        typer.Option(
-            "--model",
-            metavar="MODEL",
-            help="The model. Parameters after it are fixed: disney:sheen=0. Default: disney.",
-            show_default=False,
-        ),
+        Option(metavar="MODEL", help="The model. Parameters after it are fixed: disney:sheen=0. Default: disney."),
     ] = None,
-    only: Annotated[
-        list[str] | None,
-        typer.Option("--only", metavar="NAME", help="Fit this parameter, not all. Repeatable.", show_default=False),
-    ] = None,
-    loss: Annotated[
-        str | None, typer.Option("--loss", help="Loss of f cos: log, cbrt or linear. Default: log.", show_default=False)
-    ] = None,
+    only: Annotated[list[str] | None, Option(metavar="NAME", help="Fit this parameter, not all. Repeatable.")] = None,
+    loss: Annotated[str | None, Option(help="Loss of f cos: log, cbrt or linear. Default: log.")] = None,
     starts: Annotated[
-        int | None,
-        typer.Option(
-            "--starts",
-            help="Number of the best random starts that are optimized. Default: 4; with --picture, 2.",
-            show_default=False,
-        ),
+        int | None, Option(help="Number of the best random starts that are optimized. Default: 4; with --picture, 2.")
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--output",
             "-o",
             metavar="FILE",
             help="A plot of the difference; with --picture, the page, by default <picture>_fit.html in this folder.",
-            show_default=False,
         ),
     ] = None,
     look: Annotated[
         Path | None,
-        typer.Option(
-            "--look",
+        Option(
             metavar="FILE",
             help="The result as a look, USD; with --picture, by default <picture>_fitted.usda in this folder.",
-            show_default=False,
         ),
     ] = None,
     as_json: AsJson = False,
     library: Library = None,
     picture: Annotated[
         Path | None,
-        typer.Option(
-            "--picture",
+        _picture(
             metavar="PHOTO.exr",
             help="Fit the parameters of a look of JOB to this picture of it, by derivatives of renders.",
-            rich_help_panel=_PICTURES,
-            show_default=False,
         ),
     ] = None,
     parameters: Annotated[
         str,
-        typer.Option(
-            "--parameters",
+        _picture(
             metavar="NAMES",
             help="The parameters to fit, separated by commas, some with bounds: roughness,Flakes.mask,sheen=0..0.3.",
-            rich_help_panel=_PICTURES,
-            show_default=False,
         ),
     ] = "",
     frame: Annotated[
         str,
-        typer.Option(
-            "--frame",
+        _picture(
             metavar="NAME",
             help="The frame in the picture, or the start of its name: gold/city/element.0001; default: the first.",
-            rich_help_panel=_PICTURES,
-            show_default=False,
         ),
     ] = "",
     mask: Annotated[
         Path | None,
-        typer.Option(
-            "--mask",
-            metavar="FILE",
-            help="An image of the picture's size; its last channel is the weight of each pixel.",
-            rich_help_panel=_PICTURES,
-            show_default=False,
-        ),
+        _picture(metavar="FILE", help="An image of the picture's size; its last channel is the weight of each pixel."),
     ] = None,
-    exposure: Annotated[
-        bool, typer.Option("--exposure", help="Fit the picture's exposure, too.", rich_help_panel=_PICTURES)
-    ] = False,
+    exposure: Annotated[bool, _picture("--exposure", help="Fit the picture's exposure, too.")] = False,
     pixels: Annotated[
         int,
-        typer.Option(
-            "--pixels",
-            min=256,
-            help="Average blocks of the picture's pixels, as long as at least this number of pixels is left.",
-            rich_help_panel=_PICTURES,
+        _picture(
+            min=256, help="Average blocks of the picture's pixels, as long as at least this number of pixels is left."
         ),
     ] = 4096,
     samples: Annotated[
-        int,
-        typer.Option(
-            "--samples",
-            min=8,
-            max=4096,
-            help="Samples of a pixel in each half of the finest renders; a power of two.",
-            rich_help_panel=_PICTURES,
-        ),
+        int, _picture(min=8, max=4096, help="Samples of a pixel in each half of the finest renders; a power of two.")
     ] = 256,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace files that exist.", rich_help_panel=_PICTURES)
-    ] = False,
+    force: Annotated[bool, _picture("--force", help="Replace files that exist.")] = False,
 ) -> None:
     """Fit the parameters of a model to measured data, a look or another model; or those of a look to a picture."""
     of_data = {"--model": model, "--only": only, "--loss": loss, "--library": library}
@@ -201,7 +148,22 @@ def fit(
         if value:
             raise LookdevError(f"{name} has no meaning {'with' if picture else 'without'} --picture")
     if picture is None:
-        _fit_data(source, model or "disney", only or (), loss or "log", starts, output, look, as_json, library)
+        from lookdev.fitting import fit as fit_model
+        from lookdev.fitting import format_fit
+        from lookdev.material.library.edit import model_look
+        from lookdev.plotting import draw, read_subject
+        from lookdev.plotting.figure import check_suffix
+        from lookdev.plotting.subject import read_model
+
+        if output is not None:
+            check_suffix(output)
+        data, fixed = read_subject(source, library), read_model(model or "disney")
+        result = fit_model(data, *fixed, wanted=only or (), loss=loss or "log", starts=4 if starts is None else starts)
+        say_json(result.data()) if as_json else say(format_fit(result))
+        if output is not None:
+            draw("difference", [data, result.subject]).write(output)
+        if look is not None:
+            model_look(look, result.model, result.values)
         return
     from lookdev.fitting.picture import Settings
     from lookdev.fitting.picture.fit import Wish, fit_picture
@@ -219,42 +181,6 @@ def fit(
     )  # fmt: skip
     with show_fit(sys.stderr) as report:
         fit_result = fit_picture(request, report)
-    for note in fit_result.notes:
-        say(f"note: {note}", err=True)
-    if as_json:
-        say_json(fit_result.data())
-    else:
-        say(fit_result.text())
+    say_notes(fit_result.notes)
+    say_json(fit_result.data()) if as_json else say(fit_result.text())
     raise typer.Exit(130 if fit_result.found.interrupted else 0)
-
-
-def _fit_data(
-    source: str,
-    model: str,
-    only: Sequence[str],
-    loss: str,
-    starts: int | None,
-    output: Path | None,
-    look: Path | None,
-    as_json: bool,
-    library: Path | None,
-) -> None:
-    from lookdev.fitting import fit as fit_model
-    from lookdev.fitting import format_fit
-    from lookdev.material.library.edit import model_look
-    from lookdev.plotting import draw, read_subject
-    from lookdev.plotting.figure import check_suffix
-    from lookdev.plotting.subject import read_model
-
-    if output is not None:
-        check_suffix(output)
-    data = read_subject(source, library)
-    result = fit_model(data, *read_model(model), wanted=only, loss=loss, starts=4 if starts is None else starts)
-    if as_json:
-        say_json(result.data())
-    else:
-        say(format_fit(result))
-    if output is not None:
-        draw("difference", [data, result.subject]).write(output)
-    if look is not None:
-        model_look(look, result.model, result.values)

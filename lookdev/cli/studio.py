@@ -6,100 +6,77 @@ import logging
 import os
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+from typer import Argument, Option
 
 from lookdev.cli.options import say
 from lookdev.cli.plots import Library
 
-app = typer.Typer()
+if TYPE_CHECKING:
+    from lookdev.studio import Address
 
+app = typer.Typer()
 _PANEL = "Looks"
+
+Port = Annotated[int | None, Option(min=0, max=65535, help="The port; default: 8421, or another that is free.")]
+Host = Annotated[str, Option(metavar="ADDRESS", help="Where to listen.")]
+Names = Annotated[
+    list[str] | None, Option(metavar="HOST", help="A name by which browsers may call this machine. Repeatable.")
+]
+Browser = Annotated[bool, Option("--browser/--no-browser", help="Open the page in the browser.")]
 
 
 @app.command(rich_help_panel=_PANEL)
 def explore(
     subjects: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="[WHAT]...", help="The first surfaces, in the words of plot.", show_default=False),
+        list[str] | None, Argument(metavar="[WHAT]...", help="The first surfaces, in the words of plot.")
     ] = None,
     root: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--root", metavar="DIR", help="A folder of looks and measured data that the page may open. Repeatable.",
-            show_default=False,
-        ),
+        Option(metavar="DIR", help="A folder of looks and measured data that the page may open. Repeatable."),
     ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option("--port", min=0, max=65535, help="The port; default: 8421, or another that is free.",
-                     show_default=False),
-    ] = None,
-    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Where to listen.")] = "127.0.0.1",
-    name: Annotated[
-        list[str] | None,
-        typer.Option("--name", metavar="HOST", help="A name by which browsers may call this machine. Repeatable.",
-                     show_default=False),
-    ] = None,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    port: Port = None,
+    host: Host = "127.0.0.1",
+    name: Names = None,
+    browser: Browser = True,
     library: Library = None,
-) -> None:  # fmt: skip
+) -> None:
     """Explore reflectance in the browser: sliders, plots, lobes and spheres, side by side."""
-    from lookdev.studio import Address, require_packages
-
-    require_packages()
+    address = _address(host, port, name)
     from lookdev.studio.explorer.run import explore as run
 
-    logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
-    run(subjects or (), root or (), library, Address(host, port, tuple(name or ())), browser=browser, say=say)
+    run(subjects or (), root or (), library, address, browser=browser, say=say)
     _exit_at_once()
 
 
 @app.command(rich_help_panel=_PANEL)
 def design(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="JOB|ASSET", help="A job (.toml), an asset (.usd), or a built-in asset.", show_default=False
-        ),
-    ],
+    source: Annotated[str, Argument(metavar="JOB|ASSET", help="A job (.toml), an asset (.usd), or a built-in asset.")],
     material: Annotated[
-        Path | None,
-        typer.Option(
-            "--material",
-            metavar="LOOK",
-            help="The look of the whole asset; default: the materials that it binds.",
-            show_default=False,
-        ),
+        Path | None, Option(metavar="LOOK", help="The look of the whole asset; default: the materials that it binds.")
     ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(
-            "--port", min=0, max=65535, help="The port; default: 8421, or another that is free.", show_default=False
-        ),
-    ] = None,
-    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Where to listen.")] = "127.0.0.1",
-    name: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--name",
-            metavar="HOST",
-            help="A name by which browsers may call this machine. Repeatable.",
-            show_default=False,
-        ),
-    ] = None,
-    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    port: Port = None,
+    host: Host = "127.0.0.1",
+    name: Names = None,
+    browser: Browser = True,
 ) -> None:
     """Design looks in the browser: edit parameters live on the turning asset, and save them as USD."""
+    address = _address(host, port, name)
+    from lookdev.studio.designer.run import design as run
+
+    run(source, material, address, browser=browser, say=say)
+    _exit_at_once()
+
+
+def _address(host: str, port: int | None, names: list[str] | None) -> Address:
+    """Return the address of a page; raises LookdevError if a package that the pages need is not installed."""
     from lookdev.studio import Address, require_packages
 
     require_packages()
-    from lookdev.studio.designer.run import design as run
-
     logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
-    run(source, material, Address(host, port, tuple(name or ())), browser=browser, say=say)
-    _exit_at_once()
+    return Address(host, port, tuple(names or ()))
 
 
 def _exit_at_once() -> NoReturn:

@@ -55,14 +55,9 @@ def assign(text: str, look: int, prims: Sequence[str], material: Wear, covering:
             other_keys = {key: value for key, value in assigns[same].items() if key not in _MATERIAL_KEYS}
             edited = {**other_keys, **material.keys}
             return [(number, edited if number == same else table) for number, table in enumerate(assigns)]
-        position = len(assigns) if covering is None else covering
         remaining = [*_remove_prims(assigns, prims)]
-        inserted: tuple[int | None, _Data] = (None, {"prims": list(prims), **material.keys})
-        return [
-            *(entry for entry in remaining if entry[0] is not None and entry[0] < position),
-            inserted,
-            *(entry for entry in remaining if entry[0] is not None and entry[0] >= position),
-        ]
+        position = len(remaining) if covering is None else sum(number < covering for number, _ in remaining)
+        return [*remaining[:position], (None, {"prims": list(prims), **material.keys}), *remaining[position:]]
 
     return _edit_look(text, look, {}, edit_assigns)
 
@@ -78,7 +73,7 @@ def unassign(text: str, look: int, prims: Iterable[str]) -> str:
     return _edit_look(text, look, {}, lambda assigns: [*_remove_prims(assigns, removed)])
 
 
-def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tuple[int | None, _Data]]:
+def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tuple[int, _Data]]:
     """Yield the assigns that still have prims when `prims` are removed, with their indices."""
     for number, table in enumerate(assigns):
         remaining = [prim for prim in table["prims"] if prim not in prims]
@@ -100,13 +95,8 @@ def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], 
     assigns = edit(copy.deepcopy(looks[look].get("assign", [])))
     expected = copy.deepcopy(data)
     expected["look"][look] = _updated_look(expected["look"][look], keys, [table for _, table in assigns])
-    lines = _lines(text)
-    blocks = _blocks(lines)
     try:
-        if not any(block.keys == ("look",) and block.listed for block in blocks):
-            result = _edit_inline(text, look, keys, assigns)
-        else:
-            result = _edit_blocks(lines, blocks, look, keys, assigns)
+        result = _edit_blocks(text, look, keys, assigns)
         result_data = tomllib.loads(result)
     except (TOMLKitError, tomllib.TOMLDecodeError, KeyError, IndexError, TypeError) as error:
         raise LookdevError(_UNSUPPORTED_LAYOUT) from error
@@ -139,11 +129,6 @@ class _Block:
     above: int
     start: int
     end: int
-
-
-def _lines(text: str) -> list[str]:
-    """Return the lines of a text, with their ends."""
-    return re.findall(r"[^\n]*\n|[^\n]+$", text)
 
 
 def _blocks(lines: Sequence[str]) -> list[_Block]:
@@ -187,11 +172,13 @@ def _statement_end(lines: Sequence[str], start: int) -> int:
     raise LookdevError(_UNSUPPORTED_LAYOUT)
 
 
-def _edit_blocks(
-    lines: list[str], blocks: list[_Block], look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]
-) -> str:
-    """Return the text of a job whose looks have ``[[look]]`` headers, with other assigns and `keys` of a look."""
+def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]) -> str:
+    """Return the text of a job with other assigns and `keys` of a look, which may have a ``[[look]]`` header."""
+    lines = re.findall(r"[^\n]*\n|[^\n]+$", text)
+    blocks = _blocks(lines)
     look_blocks = [number for number, block in enumerate(blocks) if block.keys == ("look",) and block.listed]
+    if not look_blocks:
+        return _edit_inline(text, look, keys, assigns)
     look_block = blocks[look_blocks[look]]
     following = blocks[look_blocks[look] + 1 : look_blocks[look + 1] if look + 1 < len(look_blocks) else len(blocks)]
     assign_blocks = [block for block in following if block.keys == ("look", "assign") and block.listed]
@@ -219,12 +206,12 @@ def _edit_blocks(
                 edits.append((block.start + 1, block.end, _edit_assign(lines[block.start + 1 : block.end], table)))
         edits += _new_blocks(lines, assign_blocks, last, assigns)
     if keys:
-        _set_material(document, keys)
+        _set_values(document, keys, _MATERIAL_KEYS)
     if (edited_body := document.as_string()) != body:
         edits.append((look_block.start + 1, look_block.end, edited_body))
     # Edits are applied from the last line to the first. At one line, a removal is applied before an insertion.
     for start, end, replacement in sorted(edits, key=lambda edit: (edit[0], edit[1]), reverse=True):
-        lines[start:end] = [_end_line(replacement)] if replacement else []
+        lines[start:end] = [replacement.removesuffix("\n") + "\n"] if replacement else []
     return "".join(lines)
 
 
@@ -261,7 +248,7 @@ def _edit_inline(text: str, look: int, keys: _Data, assigns: list[tuple[int | No
     document = tomlkit.parse(text)
     table = document["look"][look]
     if keys:
-        _set_material(table, keys)
+        _set_values(table, keys, _MATERIAL_KEYS)
     _set_inline_assigns(table, assigns)
     return document.as_string()
 
@@ -284,19 +271,9 @@ def _set_inline_assigns(table: Any, assigns: Sequence[tuple[int | None, _Data]])
             _set_values(array[position], values)
 
 
-def _set_material(table: Any, keys: _Data) -> None:
-    """Replace the keys of the material of a look."""
-    for key in _MATERIAL_KEYS:
-        if key in table and key not in keys:
-            del table[key]
-    for key, value in keys.items():
-        if key not in table or table[key] != value:
-            table[key] = _toml_item(value)
-
-
-def _set_values(table: Any, values: _Data) -> None:
-    """Replace the values of an assign; its list of prims is edited in place where removals suffice."""
-    for key in [key for key in table if key not in values]:
+def _set_values(table: Any, values: _Data, replaced: Iterable[str] = ()) -> None:
+    """Replace the values of a table, or of its keys `replaced`; prims are edited in place where removals suffice."""
+    for key in [key for key in replaced or table if key in table and key not in values]:
         del table[key]
     for key, value in values.items():
         if key in table and table[key] == value:
@@ -326,7 +303,3 @@ def _format_value(value: Any) -> str:
 
 def _format_key(key: str) -> str:
     return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
-
-
-def _end_line(text: str) -> str:
-    return text if text.endswith("\n") else f"{text}\n"

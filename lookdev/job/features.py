@@ -37,16 +37,15 @@ def _missing_passes(backend: Backend, passes: Any) -> str:
     return " and no ".join(name for name in passes if name not in backend.passes)
 
 
+_DIRECTIONS = BackendFeature(lambda backend, count: backend.directions, lambda backend, count: "does not use it")
 BACKEND_FEATURES: dict[str, BackendFeature] = {
     "device": BackendFeature(
         lambda backend, device: device in backend.devices,
         lambda backend, device: f"cannot run on '{device}': it is {backend.help}",
         lambda backend: (f"device = {_quote_names(backend.devices)}",),
     ),
-    "directions": BackendFeature(
-        lambda backend, count: backend.directions,
-        lambda backend, count: "does not use it",
-    ),
+    "brdf_samples": _DIRECTIONS,
+    "ibl_samples": _DIRECTIONS,
     "denoise": BackendFeature(
         lambda backend, denoise: denoise == "off" or backend.features,
         lambda backend, denoise: "renders no albedos and normals to denoise by",

@@ -6,30 +6,23 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
     AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
-    Discriminator,
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
-    Tag,
     ValidationInfo,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
 from lookdev.job.mapping import mapped
-from lookdev.light import BUILTIN_LIGHTS
 from lookdev.output.color import BUILT_IN, SHIPPED
-from lookdev.rendering.backends import job_backends
-from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
-from lookdev.shipped import BUILTIN_RIGS
 
 # Names become folders and file names: they have no separator, and no leading dot, which marks temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
@@ -41,13 +34,16 @@ PATTERNS: dict[str, str] = {
 """The hint for a string that does not match a pattern."""
 
 
+T = TypeVar("T")
+
+
 def key_error(problem: str, hint: str = "") -> PydanticCustomError:
     """Return the error that the validator of a key raises; `hint` states what would be right."""
     return PydanticCustomError("lookdev", "{problem}", {"problem": problem, "hint": hint})
 
 
 @dataclass(frozen=True)
-class _OneOf:
+class OneOf:
     """The annotation of a name in a registry; each job reads the registry anew."""
 
     names: Callable[[], Iterable[str]]
@@ -63,18 +59,6 @@ class _OneOf:
         if name not in names:
             raise key_error(f"unknown value '{name}'", nearest_hint(name, names))
         return name
-
-
-def _devices() -> dict[str, None]:
-    return {device: None for backend in job_backends().values() for device in backend.devices}
-
-
-BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
-BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
-BuiltinRig = Annotated[str, _OneOf(lambda: BUILTIN_RIGS)]
-BackendName = Annotated[str, _OneOf(job_backends)]
-PassName = Annotated[str, _OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
-Device = Annotated[str, _OneOf(_devices)]
 
 
 def _resolve_path(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
@@ -113,7 +97,7 @@ def _readable_file(*suffixes: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-def check_folder(path: Path) -> Path:
+def _check_folder(path: Path) -> Path:
     """Return the path of a folder, which may not exist yet; a file at the path or above it is an error."""
     try:
         nearest = next(ancestor for ancestor in (path, *path.parents) if ancestor.exists())
@@ -125,6 +109,7 @@ def check_folder(path: Path) -> Path:
 
 
 JobPath = Annotated[Path, BeforeValidator(_resolve_path)]
+JobFolder = Annotated[JobPath, AfterValidator(_check_folder)]
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 MATERIAL_SUFFIXES = (*USD_SUFFIXES, ".mtlx")
 UsdFile = Annotated[JobPath, _readable_file(*USD_SUFFIXES)]
@@ -132,28 +117,36 @@ MaterialFile = Annotated[JobPath, _readable_file(*MATERIAL_SUFFIXES)]
 IblFile = Annotated[JobPath, _readable_file(".exr", ".hdr")]
 OcioConfig = Annotated[str, Field(min_length=1), BeforeValidator(_resolve_config)]
 PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
+MaterialPrim = Annotated[
+    PrimPath | None, Field(description="The material's prim; default: the file's default prim, or its only material.")
+]
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]
 Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
 Exposure = Annotated[float, Field(ge=-30.0, le=30.0)]
-TimeCode = Annotated[float, Field(ge=-1e9, le=1e9)]
-Channel = Annotated[float, Field(ge=0.0, le=1e6)]
-Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
-Background = Annotated[
-    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
-    Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
-]
-Purpose = Literal["default", "render", "proxy", "guide"]
-SubdivisionLevel = Annotated[
-    Annotated[Literal["auto"], Tag("name")] | Annotated[Annotated[int, Field(ge=0, le=6)], Tag("level")],
-    Discriminator(lambda value: "name" if isinstance(value, str) else "level"),
-]
+
+
+def key(default: T, description: str) -> T:
+    """Return the field of a key that a table may omit."""
+    return Field(default=default, description=description)
 
 
 class Table(BaseModel):
     """A table of the job file."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def meaningless(word: Literal["without", "beside"], other: str, hint: str) -> Callable[[Any, ValidationInfo], Any]:
+    """Return the validator of a key that has no meaning without, or beside, the earlier key `other`."""
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        # A faulty key is absent from info.data; the table counts as having it.
+        if (info.data.get(other, ...) is None) == (word == "without"):
+            raise key_error(f"has no meaning {word} '{other}'", hint)
+        return value
+
+    return check
 
 
 def instead_of(other: str) -> AfterValidator:

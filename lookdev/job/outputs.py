@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from lookdev.errors import OutputError, nearest_hint
-from lookdev.job.keys import OcioConfig, Table, Text, default_config, key_error
+from lookdev.job.keys import OcioConfig, Table, Text, default_config, key, key_error
 from lookdev.output import OUTPUTS
 from lookdev.output.color import SHIPPED, DisplayView, default_display, default_view
 from lookdev.output.record import Output
@@ -19,18 +19,17 @@ from lookdev.output.record import Output
 class OutputsTable(Table):
     """The files that are written; `JobOutputs` adds the keys of `OUTPUTS`."""
 
-    exr: bool = Field(default=True, description="Float EXR frames; always on, a run resumes by their headers.")
+    exr: bool = key(True, "Float EXR frames; always on, a run resumes by their headers.")
     ocio: OcioConfig = Field(
         default_factory=default_config,
         validate_default=True,
         description="The OpenColorIO config that pictures are shown by: a file, 'ocio://' and the name of one that is "
         "built into OpenColorIO, or 'lookdev', which ships; default: $OCIO, else 'lookdev'.",
     )
-    ocio_space: Text | None = Field(
-        default=None,
-        description="The config's colour space of linear Rec.709; default: found by the config's interchange roles.",
+    ocio_space: Text | None = key(
+        None, "The config's colour space of linear Rec.709; default: found by the config's interchange roles."
     )
-    display: Text | None = Field(default=None, description="The display of pictures; default: that of the config.")
+    display: Text | None = key(None, "The display of pictures; default: that of the config.")
     view: Text | None = Field(
         default=None,
         validate_default=True,
@@ -43,9 +42,9 @@ class OutputsTable(Table):
         default_factory=dict, validate_default=True, description="Other views of single outputs: { png = 'Raw' }."
     )
 
-    burn_in: tuple[Text, ...] = Field(
-        default=(),
-        description="Outputs into whose frames text is burned: job, look, rig, frame, samples, error, resolution, "
+    burn_in: tuple[Text, ...] = key(
+        (),
+        "Outputs into whose frames text is burned: job, look, rig, frame, samples, error, resolution, "
         "view, version and date: ['movie'].",
     )
 

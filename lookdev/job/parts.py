@@ -4,54 +4,65 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
+from lookdev.asset import BUILTINS
 from lookdev.job.keys import (
-    BuiltinAsset,
     MaterialFile,
+    MaterialPrim,
     Name,
+    OneOf,
     PrimPath,
-    Purpose,
-    SubdivisionLevel,
     Table,
     Text,
-    TimeCode,
     UsdFile,
     instead_of,
+    key,
     key_error,
+    meaningless,
 )
 
 _Variants = dict[Text, Text]
+BuiltinAsset = Annotated[str, OneOf(lambda: BUILTINS)]
+Purpose = Literal["default", "render", "proxy", "guide"]
+SubdivisionLevel = Annotated[
+    Annotated[Literal["auto"], Tag("name")] | Annotated[Annotated[int, Field(ge=0, le=6)], Tag("level")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "level"),
+]
+
+
+def _check_variants(variants: dict[str, str]) -> dict[str, str]:
+    """Return variants, none of which is '*'."""
+    for name, choice in variants.items():
+        if choice == "*":
+            raise key_error(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")
+    return variants
 
 
 class JobAsset(Table):
     """The asset: a USD file or a built-in asset."""
 
-    usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
+    usd: UsdFile | None = key(None, "A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
     builtin: Annotated[BuiltinAsset | None, instead_of("usd")] = Field(
         default=None, validate_default=True, description="A built-in asset, instead of a file."
     )
-    prim: PrimPath | None = Field(
-        default=None, description="Render only what is under this prim of the USD file; default: everything."
-    )
+    prim: PrimPath | None = key(None, "Render only what is under this prim of the USD file; default: everything.")
     variants: _Variants = Field(
         default_factory=dict,
         description="The variant chosen in each variant set of the asset: { modelingVariant = 'hero' }; "
         "default: the file's own choice.",
     )
-    time: TimeCode | None = Field(
-        default=None, description="The time code at which an animated asset is shown; default: its first."
+    time: Annotated[float, Field(ge=-1e9, le=1e9)] | None = key(
+        None, "The time code at which an animated asset is shown; default: its first."
     )
-    purposes: Annotated[tuple[Purpose, ...], Field(min_length=1)] = Field(
-        default=("default", "render"), description="Prims of these purposes are rendered."
+    purposes: Annotated[tuple[Purpose, ...], Field(min_length=1)] = key(
+        ("default", "render"), "Prims of these purposes are rendered."
     )
-    subdivision: SubdivisionLevel = Field(
-        default="auto",
-        description="How often subdivision surfaces are refined; auto: by their size in the frame.",
+    subdivision: SubdivisionLevel = key(
+        "auto", "How often subdivision surfaces are refined; auto: by their size in the frame."
     )
-    missing: Literal["error", "warn"] = Field(
-        default="error",
-        description="What a file that the asset names and that cannot be found is: an error, or a note.",
+    missing: Literal["error", "warn"] = key(
+        "error", "What a file that the asset names and that cannot be found is: an error, or a note."
     )
 
     @field_validator("prim", "variants", "time", "purposes", "subdivision", "missing")
@@ -61,10 +72,7 @@ class JobAsset(Table):
             raise key_error("has no meaning with a built-in asset", f"'{info.field_name}' goes with 'usd'")
         return value
 
-    @field_validator("variants")
-    @classmethod
-    def _reject_star(cls, value: dict[str, str]) -> dict[str, str]:
-        return _check_variants(value)
+    _reject_star = field_validator("variants")(_check_variants)
 
 
 class JobAssign(Table):
@@ -75,60 +83,39 @@ class JobAssign(Table):
         "and collections ('/Car.collection:paint')."
     )
     material: MaterialFile = Field(description="A USD or MaterialX file with their look, a material.")
-    prim: PrimPath | None = Field(
-        default=None, description="The material's prim; default: the file's default prim, or its only material."
-    )
+    prim: MaterialPrim = None
     variants: _Variants = Field(
         default_factory=dict, description="The variant chosen in each variant set of the material."
     )
 
-    @field_validator("variants")
-    @classmethod
-    def _reject_star(cls, value: dict[str, str]) -> dict[str, str]:
-        return _check_variants(value)
+    _reject_star = field_validator("variants")(_check_variants)
 
 
 class JobLook(Table):
     """One look: the materials of the asset's parts."""
 
     name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
-    material: MaterialFile | None = Field(
-        default=None,
-        description="A USD or MaterialX file with a material, for every part that nothing is assigned to; "
+    material: MaterialFile | None = key(
+        None,
+        "A USD or MaterialX file with a material, for every part that nothing is assigned to; "
         "default: what the asset itself binds.",
     )
-    prim: PrimPath | None = Field(
-        default=None, description="The material's prim; default: the file's default prim, or its only material."
-    )
+    prim: MaterialPrim = None
     variants: _Variants = Field(
         default_factory=dict,
         description="The variant chosen in each variant set of the material, or of the asset where the look has no "
         "'material': { wear = 'dirty' }. '*' makes a look of each: { wear = '*' } of 'paint' gives 'paint_clean', "
         "'paint_dirty'.",
     )
-    parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
-        default=None,
-        description="Prims, as those of 'assign', that 'material' covers; other parts have what the asset binds; "
-        "default: all.",
+    parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = key(
+        None,
+        "Prims, as those of 'assign', that 'material' covers; other parts have what the asset binds; default: all.",
     )
-    layer: UsdFile | None = Field(
-        default=None, description="A USD layer that is composed over the asset, with bindings, materials, variants."
+    layer: UsdFile | None = key(
+        None, "A USD layer that is composed over the asset, with bindings, materials, variants."
     )
-    assign: tuple[JobAssign, ...] = Field(
-        default=(), description="Materials of some parts; the first entry that names a part counts."
+    assign: tuple[JobAssign, ...] = key((), "Materials of some parts; the first entry that names a part counts.")
+
+    _require_material = field_validator("prim", "parts")(
+        meaningless("without", "material", "a look without 'material' has what the asset binds")
     )
-
-    @field_validator("prim", "parts")
-    @classmethod
-    def _require_material(cls, value: object, info: ValidationInfo) -> object:
-        if info.data.get("material", ...) is None:
-            raise key_error("has no meaning without 'material'", "a look without 'material' has what the asset binds")
-        return value
-
-
-def _check_variants(variants: dict[str, str]) -> dict[str, str]:
-    """Return variants, none of which is '*'."""
-    for name, choice in variants.items():
-        if choice == "*":
-            raise key_error(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")
-    return variants

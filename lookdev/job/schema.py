@@ -12,40 +12,48 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
+from pydantic import ConfigDict, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, field_validator
 
-from lookdev.job.charts import JobCharts
 from lookdev.job.features import check_feature
-from lookdev.job.ground import JobGround
 from lookdev.job.keys import (
-    BackendName,
-    Background,
-    BuiltinIbl,
-    BuiltinRig,
     Degrees,
-    Device,
     Exposure,
     IblFile,
-    JobPath,
+    JobFolder,
     Name,
-    PassName,
-    Pixels,
+    OneOf,
     PrimPath,
     Table,
     UsdFile,
-    check_folder,
     instead_of,
+    key,
     key_error,
+    meaningless,
 )
 from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
+from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.job.wedge import JobWedge
+from lookdev.light import BUILTIN_LIGHTS
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
 from lookdev.scene import Sampling
 from lookdev.scene.framing import DEFAULT_FILL
 from lookdev.scene.scene import SAMPLE_CAP
+from lookdev.shipped import BUILTIN_RIGS
 from lookdev.space import REC709, Space
+
+BuiltinIbl = Annotated[str, OneOf(lambda: BUILTIN_LIGHTS)]
+BuiltinRig = Annotated[str, OneOf(lambda: BUILTIN_RIGS)]
+BackendName = Annotated[str, OneOf(job_backends)]
+Device = Annotated[str, OneOf(lambda: {device: None for entry in job_backends().values() for device in entry.devices})]
+PassName = Annotated[str, OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
+Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
+Channel = Annotated[float, Field(ge=0.0, le=1e6)]
+Background = Annotated[
+    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
+]
 
 DEFAULT_FOCAL_LENGTH = 50.0
 
@@ -61,28 +69,27 @@ class JobIbl(Table):
     """One image-based light: a lat-long file or a built-in environment."""
 
     name: Name = Field(description="The light's name, unique; it becomes a folder of the output.")
-    file: IblFile | None = Field(default=None, description="A lat-long environment map, .exr or .hdr.")
+    file: IblFile | None = key(None, "A lat-long environment map, .exr or .hdr.")
     builtin: Annotated[BuiltinIbl | None, instead_of("file")] = Field(
         default=None, validate_default=True, description="A built-in environment, instead of a file."
     )
-    exposure: Exposure = Field(default=0.0, description=_EXPOSURE)
-    rotation: Degrees = Field(default=0.0, description=_ROTATION)
+    exposure: Exposure = key(0.0, _EXPOSURE)
+    rotation: Degrees = key(0.0, _ROTATION)
 
 
 class JobRig(Table):
     """One rig: the lights of a USD file, or a built-in rig."""
 
     name: Name = Field(description="The rig's name, unique among rigs and lights; it becomes a folder of the output.")
-    usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with lights.")
+    usd: UsdFile | None = key(None, "A USD file (.usd, .usda, .usdc, .usdz) with lights.")
     builtin: Annotated[BuiltinRig | None, instead_of("usd")] = Field(
         default=None, validate_default=True, description="A built-in rig, instead of a file."
     )
-    prim: PrimPath | None = Field(
-        default=None,
-        description="Only the lights at and below this prim; default: the file's default prim, else all.",
+    prim: PrimPath | None = key(
+        None, "Only the lights at and below this prim; default: the file's default prim, else all."
     )
-    exposure: Exposure = Field(default=0.0, description=_EXPOSURE)
-    rotation: Degrees = Field(default=0.0, description=_ROTATION)
+    exposure: Exposure = key(0.0, _EXPOSURE)
+    rotation: Degrees = key(0.0, _ROTATION)
 
 
 class JobTurntable(Table):
@@ -94,52 +101,45 @@ class JobTurntable(Table):
         description="The turntable's name, unique, the stem of its files; default: its kind.",
     )
     frames: Annotated[int, Field(ge=1, le=9999)] = Field(description="How many frames a turntable has.")
-    start: Degrees = Field(default=0.0, description="The first frame's angle, degrees.")
-    degrees: Degrees = Field(
-        default=360.0, description="The whole turn, degrees: frame i of N stands at start + degrees i / N."
-    )
+    start: Degrees = key(0.0, "The first frame's angle, degrees.")
+    degrees: Degrees = key(360.0, "The whole turn, degrees: frame i of N stands at start + degrees i / N.")
 
 
 class JobCamera(Table):
     """A camera that frames the asset throughout its turn, or a camera of a USD file."""
 
-    usd: PrimPath | None = Field(
-        default=None,
-        description="A camera of the asset's USD file, as '/Cameras/shot', which must stand still: its place, focal "
+    usd: PrimPath | None = key(
+        None,
+        "A camera of the asset's USD file, as '/Cameras/shot', which must stand still: its place, focal "
         "length, aperture, offsets, focus and f-stop. It takes the place of all other keys but 'file'.",
     )
-    file: UsdFile | None = Field(default=None, description="The USD file of that camera, instead of the asset's.")
-    fov: Annotated[float, Field(ge=0.1, le=170.0)] | None = Field(
-        default=None, description="Horizontal angle of view, degrees, instead of a focal length."
+    file: UsdFile | None = key(None, "The USD file of that camera, instead of the asset's.")
+    fov: Annotated[float, Field(ge=0.1, le=170.0)] | None = key(
+        None, "Horizontal angle of view, degrees, instead of a focal length."
     )
-    focal_length: Annotated[float, Field(ge=1.0, le=5000.0)] | None = Field(
-        default=None, description=f"Focal length, mm; default {DEFAULT_FOCAL_LENGTH:g}."
+    focal_length: Annotated[float, Field(ge=1.0, le=5000.0)] | None = key(
+        None, f"Focal length, mm; default {DEFAULT_FOCAL_LENGTH:g}."
     )
-    sensor_width: Annotated[float, Field(ge=1.0, le=200.0)] = Field(
-        default=36.0, description="Width of the sensor that the focal length belongs to, mm."
+    sensor_width: Annotated[float, Field(ge=1.0, le=200.0)] = key(
+        36.0, "Width of the sensor that the focal length belongs to, mm."
     )
-    elevation: Annotated[float, Field(ge=-90.0, le=90.0)] = Field(
-        default=10.0, description="Degrees that the camera stands above the horizon."
+    elevation: Annotated[float, Field(ge=-90.0, le=90.0)] = key(
+        10.0, "Degrees that the camera stands above the horizon."
     )
-    azimuth: Degrees = Field(default=0.0, description="Degrees that the camera stands about the up axis.")
-    fill: Annotated[float, Field(ge=0.05, le=1.0)] | None = Field(
-        default=None,
-        description="The part of the frame's width or height, whichever is reached first, that the asset covers while "
+    azimuth: Degrees = key(0.0, "Degrees that the camera stands about the up axis.")
+    fill: Annotated[float, Field(ge=0.05, le=1.0)] | None = key(
+        None,
+        "The part of the frame's width or height, whichever is reached first, that the asset covers while "
         f"it turns; default {DEFAULT_FILL:g}.",
     )
-    margin: Annotated[float, Field(ge=1.0, le=10.0)] | None = Field(
-        default=None, description="Instead of 'fill': the frame holds the bounding sphere times this."
+    margin: Annotated[float, Field(ge=1.0, le=10.0)] | None = key(
+        None, "Instead of 'fill': the frame holds the bounding sphere times this."
     )
-    framing: Literal["job", "each"] = Field(
-        default="job", description="'job': one camera frames what all looks show; 'each': each look has its own."
+    framing: Literal["job", "each"] = key(
+        "job", "'job': one camera frames what all looks show; 'each': each look has its own."
     )
 
-    @field_validator("file")
-    @classmethod
-    def _require_usd(cls, value: Path, info: ValidationInfo) -> Path:
-        if info.data.get("usd", ...) is None:
-            raise key_error("has no meaning without 'usd'", "usd = '/Cameras/shot'")
-        return value
+    _require_usd = field_validator("file")(meaningless("without", "usd", "usd = '/Cameras/shot'"))
 
     @field_validator("fov", "focal_length", "sensor_width", "elevation", "azimuth", "fill", "margin", "framing")
     @classmethod
@@ -148,19 +148,10 @@ class JobCamera(Table):
             raise key_error("has no meaning beside 'usd'", "the camera of the file decides it")
         return value
 
-    @field_validator("focal_length", "sensor_width")
-    @classmethod
-    def _reject_beside_fov(cls, value: float, info: ValidationInfo) -> float:
-        if info.data.get("fov", ...) is not None:
-            raise key_error("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'")
-        return value
-
-    @field_validator("margin")
-    @classmethod
-    def _reject_beside_fill(cls, value: float, info: ValidationInfo) -> float:
-        if info.data.get("fill", ...) is not None:
-            raise key_error("has no meaning beside 'fill'", "give either 'fill' or 'margin'")
-        return value
+    _reject_beside_fov = field_validator("focal_length", "sensor_width")(
+        meaningless("beside", "fov", "give either 'fov' or 'focal_length'")
+    )
+    _reject_beside_fill = field_validator("margin")(meaningless("beside", "fill", "give either 'fill' or 'margin'"))
 
     @property
     def horizontal_fov(self) -> float:
@@ -174,69 +165,51 @@ class JobCamera(Table):
 class JobRender(Table):
     """How frames are rendered."""
 
-    resolution: tuple[Pixels, Pixels] = Field(default=(512, 512), description="Width and height, pixels.")
-    backend: BackendName = Field(
-        default="exact",
-        description=". ".join(f"{name}: {backend.help}" for name, backend in job_backends().items()) + ".",
+    resolution: tuple[Pixels, Pixels] = key((512, 512), "Width and height, pixels.")
+    backend: BackendName = key(
+        "exact", ". ".join(f"{name}: {backend.help}" for name, backend in job_backends().items()) + "."
     )
-    device: Device = Field(
-        default="cpu", description="Cycles' device; exact runs on cpu only, the other backends on any."
-    )
-    error: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        default=Sampling.error,
-        description="Target relMSE of a frame: samples are added until its estimate is at most this.",
+    device: Device = key("cpu", "Cycles' device; exact runs on cpu only, the other backends on any.")
+    error: Annotated[float, Field(gt=0.0, le=1.0)] | None = key(
+        Sampling.error, "Target relMSE of a frame: samples are added until its estimate is at most this."
     )
     samples: Annotated[int, Field(ge=2, le=2**20, multiple_of=2)] = Field(
         default_factory=lambda data: Sampling.samples if data.get("error") is None else SAMPLE_CAP,
         description="Samples a pixel, even, best a power of two; with 'error', the most that are taken. "
         f"Default {Sampling.samples}, with 'error' {SAMPLE_CAP}.",
     )
-    bounces: Annotated[int, Field(ge=0, le=64)] = Field(
-        default=Sampling.bounces, description="Indirect bounces; 0: only direct light."
-    )
+    bounces: Annotated[int, Field(ge=0, le=64)] = key(Sampling.bounces, "Indirect bounces; 0: only direct light.")
     # At least one: only directions of the BRDF sample narrow lobes and indirect light.
-    brdf_samples: Annotated[int, Field(ge=1, le=64)] | None = Field(
-        default=None,
-        description="Directions drawn from the BRDF per shading point, by the exact backend; default: by the look.",
+    brdf_samples: Annotated[int, Field(ge=1, le=64)] | None = key(
+        None, "Directions drawn from the BRDF per shading point, by the exact backend; default: by the look."
     )
-    ibl_samples: Annotated[int, Field(ge=0, le=64)] | None = Field(
-        default=None,
-        description="Directions drawn from the light per shading point, by the exact backend; default: by the look.",
+    ibl_samples: Annotated[int, Field(ge=0, le=64)] | None = key(
+        None, "Directions drawn from the light per shading point, by the exact backend; default: by the look."
     )
     # It reaches the shader as a float32, times 64 for the rounds and halves of a frame, and must be exact.
-    seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = Field(
-        default=Sampling.seed, description="Seed of all random choices."
-    )
-    denoise: Literal["off", "measured"] = Field(
-        default=Sampling.denoise,
-        description="'measured': by Open Image Denoise, mixed with the raw picture so that no frame is worse; the "
+    seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = key(Sampling.seed, "Seed of all random choices.")
+    denoise: Literal["off", "measured"] = key(
+        Sampling.denoise,
+        "'measured': by Open Image Denoise, mixed with the raw picture so that no frame is worse; the "
         "error is that of the result, bias included. Exact backend only.",
     )
-    space: Space = Field(
-        default=REC709,
-        description="The space of light, and of the EXRs: linear 'rec709', or 'acescg', to which looks and lights are "
+    space: Space = key(
+        REC709,
+        "The space of light, and of the EXRs: linear 'rec709', or 'acescg', to which looks and lights are "
         "converted. Backends exact and mitsuba.",
     )
-    passes: tuple[PassName, ...] = Field(
-        default=(),
-        description="Further layers of the EXR: "
+    passes: tuple[PassName, ...] = key(
+        (),
+        "Further layers of the EXR: "
         + "; ".join(f"{entry.name}: {entry.help}" for entry in PASSES.values())
         + f". Every frame has {', '.join(IN_EACH_FRAME[:-1])} and {IN_EACH_FRAME[-1]}.",
     )
-    background: Background = Field(
-        default="black", description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b]."
-    )
+    background: Background = key("black", "Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b].")
 
-    @field_validator("device", "denoise", "space")
+    @field_validator("device", "denoise", "space", "brdf_samples", "ibl_samples")
     @classmethod
-    def _check_backend_support(cls, value: str, info: ValidationInfo) -> str:
+    def _check_backend_support(cls, value: object, info: ValidationInfo) -> object:
         check_feature(info.field_name or "", info.data.get("backend", ""), value)
-        return value
-
-    @field_validator("brdf_samples", "ibl_samples")
-    @classmethod
-    def _check_directions(cls, value: int, info: ValidationInfo) -> int:
-        check_feature("directions", info.data.get("backend", ""), value)
         return value
 
     @field_validator("passes")
@@ -258,27 +231,26 @@ class Job(Table):
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in ("ibl", "rig")]})
 
-    output: Annotated[JobPath, AfterValidator(check_folder)] = Field(
+    output: JobFolder = Field(
         description="The output folder; frames are <look>/<ibl or rig>/<turntable>.####.exr in it."
     )
     asset: JobAsset = Field(description="What is turned.")
     look: tuple[JobLook, ...] = Field(min_length=1, description="The looks.")
-    ibl: tuple[JobIbl, ...] = Field(default=(), description="The image-based lights.")
+    ibl: tuple[JobIbl, ...] = key((), "The image-based lights.")
     rig: tuple[JobRig, ...] = Field(
         default=(), validate_default=True, description="The rigs; a job has at least one of them, or of 'ibl'."
     )
     turntable: tuple[JobTurntable, ...] = Field(min_length=1, description="The turntables.")
-    wedge: tuple[JobWedge, ...] = Field(
-        default=(), description="Wedges: looks and lights with other values of one or two parameters, and their sheets."
+    wedge: tuple[JobWedge, ...] = key(
+        (), "Wedges: looks and lights with other values of one or two parameters, and their sheets."
     )
     camera: JobCamera = Field(default_factory=JobCamera, description="The camera.")
     render: JobRender = Field(default_factory=JobRender, description="Resolution, samples, device, background.")
-    charts: JobCharts | None = Field(
-        default=None,
-        description="A chrome ball, a grey ball and a colour chart beside the asset, where the table is given.",
+    charts: JobCharts | None = key(
+        None, "A chrome ball, a grey ball and a colour chart beside the asset, where the table is given."
     )
-    ground: JobGround | None = Field(
-        default=None, description="What the asset stands on, where the table is given: a shadow catcher or a plane."
+    ground: JobGround | None = key(
+        None, "What the asset stands on, where the table is given: a shadow catcher or a plane."
     )
     outputs: JobOutputs = Field(default_factory=dict, validate_default=True, description="Which files are written.")
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 
-from lookdev.job.keys import Degrees, Exposure, Name, Table, Text, instead_of
+from lookdev.job.keys import Degrees, Exposure, Name, Table, Text, instead_of, key
 
 Number = Annotated[float, Field(ge=-1e18, le=1e18)]
 WedgeValue = Annotated[
@@ -30,8 +30,8 @@ class JobAxis(Table):
         "its expression, 'Coat.mask.amount'; 'exposure' or 'rotation' of the light; or a value of a light of a rig, "
         "'light:Key.intensity'."
     )
-    values: Annotated[tuple[WedgeValue, ...], Field(min_length=1, max_length=1000)] | None = Field(
-        default=None, description="Its values: numbers, linear colours [r, g, b], names, or expressions of a mask."
+    values: Annotated[tuple[WedgeValue, ...], Field(min_length=1, max_length=1000)] | None = key(
+        None, "Its values: numbers, linear colours [r, g, b], names, or expressions of a mask."
     )
     range: Annotated[tuple[Number, Number, Annotated[int, Field(ge=2, le=1000)]] | None, instead_of("values")] = Field(
         default=None,
@@ -61,16 +61,13 @@ class JobAxis(Table):
 class JobWedge(JobAxis):
     """A wedge: looks and lights of the job, rendered again with other values of one or two parameters."""
 
-    by: JobAxis | None = Field(
-        default=None,
-        description="A second parameter with its values: { parameter = 'metallic', range = [0, 1, 5] }; all pairs are "
-        "rendered.",
+    by: JobAxis | None = key(
+        None,
+        "A second parameter with its values: { parameter = 'metallic', range = [0, 1, 5] }; all pairs are rendered.",
     )
-    look: Name | None = Field(default=None, description="The look that is varied; default: each look of the job.")
-    rig: Name | None = Field(default=None, description="The light or rig; default: each of the job.")
-    name: Name | None = Field(
-        default=None, description="The name of its sheets, unique; default: made of the parameters."
-    )
+    look: Name | None = key(None, "The look that is varied; default: each look of the job.")
+    rig: Name | None = key(None, "The light or rig; default: each of the job.")
+    name: Name | None = key(None, "The name of its sheets, unique; default: made of the parameters.")
 
     @property
     def axes(self) -> tuple[JobAxis, ...]:

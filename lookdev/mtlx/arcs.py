@@ -10,8 +10,6 @@ from lookdev.mtlx.shade import document_layer
 
 SUFFIX = ".mtlx"
 
-_ITEM_LISTS = ("explicitItems", "addedItems", "prependedItems", "appendedItems", "deletedItems", "orderedItems")
-
 
 def is_document(path: str) -> bool:
     """Return whether a path, which may be inside a package, has the suffix of a MaterialX document."""
@@ -47,21 +45,11 @@ def redirect_documents(layer: Sdf.Layer) -> None:
     def visit(path: Sdf.Path) -> None:
         if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
             spec = layer.GetPrimAtPath(path)  # none for the path of a variant set
-            for key in ("references", "payload") if spec else ():
-                if spec.HasInfo(key):
-                    spec.SetInfo(key, _redirect_arcs(spec.GetInfo(key), targets))
+            for arcs in (spec.referenceList, spec.payloadList) if spec else ():
+                arcs.ModifyItemEdits(lambda arc: _redirect_arc(arc, targets))
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
     layer.SetPermissionToSave(False)
-
-
-def _redirect_arcs(arcs: Sdf.ReferenceListOp | Sdf.PayloadListOp, targets: dict[str, str]) -> object:
-    result = type(arcs)()
-    for name in _ITEM_LISTS:
-        items = [_redirect_arc(arc, targets) for arc in getattr(arcs, name)]
-        if items or (name == "explicitItems" and arcs.isExplicit):
-            setattr(result, name, items)
-    return result
 
 
 def _redirect_arc(arc: Sdf.Reference | Sdf.Payload, targets: dict[str, str]) -> Sdf.Reference | Sdf.Payload:

@@ -41,12 +41,8 @@ def read_document(data: bytes, file: str) -> tuple[mx.Document, tuple[Fault, ...
     try:
         mx.readFromXmlString(document, text, mx.FileSearchPath(), options)
     except (mx.Exception, mx.ExceptionParseError) as error:
-        raise _document_error(file, "", f"MaterialX cannot read it: {error}") from error
+        raise LookError([Fault(file, "", f"MaterialX cannot read it: {error}")]) from error
     return document, includes
-
-
-def _document_error(file: str, where: str, message: str, hint: str = "") -> LookError:
-    return LookError([Fault(file, where, message, hint)])
 
 
 def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
@@ -55,36 +51,33 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
     includes: list[Fault] = []
     parser = expat.ParserCreate("utf-8")
 
-    def position() -> str:
-        return f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}"
+    def fault(message: str, hint: str = "") -> Fault:
+        return Fault(file, f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}", message, hint)
 
     def check_root(tag: str, version: str) -> None:
         if tag != "materialx":
-            raise _document_error(file, position(), f"the document is <{tag:.40}>, not <materialx>")
+            raise LookError([fault(f"the document is <{tag:.40}>, not <materialx>")])
         match = _VERSION.fullmatch(version)
         if not match or not _FIRST <= (int(match[1]), int(match[2])) <= _LAST:
             (a, b), (c, d) = _FIRST, _LAST
-            raise _document_error(
-                file, position(), f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read"
-            )
+            raise LookError([fault(f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")])
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         name = attributes.get("name", "")
         if not names:
             check_root(tag, attributes.get("version", ""))
         if len(names) == _MAX_DEPTH:
-            raise _document_error(file, position(), f"more than {_MAX_DEPTH} elements inside each other")
+            raise LookError([fault(f"more than {_MAX_DEPTH} elements inside each other")])
         if tag == "xi:include":
-            message = f"includes '{attributes.get('href', ''):.80}'"
-            includes.append(Fault(file, position(), message, "includes are not followed"))
+            includes.append(fault(f"includes '{attributes.get('href', ''):.80}'", "includes are not followed"))
         if name and names and name in names[-1]:
-            raise _document_error(file, position(), f"a second element here is named '{name:.40}'", "names are unique")
+            raise LookError([fault(f"a second element here is named '{name:.40}'", "names are unique")])
         if names:
             names[-1].add(name)
         names.append(set())
 
     def doctype(*_: object) -> None:
-        raise _document_error(file, position(), "has a document type definition", "remove <!DOCTYPE>")
+        raise LookError([fault("has a document type definition", "remove <!DOCTYPE>")])
 
     parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: names.pop()
     parser.StartDoctypeDeclHandler = doctype
@@ -92,7 +85,7 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
         parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
         where = f"line {error.lineno}, column {error.offset + 1}"
-        raise _document_error(file, where, f"is not XML: {expat.ErrorString(error.code)}") from error
+        raise LookError([Fault(file, where, f"is not XML: {expat.ErrorString(error.code)}")]) from error
     return tuple(includes)
 
 

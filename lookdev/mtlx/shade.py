@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 import posixpath
 import re
+from dataclasses import astuple
 from itertools import count
 from pathlib import Path
 
@@ -47,12 +48,8 @@ _LINKS = ("interfacename", "nodegraph", "nodename", "output")
 _UNITS = {"meter": 1.0, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "kilometer": 1e3}
 _UNITS |= {"inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "mile": 1609.344}
 _UNITS |= {"degree": 1.0, "radian": math.degrees(1.0)}
-_INTERFACES = {
-    "standard_surface": "standard_surface",
-    "open_pbr_surface": "open_pbr_surface",
-    "gltf_pbr": "gltf_pbr",
-    "UsdPreviewSurface": "usd_preview_surface",
-}
+_INTERFACES = {name: name for name in ("standard_surface", "open_pbr_surface", "gltf_pbr")}
+_INTERFACES |= {"UsdPreviewSurface": "usd_preview_surface"}
 # Suffixes of node definitions whose version is not the default.
 _VERSIONS = {("standard_surface", "1.0.0"): "_100"}
 _TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
@@ -96,7 +93,7 @@ class _Writer:
         # whose prims still lack inputs.
         self._material: Sdf.PrimSpec
         self._written: dict[str, Sdf.PrimSpec] = {}
-        self._pending: list[tuple[mx.Node, Sdf.PrimSpec]] = []
+        self._pending: dict[Sdf.Path, tuple[mx.Node, Sdf.PrimSpec]] = {}
 
     def layer_text(self) -> str:
         """Return the layer as text; raises LookError with every fault of the document."""
@@ -111,15 +108,9 @@ class _Writer:
             raise LookError(self.faults)
         self._layer.defaultPrim = "MaterialX"
         if self.notes:
-            lines = [
-                "\t".join(" ".join(text.split()) for text in (note.file, note.where, note.what, note.hint))
-                for note in self.notes
-            ]
+            lines = ("\t".join(" ".join(text.split()) for text in astuple(note)) for note in self.notes)
             self._layer.customLayerData = {NOTES: "\n".join(lines)}
         return str(self._layer.ExportToString())
-
-    def _add_fault(self, element: mx.Element, message: str, hint: str = "") -> None:
-        self.faults.append(Fault(self.file, element.getNamePath(), message, hint))
 
     def _add_note(self, element: mx.Element, message: str, hint: str = "") -> None:
         self.notes.append(Fault(self.file, element.getNamePath(), message, hint))
@@ -140,22 +131,21 @@ class _Writer:
         self._written.clear()
         for name, terminal in _TERMINALS.items():
             if (port := node.getInput(name)) and (target := self._write_target(port, self.document)):
-                self._get_attribute(
-                    self._material, f"outputs:mtlx:{terminal}", "token"
-                ).connectionPathList.explicitItems = [target]
+                output = self._get_attribute(self._material, f"outputs:mtlx:{terminal}", "token")
+                output.connectionPathList.explicitItems = [target]
                 self._write_terminal_shader(target.GetPrimPath())
         for port in node.getInputs():
             if port.getName() not in _TERMINALS:
                 self._add_note(port, "is not read", f"only {' and '.join(_TERMINALS)} are")
         while self._pending:
-            self._write_node(*self._pending.pop())
+            _, (element, shader) = self._pending.popitem()
+            self._write_inputs(shader, element, element.getParent())
 
     def _write_terminal_shader(self, path: Sdf.Path) -> None:
         """Write the terminal shader of the material; its inputs become inputs of the material."""
-        number = next((n for n, (_, prim) in enumerate(self._pending) if prim.path == path), None)
-        if number is None:
+        if path not in self._pending:
             return
-        node, shader = self._pending.pop(number)
+        node, shader = self._pending.pop(path)
         ports = {port.getName(): port for port in node.getInputs()}
         category = node.getCategory()
         interface = (
@@ -172,11 +162,9 @@ class _Writer:
             if name in ports:
                 self._set_attribute(outer, ports[name], node.getParent())
 
-    def _write_node(self, node: mx.Node, shader: Sdf.PrimSpec) -> None:
-        for port in node.getInputs():
-            self._set_attribute(
-                self._get_attribute(shader, f"inputs:{port.getName()}", port.getType()), port, node.getParent()
-            )
+    def _write_inputs(self, prim: Sdf.PrimSpec, element: mx.InterfaceElement, scope: mx.GraphElement) -> None:
+        for port in element.getInputs():
+            self._set_attribute(self._get_attribute(prim, f"inputs:{port.getName()}", port.getType()), port, scope)
 
     def _get_attribute(self, prim: Sdf.PrimSpec, name: str, kind: str) -> Sdf.AttributeSpec:
         valid = ":".join(map(Tf.MakeValidIdentifier, name.split(":")))
@@ -206,10 +194,8 @@ class _Writer:
         self, attribute: Sdf.AttributeSpec, target: Sdf.Path, port: mx.PortElement, channels: str
     ) -> Sdf.Path:
         """Add a swizzle between a port and its source, for the channels that the port names; return its output."""
-        parent = attribute.owner.nameParent
-        swizzle = self._define_shader(
-            parent, f"{attribute.owner.name}_{port.getName()}_channels", f"ND_swizzle_{port.getType()}"
-        )
+        name = f"{attribute.owner.name}_{port.getName()}_channels"
+        swizzle = self._define_shader(attribute.owner.nameParent, name, f"ND_swizzle_{port.getType()}")
         self._get_attribute(swizzle, "inputs:in", "token").connectionPathList.explicitItems = [target]
         self._get_attribute(swizzle, "inputs:channels", "string").default = channels
         return self._get_attribute(swizzle, "outputs:out", port.getType()).path
@@ -236,16 +222,14 @@ class _Writer:
                 if isinstance(sibling, mx.NodeGraph):
                     return self._write_graph_output(sibling, output)
                 if isinstance(sibling, mx.Node):
-                    return self._get_attribute(
-                        self._define_node(sibling), f"outputs:{output or 'out'}", sibling.getType()
-                    ).path
+                    shader = self._define_node(sibling)
+                    return self._get_attribute(shader, f"outputs:{output or 'out'}", sibling.getType()).path
             elif (sibling := scope.getOutput(output)) and output not in seen:
                 seen.add(output)
                 port = sibling
                 continue
-            return parent.path.AppendChild(Tf.MakeValidIdentifier(graph or node or output)).AppendProperty(
-                "outputs:out"
-            )
+            missing = Tf.MakeValidIdentifier(graph or node or output)
+            return parent.path.AppendChild(missing).AppendProperty("outputs:out")
         return None
 
     def _define_container(self, scope: mx.GraphElement) -> Sdf.PrimSpec:
@@ -254,11 +238,8 @@ class _Writer:
             return self._material
         path = scope.getNamePath()
         if path not in self._written:
-            prim = self._written[path] = self._define_prim(self._material, scope.getName(), "NodeGraph")
-            for port in scope.getInputs():
-                self._set_attribute(
-                    self._get_attribute(prim, f"inputs:{port.getName()}", port.getType()), port, self.document
-                )
+            self._written[path] = self._define_prim(self._material, scope.getName(), "NodeGraph")
+            self._write_inputs(self._written[path], scope, self.document)
         return self._written[path]
 
     def _write_graph_output(self, graph: mx.NodeGraph, name: str) -> Sdf.Path:
@@ -278,7 +259,7 @@ class _Writer:
             identifier = node.getNodeDefString() or f"ND_{node.getCategory()}_{node.getType()}{version}"
             parent = self._define_container(node.getParent())
             self._written[path] = self._define_shader(parent, node.getName(), identifier)
-            self._pending.append((node, self._written[path]))
+            self._pending[self._written[path].path] = (node, self._written[path])
         return self._written[path]
 
     def _read_value(self, port: mx.PortElement) -> object:
@@ -305,7 +286,8 @@ class _Writer:
             return None
         sort = "whole" if kind == "integer" else "finite"
         hint = f"{_COUNTS.get(kind, 1)} {sort} numbers, separated by commas, within {_LARGEST:g}"
-        self._add_fault(port, f"'{text:.40}' is not a value", "true or false" if kind == "boolean" else hint)
+        hint = "true or false" if kind == "boolean" else hint
+        self.faults.append(Fault(self.file, port.getNamePath(), f"'{text:.40}' is not a value", hint))
         return None
 
     def _unit_scale(self, port: mx.PortElement) -> float:

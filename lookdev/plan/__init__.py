@@ -1,18 +1,7 @@
 """Plans: the frames to render, each with a pose of a setup and a digest of everything that affects its pixels."""
 
-from lookdev.plan.plan import Charts, Copy, Plan, PlannedFile, Reel, build_plan
+from lookdev.plan.plan import Charts, Plan, PlannedFile, Reel, build_plan
 from lookdev.plan.poses import turntable_poses
 from lookdev.plan.setup import Setup, Turns, make_setup
 
-__all__ = [
-    "Charts",
-    "Copy",
-    "Plan",
-    "PlannedFile",
-    "Reel",
-    "Setup",
-    "Turns",
-    "build_plan",
-    "make_setup",
-    "turntable_poses",
-]
+__all__ = ["Charts", "Plan", "PlannedFile", "Reel", "Setup", "Turns", "build_plan", "make_setup", "turntable_poses"]

@@ -160,17 +160,28 @@ def build_plan(
     Poses that differ only by a turn of what looks the same all around are one pose. `labels` are entries of the header
     of every frame; `beside` has the suffixes of the files that every frame has beside its EXR.
     """
-    reels = tuple(_reels(setup, turns) for setup in setups)
+    labels = labels or {}
     pose_labels = cache(_pose_labels)  # shared by the looks
-    frames = tuple(
-        PlannedFrame(task, read_header)
-        for setup, setup_reels in zip(setups, reels, strict=True)
-        for task in _tasks(setup, turns, setup_reels, labels or {}, pose_labels)
-    )
-    chart_frames, chart_files = _plan_charts(charts, reels, turns, read_header, labels or {}, pose_labels)
-    skips = tuple(find_skips(setups, turns))
+    frames: list[PlannedFrame] = []
+
+    def add_frames(setup: Setup, reels: Sequence[Reel], labels: Mapping[str, str]) -> None:
+        frames.extend(PlannedFrame(task, read_header) for task in _tasks(setup, turns, reels, labels, pose_labels))
+
+    reels = [_reels(setup, turns) for setup in setups]
     all_reels = tuple(chain.from_iterable(reels))
-    return Plan((*chart_frames, *frames), all_reels, turns.output, tuple(beside), skips, charts=chart_files)
+    chart_files: dict[Path, Path] = {}
+    if charts is not None:
+        for setup in charts.setups:
+            chart_reels = _reels(setup, turns)
+            add_frames(setup, chart_reels, {**labels, STRIP: charts.strip.label})
+            files_of_charts = {reel.turntable: reel.files for reel in chart_reels}
+            for reel in all_reels:
+                if reel.ibl == setup.ibl:
+                    chart_files |= zip(reel.files, files_of_charts[reel.turntable], strict=True)
+    for setup, setup_reels in zip(setups, reels, strict=True):
+        add_frames(setup, setup_reels, labels)
+    skips = tuple(find_skips(setups, turns))
+    return Plan(tuple(frames), all_reels, turns.output, tuple(beside), skips, charts=chart_files)
 
 
 def _reels(setup: Setup, turns: Turns) -> tuple[Reel, ...]:
@@ -179,31 +190,6 @@ def _reels(setup: Setup, turns: Turns) -> tuple[Reel, ...]:
         Reel(setup.look, setup.ibl, turntable.name, turns.files(setup.look, setup.ibl, turntable))
         for turntable in turns.turntables
     )
-
-
-def _plan_charts(
-    charts: Charts | None,
-    reels: Sequence[Sequence[Reel]],
-    turns: Turns,
-    read_header: HeaderReader,
-    labels: Mapping[str, str],
-    pose_labels: Callable[[Pose], dict[str, str]],
-) -> tuple[tuple[PlannedFrame, ...], dict[Path, Path]]:
-    """Return the frames of reference props, and the file of props that is composited over each file of the reels."""
-    if charts is None:
-        return (), {}
-    frames: list[PlannedFrame] = []
-    chart_files: dict[Path, Path] = {}
-    for setup in charts.setups:
-        chart_reels = _reels(setup, turns)
-        chart_labels = {**labels, STRIP: charts.strip.label}
-        tasks = _tasks(setup, turns, chart_reels, chart_labels, pose_labels)
-        frames += (PlannedFrame(task, read_header) for task in tasks)
-        for look_reels in reels:
-            for look_reel, chart_reel in zip(look_reels, chart_reels, strict=True):
-                if look_reel.ibl == chart_reel.ibl:
-                    chart_files |= zip(look_reel.files, chart_reel.files, strict=True)
-    return tuple(frames), chart_files
 
 
 def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
@@ -229,11 +215,7 @@ def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
 
 def _pose_labels(pose: Pose) -> dict[str, str]:
     """Return the entries of the header that depend on the pose."""
-    return {
-        "pose.element": repr(pose.element),
-        "pose.lighting": repr(pose.lighting),
-        "digest.pose": pose_digest(pose),
-    }
+    return {"pose.element": repr(pose.element), "pose.lighting": repr(pose.lighting), "digest.pose": pose_digest(pose)}
 
 
 def _tasks(

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from lookdev.asset import Asset, load_asset, make_asset
+from lookdev.asset import load_asset, make_asset
 from lookdev.build.faults import Findings
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.build.wedges import WedgeSheet
@@ -71,7 +71,11 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     def prepare_card(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # make_setups reports it
-                scene = Scene.of_look(_card(), look, lights[0], job.render.resolution)
+                plane = load_asset(
+                    builtin="plane"
+                )  # rendered without bounces; a card is lit with them, as any asset is
+                card = make_asset("card", plane.meshes, plane.instances, plane.slots)
+                scene = Scene.of_look(card, look, lights[0], job.render.resolution)
                 scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
                 ahead(tasks.task(scene, job.render.sampling))
 
@@ -104,12 +108,6 @@ def _replace_backend(job: Job, backend: str | None) -> Job:
     if backend is None:
         return job
     return job.model_copy(update={"render": job.render.model_copy(update={"backend": backend})})
-
-
-def _card() -> Asset:
-    """Return a card that is lit with bounces, as any asset is; the built-in plane is rendered without them."""
-    plane = load_asset(builtin="plane")
-    return make_asset("card", plane.meshes, plane.instances, plane.slots)
 
 
 def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:

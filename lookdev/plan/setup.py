@@ -40,13 +40,7 @@ class Setup:
         return tuple(canonical_pose(pose, self.around, self.task.light_stays) for pose in poses)
 
 
-def make_setup(
-    look: str,
-    ibl: str,
-    scene: Scene,
-    sampling: Sampling,
-    tasks: SceneTasks | None = None,
-) -> Setup:
+def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: SceneTasks | None = None) -> Setup:
     """Return the setup of a scene: generate its sources, and decide whether it looks the same all around.
 
     `tasks` generates the sources for a backend; by default for "exact" on the CPU. Raises as `SceneTasks.task`, and

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from lookdev.codegen import NodeSource, ProgramSource, ShaderSource, Source
 from lookdev.material import Bump, Look, Texture, leaf_sources
@@ -75,12 +74,9 @@ def _count_unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> 
         elif isinstance(shader, NodeSource):
             # The label of a node that reads an image is the name of its file; of a tile, that of the set of tiles.
             labels = {node.label for tree in shader.trees for node in tree.nodes if node.image is not None}
-            unread += sum(_texture_file(lookup).stem not in labels for lookup in lookups)
+            files = (lookup.height.file if isinstance(lookup, Bump) else lookup.file for lookup in lookups)
+            unread += sum(file.stem not in labels for file in files)
     return unread
-
-
-def _texture_file(lookup: Texture | Bump) -> Path:
-    return lookup.height.file if isinstance(lookup, Bump) else lookup.file
 
 
 def _lookups(source: object) -> Iterator[Texture | Bump]:

@@ -202,12 +202,10 @@ def _select_variants(stage: Usd.Stage, composition: Composition) -> tuple[list[F
         elif variant not in variants:
             problem = f"variant set '{set_name}' has no variant '{variant}'"
             faults.append(Fault(file, composition.prim or "", problem, nearest_hint(variant, variants)))
-    unselectable = {
-        key: selected for key, (_, selected) in sets.items() if key[1] in selections and key not in selectable
-    }
     return faults, [
         f"{file}: {path}: variant set '{set_name}' has no variant '{selections[set_name]}'; '{selected}' stays selected"
-        for (path, set_name), selected in unselectable.items()
+        for (path, set_name), (_, selected) in sets.items()
+        if set_name in selections and (path, set_name) not in selectable
     ]
 
 

@@ -14,20 +14,9 @@ from lookdev.stage import prim_and_ancestors
 _LINEAR = "lin_rec709_scene"
 # Names of MaterialX and names for data. The values are this module's names or USD's (Gf.ColorSpaceNames).
 _NAMES = {
-    "": "raw",
-    "none": "raw",
-    "raw": "raw",
-    "data": "raw",
-    "identity": "raw",
-    "unknown": "raw",
-    "lin_rec709": "raw",
-    "lin_srgb": "raw",
-    _LINEAR: "raw",
-    "sRGB": "sRGB",
-    "srgb_texture": "sRGB",
-    "srgb_rec709_scene": "sRGB",
-    "acescg": "lin_ap1_scene",
-    "lin_ap1": "lin_ap1_scene",
+    **dict.fromkeys(("", "none", "raw", "data", "identity", "unknown", "lin_rec709", "lin_srgb", _LINEAR), "raw"),
+    **dict.fromkeys(("sRGB", "srgb_texture", "srgb_rec709_scene"), "sRGB"),
+    **dict.fromkeys(("acescg", "lin_ap1"), "lin_ap1_scene"),
     "g18_rec709": "g18_rec709_scene",
     "g22_rec709": "g22_rec709_scene",
     "rec709_display": "g24_rec709_scene",

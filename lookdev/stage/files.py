@@ -98,11 +98,8 @@ def _package_problem(stream: BinaryIO) -> str:
         with zipfile.ZipFile(stream) as archive:
             for member in archive.infolist():
                 stream.seek(member.header_offset)
-                begin = (
-                    member.header_offset
-                    + _LOCAL_HEADER.size
-                    + sum(_LOCAL_HEADER.unpack(stream.read(_LOCAL_HEADER.size)))
-                )
+                name, extra = _LOCAL_HEADER.unpack(stream.read(_LOCAL_HEADER.size))
+                begin = member.header_offset + _LOCAL_HEADER.size + name + extra
                 if problem := _layer_problem(stream, begin, member.compress_size):
                     return f"has a member {member.filename}, which {problem}"
     except (zipfile.BadZipFile, NotImplementedError, struct.error) as error:

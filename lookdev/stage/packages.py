@@ -20,9 +20,8 @@ def unpack(paths: Sequence[str]) -> Path:
     """
     status = Path(Ar.SplitPackageRelativePathOuter(paths[0])[0]).stat()
     digests = _member_digests(tuple(paths), status.st_size, status.st_mtime_ns)
-    folder = cache_dir(
-        "unpacked", hashlib.sha256("\n".join([*digests, *map(_member_name, paths)]).encode()).hexdigest()
-    )
+    content = "\n".join([*digests, *map(_member_name, paths)])
+    folder = cache_dir("unpacked", hashlib.sha256(content.encode()).hexdigest())
     for path, digest in zip(paths, digests, strict=True):
         file = folder / _member_name(path)
         if not is_whole(file, digest):

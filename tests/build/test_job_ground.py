@@ -11,8 +11,7 @@ from lookdev.build.frame import ground_under, overlap_notes
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import AssetError, FaultsError
 from lookdev.job import parse_job
-from lookdev.job.charts import JobCharts
-from lookdev.job.ground import JobGround
+from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.scene import Camera
 from lookdev.scene.charts.props import Strip
 from lookdev.scene.ground import GREY, PATH, add_ground

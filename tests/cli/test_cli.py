@@ -18,8 +18,8 @@ import pytest
 from looks import quick_among
 
 import lookdev.cli
-from lookdev.cli.assets import inspect
 from lookdev.cli.crash import DISTRIBUTIONS
+from lookdev.cli.files import inspect
 from lookdev.cli.options import say, say_json
 from lookdev.errors import AssetError, RenderError
 from lookdev.inspect.doctor import Finding

@@ -9,7 +9,8 @@ import pytest
 
 from lookdev.errors import OutputError
 from lookdev.job import Job
-from lookdev.plan import Copy, Plan, PlannedFile, Setup, Turns, build_plan
+from lookdev.plan import Plan, PlannedFile, Setup, Turns, build_plan
+from lookdev.plan.plan import Copy
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Pose
 

@@ -1,0 +1,71 @@
+"""The tables of what is beside the asset: reference props, and the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator
+
+from lookdev.job.features import check_feature
+from lookdev.job.keys import MaterialFile, MaterialPrim, Table, Text, key, key_error, meaningless
+from lookdev.scene.charts.props import FOLDER, Place, Strip
+
+_SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
+"""The passes that sum up to the beauty or to its alpha; a shadow catcher takes light and coverage away from both."""
+
+
+class JobCharts(Table):
+    """A chrome ball, a grey ball and a colour chart beside the asset."""
+
+    place: Place = key("bottom", "The edge of the frame that they stand along.")
+    size: Annotated[float, Field(ge=0.02, le=0.5)] = key(
+        0.12, "The share of the frame's height that they take; at its left or right, of its width."
+    )
+
+    def strip(self, resolution: tuple[int, int]) -> Strip:
+        """Return the strip of a frame that the props take."""
+        return Strip(self.place, self.size, resolution)
+
+    def check(self, resolution: tuple[int, int], backend: str, looks: Iterable[str]) -> None:
+        """Raise the error of a job whose resolution, backend or names of looks rule the props out."""
+        problem, hint = self.strip(resolution).misfit()
+        if problem:
+            raise key_error(problem, hint)
+        check_feature("charts", backend, self)
+        if FOLDER in {name.casefold() for name in looks}:
+            raise key_error(f"a look of the job is called '{FOLDER}', the name of the frames of [charts]", "rename it")
+
+
+class JobGround(Table):
+    """The ground that the asset stands on."""
+
+    kind: Literal["catcher", "plane"] = key(
+        "catcher", "catcher: only what the asset does to its light is shown, in colour and alpha; plane: all of it."
+    )
+    material: MaterialFile | None = key(None, "A USD or MaterialX file with its look; default: Lambert's, 18 % grey.")
+    prim: MaterialPrim = None
+    variants: dict[Text, Text] = Field(
+        default_factory=dict, description="The variant chosen in each variant set of the material."
+    )
+    size: Annotated[float, Field(ge=1.0, le=1000.0)] = key(10.0, "Its radius, in radii of the asset's bounding sphere.")
+    height: Annotated[float, Field(ge=-1e9, le=1e9)] | None = key(
+        None, "Its z in metres; default: that of the asset's lowest point."
+    )
+
+    _require_material = field_validator("prim", "variants")(
+        meaningless("without", "material", "it chooses among what a file has")
+    )
+
+    def check(self, backend: str, denoise: str, passes: Iterable[str]) -> None:
+        """Raise the error of a job whose [render] rules the ground out."""
+        check_feature("ground", backend, self.kind)
+        if self.kind != "catcher":
+            return
+        if denoise != "off":
+            raise key_error("the alpha of a shadow catcher is not denoised", 'denoise = "off", or kind = "plane"')
+        if excluded := [name for name in passes if name in _SUMMING_PASSES]:
+            raise key_error(
+                f"a shadow catcher has no {' and no '.join(excluded)}, which sum up to a frame with all of the ground",
+                'passes without them, or kind = "plane"',
+            )
