@@ -58,14 +58,5 @@ def _polygon_mesh(mesh: Mesh) -> Mesh:
         return mesh
     keep = np.ones(len(mesh.face_sizes), bool)
     keep[mesh.subdivision.holes] = False
-    corners = np.repeat(keep, mesh.face_sizes)
-    return replace(
-        mesh,
-        corner_points=mesh.corner_points[corners],
-        face_sizes=mesh.face_sizes[keep],
-        face_slots=mesh.face_slots[keep],
-        normals=mesh.normals[corners],
-        uvs={name: values[corners] for name, values in mesh.uvs.items()},
-        primvars={name: values[corners] for name, values in mesh.primvars.items()},
-        subdivision=None,
-    )
+    polygonal = mesh.with_corners(np.repeat(keep, mesh.face_sizes), mesh.face_sizes[keep], keep)
+    return replace(polygonal, subdivision=None)

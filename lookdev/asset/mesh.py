@@ -7,12 +7,12 @@ loops of a polygon mesh), so that a renderer needs no interpolation rules.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
-from lookdev.arrays import Floats, Floats32, Ints32
+from lookdev.arrays import Bools, Floats, Floats32, Indices, Ints32
 
 Scheme = Literal["catmullClark", "loop", "bilinear"]
 BoundaryRule = Literal["none", "edgeOnly", "edgeAndCorner"]
@@ -67,6 +67,19 @@ class Mesh:
     primvars: dict[str, Floats32] = field(default_factory=dict)
     subdivision: Subdivision | None = None
     default_uv: str = ""
+
+    def with_corners(self, corners: Indices | Bools, face_sizes: Ints32, faces: Indices | Bools) -> Mesh:
+        """Return a mesh with other faces: of the given sizes, with `corners` of this mesh and the slots of `faces`."""
+        return replace(
+            self,
+            corner_points=self.corner_points[corners],
+            face_sizes=face_sizes,
+            face_slots=self.face_slots[faces],
+            normals=self.normals[corners],
+            tangents=None if self.tangents is None else self.tangents[corners],
+            uvs={name: values[corners] for name, values in self.uvs.items()},
+            primvars={name: values[corners] for name, values in self.primvars.items()},
+        )
 
 
 @dataclass(frozen=True, eq=False)

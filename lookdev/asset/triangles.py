@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from lookdev.arrays import Floats, Ints
@@ -14,17 +12,7 @@ from lookdev.asset.normals import area_vectors, face_starts
 def triangulate(mesh: Mesh) -> Mesh:
     """Return a mesh with its polygons split into triangles."""
     triangles, faces = corner_triangles(mesh)
-    corners = triangles.ravel()
-    return replace(
-        mesh,
-        corner_points=mesh.corner_points[corners],
-        face_sizes=np.full(len(faces), 3, np.int32),
-        face_slots=mesh.face_slots[faces],
-        normals=mesh.normals[corners],
-        tangents=None if mesh.tangents is None else mesh.tangents[corners],
-        uvs={name: uv[corners] for name, uv in mesh.uvs.items()},
-        primvars={name: values[corners] for name, values in mesh.primvars.items()},
-    )
+    return mesh.with_corners(triangles.ravel(), np.full(len(faces), 3, np.int32), faces)
 
 
 def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:

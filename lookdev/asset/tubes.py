@@ -67,7 +67,7 @@ def tubes(rings: Rings, sides: int) -> Strips:
     u = np.broadcast_to(np.arange(sides + 1) / sides, outward.shape[:2])
     sheath = _strips(rings, outward, (outward - slope * rings.directions[:, None]) / np.sqrt(1.0 + slope**2), u, along)
 
-    starts, ends = _group_ends(rings.curves)
+    starts, ends = group_ends(rings.curves)
     rims = np.concatenate([starts, ends])
     side = np.repeat([-1.0, 1.0], len(starts))
     has_cap = ~np.tile(rings.closed, 2) & (rings.radii[rims] > 0.0)
@@ -129,7 +129,7 @@ def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, along: Fl
     )
 
 
-def _group_ends(groups: Indices) -> tuple[Indices, Indices]:
+def group_ends(groups: Indices) -> tuple[Indices, Indices]:
     """Return the index of the first and of the last element of each group of consecutive equal numbers."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     return starts, np.append(starts[1:], len(groups)) - 1
@@ -139,13 +139,13 @@ def _relative_lengths(rings: Rings) -> Floats:
     """Return the length from the start of the curve to each ring (r,), as a fraction of the curve's length."""
     steps = np.linalg.norm(np.diff(rings.positions, axis=0, prepend=rings.positions[:1]), axis=1)
     total = np.cumsum(steps)
-    starts, ends = _group_ends(rings.curves)
+    starts, ends = group_ends(rings.curves)
     return np.asarray((total - total[starts][rings.curves]) / (total[ends] - total[starts])[rings.curves])
 
 
 def _slopes(rings: Rings) -> Floats:
     """Return the derivative of the radius by the length at each ring (r,)."""
-    starts, ends = _group_ends(rings.pieces)
+    starts, ends = group_ends(rings.pieces)
     ring = np.arange(len(rings.radii))
     before, after = np.maximum(ring - 1, starts[rings.pieces]), np.minimum(ring + 1, ends[rings.pieces])
     length = sum(np.linalg.norm(rings.positions[ring] - rings.positions[other], axis=1) for other in (before, after))
@@ -157,7 +157,7 @@ def _cut_normals(rings: Rings) -> Floats:
     """Return a normal (r, 3), not unit, of the plane of each ring's cross-section."""
     planes = rings.directions.copy()
     last = np.flatnonzero((rings.pieces[:-1] != rings.pieces[1:]) & (rings.curves[:-1] == rings.curves[1:]))
-    starts, ends = _group_ends(rings.curves)
+    starts, ends = group_ends(rings.curves)
     last, first = np.append(last, ends[rings.closed]), np.append(last + 1, starts[rings.closed])
     planes[last] = planes[first] = rings.directions[last] + rings.directions[first]
     return planes
@@ -168,7 +168,7 @@ def _frames(rings: Rings, along: Floats) -> Floats:
 
     On a closed curve the rotation that remains at the end is subtracted evenly along it, so that the ends meet.
     """
-    starts, ends = _group_ends(rings.curves)
+    starts, ends = group_ends(rings.curves)
     number = np.arange(len(rings.curves)) - starts[rings.curves]
     rotations = _smallest_rotations(np.roll(rings.directions, 1, axis=0), rings.directions)
     rotations[starts] = [1.0, 0.0, 0.0, 0.0]

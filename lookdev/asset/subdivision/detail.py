@@ -17,7 +17,7 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats, Floats32, Indices
 from lookdev.asset.mesh import Asset, Instance, Mesh
-from lookdev.asset.normals import next_corners
+from lookdev.asset.normals import face_starts, next_corners
 from lookdev.asset.subdivision.batch import batches, join_cages
 from lookdev.asset.subdivision.cage import build_cage
 from lookdev.asset.subdivision.limit import complete_normals, limit
@@ -181,7 +181,7 @@ def _surface_levels(meshes: list[Mesh], pixels: Floats, longest: Floats, finest:
         # On a sphere, the centre of an equilateral triangle is 4/3 as far away as the middles of its edges.
         distance *= 4.0 / 3.0
     else:
-        means = np.add.reduceat(start, np.cumsum(level.sizes) - level.sizes, axis=0) / level.sizes[:, None]
+        means = np.add.reduceat(start, face_starts(level.sizes), axis=0) / level.sizes[:, None]
         center_offset = limits[len(limits) - len(level.sizes) :] - means
         distance = np.maximum(distance, np.abs(np.einsum("ij,ij->i", center_offset[level.faces], normals[first + 2])))
 

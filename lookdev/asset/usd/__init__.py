@@ -1,8 +1,8 @@
 """A composed USD stage as an asset: its visible surfaces, their placements and their bound materials.
 
 `walk` finds the visible gprims. `gprims` converts each type of gprim to a shape, by `mesh`, `curves` (and points) or
-`primitives`. `skinning` deforms gprims, `primvars` reads their primvars, `bindings` their materials. The asset's notes
-name prims of other types.
+`primitives`. `skinning` deforms gprims, `primvars` reads their primvars. `scene` makes the asset, with its bound
+materials; its notes name prims of other types.
 
 Scene-graph instances and point instances share one mesh for each surface of their prototype, as do equal primitives.
 Instances with other bound materials or other inherited primvars have a `Mesh` of their own that shares the arrays; its

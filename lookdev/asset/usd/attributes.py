@@ -11,7 +11,7 @@ from typing import TypeVar, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Usd, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from lookdev.arrays import Array, Floats, Indices, Reals
 from lookdev.asset.faces import index_rule
@@ -145,6 +145,29 @@ def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Interp
         names = ", ".join(_INTERPOLATIONS)
         raise AssetError(f"{prim.GetPath()}: {name} has interpolation {quote(interpolation)}; known: {names}")
     return _INTERPOLATIONS[_INTERPOLATIONS.index(interpolation)]
+
+
+def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
+    """Return the points (n, 3) of a point-based prim at a time; None if it has no velocities.
+
+    Between time samples, velocities extrapolate the points of the sample before: UsdGeom's rule for motion whose number
+    of points changes between samples, as in a simulation.
+    Velocities that do not fit the points of the sample before have no effect; USD warns about them. Raises AssetError
+    if the value of an attribute is not an array of vectors of three numbers.
+    """
+    if not prim.GetAttribute("velocities").HasAuthoredValue():
+        return None
+    for name in ("points", "velocities", "accelerations"):
+        read_array(prim, name, time, np.float64, (3,))
+    point_based = UsdGeom.PointBased(prim)
+    time = sample_time(time, point_based.GetPointsAttr())
+    return checked_array(point_based.ComputePointsAtTime(time, time), prim, "points", np.float64, (3,))
+
+
+def sample_time(time: Usd.TimeCode, attribute: Usd.Attribute) -> Usd.TimeCode:
+    """Return the time of an attribute's first sample for the earliest time, which USD cannot extrapolate from."""
+    samples = attribute.GetTimeSamples() if time.IsEarliestTime() else ()
+    return Usd.TimeCode(samples[0]) if samples else time
 
 
 def wrong_type(prim: Usd.Prim, name: str, value: object, required: str) -> AssetError:

@@ -22,7 +22,7 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.shape import Attribute, Shape
 from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines, starts_of
-from lookdev.asset.tubes import Rings, ribbons, tubes
+from lookdev.asset.tubes import Rings, group_ends, ribbons, tubes
 from lookdev.asset.usd.attributes import check_interpolation, checked_array, read_array, read_token
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
@@ -238,8 +238,7 @@ def _rings(
     chords = positions[after] - positions[before]
     is_slow = dot(slopes, slopes) <= dot(chords, chords) * (_COINCIDENT / (t[after] - t[before])[:, None]) ** 2
     directions = normalize_or(np.where(is_slow, chords, slopes), np.array([0.0, 0.0, 1.0]))
-    first = np.flatnonzero(np.diff(curves, prepend=-1))
-    last = np.append(first[1:], len(curves)) - 1
+    first, last = group_ends(curves)
     gaps = np.linalg.norm(positions[first] - positions[last], axis=1) / _path_lengths(positions, first)
     is_closed = (gaps < _COINCIDENT) & (np.abs(radii[first] - radii[last]) <= _COINCIDENT * radii[first])
     is_closed &= (directions[first] * directions[last]).sum(axis=1) > 0.0

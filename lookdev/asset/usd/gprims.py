@@ -10,6 +10,7 @@ from pxr import Usd
 
 from lookdev.arrays import Floats
 from lookdev.asset.shape import Shape
+from lookdev.asset.usd.attributes import points_from_velocities
 from lookdev.asset.usd.curves import curve_shape, point_shape
 from lookdev.asset.usd.mesh import mesh_shape
 from lookdev.asset.usd.primitives import (
@@ -23,8 +24,7 @@ from lookdev.asset.usd.primitives import (
 )
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.asset.usd.skinning import Skinning
-from lookdev.asset.usd.velocities import points_from_velocities
-from lookdev.asset.usd.walk import PlacedGprim
+from lookdev.asset.usd.walk import PlacedGprim, prototype_path
 from lookdev.errors import AssetError
 
 _CURVES = ("BasisCurves", "NurbsCurves")
@@ -86,7 +86,7 @@ class GprimReader:
             key = primitive_key(prim, self._time)
             shared_key, _ = self._shared.get(key, (key, 1.0))
             return (*shared_key, *((attribute.name, attribute.values.tobytes()) for attribute in attributes))
-        return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()), *skinning_key
+        return prototype_path(prim), *skinning_key
 
     def read(self, prim: Usd.Prim) -> Surface:
         """Return the surface of a gprim of a type in `GPRIMS`; raises AssetError if the gprim contradicts itself."""

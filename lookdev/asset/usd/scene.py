@@ -8,19 +8,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from lookdev.asset.faces import raise_all
 from lookdev.asset.finish import finish
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.shape import LARGEST, Attribute, Shape
 from lookdev.asset.store import make_asset
-from lookdev.asset.usd.bindings import bound_materials, dangling_bindings
 from lookdev.asset.usd.gprims import GPRIMS, GprimReader, Surface
 from lookdev.asset.usd.primvars import InheritedPrimvars, default_uv
-from lookdev.asset.usd.walk import PURPOSES, PlacedGprim, Walk, faulty_transform_path, is_affine
+from lookdev.asset.usd.walk import PURPOSES, PlacedGprim, Walk, faulty_transform_path, is_affine, prototype_path
 from lookdev.errors import AssetError, nearest_hint
-from lookdev.stage import Composed, units
+from lookdev.stage import Composed, binding_targets, units
 from lookdev.stage.units import Z_UP
 
 _SMALLEST, _LARGEST = 1e-6, 1e9  # the radii, in metres, of assets that renderers handle
@@ -163,8 +162,8 @@ class UsdScene:
                 used_parts[surface.shape] = tuple(np.unique(mesh.face_slots).tolist()) if surface.subsets else (0,)
             prim = surface.seen.prim
             parts += [prim.GetChild(surface.subsets[part - 1]) if part else prim for part in used_parts[surface.shape]]
-        materials = bound_materials(parts)
-        for name, path, prim in dangling_bindings(parts):
+        materials = _bound_materials(parts)
+        for name, path, prim in _dangling_bindings(parts):
             self._note(f"{name} names {path}, which is not a material", prim)
         numbers: dict[tuple[object, ...], int] = {}
         result: list[int] = []
@@ -172,7 +171,11 @@ class UsdScene:
         for surface in surfaces:
             count = len(used_parts[surface.shape])
             surface_materials = materials[first : first + count]
-            key = (surface.shape, surface.inherited.key, *(_prototype_path(material) for material in surface_materials))
+            key = (
+                surface.shape,
+                surface.inherited.key,
+                *(prototype_path(material) for material in surface_materials),
+            )
             if key not in numbers:
                 numbers[key] = len(self._meshes)
                 slots = [
@@ -243,11 +246,24 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
     return Usd.TimeCode(time)
 
 
-def _prototype_path(prim: Usd.Prim | None) -> str:
-    """Return the path of the prim in its prototype, the same for all instances; "" for None."""
-    if prim is None:
-        return ""
-    return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
+def _bound_materials(prims: Sequence[Usd.Prim]) -> list[Usd.Prim | None]:
+    """Return the bound material of each prim for final renders: that of purpose full, else that of all purposes."""
+    if not prims:
+        return []
+    materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(list(prims), UsdShade.Tokens.full)
+    return [material.GetPrim() if material else None for material in materials]
+
+
+def _dangling_bindings(prims: Sequence[Usd.Prim]) -> Iterator[tuple[str, Sdf.Path, Usd.Prim]]:
+    """Yield (name, target, prim) of each binding on the prims and their ancestors whose target is not a material."""
+    visited: set[Sdf.Path] = set()
+    for prim in prims:
+        while prim and prim.GetPath() not in visited:
+            visited.add(prim.GetPath())
+            for name, path in binding_targets(prim).items():
+                if not UsdShade.Material(prim.GetStage().GetPrimAtPath(path)):
+                    yield name, path, prim
+            prim = prim.GetParent()
 
 
 def _add_constant_attributes(mesh: Mesh, attributes: Mapping[str, Attribute]) -> Mesh:

@@ -20,6 +20,7 @@ from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.attributes import check_range, checked_array, read_array, read_matrix, read_texts, read_token
 from lookdev.asset.usd.blend_shapes import Offsets, blend_offsets
 from lookdev.asset.usd.skeleton import Pose, Skeletons
+from lookdev.asset.usd.walk import prototype_path
 from lookdev.errors import AssetError
 from lookdev.stage import relationship_targets
 
@@ -64,14 +65,10 @@ class _Binding:
 
 @dataclass(frozen=True, eq=False)
 class DeformedGprim:
-    """A deformed gprim: points (n, 3) in the stage's unit, which the transform of the prim `space` places.
-
-    Instances with equal keys have equal points.
-    """
+    """A deformed gprim: points (n, 3) in the stage's unit, which the transform of the prim `space` places."""
 
     points: Floats
     space: Usd.Prim
-    key: tuple[str, ...]
     _binding: _Binding
 
     def normals(self, normals: Attribute, face_points: Indices) -> Attribute | None:
@@ -124,7 +121,10 @@ class Skinning:
         return prim if binding is None else binding.space
 
     def key(self, prim: Usd.Prim) -> tuple[str, ...]:
-        """Return `DeformedGprim.key`, () for a gprim that is not deformed. Raises AssetError as `deform` does."""
+        """Return a key that is equal for gprims with equal deformations, () for one that is not deformed.
+
+        Raises AssetError as `deform` does.
+        """
         binding = self._binding(prim)
         return () if binding is None else binding.key
 
@@ -151,7 +151,7 @@ class Skinning:
             points = offset.offset_points(points)
         if binding.influences is not None:
             points = _skin_points(points, binding.influences, str(prim.GetPath()))
-        deformed = DeformedGprim(points, binding.space, binding.key, binding)
+        deformed = DeformedGprim(points, binding.space, binding)
         if rest is None:
             self._deformed[binding.key] = deformed
         return deformed
@@ -197,7 +197,7 @@ class Skinning:
             *([animation] if animation else []),
             *(item.GetPrim() for item in properties.values()),
         )
-        key = tuple(_prototype_path(dependency) for dependency in dependencies)
+        key = tuple(prototype_path(dependency) for dependency in dependencies)
         return _Binding(prim if influences is None else skeleton, key, influences, offsets)
 
 
@@ -273,8 +273,3 @@ def _inverse_transposes(matrices: Floats) -> Floats:
     cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-2)
     volumes = (x * cofactors[..., 0, :]).sum(axis=-1)[..., None, None]
     return np.asarray(cofactors / np.where(volumes == 0.0, 1.0, volumes))
-
-
-def _prototype_path(prim: Usd.Prim) -> str:
-    """Return the path of a prim in its prototype, the same for all instances."""
-    return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())

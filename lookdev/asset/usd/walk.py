@@ -13,8 +13,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 
 from lookdev.arrays import Bools, Floats
 from lookdev.asset.shape import LARGEST
-from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token
-from lookdev.asset.usd.velocities import sample_time
+from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token, sample_time
 from lookdev.errors import AssetError
 from lookdev.stage import error_words, quote, relationship_targets
 
@@ -75,6 +74,13 @@ def faulty_transform_path(prim: Usd.Prim, time: Usd.TimeCode) -> str:
             return path
         ancestor = ancestor.GetParent()
     return str(prim.GetPath())
+
+
+def prototype_path(prim: Usd.Prim | None) -> str:
+    """Return the path of a prim in its prototype, the same for all instances; "" for None."""
+    if prim is None:
+        return ""
+    return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
 
 
 class Walk:
