@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import TypeVar
@@ -66,7 +66,9 @@ def make_asset(
 def asset_digest(asset: Asset) -> str:
     """Return the SHA-256, in hexadecimal, over all arrays, placements, slots and names."""
     layouts, sizes = _layouts(asset.meshes)
-    digest = _hash_columns(_description(asset, layouts), (column for _, column in _columns(asset, sizes)))
+    digest = hashlib.sha256(json.dumps(_description(asset, layouts)).encode())
+    for _, column in _columns(asset, sizes):
+        digest.update(column.data)
     for number, mesh in enumerate(asset.meshes):
         if mesh.subdivision is not None:
             digest.update(f"cage {number}".encode())
@@ -150,13 +152,6 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
         number = numbers.setdefault(layout, len(numbers))
         rows.append((len(mesh.points), len(mesh.corner_points), len(mesh.face_sizes), number))
     return list(numbers), np.array(rows, np.int64).reshape(-1, 4)
-
-
-def _hash_columns(description: Mapping[str, object], columns: Iterable[Array]) -> hashlib._Hash:
-    digest = hashlib.sha256(json.dumps(description).encode())
-    for column in columns:
-        digest.update(column.data)
-    return digest
 
 
 def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, object]:

@@ -102,7 +102,8 @@ def build_cage(control: Control, rules: Subdivision) -> Cage:
     """
     count, tags, boundary = len(control.points), control.tags, rules.interpolate_boundary
     level, joints = connect(control.corners, control.sizes, count)
-    manifold = joints.manifold_points(level.ends)
+    manifold = joints.fans <= 1
+    manifold[level.ends[joints.twisted]] = False
     crease_sharpness = np.zeros(len(level.ends))
     crease_edges = _find_edges(level, tags.crease_edges)
     crease_sharpness[crease_edges[crease_edges >= 0]] = tags.crease_sharpness[crease_edges >= 0]

@@ -84,17 +84,11 @@ class Joints:
     """The connectivity of a cage's faces: which edges (e,) are twisted, and the number of fans (n,) around each point.
 
     A twisted edge has more than two faces, occurs twice in one face, or joins two faces of opposite winding; it is not
-    manifold. A manifold point has one fan.
+    manifold. A manifold point has one fan and no twisted edge.
     """
 
     twisted: Bools
     fans: Indices
-
-    def manifold_points(self, ends: Indices) -> Bools:
-        """Return which points (n,) have one fan and no twisted edge."""
-        manifold = self.fans <= 1
-        manifold[ends[self.twisted]] = False
-        return manifold
 
 
 def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Joints]:

@@ -119,9 +119,9 @@ def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[
     return allowed[allowed.index(value)]
 
 
-def read_texts(prim: Usd.Prim, name: str, time: Usd.TimeCode | None = None) -> tuple[str, ...]:
-    """Return the texts of an array attribute; raises AssetError if it has another type."""
-    value = prim.GetAttribute(name).Get(Usd.TimeCode.Default() if time is None else time)
+def read_texts(prim: Usd.Prim, name: str) -> tuple[str, ...]:
+    """Return the texts of an array attribute at the default time; raises AssetError if it has another type."""
+    value = prim.GetAttribute(name).Get()
     if value is None:
         return ()
     if not isinstance(value, (Vt.TokenArray, Vt.StringArray)):
