@@ -106,31 +106,28 @@ def refinement_levels(
         As `refine`.
     """
     cages = [i for i, mesh in enumerate(asset.meshes) if mesh.subdivision is not None]
-    desired = [0] * len(asset.meshes)
+    levels = np.zeros(len(asset.meshes), np.intp)
     sizes = _pixel_sizes(asset.meshes, asset.instances, pixel)
+    is_detailed = np.isin(np.arange(len(levels)), list(detailed))
+    longest_edges = np.where(is_detailed, DETAIL, np.inf)
+    finest_levels = np.where(is_detailed, FINEST_DETAIL, finest)
     refinable = [i for i in cages if 4 * len(asset.meshes[i].corner_points) <= corners]
     bare_cages = [replace(asset.meshes[i], uvs={}, primvars={}) for i in refinable]
-    for numbers, _ in batches(bare_cages, [1] * len(bare_cages)):
-        mesh_numbers = [refinable[i] for i in numbers]
-        longest_edges = np.array([DETAIL if i in detailed else np.inf for i in mesh_numbers])
-        finest_levels = np.array([FINEST_DETAIL if i in detailed else finest for i in mesh_numbers])
-        batch = [bare_cages[i] for i in numbers]
-        levels = _surface_levels(batch, sizes[mesh_numbers], longest_edges, finest_levels).tolist()
-        for i, level in zip(mesh_numbers, levels, strict=True):
-            desired[i] = level
-    unrefined = [i for i in refinable if desired[i] == 0 and asset.meshes[i].uvs]
+    for batch, _ in batches(bare_cages, [1] * len(bare_cages)):
+        numbers = np.array(refinable)[batch]
+        batch_cages = [bare_cages[i] for i in batch]
+        levels[numbers] = _surface_levels(batch_cages, sizes[numbers], longest_edges[numbers], finest_levels[numbers])
+    unrefined = [i for i in refinable if levels[i] == 0 and asset.meshes[i].uvs]
     textured_cages = [replace(asset.meshes[i], primvars={}) for i in unrefined]
-    for numbers, _ in batches(textured_cages, [1] * len(unrefined)):
-        mesh_numbers = [unrefined[i] for i in numbers]
-        levels = _texture_levels([textured_cages[i] for i in numbers], sizes[mesh_numbers], finest).tolist()
-        for i, level in zip(mesh_numbers, levels, strict=True):
-            desired[i] = level
-    for i in set(cages) - set(refinable):
-        desired[i] = min(1, finest)
-    levels = _limit_corners([len(mesh.corner_points) for mesh in asset.meshes], desired, corners)
-    reduced = [i for i in cages if levels[i] < desired[i]]
-    notes = (_reduction_note(asset.meshes, reduced, desired, levels, corners),) if reduced else ()
-    return Refinement(tuple(levels), notes)
+    for batch, _ in batches(textured_cages, [1] * len(unrefined)):
+        numbers = np.array(unrefined)[batch]
+        levels[numbers] = _texture_levels([textured_cages[i] for i in batch], sizes[numbers], finest)
+    levels[list(set(cages) - set(refinable))] = min(1, finest)
+    desired = levels.tolist()
+    limited = _limit_corners([len(mesh.corner_points) for mesh in asset.meshes], desired, corners)
+    reduced = [i for i in cages if limited[i] < desired[i]]
+    notes = (_reduction_note(asset.meshes, reduced, desired, limited, corners),) if reduced else ()
+    return Refinement(tuple(limited), notes)
 
 
 def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: PixelSize) -> Floats:
