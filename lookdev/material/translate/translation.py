@@ -12,7 +12,6 @@ from typing import Any
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.vectors import Parameters
 from lookdev.material import Input
-from lookdev.mtlx import library_inputs
 
 _NORMALS = {"Tworld": (1.0, 0.0, 0.0)}
 """The default of an input by the geometric property that it has; of others, the shading normal."""
@@ -81,6 +80,8 @@ class Translation:
         of tangent, bitangent and shading normal. Tangents are not read.
         """
         definition = self.identifier if self.identifier.startswith("ND_") else f"ND_{self.identifier}_surfaceshader"
+        from lookdev.mtlx import library_inputs  # not at the top: it imports USD, and a job's worker starts first
+
         ports = library_inputs(self.library, definition)
         return {name: _read_parameter(name, port) for name, port in ports.items()} | dict(self.changed)
 
