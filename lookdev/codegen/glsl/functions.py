@@ -7,18 +7,19 @@ give more. `pow` and `atan` are undefined for some arguments for which NumPy has
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import Table
+from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
 from lookdev.codegen.points import PointLayer, point_bsdf
 from lookdev.codegen.program.written import ProgramWriter
-from lookdev.codegen.source import Operation
+from lookdev.codegen.source import Operation, ProgramSource
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -69,38 +70,16 @@ float look_up(highp sampler2D table, float cell) {
 """
 """The functions that generated code calls; this text precedes it, once."""
 
-_CODE: Mapping[str, str] = {
-    "add": "{} + {}",
-    "subtract": "{} - {}",
-    "multiply": "{} * {}",
-    "divide": "{} / {}",
-    "negative": "-{}",
+_CODE = {operation: strip_parentheses(code) for operation, code in CODE.items()} | {
     "absolute": "abs({})",
-    "sqrt": "sqrt({})",
-    "exp": "exp({})",
     "expm1": "look_expm1({})",
-    "log": "log({})",
     "sin": "look_sin({})",
     "cos": "look_cos({})",
     "tan": "look_tan({})",
     "arctan2": "look_atan2({}, {})",
-    "floor": "floor({})",
     "power": "look_power({}, {})",
-    "maximum": "max({}, {})",
-    "minimum": "min({}, {})",
-    "greater": "{} > {}",
-    "greater_equal": "{} >= {}",
-    "less": "{} < {}",
-    "less_equal": "{} <= {}",
-    "equal": "{} == {}",
-    "logical_and": "{} && {}",
-    "logical_or": "{} || {}",
-    "logical_not": "!{}",
-    "where": "{} ? {} : {}",
 }
-_TRUTHS = {
-    "greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not", "truth",
-}  # fmt: skip
+_TRUTHS = BOOLEAN | {"truth"}
 _LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -137,26 +116,19 @@ def point_functions(layers: Sequence[PointLayer]) -> Functions:
     direction = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
     for name, result in {"f": value, "pdf": pdf, "wi": direction}.items():
         writer.add(name, elements_of(result))
-    evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)", ("f", "pdf"))
-    draw = function_text(writer, "look_draw(out vec3 wi)", ("wi",))
+    evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)")
+    draw = function_text(writer, "look_draw(out vec3 wi)")
     transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
     text = "\n".join([*evaluate, *draw]) + "\n"
     return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)
 
 
-class Program(Protocol):
-    """Operations in order, the numbers of their outputs, and the numbers of uniforms, which are written as literals."""
+def function_text(program: ProgramWriter | ProgramSource, head: str) -> list[str]:
+    """Return the lines of a function whose head has outputs of the program, of 1 or 3 numbers.
 
-    @property
-    def operations(self) -> Sequence[Operation]: ...
-    @property
-    def outputs(self) -> Mapping[str, tuple[int, ...]]: ...
-    @property
-    def constants(self) -> Sequence[float]: ...
-
-
-def function_text(program: Program, head: str, outputs: Sequence[str]) -> list[str]:
-    """Return the lines of a function that sets outputs: each is a parameter of the same name, of 1 or 3 numbers."""
+    Uniforms of the program are written as literals.
+    """
+    outputs = re.findall(r"out \w+ (\w+)", head)
     needed: set[int] = set()
     pending = [number for name in outputs for number in program.outputs[name]]
     while pending:
@@ -168,7 +140,7 @@ def function_text(program: Program, head: str, outputs: Sequence[str]) -> list[s
     lines = [f"void {head} {{"]
     for number in sorted(needed):
         operation = program.operations[number]
-        code = _operation_code(operation, names, program)
+        code = _operation_code(operation, names, program.constants)
         if operation.op in _TRUTHS or (operation.op == "where" and operation.operands[1] in boolean_numbers):
             boolean_numbers.add(number)
         if operation.operands:
@@ -178,20 +150,19 @@ def function_text(program: Program, head: str, outputs: Sequence[str]) -> list[s
             names[number] = code
     for name in outputs:
         values = [names[number] for number in program.outputs[name]]
-        lines.append(
-            f"    {name} = {f'vec3({values[0]}, {values[1]}, {values[2]})' if len(values) == 3 else values[0]};"
-        )
+        code = f"vec3({', '.join(values)})" if len(values) == 3 else values[0]
+        lines.append(f"    {name} = {code};")
     return [*lines, "}"]
 
 
-def _operation_code(operation: Operation, names: Mapping[int, str], program: Program) -> str:
+def _operation_code(operation: Operation, names: Mapping[int, str], constants: Sequence[float]) -> str:
     match operation.op:
         case "constant":
             return _literal(operation.value)
         case "truth":
             return "true" if operation.value else "false"
         case "uniform":
-            return _literal(program.constants[operation.place])
+            return _literal(constants[operation.place])
         case "symbol":
             return operation.name
         case "look_up":

@@ -107,19 +107,16 @@ def look_functions(
         lines += [f"vec3 {look_up.name}; float {look_up.name}_a;"]
         lines += [f"uniform highp sampler2D {_sampler(look_up, tile)};" for tile in look_up.files]
     lines += ["void look_read() {", *(f"    {line}" for look_up in program.look_ups for line in _read(look_up)), "}"]
-    frame = "tangent", "bitangent", "normal", "facet"
-    lines += function_text(program, f"look_frame({', '.join(f'out vec3 {name}' for name in frame)})", frame)
-    parts = "value", "pdf", *["diffuse"] * split
-    head = ", ".join(f"out {'float' if name == 'pdf' else 'vec3'} {name}" for name in parts)
-    lines += function_text(program, f"look_evaluate({head})", parts)
-    lines += function_text(program, "look_draw(out vec3 wi)", ("wi",))
+    frame = "out vec3 tangent, out vec3 bitangent, out vec3 normal, out vec3 facet"
+    lines += function_text(program, f"look_frame({frame})")
+    lines += function_text(program, f"look_evaluate(out vec3 value, out float pdf{', out vec3 diffuse' * split})")
+    lines += function_text(program, "look_draw(out vec3 wi)")
     for number in range(program.deltas):
         delta = program.outputs[f"delta{number}"]  # direction, factor, group
         delta_program = replace(program, outputs={"direction": delta[:3], "factor": delta[3:6]})
-        head = f"look_delta{number}(out vec3 direction, out vec3 factor)"
-        lines += function_text(delta_program, head, ("direction", "factor"))
+        lines += function_text(delta_program, f"look_delta{number}(out vec3 direction, out vec3 factor)")
     if program.see_through:
-        lines += function_text(program, "look_presence(out float presence)", ("presence",))
+        lines += function_text(program, "look_presence(out float presence)")
     text = "\n".join(lines) + "\n"
     return LookFunctions(
         text,

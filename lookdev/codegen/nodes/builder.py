@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import TypeAlias, TypeGuard
 
 import numpy as np
@@ -186,10 +187,7 @@ class TreeBuilder:
                 else:
                     vectors.append(operand)
         if unbound:
-            missing, bound = (
-                ", ".join(sorted(unbound)),
-                ", ".join(sorted({name for key in self._bound for name in key})),
-            )
+            missing, bound = (", ".join(sorted(names)) for names in (unbound, {*chain(*self._bound)}))
             raise CodegenError(f"nodes of {self.name} read unbound symbols: {missing}; bound: {bound or 'none'}")
 
     def _is_bound(self, term: Term) -> bool:

@@ -76,9 +76,8 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     ]
     directed = depends_on_tangent(graph, lobes)
     attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
-    frame = add_frame(builder)
-    for name, link in (("t", frame.tangent), ("b", frame.bitangent), ("n", frame.normal)):
-        builder.bind([f"{name}_{axis}" for axis in "xyz"], link)
+    for name, link in add_frame(builder).items():
+        builder.bind([f"{name[0]}_{axis}" for axis in "xyz"], link)
     geometry = builder.add("NewGeometry")
     builder.bind([f"facet_{axis}" for axis in "xyz"], Link(geometry, "True Normal"))
     builder.bind([f"place_{axis}" for axis in "xyz"], Link(geometry, "Position"))

@@ -27,7 +27,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lookdev.codegen.osl.rig import read_sections, rig_sections
+from lookdev.codegen.osl.rig import rig_sections
+from lookdev.codegen.templates import read_sections
 from lookdev.errors import CodegenError
 from lookdev.light import LIGHT_KINDS, Light, coded
 from lookdev.light.lamps import CodedRig

@@ -6,69 +6,57 @@ reference renderer evaluates.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import fields
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from importlib.resources import files
-from importlib.resources.abc import Traversable
-from typing import TypeAlias, cast
+from itertools import chain
+from typing import TypeAlias
 
 import numpy as np
 
-from lookdev.arrays import Floats
 from lookdev.codegen.osl.block import Block
-from lookdev.codegen.trace.graph import Graph, Scalar
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+from lookdev.codegen.program.lamps import BEAM, FALLOFF, TINT, LampSymbols, trace_lamp, trace_parts, trace_shadow
+from lookdev.codegen.templates import SHADERS, expand_template, read_sections
+from lookdev.codegen.trace.graph import Scalar
+from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.light.base import Light
-from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
-from lookdev.light.lamps import SHAPES, CodedRig, weight
-from lookdev.light.picture import CELL_SEGMENTS
-from lookdev.light.plane import meet_plane, seen_part, towards_plane
-from lookdev.light.shape import Shape
-from lookdev.light.spherical_rectangle import Point, density, draw
+from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis
+from lookdev.light.lamps import SHAPES, CodedRig
 
 Lines: TypeAlias = tuple[str, ...]
 
-_BEAM = ("cone", "start", "rise", "focus")
-_FALL = ("virtual", "power", "fade", "fade_rise")
-_SHADOW = ("shadow", "limit", "zone", "gamma")
-
-
+_FIELD = "lamps[at + LAMP_{}]"
+_ROW = "float lamps[], int at"
 _MEET = "vector p, vector w, output float distance, output float pdf"
 _DRAW = "vector p, float u1, float u2, output vector w, output float distance, output float pdf"
+_SHAPE_HEADS = {
+    "meet": f"void KIND_meet(float lamps[], float tables[], int at, {_MEET})",
+    "draw": f"void KIND_draw(float lamps[], float tables[], int at, {_DRAW})",
+}
+# s, t and the size are fractions of the rectangle's sides.
+_PART = "float part_s, float part_t, float size"
+_PART_HEADS = {
+    "angle": f"float rect_part_angle({_ROW}, vector p, {_PART})",
+    "place": f"void rect_place({_ROW}, vector p, vector w, output float distance, output float s, output float t)",
+    "density": f"float rect_part_density({_ROW}, vector p, vector w, {_PART})",
+    "part": f"void rect_part_draw({_ROW}, {_DRAW.replace('vector p,', f'vector p, {_PART},')})",
+}
 _SAMPLES = ("    int samples = int(control[2]);",)
 # The number is a power of two, the samples, times 1 plus half the element's turn (`cycles.scene`).
 _SAMPLES_AND_TURN = ("    int samples = 1 << int(floor(log2(control[2]) + 0.01));",)
 
 
-def read_sections(osl: Traversable) -> dict[str, list[str]]:
-    """Return the lines of a file by section; a section begins with ``//@ section NAME``."""
-    sections: dict[str, list[str]] = {}
-    lines: list[str] = []
-    for line in osl.read_text(encoding="utf-8").splitlines():
-        if line.startswith("//@ section "):
-            lines = sections.setdefault(line.removeprefix("//@ section ").strip(), [])
-        else:
-            lines.append(line)
-    return sections
-
-
 def rig_sections(rig: CodedRig) -> dict[str, list[str]]:
     """Return the lines of each section of several lights, by the section's name in templates."""
-    shaders = files("lookdev") / "shaders"
-    sections = read_sections(shaders / "rig.osl.h")
+    sections = read_sections(SHADERS / "rig.osl.h")
     kinds = {_dome_kind(light) for light in rig.domes}
     expanded = {
         name: [part_line for line in sections[name] for part_line in _expand_line(rig, sections, line)]
         for name in ("macros", "parameters", "setup", "seen", "sample", "arrive")
     }
-    functions = read_sections(shaders / "dome.osl.h")["functions"] if kinds - {"constant_dome"} else []
-    generated = {
-        "//@ shape_functions": lambda: _shapes(rig),
-        "//@ lamp_functions": lambda: _lamp_functions(rig),
-    }
-    for line in (shaders / "rig.h").read_text(encoding="utf-8").splitlines():
-        functions += generated[line]() if line in generated else [line]
+    functions = read_sections(SHADERS / "dome.osl.h")["functions"] if kinds - {"constant_dome"} else []
+    generated = {"shape_functions": [*_shapes(rig)], "lamp_functions": [*_lamp_functions(rig)]}
+    functions += expand_template("rig.h", generated).splitlines()
     return {
         "constants": ["#define RIG 1"],
         "samples": list(_SAMPLES_AND_TURN if rig.still else _SAMPLES),
@@ -118,27 +106,22 @@ def _shapes(rig: CodedRig) -> Iterator[str]:
     beam, falloff, shadow = _control_functions()
     yield from (*beam * rig.shaped, *falloff * rig.falling, *shadow * rig.shadowed)
     for kind in rig.kinds:
-        yield from _picture_functions() if kind == "picture" else _shape_functions(kind)
-        yield from _weight_function(kind, rig.shaped, rig.falling and kind != "distant")
+        yield from _kind_functions(kind, rig.shaped, rig.falling)
 
 
 @cache
 def _control_functions() -> tuple[Lines, Lines, Lines]:
     """Return the functions of a beam, of a falloff, and of a shadow."""
-    trace = _Tracer()
-    direction, distance = trace.vector("w"), symbol(trace.graph, "distance")
-    tint = trace.stack_fields("tint0", "tint1", "tint2")
-    cone, start, rise, focus = trace.fields(*_BEAM)
-    within = cone_factor(off_axis(direction), cone, start, rise)
+    row = LampSymbols(_FIELD)
+    direction, tint = row.vector("w"), row.fields(*TINT)
+    *cone, focus = row.fields(*BEAM)
+    within = cone_factor(off_axis(direction), *cone)
     beam = np.expand_dims(within, -1) * focus_factor(direction[..., 2], focus, tint)
-    factor = falloff_factor(distance, *trace.fields(*_FALL))
-    colour = trace.stack_fields("shadow0", "shadow1", "shadow2")
-    enable, limit, zone, gamma = trace.fields(*_SHADOW)
-    share = shadow_passed(distance, enable, limit, zone, gamma, colour)
+    falloff = falloff_factor(*row.numbers("distance"), *row.fields(*FALLOFF))
     return (
-        trace.function("color lamp_beam(float lamps[], int at, vector w)", {}, beam),
-        trace.function("float lamp_falloff(float lamps[], int at, float distance)", {}, factor),
-        trace.function("color lamp_passed(float lamps[], int at, float distance)", {}, share),
+        _function(f"color lamp_beam({_ROW}, vector w)", elements_of(beam)),
+        _function(f"float lamp_falloff({_ROW}, float distance)", elements_of(falloff)),
+        _function(f"color lamp_passed({_ROW}, float distance)", trace_shadow(_FIELD)["passed"]()),
     )
 
 
@@ -151,63 +134,13 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
 
 
 @cache
-def _shape_functions(kind: str) -> Lines:
-    trace = _Tracer()
-    shape = trace.shape(kind)
-    p, w = trace.vector("p"), trace.vector("w")
-    outputs_of_meet = {"distance": shape.distance(p, w), "pdf": shape.pdf(p, w)}
-    meet = trace.function(f"void {kind}_meet(float lamps[], float tables[], int at, {_MEET})", outputs_of_meet)
-    direction = shape.sample(p, trace.numbers("u1", "u2"))
-    outputs = {f"w[{i}]": direction[..., i] for i in range(3)}
-    outputs |= {"distance": shape.distance(p, direction), "pdf": shape.pdf(p, direction)}
-    return meet + trace.function(f"void {kind}_draw(float lamps[], float tables[], int at, {_DRAW})", outputs)
-
-
-@cache
-def _weight_function(kind: str, shaped: bool, falling: bool) -> Lines:
-    trace = _Tracer()
-    beam = fall = None
-    if shaped:
-        tint = trace.fields("tint0", "tint1", "tint2")
-        beam = (*trace.fields(*_BEAM), (tint[0] + tint[1] + tint[2]) / 3.0)
-    if falling:
-        fall = trace.fields(*_FALL)
-    (bright,) = trace.fields("mean")
-    estimate = bright * weight(trace.shape(kind), beam, fall, trace.vector("p"), trace.vector("n"))
-    return trace.function(f"float {kind}_weight(float lamps[], int at, vector p, vector n)", {}, estimate)
-
-
-@cache
-def _picture_functions() -> Lines:
-    """Return functions of a part of a rectangle: from s, t on, of a size in both (`lookdev.light.picture`).
-
-    s, t and the size are fractions of the rectangle's sides.
-    """
-    trace = _Tracer()
-    width, height = trace.fields("a", "b")
-    p, w = trace.vector("p"), trace.vector("w")
-    s, t, size = (trace.number(name) for name in ("part_s", "part_t", "size"))
-    size_parameters = "float part_s, float part_t, float size"
-    angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
-    functions = trace.function(f"float rect_part_angle(float lamps[], int at, vector p, {size_parameters})", {}, angle)
-    distance, point = meet_plane(p, w, width, height)
-    places = {"distance": distance, "s": point.s, "t": point.t}
-    head = "vector p, vector w, output float distance, output float s, output float t"
-    functions += trace.function(f"void rect_place(float lamps[], int at, {head})", places)
-    part_seen = seen_part(p, width, height, s, t, size)
-
-    def pdf(point: Point) -> Floats:
-        within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
-        value: Floats = density(part_seen, Point(within[0], within[1], point.x, point.y))
-        return value
-
-    head = f"vector p, vector w, {size_parameters}"
-    functions += trace.function(f"float rect_part_density(float lamps[], int at, {head})", {}, pdf(point))
-    direction = towards_plane(p, draw(part_seen, trace.numbers("u1", "u2")))
-    distance, point = meet_plane(p, direction, width, height)
-    outputs = {**{f"w[{i}]": direction[..., i] for i in range(3)}, "distance": distance, "pdf": pdf(point)}
-    head = f"vector p, {size_parameters}, float u1, float u2, output vector w, output float distance, output float pdf"
-    return functions + trace.function(f"void rect_part_draw(float lamps[], int at, {head})", outputs)
+def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
+    """Return the functions of a kind of lamp; for pictures, of a part of a rectangle."""
+    lamp = trace_lamp(kind, shaped=shaped, falling=falling, field=_FIELD)
+    traced, heads = (trace_parts(_FIELD), _PART_HEADS) if kind == "picture" else (lamp, _SHAPE_HEADS)
+    functions = [_function(head.replace("KIND", kind), traced[name]()) for name, head in heads.items()]
+    functions.append(_function(f"float {kind}_weight({_ROW}, vector p, vector n)", lamp["weight"]()))
+    return tuple(chain(*functions))
 
 
 def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: bool = False) -> Iterator[str]:
@@ -226,41 +159,16 @@ def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: boo
     yield "}"
 
 
-class _Tracer:
-    """A graph whose symbols are fields of a lamp's row, or arguments of a function."""
-
-    def __init__(self) -> None:
-        self.graph = Graph()
-
-    def vector(self, name: str) -> Floats:
-        return self.numbers(*(f"{name}[{i}]" for i in range(3)))
-
-    def numbers(self, *names: str) -> Floats:
-        return cast("Floats", symbols(self.graph, names))  # the functions of lights run on symbols, too
-
-    def number(self, name: str) -> Floats:
-        return cast("Floats", symbol(self.graph, name))
-
-    def shape(self, kind: str) -> Shape:
-        shape: Shape = SHAPES[kind](*self.fields(*("a", "b")[: len(fields(SHAPES[kind]))]))
-        return shape
-
-    def fields(self, *names: str) -> tuple[Floats, ...]:
-        return tuple(self.number(f"lamps[at + LAMP_{name}]") for name in names)
-
-    def stack_fields(self, *names: str) -> Floats:
-        return self.numbers(*(f"lamps[at + LAMP_{name}]" for name in names))
-
-    def function(self, head: str, outputs: Mapping[str, Floats], returned: Floats | None = None) -> Lines:
-        """Return the lines of a function that sets outputs, and returns a number or a colour if `returned` is set."""
-        block = Block("v", indent=1)
-        values: dict[str, Scalar] = {name: elements_of(value)[0] for name, value in outputs.items()}
-        result = [] if returned is None else elements_of(returned)
-        block.prepare([*values.values(), *result])
-        codes = {name: block.name(value) for name, value in values.items()}
-        final = [block.expression(value) for value in result]
-        for name, code in codes.items():
+def _function(head: str, values: Sequence[Scalar]) -> Lines:
+    """Return the lines of a function that sets the outputs in its head to values, or returns them if it has none."""
+    components = {"float": ("",), "vector": ("[0]", "[1]", "[2]")}
+    outputs = [name + part for kind, name in re.findall(r"output (\w+) (\w+)", head) for part in components[kind]]
+    block = Block("v", indent=1)
+    block.prepare(values)
+    codes = [block.name(value) if outputs else block.expression(value) for value in values]
+    if outputs:
+        for name, code in zip(outputs, codes, strict=True):
             block.write(f"{name} = {code};")
-        if final:
-            block.write(f"return {final[0]};" if len(final) == 1 else f"return color({', '.join(final)});")
-        return head, "{", *block.lines, "}", ""
+    else:
+        block.write(f"return {codes[0]};" if len(codes) == 1 else f"return color({', '.join(codes)});")
+    return head, "{", *block.lines, "}", ""

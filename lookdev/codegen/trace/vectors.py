@@ -79,7 +79,7 @@ def _summands(value: Scalar) -> Triple | None:
 
 def is_inverse_root(value: Scalar) -> TypeGuard[Node]:
     """Return whether a value is ``1 / sqrt(x)``."""
-    if not isinstance(value, Node) or value.op != "divide":
-        return False
-    numerator, root = value.args
-    return not isinstance(numerator, Node) and numerator == 1.0 and isinstance(root, Node) and root.op == "sqrt"
+    match value:
+        case Node(op="divide", args=(1.0, Node(op="sqrt"))):
+            return True
+    return False
