@@ -25,7 +25,7 @@ from lookdev.arrays import Floats32, Indices, Ints32
 from lookdev.asset import Asset, read_asset
 from lookdev.asset.bounds import center_asset
 from lookdev.asset.normals import face_starts
-from lookdev.codegen import PrincipledSource
+from lookdev.codegen.source import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
 from lookdev.lifetime import end_with_parent
 from lookdev.light import native_images

@@ -23,9 +23,9 @@ from lookdev.bench.looks import LOOKS
 from lookdev.bench.matrix import IBLS, SCENES, Cell, Options
 from lookdev.bench.results import Machine, machine_line, this_machine
 from lookdev.cache import atomic_path
-from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.scene import Sampling

@@ -20,7 +20,7 @@ from pathlib import Path
 from lookdev.bench.document import check_document, markdown, write_section
 from lookdev.bench.results import Machine, machine_line, this_machine
 from lookdev.cache import atomic_path
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError
 from lookdev.export.examples import copy_example
 from lookdev.plan.prepare import prepare_job

@@ -13,7 +13,7 @@ from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.triangles import triangulate
 from lookdev.cache import atomic_path
-from lookdev.codegen import ProgramSource
+from lookdev.codegen.source import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError, OutputError
 from lookdev.job.parts import JobLook
 from lookdev.light import Light, called

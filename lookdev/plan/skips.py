@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lookdev.codegen import NodeSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen.source import NodeSource, ProgramSource, ShaderSource, Source
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaf_sources
 from lookdev.rendering.task import SceneTask
