@@ -92,8 +92,8 @@ def point_cells(layers: Sequence[PointLayer]) -> int:
 
 def _layer_columns(number: int, layer: PointLayer) -> dict[str, list[str]]:
     """Return the columns of the numbers of a layer that are read, by the numbers' names."""
-    shapes = {name: shape for name, shape in layer.shapes().items() if name not in layer.constants}
-    names = {name: f"layer{number}_{name}" for name in shapes}
     return {
-        name: [f"{names[name]}_{i}" for i in range(3)] if shape else [names[name]] for name, shape in shapes.items()
+        name: [f"layer{number}_{name}_{i}" for i in range(3)] if shape else [f"layer{number}_{name}"]
+        for name, shape in layer.shapes().items()
+        if name not in layer.constants
     }

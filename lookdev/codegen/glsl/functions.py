@@ -9,20 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.arrays import Floats32
-from lookdev.brdf.mixture import Mixture
-from lookdev.brdf.table import Table
 from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
-from lookdev.codegen.points import PointLayer, point_bsdf
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import Operation, ProgramSource
-from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
 TABLE_WIDTH = 2048
@@ -83,46 +75,6 @@ _TRUTHS = BOOLEAN | {"truth"}
 _LARGEST = float(np.finfo(np.float32).max)
 
 
-@dataclass(frozen=True)
-class Functions:
-    """The text of functions, the symbols that it reads as variables of the same names, and its tables.
-
-    ``void look_evaluate(out vec3 f, out float pdf)`` sets the BSDF times the cosine, and the density, for light along
-    ``wi_x wi_y wi_z``. ``void look_draw(out vec3 wi)`` draws a direction by ``u1 u2``. Both read ``wo_x wo_y wo_z``,
-    above the horizon. Table `k` is a ``sampler2D look_table<k>`` with rows of `TABLE_WIDTH` numbers.
-    """
-
-    text: str
-    symbols: frozenset[str]
-    tables: tuple[Table, ...]
-    two_sided: bool
-    transmits: bool
-
-
-def point_functions(layers: Sequence[PointLayer]) -> Functions:
-    """Return the functions of a stack of layers, whose inputs are symbols named by `point_columns`.
-
-    Raises
-    ------
-    CodegenError
-        The stack scatters along single directions.
-    """
-    graph = Graph()
-    bsdf = point_bsdf(graph, layers)
-    lobes = present_lobes(graph, bsdf)
-    mixture, writer = Mixture(lobes, symbols(graph, WO)), ProgramWriter()
-    assume_positive(graph, mixture.wo[..., 2])
-    value, pdf = mixture.response(symbols(graph, WI))
-    direction = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
-    for name, result in {"f": value, "pdf": pdf, "wi": direction}.items():
-        writer.add(name, elements_of(result))
-    evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)")
-    draw = function_text(writer, "look_draw(out vec3 wi)")
-    transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
-    text = "\n".join([*evaluate, *draw]) + "\n"
-    return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)
-
-
 def function_text(program: ProgramWriter | ProgramSource, head: str) -> list[str]:
     """Return the lines of a function whose head has outputs of the program, of 1 or 3 numbers.
 
@@ -179,11 +131,3 @@ def _literal(value: float) -> str:
         raise CodegenError(f"a constant folded to {value:g}, which no float32 has; the model leaves its domain")
     text = repr(float(value))
     return f"({text})" if value < 0.0 else text
-
-
-def table_texels(table: Table) -> Floats32:
-    """Return the texture of a table, (rows, `TABLE_WIDTH`)."""
-    numbers = np.asarray(table.values, np.float32).ravel()
-    texels = np.zeros((-(-len(numbers) // TABLE_WIDTH), TABLE_WIDTH), np.float32)
-    texels.ravel()[: len(numbers)] = numbers
-    return texels

@@ -69,7 +69,8 @@ class LookFunctions:
         One of `deltas` functions, which scatter along single directions: z of a direction is 0 where there is none.
 
     `numbers` are the uniforms, one ``float`` or ``vec3`` each, and their values. A look-up reads ``sampler2D
-    look_<name>``, or ``look_<name>_<tile>`` for UDIM tiles, RGBA32F. A table is ``look_table<k>``, as in `Functions`.
+    look_<name>``, or ``look_<name>_<tile>`` for UDIM tiles, RGBA32F. Table `k` is ``sampler2D look_table<k>``, R32F, in
+    rows of `functions.TABLE_WIDTH` numbers.
     """
 
     text: str

@@ -217,8 +217,7 @@ class TreeBuilder:
             return _vector_math("DOT_PRODUCT", [_term(factor) for factor in dot], "Value")
         operation, *operands = match_operation(node, self._links)
         if operation == "MIX":
-            a, b, factor = operands
-            return _mix("Float", a, b, factor)
+            return _mix("Float", *operands)
         return _Recipe("Math", dict(zip(_SOCKETS, operands, strict=False)), "Value", {"operation": operation})
 
     def _vector_recipe(self, triple: Triple) -> _Recipe:

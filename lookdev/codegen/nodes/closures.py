@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -30,7 +30,8 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
     `frame` has tangent, bitangent and normal in world space, (3, 3). Its symbols, and those of `WO`, are bound in the
     tree. Return the output of the closures' sum, None without closures, and whether light passes through.
     """
-    closures = _merge(_trace_closures(graph, bsdf))
+    lobes = present_lobes(graph, bsdf)
+    closures = _merge((closure, lobe.name) for lobe in lobes for closure in lobe_closures(lobe, symbols(graph, WO)))
     vectors = [
         vector
         for closure, _ in closures
@@ -66,12 +67,6 @@ def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -
         return shader
     amount = builder.vector(elements_of(absence) * 3)
     return add_shaders(builder, shader, Link(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
-
-
-def _trace_closures(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
-    """Yield the closures of the lobes that are present at some points, each with its lobe's name."""
-    for lobe in present_lobes(graph, bsdf):
-        yield from ((closure, lobe.name) for closure in lobe_closures(lobe, symbols(graph, WO)))
 
 
 def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:

@@ -54,16 +54,12 @@ def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding
 
 def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
     """Add the node of an attribute, and bind the symbols of its components."""
-    name = binding.parameter
-    components = [f"{name}[{i}]" for i in range(3)]
     if binding.kind == "uv":
+        components = [f"{binding.parameter}[{i}]" for i in range(3)]
         builder.bind(components, Link(builder.add("UVMap", {"uv_map": binding.stored}), "UV"))
         return
     node = builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": binding.stored})
-    if binding.kind == "float":
-        builder.bind([name], Link(node, "Fac"))
-    else:
-        builder.bind(components, Link(node, "Vector"))
+    builder.bind(binding.symbols, Link(node, "Fac" if binding.kind == "float" else "Vector"))
 
 
 def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, label: str) -> None:

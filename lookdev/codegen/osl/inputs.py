@@ -17,22 +17,18 @@ class Names:
     """Names of look-ups and constants in a shader, numbered in the order in which the text first reads them.
 
     `given` are the names ``texture0``, ``texture1``, ... by look-up. Constants of the look are ``look_0``, ``look_1``,
-    ...; `constants` are their values.
+    ...; `constants` are their names by value.
     """
 
     inputs: Inputs
     given: dict[str, str] = field(default_factory=dict)
-    constants: list[float] = field(default_factory=list)
-    _numbers: dict[float, str] = field(default_factory=dict)
+    constants: dict[float, str] = field(default_factory=dict)
 
     def spell(self, symbol: str | Uniform) -> str:
         """Return the text of a symbol or of a uniform."""
         if isinstance(symbol, Uniform):
-            if symbol not in self._numbers:
-                self._numbers[symbol] = f"look_{len(self.constants)}"
-                literal(symbol)  # raises if it is not finite
-                self.constants.append(float(symbol))
-            return self._numbers[symbol]
+            literal(symbol)  # raises if it is not finite
+            return self.constants.setdefault(float(symbol), f"look_{len(self.constants)}")
         source = self.inputs.look_up_of(symbol)
         if source is None:
             return symbol
