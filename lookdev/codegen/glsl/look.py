@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import function_text
 from lookdev.codegen.program.look import Live, generate_program, live_numbers
-from lookdev.codegen.source import AttributeBinding, ImageBinding
+from lookdev.codegen.source import ImageBinding, ProgramSource
 from lookdev.material import Bump, Look, Texture
 
 _TYPES = {"uv": "vec2", "float": "float", "color": "vec3", "vector": "vec3"}
@@ -75,12 +74,7 @@ class LookFunctions:
 
     text: str
     numbers: Mapping[str, tuple[float, ...]]
-    look_ups: tuple[ImageBinding, ...]
-    attributes: tuple[AttributeBinding, ...]
-    tables: tuple[Content, ...]
-    transmits: bool
-    see_through: bool
-    deltas: int = 0
+    program: ProgramSource
 
 
 def look_functions(
@@ -118,17 +112,7 @@ def look_functions(
         lines += function_text(delta_program, f"look_delta{number}(out vec3 direction, out vec3 factor)")
     if program.see_through:
         lines += function_text(program, "look_presence(out float presence)")
-    text = "\n".join(lines) + "\n"
-    return LookFunctions(
-        text,
-        numbers,
-        program.look_ups,
-        program.attributes,
-        program.tables,
-        program.transmits,
-        program.see_through,
-        program.deltas,
-    )
+    return LookFunctions("\n".join(lines) + "\n", numbers, program)
 
 
 def _sampler(look_up: ImageBinding, tile: int) -> str:
