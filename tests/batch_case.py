@@ -12,7 +12,7 @@ from pathlib import Path
 
 from lookdev.asset import load_asset
 from lookdev.cache import Content
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.job import Job, parse_job
 from lookdev.lifetime import end_at_signals
 from lookdev.light import Dome

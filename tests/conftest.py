@@ -10,7 +10,7 @@ import pytest
 
 from lookdev.asset import load_asset
 from lookdev.cache import Content, take_notes
-from lookdev.codegen import (
+from lookdev.codegen.source import (
     AttributeBinding,
     GroupSocket,
     Link,

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from lookdev.asset import Asset, load_asset
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.light import Light
 from lookdev.material import Layer, Look
 from lookdev.rendering.results import Rendered

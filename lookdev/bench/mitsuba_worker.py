@@ -22,7 +22,7 @@ import numpy as np
 from lookdev.arrays import Floats32
 from lookdev.asset import Asset, read_asset
 from lookdev.asset.triangles import triangulate
-from lookdev.codegen import PrincipledSource
+from lookdev.codegen.source import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
 from lookdev.lifetime import end_with_parent
 from lookdev.light import native_images

@@ -17,9 +17,9 @@ import numpy as np
 from lookdev.bench.benchmark import Benchmark, Spread, Table, bullets, render_in_turn
 from lookdev.bench.options import Cell
 from lookdev.bench.subjects import IBLS, LOOKS, POSE, bench_light, bench_scene
-from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Sampling

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lookdev.bench.benchmark import Benchmark, Spread, Table
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError
 from lookdev.export.examples import copy_example
 from lookdev.plan.prepare import prepare_job

@@ -21,7 +21,7 @@ from lookdev.checks.gap import check_gap
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.checks.points import check_points
 from lookdev.checks.stability import stress
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobTurntable
 from lookdev.job.keys import MATERIAL_SUFFIXES

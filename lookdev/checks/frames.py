@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from lookdev.arrays import Floats32
-from lookdev.codegen import ShaderSource, Source
+from lookdev.codegen.source import ShaderSource, Source
 from lookdev.rendering.task import FrameTask, SceneTask
 
 Alter = Callable[[str], str]

@@ -10,12 +10,18 @@ from dataclasses import replace
 
 from lookdev.brdf import Array, Lobe
 from lookdev.brdf.vectors import scale
-from lookdev.closures import classic, disney, pixar
+from lookdev.closures import disney, pixar
 from lookdev.closures.closure import Closure, Kind, StandIn, closure_cosine
 from lookdev.errors import CodegenError
 
+
+def _lambert_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Return Cycles' diffuse closure, which equals Lambert's lobe."""
+    return (Closure("diffuse", lobe.values["color"], frame=lobe.frame),)
+
+
 STAND_INS: dict[tuple[str, str], StandIn] = {
-    **classic.STAND_INS,
+    ("lambert", "diffuse"): _lambert_closures,
     **disney.STAND_INS,
     **pixar.STAND_INS,
 }

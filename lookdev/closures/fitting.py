@@ -74,6 +74,10 @@ class Goal:
     error: Callable[[Floats], Floats]
     angle: Floats
 
+    def errors(self, rational: Rational) -> Floats:
+        """Return the errors of a fit for views up to 85 degrees."""
+        return self.error(np.asarray(rational(self.problem.x, self.problem.y)))[self.angle <= 85.0]
+
 
 def _tolerance_factor(angle: Floats) -> Floats:
     """Return a factor of the tolerance: 1 for views up to 85 degrees, beyond twice as large with each degree."""
@@ -341,16 +345,14 @@ def _tilt_goal(shape: HighlightShape, bent: Sequence[Albedos], straight: Rationa
     return Goal(problem, lambda values: whole.error(base + factor * values), a.angle)
 
 
-def _entry(rational: Rational, goal: Goal) -> ClosureFit:
-    error = goal.error(np.asarray(rational(goal.problem.x, goal.problem.y)))[goal.angle <= 85.0]
+def fit_entry(rational: Rational, error: Floats) -> ClosureFit:
+    """Return the entry of a fit in a table, with its largest and its root mean square error."""
     return {"numerator": rational.numerator, "denominator": rational.denominator, "residual": _residual(error)}
 
 
 def _residual(error: Floats) -> dict[str, float]:
-    return {
-        "largest": _round_figures(float(error.max())),
-        "rms": _round_figures(float(np.sqrt(np.mean(error * error)))),
-    }
+    largest, rms = float(np.abs(error).max()), float(np.sqrt(np.mean(error * error)))
+    return {"largest": _round_figures(largest), "rms": _round_figures(rms)}
 
 
 def _summary(distances: Sequence[float]) -> dict[str, float]:
@@ -367,7 +369,10 @@ def make_table() -> ClosureTable:
     fits = make_fits(mixes)
     anisotropic = anisotropic_shape({name: rational for name, (rational, _) in fits.items()})
     shapes: ClosureShapes = {**mixes, "retro": retro_shape(), "anisotropic": anisotropic}
-    return {"shapes": shapes, "fits": {name: _entry(*fit_and_goal) for name, fit_and_goal in fits.items()}}
+    return {
+        "shapes": shapes,
+        "fits": {name: fit_entry(rational, goal.errors(rational)) for name, (rational, goal) in fits.items()},
+    }
 
 
 def main() -> None:

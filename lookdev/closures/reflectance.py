@@ -12,11 +12,10 @@ import json
 
 import numpy as np
 
-from lookdev.arrays import Floats
 from lookdev.brdf.fresnel import schlick_weight
-from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import DATA, relative_cosine
 from lookdev.closures.fits import ClosureFit
+from lookdev.closures.fitting import fit_entry
 from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import FULL, Grid, measure, specular_setups
 
@@ -40,17 +39,8 @@ def make_table(grid: Grid = FULL) -> dict[str, ClosureFit]:
     moderate = albedos.angle <= 85.0
     typical = np.clip(cosine(albedos.cosine, albedos.alpha), 0.0, 1.0)
     return {
-        "whole": _entry(whole, (np.clip(whole(x, albedos.alpha), 0.0, 1.0) - albedos.whole)[moderate]),
-        "cosine": _entry(cosine, (albedos.whole * schlick_weight(typical) - albedos.weighted)[moderate]),
-    }
-
-
-def _entry(rational: Rational, error: Floats) -> ClosureFit:
-    residual = {"largest": np.abs(error).max(), "rms": np.sqrt(np.mean(error * error))}
-    return {
-        "numerator": rational.numerator,
-        "denominator": rational.denominator,
-        "residual": {name: float(f"{value:.3g}") for name, value in residual.items()},
+        "whole": fit_entry(whole, (np.clip(whole(x, albedos.alpha), 0.0, 1.0) - albedos.whole)[moderate]),
+        "cosine": fit_entry(cosine, (albedos.whole * schlick_weight(typical) - albedos.weighted)[moderate]),
     }
 
 

@@ -2,41 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from lookdev.cache import Content
-from lookdev.codegen.source import HANDEDNESS, AttributeBinding, short_name
+from lookdev.codegen.source import HANDEDNESS, AttributeBinding, ImageBinding, short_name
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import SymbolicArray, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Primvar, Texture
 from lookdev.material.textures import resolve_texture, udim_tiles
-
-
-@dataclass(frozen=True)
-class LookUp:
-    """A look-up of an image, or of the slopes of a height map.
-
-    Attributes
-    ----------
-    texture
-        Has the addressing: wrapping, transform, UV set.
-    slopes
-        Whether the files have slopes of heights.
-    uv
-        Name of the attribute with the coordinates.
-    files
-        By the number of a UDIM tile, or 0 for a single image.
-    """
-
-    texture: Texture
-    slopes: bool
-    uv: str
-    files: Mapping[int, Content]
 
 
 @dataclass
@@ -70,7 +48,12 @@ class Inputs:
         # Directions and random numbers are also symbols, but have no source.
         return {source for symbol in symbols for source in self._sources.get(symbol, ())}
 
-    def look_up(self, name: str) -> LookUp:
+    def label(self, name: str) -> str:
+        """Return the name of the file of a look-up, without its suffix."""
+        source = self._images[name]
+        return (source.height if isinstance(source, Bump) else source).file.stem
+
+    def look_up(self, name: str) -> ImageBinding:
         """Open the images of a look-up.
 
         Raises
@@ -82,29 +65,27 @@ class Inputs:
         texture = resolve_texture(source.height if isinstance(source, Bump) else source)
         tiles = udim_tiles(texture) or {0: texture}
         files = {number: self._file(source, tile) for number, tile in tiles.items()}
-        return LookUp(texture, isinstance(source, Bump), self._uv_attribute(texture.st), files)
+        uv, transform = self._uv_attribute(texture.st), tuple(map(float, texture.transform))
+        return ImageBinding(name, uv, isinstance(source, Bump), texture.wrap_s, texture.wrap_t, transform, files)
 
     def _file(self, source: Texture | Bump, texture: Texture) -> Content:
         return Content.of(self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture))
 
     def uv(self, name: str) -> SymbolicArray:
-        uv = self._uv_attribute(name)
-        return self._symbols(uv, [f"{uv}[{i}]" for i in range(2)])
+        return self._symbols(self._uv_attribute(name), ("[0]", "[1]"))
 
     def texels(self, texture: Texture) -> SymbolicArray:
-        name = self._look_up_name(texture)
-        return self._symbols(name, [*(f"{name}[{i}]" for i in range(3)), f"{name}_a"])
+        return self._symbols(self._look_up_name(texture), ("[0]", "[1]", "[2]", "_a"))
 
     def slopes(self, height: Texture) -> SymbolicArray:
-        name = self._look_up_name(Bump(height))
-        return self._symbols(name, [f"{name}[{i}]" for i in range(2)])
+        return self._symbols(self._look_up_name(Bump(height)), ("[0]", "[1]"))
 
     def primvar(self, primvar: Primvar) -> SymbolicArray:
+        name = f"primvar_{short_name(primvar.name)}"
         if isinstance(primvar.fallback, tuple):
-            name = self._attribute(f"primvar_{short_name(primvar.name)}", primvar.name, "color", primvar.fallback)
-            return self._symbols(name, [f"{name}[{i}]" for i in range(3)])
-        name = self._attribute(f"primvar_{short_name(primvar.name)}", primvar.name, "float", (float(primvar.fallback),))
-        return self._symbol(name)
+            self._attribute(name, primvar.name, "color", primvar.fallback)
+            return self._symbols(name, ("[0]", "[1]", "[2]"))
+        return self._symbol(self._attribute(name, primvar.name, "float", (float(primvar.fallback),)))
 
     def handedness(self) -> SymbolicArray:
         return self._symbol(self._attribute("handed", HANDEDNESS, "float", (1.0,)))
@@ -135,9 +116,9 @@ class Inputs:
         self._sources[name] = (name,)
         return symbol(self.graph, name)
 
-    def _symbols(self, source: str, names: list[str]) -> SymbolicArray:
+    def _symbols(self, source: str, components: Sequence[str]) -> SymbolicArray:
         """Return symbols, and record what they depend on: an attribute, or a look-up and its UV set."""
-        image = self._images.get(source)
+        names, image = [f"{source}{component}" for component in components], self._images.get(source)
         texture = image.height if isinstance(image, Bump) else image
         self._sources |= dict.fromkeys(names, (source, self._uv_attribute(texture.st)) if texture else (source,))
         return symbols(self.graph, names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 
@@ -69,23 +70,16 @@ def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
     """Return the BSDF of layers whose numbers are symbols, named by `point_columns`."""
     stack = []
     for number, layer in enumerate(layers):
-        values: dict[str, Array] = {}
-        for name, shape in layer.shapes().items():
-            if name not in layer.constants:
-                names = _columns(number, name, shape)
-                values[name] = symbols(graph, names) if shape else symbol(graph, *names)
+        columns = _layer_columns(number, layer).items()
+        values = {name: symbols(graph, names) if len(names) > 1 else symbol(graph, *names) for name, names in columns}
         stack.append(layer.at(values, symbol(graph, WO[2])))
     return stack_bsdf(stack)
 
 
 def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
     """Return the columns of a table of points: wo, wi, then the mask and inputs of each layer except constants."""
-    columns = [*WO, *WI]
-    for number, layer in enumerate(layers):
-        for name, shape in layer.shapes().items():
-            if name not in layer.constants:
-                columns += _columns(number, name, shape)
-    return tuple(columns)
+    columns = (_layer_columns(number, layer).values() for number, layer in enumerate(layers))
+    return (*WO, *WI, *chain(*chain(*columns)))
 
 
 def point_cells(layers: Sequence[PointLayer]) -> int:
@@ -96,5 +90,10 @@ def point_cells(layers: Sequence[PointLayer]) -> int:
     return 1 << (-(-len(point_columns(layers)) // 3) - 1).bit_length()
 
 
-def _columns(layer: int, name: str, shape: tuple[int, ...]) -> list[str]:
-    return [f"layer{layer}_{name}_{i}" for i in range(3)] if shape else [f"layer{layer}_{name}"]
+def _layer_columns(number: int, layer: PointLayer) -> dict[str, list[str]]:
+    """Return the columns of the numbers of a layer that are read, by the numbers' names."""
+    return {
+        name: [f"layer{number}_{name}_{i}" for i in range(3)] if shape else [f"layer{number}_{name}"]
+        for name, shape in layer.shapes().items()
+        if name not in layer.constants
+    }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
@@ -21,29 +21,16 @@ HANDEDNESS = "lookdev_handedness"
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _NON_ALPHANUMERIC = re.compile(r"[^A-Za-z0-9]")
-_RESERVED = {"position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius"}
-_RESERVED |= {"velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P"}
-# Cycles computes these attributes, and looks them up before those of a mesh.
-_RESERVED |= {"Ng", "corner_normal", "face_normal", "uv", "tangent", "tangent_sign", "undisplaced_tangent", "generated"}
-_RESERVED |= {
-    "undisplaced_tangent_sign",
-    "vertex_color",
-    "generated_transform",
-    "undeformed",
-    "undisplaced",
-    "particle",
-}
-_RESERVED |= {
-    "undisplaced_N",
-    "motion_P",
-    "motion_N",
-    "curve_intercept",
-    "curve_length",
-    "curve_random",
-    "point_random",
-}
-_RESERVED |= {"ptex_face_id", "ptex_uv", "density", "color", "flame", "heat", "temperature", "pointiness"}
-_RESERVED |= {"velocity_x", "velocity_y", "velocity_z", "random_per_island", "shadow_transparency"}
+_RESERVED = {
+    "position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius",
+    "velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P",
+    # Cycles computes these attributes, and looks them up before those of a mesh.
+    "Ng", "corner_normal", "face_normal", "uv", "tangent", "tangent_sign", "undisplaced_tangent",
+    "undisplaced_tangent_sign", "vertex_color", "generated", "generated_transform", "undeformed", "undisplaced",
+    "particle", "undisplaced_N", "motion_P", "motion_N", "curve_intercept", "curve_length", "curve_random",
+    "point_random", "ptex_face_id", "ptex_uv", "density", "color", "flame", "heat", "temperature", "pointiness",
+    "velocity_x", "velocity_y", "velocity_z", "random_per_island", "shadow_transparency",
+}  # fmt: skip
 _SHORTENED = re.compile(r".*_[0-9a-f]{12}")
 
 
@@ -186,6 +173,23 @@ class ShaderSource:
     @property
     def images(self) -> tuple[Content, ...]:
         return tuple(binding.file for binding in self.textures)
+
+
+def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, ShaderSource]:
+    """Return, for each source, an equivalent one that shares its program with all sources of the same text.
+
+    Constants that are equal in all these sources stay constants. The picture does not change: the shader reads a number
+    that was a literal in its code.
+    """
+    by_text: dict[ShaderSource, list[ShaderSource]] = {}
+    for source in dict.fromkeys(sources):
+        by_text.setdefault(replace(source, name="", digest="", constants=()), []).append(source)
+    shared: dict[ShaderSource, ShaderSource] = {}
+    for members in by_text.values():
+        columns = zip(*(source.constants for source in members), strict=True)
+        varying = tuple(index for index, column in enumerate(columns) if len(set(column)) > 1)
+        shared |= {source: replace(source, varying=varying) for source in members}
+    return shared
 
 
 @dataclass(frozen=True)

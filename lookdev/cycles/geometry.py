@@ -20,7 +20,7 @@ from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import blocks, face_starts
 from lookdev.asset.tangents import handedness
 from lookdev.asset.triangles import triangulate
-from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source, short_name
+from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding, Source, short_name
 
 
 @dataclass(frozen=True)

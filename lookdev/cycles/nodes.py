@@ -9,8 +9,7 @@ from pathlib import Path
 import bpy
 from bpy.types import NodeTreeInterface, NodeTreeInterfacePanel, ShaderNodeTree
 
-from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
-from lookdev.codegen.source import SocketValue
+from lookdev.codegen.source import GroupSocket, Link, NodeSource, NodeTree, ShaderNode, SocketValue
 from lookdev.cycles import version
 from lookdev.errors import ContentError, RenderError, nearest_hint
 

@@ -14,8 +14,7 @@ import bpy
 import numpy as np
 
 from lookdev.arrays import Bools, Floats, Floats32
-from lookdev.codegen import ShaderSource
-from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS
+from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS, ShaderSource
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, BlenderScene
 from lookdev.rendering.cryptomatte import matte_samples, normalize_coverage, rename_ids

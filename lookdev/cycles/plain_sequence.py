@@ -21,7 +21,7 @@ from mathutils import Matrix
 from lookdev.asset.bounds import center_asset
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
-from lookdev.codegen import PrincipledSource
+from lookdev.codegen.source import PrincipledSource
 from lookdev.cycles import version
 from lookdev.cycles.principled import build_principled_material
 from lookdev.lifetime import leaving

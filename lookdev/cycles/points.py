@@ -12,9 +12,9 @@ import OpenEXR
 
 from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, atomic_path, cache_dir
-from lookdev.codegen import ShaderSource, TableBinding
 from lookdev.codegen.osl.points import generate_points
 from lookdev.codegen.points import PointLayer, point_cells, point_columns
+from lookdev.codegen.source import ShaderSource, TableBinding
 from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import add_script_node, array_text
 from lookdev.errors import RenderError

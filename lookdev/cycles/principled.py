@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from lookdev.codegen import PrincipledSource
+from lookdev.codegen.source import PrincipledSource
 from lookdev.cycles import version
 from lookdev.cycles.geometry import AssetObjects
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.asset.bounds import center_asset
 from lookdev.asset.store import read_asset
-from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
+from lookdev.codegen.source import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.cycles import engine
 from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights

@@ -14,7 +14,7 @@ from bpy.types import ShaderNodeScript, ShaderNodeTree
 
 from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, cache_dir, cached_file, from_memory
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.cycles import version
 from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError

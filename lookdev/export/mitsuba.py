@@ -12,7 +12,7 @@ from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.triangles import triangulate
 from lookdev.cache import atomic_path, output_errors, write_file
-from lookdev.codegen import ProgramSource
+from lookdev.codegen.source import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError
 from lookdev.export import Exported
 from lookdev.job.parts import JobLook

@@ -12,7 +12,7 @@ from lookdev.arrays import Array, Bools, Floats, Floats32, Ints
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
-from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
+from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError, RenderError
 from lookdev.mitsuba.copies import Body, Copies, bodies_of
 from lookdev.mitsuba.frozen import device_array

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import drjit as dr
 
-from lookdev.codegen import ImageBinding
+from lookdev.codegen.source import ImageBinding
 from lookdev.mitsuba.files import FileArray, file_array, read_image
 from lookdev.mitsuba.types import UV, Bool, Float, Mitsuba, UInt, Vector4f
 

@@ -16,8 +16,8 @@ import drjit as dr
 import numpy as np
 
 from lookdev.brdf import MODELS, Parameter
-from lookdev.codegen import ProgramSource
 from lookdev.codegen.program.look import generate_program, live_name, live_numbers, stated_constants
+from lookdev.codegen.source import ProgramSource
 from lookdev.errors import ModelError
 from lookdev.material import Layer, Look
 from lookdev.material.textures import image_file

@@ -8,7 +8,7 @@ from typing import Any
 
 import drjit as dr
 
-from lookdev.codegen import Operation
+from lookdev.codegen.source import Operation
 from lookdev.mitsuba.types import AnyArray, Float
 
 VARYING = frozenset(("wi_x", "wi_y", "wi_z", "u1", "u2"))

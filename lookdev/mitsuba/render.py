@@ -13,8 +13,7 @@ import numpy as np
 
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset import read_asset
-from lookdev.codegen import ProgramSource
-from lookdev.codegen.source import LOBE_GROUPS
+from lookdev.codegen.source import LOBE_GROUPS, ProgramSource
 from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import collect_arrays, pause_garbage_collection
 from lookdev.mitsuba.geometry import Geometry

@@ -18,8 +18,8 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.asset import read_asset
-from lookdev.codegen import ProgramSource
 from lookdev.codegen.program.look import slope_name
+from lookdev.codegen.source import ProgramSource
 from lookdev.mitsuba.dual import Dual, product, where
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Counts, Estimator, Record

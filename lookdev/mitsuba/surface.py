@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import drjit as dr
 import numpy as np
 
-from lookdev.codegen import ProgramSource
+from lookdev.codegen.source import ProgramSource
 from lookdev.mitsuba.dual import Dual
 from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.geometry import Geometry, Hit

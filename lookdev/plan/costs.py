@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import fmean
 
-from lookdev.codegen import ShaderSource, Source
+from lookdev.codegen.source import ShaderSource, Source
 from lookdev.plan.chunks import Costs
 from lookdev.plan.plan import Plan
 from lookdev.rendering.task import SceneTask

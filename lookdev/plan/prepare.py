@@ -12,8 +12,7 @@ from lookdev.build.faults import Findings
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.build.wedges import WedgeSheet
 from lookdev.cache import take_notes
-from lookdev.codegen import ShaderSource
-from lookdev.codegen.osl.share import shared_programs
+from lookdev.codegen.source import ShaderSource, shared_programs
 from lookdev.errors import EnvironmentMapError, LookdevError
 from lookdev.job import Job, load_job
 from lookdev.job.schema import JobRig

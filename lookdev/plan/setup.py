@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.asset import Mesh
-from lookdev.codegen import AttributeBinding
+from lookdev.codegen.source import AttributeBinding
 from lookdev.errors import Fault, FaultsError
 from lookdev.job import JobTurntable
 from lookdev.output.frame_name import FrameName

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from lookdev.codegen import NodeSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen.source import NodeSource, ProgramSource, ShaderSource, Source
 from lookdev.material import Bump, Look, Texture, leaf_sources
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling

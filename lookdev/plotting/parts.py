@@ -6,7 +6,7 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
-from lookdev.codegen.program.arrays import PART, threads
+from lookdev.codegen.program.arrays import PART, run_in_parts
 
 
 def evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
@@ -16,10 +16,8 @@ def evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
         return np.asarray(evaluate(bsdf, wo, wi))
     f, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
 
-    def fill(start: int) -> None:
-        part = slice(start, start + PART)
+    def fill(part: slice) -> None:
         f[part] = evaluate(bsdf, towards_viewer[part], towards_light[part])
 
-    for _ in threads().map(fill, range(0, count, PART)):
-        pass
+    run_in_parts(fill, count)
     return f.reshape(wo.shape)

@@ -9,8 +9,8 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
-from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain, not_of_rigs

@@ -10,8 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from lookdev.brdf import MODELS, Parameter
 from lookdev.cache import code_digest, file_digest, load_cached, store_cached
-from lookdev.codegen import ShaderSource, Source
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import ShaderSource, Source
 from lookdev.errors import TextureError
 from lookdev.images import check_file
 from lookdev.material import Bump, Look, Primvar, Texture

@@ -9,8 +9,8 @@ import numpy as np
 
 from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
-from lookdev.codegen import TANGENT, Catching, Source
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import TANGENT, Catching, Source
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
 from lookdev.light.emission import MOST_GROUPS, WHITE

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.codegen import AttributeBinding
+from lookdev.codegen.source import AttributeBinding
 from lookdev.material.change import is_live, live_primvar
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Pose

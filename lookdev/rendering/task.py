@@ -11,7 +11,7 @@ from typing import Annotated, Literal, TypedDict, Unpack
 from pydantic import PlainValidator, TypeAdapter, ValidationInfo
 
 from lookdev.cache import Content
-from lookdev.codegen import ShaderSource, Source
+from lookdev.codegen.source import ShaderSource, Source
 from lookdev.light import AnyLight, Light
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.passes import CATCHER, channels_of_passes

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan, PlannedFile
 from lookdev.text import align_columns

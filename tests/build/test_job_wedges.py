@@ -9,7 +9,7 @@ from usd_text import METRES, card, job_toml, shader
 from lookdev.build.faults import Findings
 from lookdev.build.scenes import JobScenes, job_scenes
 from lookdev.build.wedges import expand_wedges
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.errors import Fault, FaultsError
 from lookdev.job import parse_job
 from lookdev.plan.prepare import plan_job, prepare_job, read_setups

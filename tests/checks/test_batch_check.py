@@ -15,7 +15,7 @@ from lookdev.brdf import CONTINUOUS
 from lookdev.checks import check
 from lookdev.checks.check import check_file
 from lookdev.checks.finding import Finding
-from lookdev.codegen import NodeSource, ShaderSource
+from lookdev.codegen.source import NodeSource, ShaderSource
 from lookdev.errors import FaultsError, LookdevError
 from lookdev.light import load_environment
 from lookdev.material import Look

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import ShaderSource
 from lookdev.light import Dome
 from lookdev.material import Bump, Formula, Layer, Look, Texture, View
 from lookdev.material.expression import parse

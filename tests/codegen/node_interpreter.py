@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.codegen import HANDEDNESS, GroupSocket, Link, NodeTree, ShaderNode
+from lookdev.codegen.source import HANDEDNESS, GroupSocket, Link, NodeTree, ShaderNode
 from lookdev.material import Primvar
 
 F = np.float32

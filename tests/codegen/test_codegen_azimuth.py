@@ -13,8 +13,8 @@ from lookdev.brdf import MODELS
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.mixture import evaluate_cosine
-from lookdev.codegen import TANGENT, Source
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import TANGENT, Source
 from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes

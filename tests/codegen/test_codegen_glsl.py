@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,17 @@ import numpy as np
 import pytest
 from webgl import POINTS, Picture, draw_pictures, read_columns
 
+from lookdev.arrays import Floats32
 from lookdev.brdf import CONTINUOUS, sample
+from lookdev.brdf.mixture import Mixture
+from lookdev.brdf.table import Table
 from lookdev.checks.evaluate import Batch, evaluate_numpy, parse_batches, point_table
-from lookdev.codegen.glsl.functions import PRELUDE, point_functions, table_texels
-from lookdev.codegen.points import point_columns
+from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH, function_text
+from lookdev.codegen.points import PointLayer, point_bsdf, point_columns
+from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
+from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
 ORACLES = [path for path in sorted((Path(__file__).parents[1] / "oracles").glob("*.jsonl")) if path.stem != "fresnel"]
 U = (0.3125, 0.71875)
@@ -34,6 +42,54 @@ void main() {{
 """
 EVALUATE = "vec3 f; float pdf; look_evaluate(f, pdf); result = vec4(f / abs(wi_z), pdf);"
 DRAW = "vec3 wi; look_draw(wi); result = vec4(wi, 0.0);"
+
+
+@dataclass(frozen=True)
+class Functions:
+    """The text of functions, the symbols that it reads as variables of the same names, and its tables.
+
+    ``void look_evaluate(out vec3 f, out float pdf)`` sets the BSDF times the cosine, and the density, for light along
+    ``wi_x wi_y wi_z``. ``void look_draw(out vec3 wi)`` draws a direction by ``u1 u2``. Both read ``wo_x wo_y wo_z``,
+    above the horizon. Table `k` is a ``sampler2D look_table<k>`` with rows of `TABLE_WIDTH` numbers.
+    """
+
+    text: str
+    symbols: frozenset[str]
+    tables: tuple[Table, ...]
+    two_sided: bool
+    transmits: bool
+
+
+def point_functions(layers: Sequence[PointLayer]) -> Functions:
+    """Return the functions of a stack of layers, whose inputs are symbols named by `point_columns`.
+
+    Raises
+    ------
+    CodegenError
+        The stack scatters along single directions.
+    """
+    graph = Graph()
+    bsdf = point_bsdf(graph, layers)
+    lobes = present_lobes(graph, bsdf)
+    mixture, writer = Mixture(lobes, symbols(graph, WO)), ProgramWriter()
+    assume_positive(graph, mixture.wo[..., 2])
+    value, pdf = mixture.response(symbols(graph, WI))
+    direction = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
+    for name, result in {"f": value, "pdf": pdf, "wi": direction}.items():
+        writer.add(name, elements_of(result))
+    evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)")
+    draw = function_text(writer, "look_draw(out vec3 wi)")
+    transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
+    text = "\n".join([*evaluate, *draw]) + "\n"
+    return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)
+
+
+def table_texels(table: Table) -> Floats32:
+    """Return the texture of a table, (rows, `TABLE_WIDTH`)."""
+    numbers = np.asarray(table.values, np.float32).ravel()
+    texels = np.zeros((-(-len(numbers) // TABLE_WIDTH), TABLE_WIDTH), np.float32)
+    texels.ravel()[: len(numbers)] = numbers
+    return texels
 
 
 def quick(batches: Sequence[Batch]) -> list[Batch]:

@@ -78,12 +78,12 @@ def reference_values(look: Look, table: Floats) -> Floats:
 
 def picture(functions: LookFunctions, table: Floats, numbers: Mapping[str, Any], main: str = EVALUATE) -> Picture:
     """Return the picture of a look at points, whose first columns are `COLUMNS`."""
-    parameters = {binding.parameter for binding in functions.attributes}
+    parameters = {binding.parameter for binding in functions.program.attributes}
     columns = {
         name: k for k, name in enumerate(COLUMNS) if name.partition("[")[0] in parameters or name.startswith("w")
     }
-    textures = {f"look_table{k}": _rows(np.load(binding.path)) for k, binding in enumerate(functions.tables)}
-    for look_up in functions.look_ups:
+    textures = {f"look_table{k}": _rows(np.load(binding.path)) for k, binding in enumerate(functions.program.tables)}
+    for look_up in functions.program.look_ups:
         for tile, file in look_up.files.items():
             textures[f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"] = _rgba(file.path)
     fragment = MAIN.format(
@@ -137,7 +137,7 @@ def test_what_scatters_along_single_directions(tab: Any) -> None:
         look, model = Look("smooth", (Layer("Base", name, dict(inputs)),)), MODELS[name]
         functions = look_functions(look, image_file, lambda layer, key, inputs=inputs: key in inputs)
         deltas = model.bsdf(model.complete(inputs)).deltas(sides[:, 3:6], sides[:, 9] > 0.0)
-        assert functions.deltas == len(deltas) > 0
+        assert functions.program.deltas == len(deltas) > 0
         for number, delta in enumerate(deltas):
             pictures.append(picture(functions, table, functions.numbers, DELTA.format(number=number)))
             expected += [(name, np.broadcast_to(part, (COUNT, 3))) for part in (delta.direction, delta.value)]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from layers import surface
 
-from lookdev.codegen import AttributeBinding, ShaderSource
+from lookdev.codegen.source import AttributeBinding, ShaderSource
 from lookdev.material import Bump, Formula, Input, Layer, Texture
 from lookdev.material.expression import parse
 

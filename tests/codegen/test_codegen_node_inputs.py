@@ -13,10 +13,10 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.brdf.parameters import Parameter
-from lookdev.codegen import HANDEDNESS, AttributeBinding, GroupSocket, Link, NodeTree, ShaderNode
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
+from lookdev.codegen.source import HANDEDNESS, AttributeBinding, GroupSocket, Link, NodeTree, ShaderNode
 from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import TextureError

@@ -13,9 +13,9 @@ from node_interpreter import Interpreter, PrimvarPoints
 from lookdev.brdf import MODELS
 from lookdev.brdf.frames import Leaning
 from lookdev.closures import STAND_INS, Closure, closure_cosine, lobe_closures
-from lookdev.codegen import HANDEDNESS, TANGENT, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.codegen.nodes.fits import is_fit
 from lookdev.codegen.nodes.look import generate_nodes
+from lookdev.codegen.source import HANDEDNESS, TANGENT, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.material import Layer, Look, Primvar, Texture
 from lookdev.material.values import look_bsdf
 

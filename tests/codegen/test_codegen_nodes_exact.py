@@ -10,9 +10,9 @@ from layers import no_textures, of_view
 from node_interpreter import Interpreter, PrimvarPoints
 
 from lookdev.brdf.mixture import evaluate_cosine, pdf, sample
-from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
 from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.frame import frame_tree
+from lookdev.codegen.source import HANDEDNESS, NodeSource, ShaderNode
 from lookdev.material import Formula, Input, Layer, Look, Primvar
 from lookdev.material.expression import parse
 from lookdev.material.values import look_bsdf

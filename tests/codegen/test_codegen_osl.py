@@ -12,12 +12,12 @@ from layers import DOME, surface
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.pixar.partition import FRONT, THROUGH
 from lookdev.cache import Content
-from lookdev.codegen import HANDEDNESS, ShaderSource, short_name
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.points import generate_points
-from lookdev.codegen.osl.surface import expand_template
 from lookdev.codegen.points import PointLayer
+from lookdev.codegen.source import HANDEDNESS, ShaderSource, short_name
+from lookdev.codegen.templates import expand_template
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.errors import CodegenError

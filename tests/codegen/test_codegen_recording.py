@@ -2,10 +2,9 @@
 
 import pytest
 
-from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import _without_recording, generate_surface
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import LOBE_GROUPS
+from lookdev.codegen.source import LOBE_GROUPS, ShaderSource
 from lookdev.light import Light, load_environment, prepare_light
 from lookdev.light.rig import load_rig
 from lookdev.material import Layer, Look

@@ -10,7 +10,7 @@ from random_parameters import directions
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Delta, Directions
 from lookdev.brdf.table import Table, look_up
-from lookdev.codegen.osl.block import CODE
+from lookdev.codegen.operators import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
 from lookdev.codegen.trace.graph import (
     OPERATIONS,

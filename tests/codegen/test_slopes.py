@@ -8,8 +8,8 @@ from random_parameters import VARIANTS, directions, near_the_mirror_image, rando
 from test_codegen_symbolic import compute
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
-from lookdev.codegen import ProgramSource
 from lookdev.codegen.program.look import generate_program, slope_name
+from lookdev.codegen.source import ProgramSource
 from lookdev.codegen.trace.graph import OPERATIONS, Graph
 from lookdev.codegen.trace.slopes import slopes
 from lookdev.errors import CodegenError, ModelError

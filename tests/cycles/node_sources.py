@@ -1,6 +1,6 @@
 """Looks as native nodes, written by hand."""
 
-from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
+from lookdev.codegen.source import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
 
 _OUTPUT = ShaderNode("Output", "OutputMaterial", {"target": "CYCLES"}, {"Surface": Link("Surface", "BSDF")})
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset import load_asset, save_asset
 from lookdev.cache import Content
-from lookdev.codegen import NodeSource, ShaderSource
+from lookdev.codegen.source import NodeSource, ShaderSource
 from lookdev.cycles import engine, version
 from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights

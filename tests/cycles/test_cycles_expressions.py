@@ -13,7 +13,7 @@ from lookdev.arrays import Floats
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.block import Block
 from lookdev.codegen.osl.inputs import emit_look_up
-from lookdev.codegen.osl.surface import expand_template
+from lookdev.codegen.templates import expand_template
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbol
 from lookdev.material import Texture

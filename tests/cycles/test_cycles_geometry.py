@@ -9,7 +9,7 @@ from warm_blender import BlenderProcess
 
 from lookdev.asset import Asset, Instance, Slot, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, ShaderSource
+from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding, ShaderSource
 
 # Blender is started, but nothing is rendered.
 pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]

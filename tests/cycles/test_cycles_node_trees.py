@@ -13,10 +13,10 @@ from warm_blender import BlenderProcess
 
 from lookdev.brdf.parameters import Parameter
 from lookdev.brdf.vectors import dot, mix, mix_color, normalize
-from lookdev.codegen import Link, NodeSource, NodeTree
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.inputs import bind_inputs
+from lookdev.codegen.source import Link, NodeSource, NodeTree
 from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.material import Bump, Coordinates, Formula, Texture

@@ -16,7 +16,7 @@ from warm_blender import BlenderProcess
 
 from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.cache import Content
-from lookdev.codegen import Link, NodeSource, NodeTree, PrincipledSource, ShaderNode, Source
+from lookdev.codegen.source import Link, NodeSource, NodeTree, PrincipledSource, ShaderNode, Source
 from lookdev.errors import RenderError
 from lookdev.light import Dome
 from lookdev.material import Layer

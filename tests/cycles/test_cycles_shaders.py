@@ -14,9 +14,9 @@ from osl_snippets import evaluate
 from warm_blender import BlenderCallError, BlenderProcess
 
 from lookdev.arrays import Floats, Floats32, Ints32
-from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.light import light_sections
-from lookdev.codegen.osl.surface import expand_template
+from lookdev.codegen.source import ShaderSource
+from lookdev.codegen.templates import expand_template
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins
 from lookdev.light.dome.environment import read_exr

@@ -14,7 +14,7 @@ from frames import scene_of as framed
 
 from lookdev.asset import Asset, Instance, Slot, load_asset, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.codegen.osl.share import shared_programs
+from lookdev.codegen.source import shared_programs
 from lookdev.light import Dome
 from lookdev.material import Layer, Look, Texture
 from lookdev.rendering.backends import WORKER_COMMAND, job_backends

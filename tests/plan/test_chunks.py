@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lookdev.codegen import PrincipledSource, Source
+from lookdev.codegen.source import PrincipledSource, Source
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Chunk, Costs, Division, split
 from lookdev.plan.costs import estimate, frame_costs

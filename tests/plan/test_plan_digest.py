@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from lookdev.cache import Content
-from lookdev.codegen import NodeSource, PrincipledSource
+from lookdev.codegen.source import NodeSource, PrincipledSource
 from lookdev.plan.digest import frame_digest, part_digests, pose_digest
 from lookdev.rendering import backends
 from lookdev.rendering.task import SceneTask

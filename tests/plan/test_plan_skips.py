@@ -12,8 +12,8 @@ import pytest
 from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine
 from lookdev.cache import Content
-from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.job import Job
 from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.light.mapping import rotate_z

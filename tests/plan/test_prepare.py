@@ -9,8 +9,8 @@ import OpenImageIO as oiio
 import pytest
 from usd_text import card, material, textured, variant_set
 
-from lookdev.codegen import ShaderSource, Source
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import ShaderSource, Source
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
 from lookdev.light.dome import points

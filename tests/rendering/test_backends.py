@@ -12,8 +12,8 @@ from usd_text import job_toml
 
 from lookdev.asset import load_asset
 from lookdev.cache import Content
-from lookdev.codegen import TextureBinding
 from lookdev.codegen.principled import generate_principled
+from lookdev.codegen.source import TextureBinding
 from lookdev.errors import CodegenError
 from lookdev.job import parse_job
 from lookdev.light import load_environment, prepare_light

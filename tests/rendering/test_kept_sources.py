@@ -10,8 +10,8 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.brdf import CONTINUOUS, MODELS
-from lookdev.codegen import ShaderSource, Source
 from lookdev.codegen.setting import SourceSetting
+from lookdev.codegen.source import ShaderSource, Source
 from lookdev.light import Dome, prepare_light
 from lookdev.light.dome.environment import make_environment
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture

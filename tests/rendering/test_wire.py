@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.codegen import Link, NodeSource
+from lookdev.codegen.source import Link, NodeSource
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.rendering.answers import save_arrays
 from lookdev.rendering.results import Progress

@@ -9,7 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.asset import load_asset
-from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import ShaderSource
 from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.output.review.folder import read_version

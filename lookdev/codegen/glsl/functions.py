@@ -7,21 +7,14 @@ give more. `pow` and `atan` are undefined for some arguments for which NumPy has
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from lookdev.arrays import Floats32
-from lookdev.brdf.mixture import Mixture
-from lookdev.brdf.table import Table
-from lookdev.codegen.points import PointLayer, point_bsdf
+from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
 from lookdev.codegen.program.written import ProgramWriter
-from lookdev.codegen.source import Operation
-from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+from lookdev.codegen.source import Operation, ProgramSource
 from lookdev.errors import CodegenError
 
 TABLE_WIDTH = 2048
@@ -69,94 +62,25 @@ float look_up(highp sampler2D table, float cell) {
 """
 """The functions that generated code calls; this text precedes it, once."""
 
-_CODE: Mapping[str, str] = {
-    "add": "{} + {}",
-    "subtract": "{} - {}",
-    "multiply": "{} * {}",
-    "divide": "{} / {}",
-    "negative": "-{}",
+_CODE = {operation: strip_parentheses(code) for operation, code in CODE.items()} | {
     "absolute": "abs({})",
-    "sqrt": "sqrt({})",
-    "exp": "exp({})",
     "expm1": "look_expm1({})",
-    "log": "log({})",
     "sin": "look_sin({})",
     "cos": "look_cos({})",
     "tan": "look_tan({})",
     "arctan2": "look_atan2({}, {})",
-    "floor": "floor({})",
     "power": "look_power({}, {})",
-    "maximum": "max({}, {})",
-    "minimum": "min({}, {})",
-    "greater": "{} > {}",
-    "greater_equal": "{} >= {}",
-    "less": "{} < {}",
-    "less_equal": "{} <= {}",
-    "equal": "{} == {}",
-    "logical_and": "{} && {}",
-    "logical_or": "{} || {}",
-    "logical_not": "!{}",
-    "where": "{} ? {} : {}",
 }
-_TRUTHS = {
-    "greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not", "truth",
-}  # fmt: skip
+_TRUTHS = BOOLEAN | {"truth"}
 _LARGEST = float(np.finfo(np.float32).max)
 
 
-@dataclass(frozen=True)
-class Functions:
-    """The text of functions, the symbols that it reads as variables of the same names, and its tables.
+def function_text(program: ProgramWriter | ProgramSource, head: str) -> list[str]:
+    """Return the lines of a function whose head has outputs of the program, of 1 or 3 numbers.
 
-    ``void look_evaluate(out vec3 f, out float pdf)`` sets the BSDF times the cosine, and the density, for light along
-    ``wi_x wi_y wi_z``. ``void look_draw(out vec3 wi)`` draws a direction by ``u1 u2``. Both read ``wo_x wo_y wo_z``,
-    above the horizon. Table `k` is a ``sampler2D look_table<k>`` with rows of `TABLE_WIDTH` numbers.
+    Uniforms of the program are written as literals.
     """
-
-    text: str
-    symbols: frozenset[str]
-    tables: tuple[Table, ...]
-    two_sided: bool
-    transmits: bool
-
-
-def point_functions(layers: Sequence[PointLayer]) -> Functions:
-    """Return the functions of a stack of layers, whose inputs are symbols named by `point_columns`.
-
-    Raises
-    ------
-    CodegenError
-        The stack scatters along single directions.
-    """
-    graph = Graph()
-    bsdf = point_bsdf(graph, layers)
-    lobes = present_lobes(graph, bsdf)
-    mixture, writer = Mixture(lobes, symbols(graph, WO)), ProgramWriter()
-    assume_positive(graph, mixture.wo[..., 2])
-    value, pdf = mixture.response(symbols(graph, WI))
-    direction = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
-    for name, result in {"f": value, "pdf": pdf, "wi": direction}.items():
-        writer.add(name, elements_of(result))
-    evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)", ("f", "pdf"))
-    draw = function_text(writer, "look_draw(out vec3 wi)", ("wi",))
-    transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
-    text = "\n".join([*evaluate, *draw]) + "\n"
-    return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)
-
-
-class Program(Protocol):
-    """Operations in order, the numbers of their outputs, and the numbers of uniforms, which are written as literals."""
-
-    @property
-    def operations(self) -> Sequence[Operation]: ...
-    @property
-    def outputs(self) -> Mapping[str, tuple[int, ...]]: ...
-    @property
-    def constants(self) -> Sequence[float]: ...
-
-
-def function_text(program: Program, head: str, outputs: Sequence[str]) -> list[str]:
-    """Return the lines of a function that sets outputs: each is a parameter of the same name, of 1 or 3 numbers."""
+    outputs = re.findall(r"out \w+ (\w+)", head)
     needed: set[int] = set()
     pending = [number for name in outputs for number in program.outputs[name]]
     while pending:
@@ -168,7 +92,7 @@ def function_text(program: Program, head: str, outputs: Sequence[str]) -> list[s
     lines = [f"void {head} {{"]
     for number in sorted(needed):
         operation = program.operations[number]
-        code = _operation_code(operation, names, program)
+        code = _operation_code(operation, names, program.constants)
         if operation.op in _TRUTHS or (operation.op == "where" and operation.operands[1] in boolean_numbers):
             boolean_numbers.add(number)
         if operation.operands:
@@ -178,20 +102,19 @@ def function_text(program: Program, head: str, outputs: Sequence[str]) -> list[s
             names[number] = code
     for name in outputs:
         values = [names[number] for number in program.outputs[name]]
-        lines.append(
-            f"    {name} = {f'vec3({values[0]}, {values[1]}, {values[2]})' if len(values) == 3 else values[0]};"
-        )
+        code = f"vec3({', '.join(values)})" if len(values) == 3 else values[0]
+        lines.append(f"    {name} = {code};")
     return [*lines, "}"]
 
 
-def _operation_code(operation: Operation, names: Mapping[int, str], program: Program) -> str:
+def _operation_code(operation: Operation, names: Mapping[int, str], constants: Sequence[float]) -> str:
     match operation.op:
         case "constant":
             return _literal(operation.value)
         case "truth":
             return "true" if operation.value else "false"
         case "uniform":
-            return _literal(program.constants[operation.place])
+            return _literal(constants[operation.place])
         case "symbol":
             return operation.name
         case "look_up":
@@ -208,11 +131,3 @@ def _literal(value: float) -> str:
         raise CodegenError(f"a constant folded to {value:g}, which no float32 has; the model leaves its domain")
     text = repr(float(value))
     return f"({text})" if value < 0.0 else text
-
-
-def table_texels(table: Table) -> Floats32:
-    """Return the texture of a table, (rows, `TABLE_WIDTH`)."""
-    numbers = np.asarray(table.values, np.float32).ravel()
-    texels = np.zeros((-(-len(numbers) // TABLE_WIDTH), TABLE_WIDTH), np.float32)
-    texels.ravel()[: len(numbers)] = numbers
-    return texels

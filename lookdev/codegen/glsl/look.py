@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import function_text
 from lookdev.codegen.program.look import Live, generate_program, live_numbers
-from lookdev.codegen.source import AttributeBinding, ImageBinding
+from lookdev.codegen.source import ImageBinding, ProgramSource
 from lookdev.material import Bump, Look, Texture
 
 _TYPES = {"uv": "vec2", "float": "float", "color": "vec3", "vector": "vec3"}
@@ -69,17 +68,13 @@ class LookFunctions:
         One of `deltas` functions, which scatter along single directions: z of a direction is 0 where there is none.
 
     `numbers` are the uniforms, one ``float`` or ``vec3`` each, and their values. A look-up reads ``sampler2D
-    look_<name>``, or ``look_<name>_<tile>`` for UDIM tiles, RGBA32F. A table is ``look_table<k>``, as in `Functions`.
+    look_<name>``, or ``look_<name>_<tile>`` for UDIM tiles, RGBA32F. Table `k` is ``sampler2D look_table<k>``, R32F, in
+    rows of `functions.TABLE_WIDTH` numbers.
     """
 
     text: str
     numbers: Mapping[str, tuple[float, ...]]
-    look_ups: tuple[ImageBinding, ...]
-    attributes: tuple[AttributeBinding, ...]
-    tables: tuple[Content, ...]
-    transmits: bool
-    see_through: bool
-    deltas: int = 0
+    program: ProgramSource
 
 
 def look_functions(
@@ -107,30 +102,17 @@ def look_functions(
         lines += [f"vec3 {look_up.name}; float {look_up.name}_a;"]
         lines += [f"uniform highp sampler2D {_sampler(look_up, tile)};" for tile in look_up.files]
     lines += ["void look_read() {", *(f"    {line}" for look_up in program.look_ups for line in _read(look_up)), "}"]
-    frame = "tangent", "bitangent", "normal", "facet"
-    lines += function_text(program, f"look_frame({', '.join(f'out vec3 {name}' for name in frame)})", frame)
-    parts = "value", "pdf", *["diffuse"] * split
-    head = ", ".join(f"out {'float' if name == 'pdf' else 'vec3'} {name}" for name in parts)
-    lines += function_text(program, f"look_evaluate({head})", parts)
-    lines += function_text(program, "look_draw(out vec3 wi)", ("wi",))
+    frame = "out vec3 tangent, out vec3 bitangent, out vec3 normal, out vec3 facet"
+    lines += function_text(program, f"look_frame({frame})")
+    lines += function_text(program, f"look_evaluate(out vec3 value, out float pdf{', out vec3 diffuse' * split})")
+    lines += function_text(program, "look_draw(out vec3 wi)")
     for number in range(program.deltas):
         delta = program.outputs[f"delta{number}"]  # direction, factor, group
         delta_program = replace(program, outputs={"direction": delta[:3], "factor": delta[3:6]})
-        head = f"look_delta{number}(out vec3 direction, out vec3 factor)"
-        lines += function_text(delta_program, head, ("direction", "factor"))
+        lines += function_text(delta_program, f"look_delta{number}(out vec3 direction, out vec3 factor)")
     if program.see_through:
-        lines += function_text(program, "look_presence(out float presence)", ("presence",))
-    text = "\n".join(lines) + "\n"
-    return LookFunctions(
-        text,
-        numbers,
-        program.look_ups,
-        program.attributes,
-        program.tables,
-        program.transmits,
-        program.see_through,
-        program.deltas,
-    )
+        lines += function_text(program, "look_presence(out float presence)")
+    return LookFunctions("\n".join(lines) + "\n", numbers, program)
 
 
 def _sampler(look_up: ImageBinding, tile: int) -> str:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from importlib.resources import files
+from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -22,7 +22,8 @@ from lookdev.codegen.program.lamps import (
     part_operations,
     shadow_operations,
 )
-from lookdev.codegen.source import Operation
+from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.templates import expand_template
 from lookdev.light import Dome, Light, RectLight, Stand
 from lookdev.light.dome import bins
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
@@ -32,36 +33,29 @@ RIG_WIDTH = 2048
 """Numbers in a row of the texture with a rig's numbers, R32F: they continue from row to row."""
 
 _P, _W = "int light, vec3 p", "vec3 w"
-_PASSED = "int light, float distance, out vec3 passed"
 _PART = "float part_s, float part_t, float size"
+_SEEN = "out vec3 w, out float distance, out float pdf"
+_SHADOW = {"passed": "int light, float distance, out vec3 passed"}
 _BALL = {
-    "share": (f"{_P}, out float share", {"share": 1}),
-    "meet": (
-        f"{_P}, {_W}, out float within, out float distance, out float around",
-        {"within": 1, "distance": 1, "around": 1},
-    ),
-    "draw": (f"{_P}, vec3 onto, out vec3 w", {"w": 3}),
+    "share": f"{_P}, out float share",
+    "meet": f"{_P}, {_W}, out float within, out float distance, out float around",
+    "draw": f"{_P}, vec3 onto, out vec3 w",
 }
-
 _PICTURE = {
-    "angle": (f"{_P}, {_PART}, out float angle", {"angle": 1}),
-    "place": (f"{_P}, {_W}, out float distance, out float s, out float t", {"distance": 1, "s": 1, "t": 1}),
-    "density": (f"{_P}, {_W}, {_PART}, out float pdf", {"pdf": 1}),
-    "part": (
-        f"{_P}, {_PART}, float u1, float u2, out vec3 w, out float distance, out float pdf",
-        {"w": 3, "distance": 1, "pdf": 1},
-    ),
+    "angle": f"{_P}, {_PART}, out float angle",
+    "place": f"{_P}, {_W}, out float distance, out float s, out float t",
+    "density": f"{_P}, {_W}, {_PART}, out float pdf",
+    "part": f"{_P}, {_PART}, float u1, float u2, {_SEEN}",
 }
 _LAMP = {
-    "weight": (f"{_P}, vec3 n, out float weight", {"weight": 1}),
-    "meet": (f"{_P}, {_W}, out float distance, out float pdf", {"distance": 1, "pdf": 1}),
-    "draw": (
-        f"{_P}, float u1, float u2, out vec3 w, out float distance, out float pdf",
-        {"w": 3, "distance": 1, "pdf": 1},
-    ),
-    "sent": (f"{_P}, {_W}, out vec3 sent", {"sent": 3}),
+    "weight": f"{_P}, vec3 n, out float weight",
+    "meet": f"{_P}, {_W}, out float distance, out float pdf",
+    "draw": f"{_P}, float u1, float u2, {_SEEN}",
+    "sent": f"{_P}, {_W}, out vec3 sent",
 }
-"""Heads of functions, and the widths of their outputs."""
+"""Parameters of functions; the outputs among them have the numbers of a traced function's result, in order."""
+
+_FIELD = "lamp_{}"
 
 
 @dataclass(frozen=True)
@@ -103,15 +97,6 @@ class RigFunctions:
     tables: Floats32 | None = None
     split: bool = False
     plain: bool = True
-
-
-@dataclass(frozen=True)
-class _Function:
-    """A program with some outputs of another program."""
-
-    operations: Sequence[Operation]
-    outputs: Mapping[str, tuple[int, ...]]
-    constants: tuple[float, ...] = ()
 
 
 def rig_functions(
@@ -159,21 +144,16 @@ def rig_functions(
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
     }
     lines = [f"#define {name} {value}" for name, value in constants.items()]
-    shaders = files("lookdev") / "shaders"
     if domes:
         lines += [line for line in Dome.table_constants() if "{" not in line]
         lines += [_array("dome_cells", bins.CELLS), _array("dome_first", bins.FIRST), _array("dome_starts", bin_starts)]
         lines += [_array("dome_constant", [int(light.constant) for light in rig.domes])]
         lines += [_array("dome_local", [int(not light.far) for light in rig.domes])]
-        lines += (shaders / "dome.glsl").read_text(encoding="utf-8").splitlines()
-    generated = {
-        "//@ lamp_functions": lambda: _lamp_functions(rig),
-        "//@ dome_functions": lambda: _dome_functions(rig.domes),
-    }
-    for line in (shaders / "rig.glsl").read_text(encoding="utf-8").splitlines():
-        lines += generated[line]() if line in generated else [line]
+        lines += expand_template("dome.glsl", {}).splitlines()
+    generated = {"lamp_functions": [*_lamp_functions(rig)], "dome_functions": [*_dome_functions(rig.domes)]}
+    lines.append(expand_template("rig.glsl", generated))
     return RigFunctions(
-        "\n".join(lines) + "\n",
+        "\n".join(lines),
         np.concatenate(numbers).astype(np.float32),
         domes,
         rig.pictures,
@@ -195,63 +175,52 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
     if profiles or rig.pictures:
         yield "uniform highp sampler2D rig_tables;"
     if rig.needs("shadowed"):
-        yield from _traced_functions(shadow_operations(), "lamp", {"passed": (_PASSED, {"passed": 3})})
+        yield from _traced_functions(shadow_operations(field=_FIELD), "lamp", _SHADOW)
     for kind in rig.kinds:
-        functions = lamp_operations(kind, shaped=rig.needs("shaped"), falling=rig.needs("falling"), steps=steps)
+        functions = lamp_operations(
+            kind, shaped=rig.needs("shaped"), falling=rig.needs("falling"), steps=steps, field=_FIELD
+        )
         if kind == "picture":
             untextured = functions[0], {**functions[1], "untextured": functions[1]["sent"]}
             yield from _traced_functions(untextured, kind, {"weight": _LAMP["weight"], "untextured": _LAMP["sent"]})
-            yield from _traced_functions(part_operations(), kind, _PICTURE)
+            yield from _traced_functions(part_operations(field=_FIELD), kind, _PICTURE)
             yield from _picture_functions(len(rig.pictures))
         else:
             yield from _traced_functions(functions, kind, _LAMP)
-    for name, (head, _) in _LAMP.items():
+    for name, parameters in _LAMP.items():
         if rig.lamps:
-            yield f"void lamp_{name}({head}) {{"
+            yield f"void lamp_{name}({parameters}) {{"
             yield "    int kind = int(rig_field(light, LAMP_kind));"
-            arguments = ", ".join(parameter.split()[-1] for parameter in head.split(", "))
+            arguments = ", ".join(parameter.split()[-1] for parameter in parameters.split(", "))
             for number, kind in enumerate(rig.kinds):
                 test = f"if (kind == {list(SHAPES).index(kind)}) " if number + 1 < len(rig.kinds) else ""
                 yield f"    {'else ' if number else ''}{test}{kind}_{name}({arguments});"
             yield "}"
 
 
-def _traced_functions(
-    functions: Functions, prefix: str, heads: Mapping[str, tuple[str, Mapping[str, int]]]
-) -> Iterator[str]:
-    """Yield the lines of functions ``<prefix>_<name>``, whose parameters share the outputs in order."""
-    operations = [
-        replace(operation, name=f"lamp_{operation.name}") if operation.name in FIELDS else operation
-        for operation in functions[0]
-    ]
-    for name, (head, widths) in heads.items():
-        remaining = iter(functions[1][name])
-        outputs = {output: tuple(next(remaining) for _ in range(width)) for output, width in widths.items()}
-        yield from _function(_Function(operations, outputs), f"{prefix}_{name}({head})", tuple(widths))
+def _traced_functions(functions: Functions, prefix: str, parameters: Mapping[str, str]) -> Iterator[str]:
+    """Yield the lines of functions ``<prefix>_<name>``, which read the numbers of a lamp's row."""
+    operations, results = functions
+    for name, of_function in parameters.items():
+        numbers = iter(results[name])
+        outputs = re.findall(r"out (\w+) (\w+)", of_function)
+        program = ProgramWriter(
+            operations, {output: tuple(islice(numbers, 3 if kind == "vec3" else 1)) for kind, output in outputs}
+        )
+        first, *rest = function_text(program, f"{prefix}_{name}({of_function})")
+        read = set(re.findall(r"\blamp_(\w+)", "\n".join(rest)))
+        yield first
+        yield from (f"    float lamp_{field} = rig_field(light, LAMP_{field});" for field in FIELDS if field in read)
+        # A lamp's only table is that of the rig, whose name differs from those of looks.
+        yield from (line.replace("(look_table0,", "(rig_tables,") for line in rest)
 
 
 def _picture_functions(count: int) -> Iterator[str]:
     """Yield the textures of pictures, and the functions that read them."""
-    text = (files("lookdev") / "shaders" / "picture.glsl").read_text(encoding="utf-8")
     yield from (f"uniform highp sampler2D picture{k};" for k in range(count))
-    for line in text.splitlines():
-        if line != "//@ textures":
-            yield line
-            continue
-        yield "vec3 picture_texel(int number, vec2 place) {"
-        yield from (f"    if (number == {k}) return picture_look_up(picture{k}, place);" for k in range(count))
-        yield "    return vec3(1.0);"
-        yield "}"
-
-
-def _function(program: _Function, head: str, outputs: Sequence[str]) -> Iterator[str]:
-    """Yield the lines of a function of a lamp, which reads the numbers of its row."""
-    first, *rest = function_text(program, head, outputs)
-    read = set(re.findall(r"\blamp_(\w+)", "\n".join(rest)))
-    yield first
-    yield from (f"    float lamp_{name} = rig_field(light, LAMP_{name});" for name in FIELDS if name in read)
-    # A lamp's only table is that of the rig, whose name differs from those of looks.
-    yield from (line.replace("(look_table0,", "(rig_tables,") for line in rest)
+    textures = (f"    if (number == {k}) return picture_look_up(picture{k}, place);" for k in range(count))
+    texel = ["vec3 picture_texel(int number, vec2 place) {", *textures, "    return vec3(1.0);", "}"]
+    yield from expand_template("picture.glsl", {"textures": texel}).splitlines()
 
 
 def _dome_functions(domes: Sequence[Light]) -> Iterator[str]:
@@ -259,7 +228,7 @@ def _dome_functions(domes: Sequence[Light]) -> Iterator[str]:
     if not domes:
         return
     if any(not light.far for light in domes):
-        yield from _traced_functions(ball_operations(), "ball", _BALL)
+        yield from _traced_functions(ball_operations(field=_FIELD), "ball", _BALL)
     textured = [number for number, light in enumerate(domes) if not light.constant]
     for k in textured:
         yield f"uniform highp sampler2D dome{k}_map, dome{k}_points;"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import TypeAlias, TypeGuard
 
 import numpy as np
@@ -186,10 +187,7 @@ class TreeBuilder:
                 else:
                     vectors.append(operand)
         if unbound:
-            missing, bound = (
-                ", ".join(sorted(unbound)),
-                ", ".join(sorted({name for key in self._bound for name in key})),
-            )
+            missing, bound = (", ".join(sorted(names)) for names in (unbound, {*chain(*self._bound)}))
             raise CodegenError(f"nodes of {self.name} read unbound symbols: {missing}; bound: {bound or 'none'}")
 
     def _is_bound(self, term: Term) -> bool:
@@ -219,8 +217,7 @@ class TreeBuilder:
             return _vector_math("DOT_PRODUCT", [_term(factor) for factor in dot], "Value")
         operation, *operands = match_operation(node, self._links)
         if operation == "MIX":
-            a, b, factor = operands
-            return _mix("Float", a, b, factor)
+            return _mix("Float", *operands)
         return _Recipe("Math", dict(zip(_SOCKETS, operands, strict=False)), "Value", {"operation": operation})
 
     def _vector_recipe(self, triple: Triple) -> _Recipe:

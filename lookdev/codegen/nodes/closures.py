@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -30,7 +30,8 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
     `frame` has tangent, bitangent and normal in world space, (3, 3). Its symbols, and those of `WO`, are bound in the
     tree. Return the output of the closures' sum, None without closures, and whether light passes through.
     """
-    closures = _merge(_trace_closures(graph, bsdf))
+    lobes = present_lobes(graph, bsdf)
+    closures = _merge((closure, lobe.name) for lobe in lobes for closure in lobe_closures(lobe, symbols(graph, WO)))
     vectors = [
         vector
         for closure, _ in closures
@@ -50,6 +51,15 @@ def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | 
     return Link(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
 
 
+def scale_shader(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | None:
+    """Add a node that multiplies a shader by a factor from 0 to 1, and return its output: mix it with an empty one."""
+    if shader is None or are_equal(factor, 0.0):
+        return None
+    if are_equal(factor, 1.0):
+        return shader
+    return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, factor), "Shader_001": shader}), "Shader")
+
+
 def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -> Link | None:
     """Add a transparent shader to a shader, so that rays pass unchanged where the surface is absent."""
     absence = 1.0 - presence
@@ -59,31 +69,14 @@ def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -
     return add_shaders(builder, shader, Link(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
 
 
-def _trace_closures(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
-    """Yield the closures of the lobes that are present at some points, each with its lobe's name."""
-    for lobe in present_lobes(graph, bsdf):
-        yield from ((closure, lobe.name) for closure in lobe_closures(lobe, symbols(graph, WO)))
-
-
 def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
     """Return closures, summed where they differ in weight alone, without those whose weight is 0."""
     merged: dict[tuple[object, ...], tuple[Closure, str]] = {}
     for closure, label in closures:
         if are_equal(closure.weight, 0.0):
             continue
-        parameters = (
-            closure.alpha_x,
-            closure.alpha_y,
-            closure.ior,
-            closure.f0,
-            closure.roughness,
-            closure.eta,
-            closure.k,
-        )
-        key = (
-            closure.kind,
-            *(element for value in (*parameters, closure.frame.normal) for element in elements_of(value)),
-        )
+        others = {**vars(closure), "weight": 0.0, "frame": closure.frame.normal}
+        key = tuple(element for value in others.values() for element in elements_of(value))
         if key in merged:
             first, labels = merged[key]
             closure = replace(first, weight=first.weight + closure.weight)
@@ -92,7 +85,7 @@ def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]
     return list(merged.values())
 
 
-def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
+def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link | None:
     """Add the node of a closure, and return its output."""
     inputs: SocketInputs = {"Normal": add_value(builder, _to_world(frame, closure.frame.normal))}
     properties = {}
@@ -104,7 +97,8 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
             return _add_sheen(builder, color, label, inputs)
         case "rough_diffuse":
             inputs |= {"Color": add_value(builder, closure.f0), "Roughness": add_value(builder, closure.roughness)}
-            return _multiply_weight(builder, closure, builder.add("BsdfDiffuse", inputs=inputs, label=label))
+            shader = Link(builder.add("BsdfDiffuse", inputs=inputs, label=label), "BSDF")
+            return scale_shader(builder, shader, closure.weight[..., 0])  # the node has no socket for a weight
         case "diffuse":
             kind = "BsdfDiffuse"
             inputs["Roughness"] = 0.0
@@ -125,8 +119,8 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
     return Link(builder.add(kind, properties, {"Color": color} | inputs, label), "BSDF")
 
 
-def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: SocketInputs) -> Link:
-    """Add a metal or a conductor, whose node has no socket for a weight."""
+def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: SocketInputs) -> Link | None:
+    """Add a metal or a conductor, whose node has no socket for a weight, and return its output."""
     exact = closure.kind == "conductor"
     if exact:
         inputs |= {"IOR": add_value(builder, closure.eta), "Extinction": add_value(builder, closure.k)}
@@ -134,15 +128,8 @@ def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str,
         inputs |= {"Base Color": add_value(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
     inputs |= _glossy(builder, closure, frame)
     properties = {"distribution": "GGX", "fresnel_type": "PHYSICAL_CONDUCTOR" if exact else "F82"}
-    return _multiply_weight(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
-
-
-def _multiply_weight(builder: TreeBuilder, closure: Closure, node: str) -> Link:
-    """Multiply the shader of a node without a socket for weights by the closure's: mix it with an empty shader."""
-    shader, weight = Link(node, "BSDF"), closure.weight[..., 0]
-    if are_equal(weight, 1.0):
-        return shader
-    return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, weight), "Shader_001": shader}), "Shader")
+    shader = Link(builder.add("BsdfMetallic", properties, inputs, label), "BSDF")
+    return scale_shader(builder, shader, closure.weight[..., 0])
 
 
 def _add_sheen(builder: TreeBuilder, color: SocketValue | Link, label: str, inputs: SocketInputs) -> Link:

@@ -76,9 +76,8 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     ]
     directed = depends_on_tangent(graph, lobes)
     attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
-    frame = add_frame(builder)
-    for name, link in (("t", frame.tangent), ("b", frame.bitangent), ("n", frame.normal)):
-        builder.bind([f"{name}_{axis}" for axis in "xyz"], link)
+    for name, link in add_frame(builder).items():
+        builder.bind([f"{name[0]}_{axis}" for axis in "xyz"], link)
     geometry = builder.add("NewGeometry")
     builder.bind([f"facet_{axis}" for axis in "xyz"], Link(geometry, "True Normal"))
     builder.bind([f"place_{axis}" for axis in "xyz"], Link(geometry, "Position"))
@@ -109,15 +108,11 @@ def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Array, Array]:
         return np.zeros(3), ZENITH
     mixture = trace_mixture(graph, lobes)
     assume_positive(graph, mixture.wo[..., 2])
-    numbers = np.minimum(symbols(graph, ("u1", "u2")), BELOW_ONE)
-    u1, u2 = numbers
+    u1, u2 = np.minimum(symbols(graph, ("u1", "u2")), BELOW_ONE)
     # Built from the last lobe to the first: the result is the direction of the first lobe whose `below` is true.
     *others, last = mixture.choices(u1)
     wi = last.lobe.draw(last.stretched, u2)
     for choice in reversed(others):
         wi = np.where(np.expand_dims(choice.below, -1), choice.lobe.draw(choice.stretched, u2), wi)
-    value: Array = np.zeros(3)
-    density: Array = np.array(0.0)
-    for term in mixture.terms(wi):
-        value, density = value + term.value, density + term.density
-    return scale(value, 1.0 / mixture.normalised(density)), wi
+    value, density = mixture.response(wi)
+    return scale(value, 1.0 / density), wi

@@ -53,9 +53,7 @@ def _variables(node: Node) -> tuple[Node, Node] | None:
 
 def _factor(value: Scalar) -> Node | None:
     """Return b of a b + c, a step of Horner's rule."""
-    if not isinstance(value, Node) or value.op != "add":
-        return None
-    product = value.args[0]
-    if not isinstance(product, Node) or product.op != "multiply" or not isinstance(product.args[1], Node):
-        return None
-    return product.args[1]
+    match value:
+        case Node(op="add", args=(Node(op="multiply", args=(_, Node() as factor)), _)):
+            return factor
+    return None

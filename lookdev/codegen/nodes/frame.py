@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lookdev.brdf import Real
@@ -25,20 +23,14 @@ _OUTPUTS = {
 }
 
 
-@dataclass(frozen=True)
-class Frame:
-    """The outputs of the axes of the shading frame: unit vectors in world space."""
+def add_frame(builder: TreeBuilder) -> dict[str, Link]:
+    """Add a node of the group `frame_tree` to a tree, and bind ``wo_x wo_y wo_z`` to its output.
 
-    normal: Link
-    tangent: Link
-    bitangent: Link
-
-
-def add_frame(builder: TreeBuilder) -> Frame:
-    """Add a node of the group `frame_tree` to a tree, and bind ``wo_x wo_y wo_z`` to its output."""
+    Return the outputs of the frame's axes, unit vectors in world space, by their names: tangent, bitangent, normal.
+    """
     node = builder.add("Group", group=GROUP)
     builder.bind(("wo_x", "wo_y", "wo_z"), Link(node, "Viewer"))
-    return Frame(Link(node, "Normal"), Link(node, "Tangent"), Link(node, "Bitangent"))
+    return {name: Link(node, name.capitalize()) for name in ("tangent", "bitangent", "normal")}
 
 
 def reads_frame_tangent(tree: NodeTree) -> bool:

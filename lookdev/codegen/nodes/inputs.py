@@ -14,9 +14,9 @@ import numpy as np
 
 from lookdev.brdf.vectors import Array, Mask
 from lookdev.cache import Content
-from lookdev.codegen.inputs import Inputs, LookUp
+from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.source import AttributeBinding, Link, NodeTree
+from lookdev.codegen.source import AttributeBinding, ImageBinding, Link, NodeTree
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
@@ -39,58 +39,50 @@ def bind_inputs(builder: TreeBuilder, inputs: Inputs, names: Iterable[str]) -> t
     for binding in attributes:
         _bind_attribute(builder, binding)
     for name in inputs.look_ups_read_by(names):
-        _bind_look_up(builder, inputs.graph, name, inputs.look_up(name))
+        _bind_look_up(builder, inputs.graph, inputs.look_up(name), inputs.label(name))
     return attributes
 
 
 def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding]) -> str:
     """Return the digest of trees, the attributes they read, and the content of their images."""
-    digest = hashlib.sha256(repr(tuple(attributes)).encode())
+    hashed = [repr(tuple(attributes))]
     for tree in trees:
-        digest.update(repr(replace(tree, nodes=())).encode())
-        for node in tree.nodes:
-            digest.update(repr(replace(node, image=None)).encode())
-            if node.image is not None:
-                digest.update(node.image.digest.encode())
-    return digest.hexdigest()
+        hashed.append(repr(replace(tree, nodes=())))
+        hashed += [f"{replace(node, image=None)!r}{node.image.digest if node.image else ''}" for node in tree.nodes]
+    return hashlib.sha256("".join(hashed).encode()).hexdigest()
 
 
 def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
     """Add the node of an attribute, and bind the symbols of its components."""
-    name = binding.parameter
-    components = [f"{name}[{i}]" for i in range(3)]
     if binding.kind == "uv":
+        components = [f"{binding.parameter}[{i}]" for i in range(3)]
         builder.bind(components, Link(builder.add("UVMap", {"uv_map": binding.stored}), "UV"))
         return
     node = builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": binding.stored})
-    if binding.kind == "float":
-        builder.bind([name], Link(node, "Fac"))
-    else:
-        builder.bind(components, Link(node, "Vector"))
+    builder.bind(binding.symbols, Link(node, "Fac" if binding.kind == "float" else "Vector"))
 
 
-def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp) -> None:
+def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, label: str) -> None:
     """Add the nodes of a look-up, and bind the symbols of its channels."""
-    texture = look_up.texture
     uv = symbols(graph, [f"{look_up.uv}[{i}]" for i in range(3)])
-    a, b, c, d, e, f = texture.transform
+    a, b, c, d, e, f = look_up.transform
     s, t = uv[0] * a + uv[1] * b + c, uv[0] * d + uv[1] * e + f
     # Image nodes do not use the third coordinate. With that of the UV set, the vector of untransformed coordinates is
     # the output of the UV set itself, and needs no further node.
-    w = uv[2] if texture.transform == _IDENTITY else np.array(0.0)
+    w = uv[2] if look_up.transform == _IDENTITY else np.array(0.0)
 
     def read(file: Content, uv: Sequence[Array], wrap: str) -> Array:
         vector = builder.vector(elements_of(np.stack(uv)))
         if not isinstance(vector, Link):  # an image node whose vector is not linked reads the mesh's UVs
             vector = Link(builder.add("CombineXYZ", inputs=dict(zip("XYZ", vector, strict=True))), "Vector")
         properties = {"interpolation": "Linear", "projection": "FLAT", "extension": _EXTENSION[wrap]}
-        node = builder.add("TexImage", properties, {"Vector": vector}, texture.file.stem, image=file)
+        node = builder.add("TexImage", properties, {"Vector": vector}, label, image=file)
         names = [f"{node}[{i}]" for i in range(4)]
         builder.bind(names[:3], Link(node, "Color"))
         builder.bind(names[3:], Link(node, "Alpha"))
         return symbols(graph, names)
 
-    wraps = texture.wrap_s, texture.wrap_t
+    wraps = look_up.wrap_s, look_up.wrap_t
     if 0 not in look_up.files:
         # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Where there is no tile, all channels are 0.
         column, row = np.floor(s), np.floor(t)
@@ -112,8 +104,8 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     color_link, alpha_link = builder.vector(color), builder.scalar(alpha)
     assert isinstance(color_link, Link), "the values of an image are links, not constants"
     assert isinstance(alpha_link, Link), "the values of an image are links, not constants"
-    builder.bind([f"{name}[{i}]" for i in range(3)], color_link)
-    builder.bind([f"{name}_a"], alpha_link)
+    builder.bind([f"{look_up.name}[{i}]" for i in range(3)], color_link)
+    builder.bind([f"{look_up.name}_a"], alpha_link)
 
 
 def _is_tile(coordinate: Array, number: int) -> Mask:

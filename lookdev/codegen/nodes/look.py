@@ -27,7 +27,7 @@ from lookdev.brdf import (
 from lookdev.brdf.vectors import are_equal
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.nodes.closures import add_shaders, add_transparent, shade
+from lookdev.codegen.nodes.closures import add_shaders, add_transparent, scale_shader, shade
 from lookdev.codegen.nodes.fits import fit_tree, is_fit
 from lookdev.codegen.nodes.frame import add_frame, frame_tree, reads_frame_tangent
 from lookdev.codegen.nodes.group import Group, add_value, bind_symbols, followed_parameter, socket_of, symbols_of
@@ -222,10 +222,11 @@ class _Material:
 
 def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
     """Add the frame and closures of a BSDF to a group; return the closures' sum and whether light passes through."""
-    frame = add_frame(group.builder)
     # No other symbol has such a name, as names of parameters and layers do not contain dots.
-    axes = {"frame.tangent": frame.tangent, "frame.bitangent": frame.bitangent, "frame.normal": frame.normal}
-    bases = [bind_symbols(group.graph, group.builder, name, link, vector=True) for name, link in axes.items()]
+    bases = [
+        bind_symbols(group.graph, group.builder, f"frame.{name}", link, vector=True)
+        for name, link in add_frame(group.builder).items()
+    ]
     return shade(group.graph, group.builder, bsdf, np.stack(bases))
 
 
@@ -234,16 +235,7 @@ def _layer_over(builder: TreeBuilder, above: Link, below: Link | None, mask: Rea
     if below is not None and are_equal(mask, coverage) and not are_equal(mask, 0.0) and not are_equal(mask, 1.0):
         inputs = {"Fac": add_value(builder, mask), "Shader": below, "Shader_001": above}
         return Link(builder.add("MixShader", inputs=inputs), "Shader")
-    return add_shaders(builder, _scale(builder, below, 1.0 - coverage), _scale(builder, above, mask))
-
-
-def _scale(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | None:
-    """Add a node that multiplies a shader by a factor from 0 to 1, and return its output."""
-    if shader is None or are_equal(factor, 0.0):
-        return None
-    if are_equal(factor, 1.0):
-        return shader
-    return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, factor), "Shader_001": shader}), "Shader")
+    return add_shaders(builder, scale_shader(builder, below, 1.0 - coverage), scale_shader(builder, above, mask))
 
 
 def _take_layers(group: Group, stack: Sequence[StackLayer], names: Sequence[str] = ("",)) -> list[StackLayer]:

@@ -16,26 +16,14 @@ from lookdev.errors import CodegenError
 Match: TypeAlias = tuple[str, *tuple[Scalar, ...]]
 """An operation and its operands; ``"MIX", a, b, t`` is a (1 - t) + b t."""
 
-_OPERATIONS: dict[str, str] = {
-    "add": "ADD",
-    "subtract": "SUBTRACT",
-    "multiply": "MULTIPLY",
-    "divide": "DIVIDE",
-    "absolute": "ABSOLUTE",
-    "sqrt": "SQRT",
+# Other names differ from NumPy's by case alone. Booleans are 0 and 1.
+_NAMES = {
     "exp": "EXPONENT",
     "sin": "SINE",
     "cos": "COSINE",
     "tan": "TANGENT",
-    "tanh": "TANH",
-    "arctan2": "ARCTAN2",
-    "floor": "FLOOR",
-    "power": "POWER",
-    "maximum": "MAXIMUM",
-    "minimum": "MINIMUM",
     "greater": "GREATER_THAN",
     "less": "LESS_THAN",
-    # Booleans are 0 and 1.
     "logical_and": "MULTIPLY",
     "logical_or": "MAXIMUM",
 }
@@ -82,7 +70,7 @@ def match_operation(node: Node, computed: Container[object] = ()) -> Match:
         case "where", (Node() as condition, a, b):
             return _match_where(condition, a, b)
         case _:
-            return (_OPERATIONS[node.op], *node.args)
+            return (_NAMES.get(node.op, node.op.upper()), *node.args)
 
 
 def depth_of(value: Scalar, depths: dict[Node, int]) -> None:
@@ -124,9 +112,8 @@ def _factors(value: Scalar) -> Iterator[tuple[Scalar, Scalar]]:
 def _match_mix(p: Scalar, q: Scalar) -> Match | None:
     """Return the ``"MIX"`` that p + q is, as a (1 - t) + b t, or None."""
     for rest, a in _factors(p):
-        if isinstance(rest, Node) and rest.op == "subtract" and not isinstance(rest.args[0], Node):
-            constant, t = rest.args
-            if constant == 1.0:
+        match rest:
+            case Node(op="subtract", args=(1.0, t)):
                 for factor, b in _factors(q):
                     if factor is t:
                         return "MIX", a, b, t

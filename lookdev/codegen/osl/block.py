@@ -11,40 +11,9 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from lookdev.brdf.table import Table
+from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
 from lookdev.codegen.trace.graph import Node, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
-
-CODE: dict[str, str] = {
-    "add": "({} + {})",
-    "subtract": "({} - {})",
-    "multiply": "({} * {})",
-    "divide": "({} / {})",
-    "negative": "(-{})",
-    "absolute": "fabs({})",
-    "sqrt": "sqrt({})",
-    "exp": "exp({})",
-    "expm1": "expm1({})",
-    "log": "log({})",
-    "sin": "sin({})",
-    "cos": "cos({})",
-    "tan": "tan({})",
-    "arctan2": "atan2({}, {})",
-    "floor": "floor({})",
-    "power": "pow({}, {})",
-    "maximum": "max({}, {})",
-    "minimum": "min({}, {})",
-    "greater": "({} > {})",
-    "greater_equal": "({} >= {})",
-    "less": "({} < {})",
-    "less_equal": "({} <= {})",
-    "equal": "({} == {})",
-    "logical_and": "({} && {})",
-    "logical_or": "({} || {})",
-    "logical_not": "(!{})",
-    "where": "({} ? {} : {})",
-}
-
-_BOOLEAN = {"greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not"}
 
 # Ten million numbers are loaded in four seconds.
 _LARGEST_ARRAY = 10_000_000
@@ -60,11 +29,6 @@ def literal(value: float | bool) -> str:
     if not np.isfinite(value):
         raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
     return repr(float(value))
-
-
-def strip_parentheses(code: str) -> str:
-    """Return the code of an expression without the parentheses that enclose all of it."""
-    return code[1:-1] if code.startswith("(") and code.endswith(")") else code
 
 
 Spell = Callable[["str | Uniform"], str]
@@ -192,6 +156,6 @@ class Block:
     def _define(self, node: Node, code: str) -> None:
         """Write a variable that has the value of a node."""
         name = self._preset_names.get(node, f"{self._prefix}{len(self.variables)}")
-        kind = "int" if node.op in _BOOLEAN else "float"
+        kind = "int" if node.op in BOOLEAN else "float"
         self.write(f"{kind} {name} = {strip_parentheses(code)};")
         self.variables[node] = name

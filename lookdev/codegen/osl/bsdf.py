@@ -17,14 +17,14 @@ light_sampled`` when it draws from a light-sampled lobe. On request, evaluate al
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
 
 from lookdev.brdf import Array, Delta, Lobe
-from lookdev.brdf.mixture import Term
 from lookdev.brdf.table import Table
-from lookdev.brdf.vectors import scale
-from lookdev.codegen.osl.block import Block, Spell, spell_by_name, strip_parentheses
+from lookdev.codegen.operators import strip_parentheses
+from lookdev.codegen.osl.block import Block, Spell, spell_by_name
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.codegen.trace.graph import (
     Graph,
@@ -36,7 +36,7 @@ from lookdev.codegen.trace.graph import (
     post_order,
     reachable_nodes,
 )
-from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
+from lookdev.codegen.trace.lobes import INSIDE, WI, WO, parts_of_lobe, recorded_group, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
 VARYING = frozenset((*WI, "u1", "u2"))
@@ -48,8 +48,9 @@ class TracedLobe:
 
     `value` (3) and `density` are those of `Term`, `below` is that of `Choice`. `wi` (3) is the direction drawn, in the
     surface's frame. `share` is a constant if the lobe is present at every point. The code of a lobe runs where the
-    condition `side` is true, or, if that is None, where light is on the lobe's side of the shading normal. `parts` are
-    the parts of `value` in other groups than the lobe's.
+    condition `side` is true, or, if that is None, where light is on the lobe's side of the shading normal. The lights'
+    factors for diffuse lobes apply if it `is_diffuse`. `group` is the group of `LOBE_GROUPS` that its light is recorded
+    in, without that of `parts`, the parts of `value` in other groups.
     """
 
     name: str
@@ -61,22 +62,13 @@ class TracedLobe:
     below: Scalar
     wi: tuple[Scalar, ...]
     light_sampled: bool
+    is_diffuse: bool
     group: str
-    parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()
-
-    @property
-    def is_diffuse(self) -> bool:
-        """Whether the lights' factors for diffuse lobes apply."""
-        return self.group == "diffuse"
-
-    @property
-    def recorded_group(self) -> str:
-        """The group of `LOBE_GROUPS` that the lobe's light is recorded in, without that of its `parts`."""
-        return "transmission" if self.transmits else self.group
+    parts: Mapping[str, tuple[Scalar, ...]]
 
     def direction_values(self) -> tuple[Scalar, ...]:
         """Return the expressions that are computed for each direction of the light."""
-        return (*self.value, self.density, *(value for _, part in self.parts for value in part))
+        return (*self.value, self.density, *(value for part in self.parts.values() for value in part))
 
 
 @dataclass(frozen=True)
@@ -94,7 +86,7 @@ class BrdfCode:
     light_sampled
         Whether a lobe is light-sampled.
     groups
-        Those in `LOBE_GROUPS` of all lobes and deltas.
+        Those in `LOBE_GROUPS` of all lobes and deltas, in that order.
     """
 
     setup: tuple[str, ...]
@@ -106,9 +98,8 @@ class BrdfCode:
     crosses: bool
     see_through: bool
     light_sampled: bool
-    deltas: tuple[Delta, ...] = ()
-    features: tuple[str, ...] = ()
-    groups: tuple[str, ...] = ()
+    features: tuple[str, ...]
+    groups: tuple[str, ...]
 
     @property
     def sections(self) -> dict[str, Sequence[str]]:
@@ -157,23 +148,15 @@ def trace_lobes(
             below=elements_of(choice.below)[0],
             wi=tuple(elements_of(lobe.draw(choice.stretched, symbol(graph, "u2")))),
             light_sampled=light_sampled(lobe),
-            group=lobe.group,
-            parts=tuple(_parts(term)) if recorded and not lobe.transmits else (),
+            is_diffuse=lobe.group == "diffuse",
+            group=recorded_group(lobe),
+            parts={name: tuple(elements_of(part)) for name, part in parts_of_lobe(term).items()} if recorded else {},
         )
         for lobe, side, term, choice in zip(lobes, sides, terms, choices, strict=True)
     )
     sums = ("pdf", "bsdf_sampled_pdf") if any(lobe.light_sampled for lobe in traced) else ("pdf",)
     densities = {name: elements_of(mixture.normalised(symbol(graph, name)))[0] for name in sums}
     return TracedMixture(traced, elements_of(mixture.total)[0], densities)
-
-
-def _parts(term: Term) -> Iterator[tuple[str, tuple[Scalar, ...]]]:
-    """Yield the parts of a lobe's value that do not fold to 0, and their groups."""
-    for group, evaluate in term.lobe.parts.items():
-        f = scale(evaluate(term.directions), term.lobe.weight)
-        part = tuple(elements_of(replace(term, f=f).value))
-        if any(isinstance(value, Node) or value > 0.0 for value in part):
-            yield group, part
 
 
 def _side(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
@@ -192,7 +175,7 @@ def emit_brdf(
     by_group: bool = False,
     recorded: bool = False,
     deltas: Sequence[Delta] = (),
-    features: Mapping[str, Sequence[Scalar]] | None = None,
+    features: Mapping[str, Sequence[Scalar]] = MappingProxyType({}),
 ) -> BrdfCode:
     """Write the three fragments of a mixture, and the presence where it is not 1.
 
@@ -237,15 +220,16 @@ def emit_brdf(
 
     if recorded:
         for number, delta in enumerate(deltas):
-            setup.write(f"delta_group[{number}] = {LOBE_GROUPS.index(_delta_group(delta))};")
-    feature_values = [value for triple in (features or {}).values() for value in triple]
+            setup.write(f"delta_group[{number}] = {LOBE_GROUPS.index(recorded_group(delta))};")
+    feature_values = [value for triple in features.values() for value in triple]
     feature_block = setup.inner_block("a", indent=2)
     feature_block.prepare(feature_values)
-    for name, feature in (features or {}).items():
+    for name, feature in features.items():
         feature_block.write(f"color {name} = color({', '.join(map(feature_block.expression, feature))});")
 
-    groups = {*_groups(lobes), *map(_delta_group, deltas)} if recorded else ()
-    group_indices = {group: index for index, group in enumerate(sorted(groups, key=LOBE_GROUPS.index))}
+    present = {group for lobe in lobes for group in (lobe.group, *lobe.parts)} | {*map(recorded_group, deltas)}
+    groups = tuple(group for group in LOBE_GROUPS if group in present)
+    group_indices = {group: index for index, group in enumerate(groups)} if recorded else {}
     nodes = reachable_nodes([*values, *(lobe.share for lobe in lobes), presence, *delta_values, *feature_values])
     inputs = {node.name for node in nodes if isinstance(node, Symbol)} - VARYING - {*WO, INSIDE}
     tables = {node.table.digest: node.table for node in nodes if isinstance(node, TableCell)}
@@ -259,19 +243,9 @@ def emit_brdf(
         crosses=any(lobe.side is not None for lobe in lobes),
         see_through=see_through,
         light_sampled=any(lobe.light_sampled for lobe in lobes),
-        deltas=tuple(deltas),
         features=tuple(feature_block.lines),
-        groups=(*_groups(lobes), *map(_delta_group, deltas)),
+        groups=groups,
     )
-
-
-def _groups(lobes: Iterable[TracedLobe]) -> list[str]:
-    """Return the groups of lobes and of their parts."""
-    return [group for lobe in lobes for group in (lobe.recorded_group, *(name for name, _ in lobe.parts))]
-
-
-def _delta_group(delta: Delta) -> str:
-    return "transmission" if delta.transmits else "specular"
 
 
 def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
@@ -358,7 +332,7 @@ def _evaluate_side(
         inner.prepare(lobe.direction_values())
         color = ", ".join(inner.expression(value) for value in lobe.value)
         density = strip_parentheses(inner.expression(lobe.density))
-        terms = {name: f"color({', '.join(map(inner.expression, part))})" for name, part in lobe.parts}
+        terms = {name: f"color({', '.join(map(inner.expression, part))})" for name, part in lobe.parts.items()}
         guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
         block.write(f"{guard}{{  // {lobe.name}")
         block.lines += inner.lines
@@ -374,7 +348,7 @@ def _evaluate_side(
             for name, part in terms.items():
                 block.write(f"    color {name}_f = {part};")
             rest = "".join(f" - {name}_f" for name in terms)
-            for name, term in {lobe.recorded_group: f"own_f{rest}", **{name: f"{name}_f" for name in terms}}.items():
+            for name, term in {lobe.group: f"own_f{rest}", **{name: f"{name}_f" for name in terms}}.items():
                 block.write(f"    f_lobe[{group_indices[name]}] += {term};")
                 if adds_diffuse:
                     block.write(f"    f_lobe_diffuse[{group_indices[name]}] += {term};")

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from lookdev.codegen.osl.block import CODE, literal, strip_parentheses
+from lookdev.codegen.operators import CODE, strip_parentheses
+from lookdev.codegen.osl.block import literal
 from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols

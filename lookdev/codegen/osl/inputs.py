@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lookdev.codegen.inputs import Inputs, LookUp
+from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.block import literal
-from lookdev.codegen.source import TextureBinding
+from lookdev.codegen.source import ImageBinding, TextureBinding
 from lookdev.codegen.trace.graph import Uniform
 
 _WRAP = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mirror"}
@@ -17,36 +17,31 @@ class Names:
     """Names of look-ups and constants in a shader, numbered in the order in which the text first reads them.
 
     `given` are the names ``texture0``, ``texture1``, ... by look-up. Constants of the look are ``look_0``, ``look_1``,
-    ...; `constants` are their values.
+    ...; `constants` are their names by value.
     """
 
     inputs: Inputs
     given: dict[str, str] = field(default_factory=dict)
-    constants: list[float] = field(default_factory=list)
-    _numbers: dict[float, str] = field(default_factory=dict)
+    constants: dict[float, str] = field(default_factory=dict)
 
     def spell(self, symbol: str | Uniform) -> str:
         """Return the text of a symbol or of a uniform."""
         if isinstance(symbol, Uniform):
-            if symbol not in self._numbers:
-                self._numbers[symbol] = f"look_{len(self.constants)}"
-                literal(symbol)  # raises if it is not finite
-                self.constants.append(float(symbol))
-            return self._numbers[symbol]
+            literal(symbol)  # raises if it is not finite
+            return self.constants.setdefault(float(symbol), f"look_{len(self.constants)}")
         source = self.inputs.look_up_of(symbol)
         if source is None:
             return symbol
         return self.given.setdefault(source, f"texture{len(self.given)}") + symbol.removeprefix(source)
 
 
-def emit_look_up(name: str, look_up: LookUp) -> tuple[list[str], list[TextureBinding]]:
+def emit_look_up(name: str, look_up: ImageBinding) -> tuple[list[str], list[TextureBinding]]:
     """Return the code of a look-up, which defines ``color <name>`` and ``float <name>_a``, and the images it reads."""
-    texture, uv = look_up.texture, look_up.uv
     function = "lookdev_slopes" if look_up.slopes else "lookdev_texture"
-    m = [repr(float(x)) for x in texture.transform]
+    m, uv = list(map(repr, look_up.transform)), look_up.uv
     s, t = (f"{m[k]} * {uv}[0] + {m[k + 1]} * {uv}[1] + {m[k + 2]}" for k in (0, 3))
     if 0 in look_up.files:
-        wraps = f'"{_WRAP[texture.wrap_s]}", "{_WRAP[texture.wrap_t]}"'
+        wraps = f'"{_WRAP[look_up.wrap_s]}", "{_WRAP[look_up.wrap_t]}"'
         code = [f"float {name}_a; color {name} = {function}({name}_file, {s}, {t}, {wraps}, {name}_a);"]
         return code, [TextureBinding(f"{name}_file", look_up.files[0])]
     # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Where there is no tile, all channels are 0.

@@ -1,4 +1,7 @@
-"""A light in the shader of a look: the OSL of its kind, by sections.
+"""Lights in the shader of a look: the OSL of a light's kind, by sections, and that of a rig of several lights.
+
+The functions of a rig's shapes are traced from `lookdev.light`: radiance, pdf and samples follow the code that the
+reference renderer evaluates.
 
 A kind's file is divided by lines ``//@ section NAME``, after a comment; `lookdev/shaders/surface.osl` includes each
 section by ``//@ light_NAME``. Sections can read the shader's globals (``P`` is relative to the center of the asset's
@@ -25,14 +28,47 @@ drawn from the BSDF alone: then no other macro or variable of sampling exists.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
+from itertools import chain
+from typing import TypeAlias
 
-from lookdev.codegen.osl.rig import read_sections, rig_sections
+import numpy as np
+
+from lookdev.codegen.osl.block import Block
+from lookdev.codegen.program.lamps import BEAM, FALLOFF, TINT, LampSymbols, trace_lamp, trace_parts, trace_shadow
+from lookdev.codegen.templates import SHADERS, expand_template, read_sections
+from lookdev.codegen.trace.graph import Scalar
+from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import CodegenError
 from lookdev.light import LIGHT_KINDS, Light, coded
-from lookdev.light.lamps import CodedRig
+from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis
+from lookdev.light.lamps import SHAPES, CodedRig
 
 SECTIONS = ("parameters", "functions", "setup", "sample", "density", "lookup")
+
+Lines: TypeAlias = tuple[str, ...]
+
+_FIELD = "lamps[at + LAMP_{}]"
+_ROW = "float lamps[], int at"
+_MEET = "vector p, vector w, output float distance, output float pdf"
+_DRAW = "vector p, float u1, float u2, output vector w, output float distance, output float pdf"
+_SHAPE_HEADS = {
+    "meet": f"void KIND_meet(float lamps[], float tables[], int at, {_MEET})",
+    "draw": f"void KIND_draw(float lamps[], float tables[], int at, {_DRAW})",
+}
+# s, t and the size are fractions of the rectangle's sides.
+_PART = "float part_s, float part_t, float size"
+_PART_HEADS = {
+    "angle": f"float rect_part_angle({_ROW}, vector p, {_PART})",
+    "place": f"void rect_place({_ROW}, vector p, vector w, output float distance, output float s, output float t)",
+    "density": f"float rect_part_density({_ROW}, vector p, vector w, {_PART})",
+    "part": f"void rect_part_draw({_ROW}, {_DRAW.replace('vector p,', f'vector p, {_PART},')})",
+}
+_SAMPLES = ("    int samples = int(control[2]);",)
+# The number is a power of two, the samples, times 1 plus half the element's turn (`cycles.scene`).
+_SAMPLES_AND_TURN = ("    int samples = 1 << int(floor(log2(control[2]) + 0.01));",)
 
 
 def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
@@ -45,7 +81,7 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
     """
     single = coded(lights)
     if single is None:
-        return rig_sections(CodedRig.of(lights))
+        return _rig_sections(CodedRig.of(lights))
     osl = LIGHT_KINDS[single.kind].osl
     assert osl is not None, "a light that is coded has OSL"
     sections = read_sections(osl)
@@ -60,3 +96,131 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
         "rig_arrive": [],
         **{f"light_{name}": code for name, code in sections.items()},
     }
+
+
+def _rig_sections(rig: CodedRig) -> dict[str, list[str]]:
+    """Return the lines of each section of several lights, by the section's name in templates."""
+    sections = read_sections(SHADERS / "rig.osl.h")
+    kinds = {_dome_kind(light) for light in rig.domes}
+    expanded = {
+        name: [part_line for line in sections[name] for part_line in _expand_line(rig, sections, line)]
+        for name in ("macros", "parameters", "setup", "seen", "sample", "arrive")
+    }
+    functions = read_sections(SHADERS / "dome.osl.h")["functions"] if kinds - {"constant_dome"} else []
+    generated = {"shape_functions": [*_shapes(rig)], "lamp_functions": [*_lamp_functions(rig)]}
+    functions += expand_template("rig.h", generated).splitlines()
+    return {
+        "constants": ["#define RIG 1"],
+        "samples": list(_SAMPLES_AND_TURN if rig.needs("still") else _SAMPLES),
+        "light_parameters": expanded["parameters"],
+        "light_functions": [*functions, *expanded["macros"]],
+        "light_setup": [],
+        "light_sample": expanded["sample"],
+        "light_density": [],
+        "light_lookup": [],
+        "rig_setup": expanded["setup"],
+        "rig_seen": expanded["seen"],
+        "rig_arrive": expanded["arrive"],
+    }
+
+
+def _dome_kind(light: Light) -> str:
+    return "constant_dome" if light.constant else light.kind
+
+
+def _expand_line(rig: CodedRig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
+    """Return the lines that replace a line ``//@ domes NAME`` or ``//@ pictures NAME``; other lines stay."""
+    match line.split():
+        case ["//@", "domes", name]:
+            return _dome_lines(rig, sections, name)
+        case ["//@", "pictures", name]:
+            lines = sections[f"picture_{name}"]
+            return (part_line.replace("@", str(number)) for number in range(len(rig.pictures)) for part_line in lines)
+    return (line,)
+
+
+def _dome_lines(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
+    for number, light in enumerate(rig.domes):
+        kind = _dome_kind(light)
+        section = f"{kind}_{name}"
+        for line in sections[section if section in sections else f"dome_{name}"]:
+            yield line.replace("@", str(number)) if line.startswith("//") else _fill_numbers(line, number, rig)
+
+
+def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
+    # A "#" at the beginning of a line is one of the preprocessor's.
+    begin = len(line) - len(line.lstrip("#"))
+    return (line[:begin] + line[begin:].replace("#", str(len(rig.lamps) + number))).replace("@", str(number))
+
+
+def _shapes(rig: CodedRig) -> Iterator[str]:
+    """Yield the functions that lamps of all kinds share, and those of each shape."""
+    beam, falloff, shadow = _control_functions()
+    yield from (*beam * rig.needs("shaped"), *falloff * rig.needs("falling"), *shadow * rig.needs("shadowed"))
+    for kind in rig.kinds:
+        yield from _kind_functions(kind, rig.needs("shaped"), rig.needs("falling"))
+
+
+@cache
+def _control_functions() -> tuple[Lines, Lines, Lines]:
+    """Return the functions of a beam, of a falloff, and of a shadow."""
+    row = LampSymbols(_FIELD)
+    direction, tint = row.vector("w"), row.fields(*TINT)
+    *cone, focus = row.fields(*BEAM)
+    within = cone_factor(off_axis(direction), *cone)
+    beam = np.expand_dims(within, -1) * focus_factor(direction[..., 2], focus, tint)
+    falloff = falloff_factor(*row.numbers("distance"), *row.fields(*FALLOFF))
+    return (
+        _function(f"color lamp_beam({_ROW}, vector w)", elements_of(beam)),
+        _function(f"float lamp_falloff({_ROW}, float distance)", elements_of(falloff)),
+        _function(f"color lamp_passed({_ROW}, float distance)", trace_shadow(_FIELD)["passed"]()),
+    )
+
+
+def _lamp_functions(rig: CodedRig) -> Iterator[str]:
+    """Yield functions for all kinds of lamps, which call those of a lamp's kind."""
+    if rig.lamps:
+        yield from _dispatch_function(rig, "void lamp_meet", _MEET, tables=True)
+        yield from _dispatch_function(rig, "void lamp_draw", _DRAW, tables=True)
+        yield from _dispatch_function(rig, "float lamp_weight", "vector p, vector n")
+
+
+@cache
+def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
+    """Return the functions of a kind of lamp; for pictures, of a part of a rectangle."""
+    lamp = trace_lamp(kind, shaped=shaped, falling=falling, field=_FIELD)
+    traced, heads = (trace_parts(_FIELD), _PART_HEADS) if kind == "picture" else (lamp, _SHAPE_HEADS)
+    functions = [_function(head.replace("KIND", kind), traced[name]()) for name, head in heads.items()]
+    functions.append(_function(f"float {kind}_weight({_ROW}, vector p, vector n)", lamp["weight"]()))
+    return tuple(chain(*functions))
+
+
+def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: bool = False) -> Iterator[str]:
+    """Yield the lines of a function for all kinds of lamps, which calls that of a lamp's kind."""
+    suffix = name.split()[-1].removeprefix("lamp_")
+    first = "lamps, tables, at" if tables else "lamps, at"
+    names = ", ".join((first, *(parameter.split()[-1] for parameter in parameters.split(", "))))
+    yield f"{name}(float lamps[],{' float tables[],' * tables} int at, {parameters})"
+    yield "{"
+    *others, last = rig.kinds
+    for kind in others:
+        yield f"    if (lamps[at] == {list(SHAPES).index(kind)}) {{"
+        yield f"        {'return ' * name.startswith('float')}{kind}_{suffix}({names});"
+        yield "    } else"
+    yield f"    {'return ' * name.startswith('float')}{last}_{suffix}({names});"
+    yield "}"
+
+
+def _function(head: str, values: Sequence[Scalar]) -> Lines:
+    """Return the lines of a function that sets the outputs in its head to values, or returns them if it has none."""
+    components = {"float": ("",), "vector": ("[0]", "[1]", "[2]")}
+    outputs = [name + part for kind, name in re.findall(r"output (\w+) (\w+)", head) for part in components[kind]]
+    block = Block("v", indent=1)
+    block.prepare(values)
+    codes = [block.name(value) if outputs else block.expression(value) for value in values]
+    if outputs:
+        for name, code in zip(outputs, codes, strict=True):
+            block.write(f"{name} = {code};")
+    else:
+        block.write(f"return {codes[0]};" if len(codes) == 1 else f"return color({', '.join(codes)});")
+    return head, "{", *block.lines, "}", ""

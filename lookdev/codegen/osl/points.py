@@ -6,10 +6,10 @@ import hashlib
 from collections.abc import Sequence
 
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
-from lookdev.codegen.osl.surface import expand_template
 from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.points import PointLayer, point_bsdf, point_cells, point_columns
 from lookdev.codegen.source import ShaderSource
+from lookdev.codegen.templates import expand_template
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 
@@ -33,8 +33,8 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
         f"#define TRANSMITS {int(code.transmits or code.crosses)}",
         f"#define TWO_SIDED {int(bsdf.two_sided)}",
     ]
-    tables = bind_tables(code.tables)
-    sections = {"constants": constants, "parameters": tables.parameters, "columns": lines, **code.sections}
+    table_parameters, tables = bind_tables(code.tables)
+    sections = {"constants": constants, "parameters": table_parameters, "columns": lines, **code.sections}
     osl = expand_template("points.osl", sections)
     digest = hashlib.sha256(osl.encode()).hexdigest()
-    return ShaderSource("points", osl, (), (), digest, code.transmits, tables=tables.bindings)
+    return ShaderSource("points", osl, (), (), digest, code.transmits, tables=tables)

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from importlib.resources import files
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-import numpy as np
-
-from lookdev.brdf import Array, Delta, Lobe, StackLayer, stack_bsdf
-from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.mixture import Mixture, estimate_albedo, mean_normal
+from lookdev.brdf import Lobe
+from lookdev.brdf.mixture import Mixture
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.catching import catching_sections
-from lookdev.codegen.osl.directions import direction_counts
 from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import Names, emit_look_up
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
+from lookdev.codegen.program.look import trace_look
 from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import (
     FIRST_LIGHT_PART,
@@ -29,19 +25,19 @@ from lookdev.codegen.source import (
     TANGENT_BINDING,
     ShaderSource,
 )
+from lookdev.codegen.templates import expand_template
 from lookdev.codegen.trace.azimuth import depends_on_tangent
-from lookdev.codegen.trace.graph import Graph, Scalar
-from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas
-from lookdev.codegen.trace.symbolic import elements_of, symbols, uniforms
-from lookdev.errors import CodegenError
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas, trace_features
+from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.light import Light, coded, lights_code
 from lookdev.light.lamps import CodedRig
 from lookdev.material import Look
-from lookdev.material.values import look_layers
 from lookdev.scene.shading import LIFT
-from lookdev.space import REC709, from_rec709
 
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
+
+_DIRECTIONS = 4
 
 # Share of a broad lobe in the directions drawn from the BSDF, without and with bounces. As it is light-sampled, these
 # directions are only needed for light that the asset reflects. Measured (docs/bench.md): smaller shares are not better.
@@ -52,28 +48,14 @@ _BROAD_SHARES = (0.05, 0.3)
 _LEAST_DENSITY = 0.01
 
 
-def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
-    """Fill a template, a file of `lookdev/shaders`.
+@dataclass(frozen=True)
+class Directions:
+    """Numbers of directions drawn from the BSDF and from the light, at the first hit and after a bounce."""
 
-    A line ``//@ NAME`` is replaced by the lines of that section, ``//@ include FILE`` by that file.
-
-    Raises
-    ------
-    CodegenError
-        The template has a section that `sections` lacks.
-    """
-    lines: list[str] = []
-    for line in (files("lookdev") / "shaders" / name).read_text(encoding="utf-8").splitlines():
-        command = line.strip().removeprefix("//@ ").split() if line.strip().startswith("//@ ") else []
-        if command[:1] == ["include"]:
-            lines += expand_template(command[1], sections).splitlines()
-        elif command:
-            if command[0] not in sections:
-                raise CodegenError(f"template {name} has no such section: '{command[0]}'")
-            lines += sections[command[0]]
-        else:
-            lines.append(line)
-    return "\n".join(lines) + "\n"
+    brdf: int
+    ibl: int
+    brdf_onward: int
+    ibl_onward: int
 
 
 def generate_surface(
@@ -88,18 +70,16 @@ def generate_surface(
     replaced
         Lines that replace sections of the template, by the sections' names: the benchmark leaves out parts.
     """
-    sampling, lights, space = setting.sampling, setting.lights, setting.space
+    sampling, lights = setting.sampling, setting.lights
     features, recorded, bounces = sampling.features, sampling.recorded, sampling.bounces
     graph = Graph()
     inputs = Inputs(graph, setting.image_file)
-    bsdf = stack_bsdf([_trace_constants(graph, layer) for layer in look_layers(look, inputs)])
-    if space != REC709:
-        bsdf = bsdf.converted(from_rec709(space))
+    bsdf = trace_look(look, inputs, setting.space)
     lobes = continuous_lobes(graph, bsdf)
     deltas = present_deltas(graph, bsdf)
     constant = all(light.constant for light in lights)
     samples_light = sampling.ibl_samples != 0 and not constant
-    counts = direction_counts(lobes, sampling.brdf_samples, sampling.ibl_samples, bounces, constant_light=constant)
+    counts = _direction_counts(lobes, sampling.brdf_samples, sampling.ibl_samples, bounces, constant_light=constant)
     # If only one direction is drawn, it is not for light from behind.
     from_behind = min(counts.ibl, counts.ibl_onward) > 1
     if samples_light:
@@ -115,19 +95,21 @@ def generate_surface(
     names = Names(inputs)
     rig = None if coded(lights) else CodedRig.of(lights)
     has_factors = rig is not None and rig.needs("split")
-    guides = _guides(graph, continuous_lobes(graph, bsdf), deltas) if features else None
+    guides = {}
+    if features:
+        albedo, normal = trace_features(Mixture(continuous_lobes(graph, bsdf), symbols(graph, WO)), deltas)
+        guides = {"feature_albedo": elements_of(albedo), "feature_normal": elements_of(normal)}
     presence = elements_of(bsdf.presence)[0]
     code = emit_brdf(
         traced, presence, spell=names.spell, by_group=has_factors, recorded=recorded, deltas=deltas, features=guides
     )
     deltas_transmit = any(delta.transmits for delta in deltas)
-    groups = tuple(sorted({*code.groups}, key=LOBE_GROUPS.index))
     directed = depends_on_tangent(graph, lobes)
     attributes = [*inputs.attributes_read_by(code.inputs), *[TANGENT_BINDING] * directed]
     leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
     look_up_code = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]
     file_bindings = tuple(binding for _, bindings in look_up_code for binding in bindings)
-    tables = bind_tables(code.tables)
+    table_parameters, tables = bind_tables(code.tables)
     light_code = light_sections(lights)
     osl = expand_template(
         "surface.osl",
@@ -151,14 +133,14 @@ def generate_surface(
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 f"#define FEATURES {int(features)}",
                 f"#define RECORDED {int(recorded)}",
-                *(_recording(groups, _shader_order(lights, setting.light_groups)) if recorded else ()),
+                *(_recording(code.groups, _shader_order(lights, setting.light_groups)) if recorded else ()),
                 *lights_code(lights, sampled=counts.ibl > 0).constants,
                 f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
             ],
             "parameters": [
                 *(f'    string {binding.parameter} = "",' for binding in file_bindings),
-                *tables.parameters,
+                *table_parameters,
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
             **catching_sections(setting.catching),
@@ -171,27 +153,23 @@ def generate_surface(
     if not recorded:
         osl = _without_recording(osl)
     constants = tuple(names.constants)
-    digest = hashlib.sha256(f"{osl}{constants}".encode())
-    for binding in file_bindings:
-        digest.update(binding.file.digest.encode())
-    for attribute in attributes:
-        digest.update(repr(attribute).encode())
-    source = ShaderSource(
+    hashed = [osl, repr(constants), *(binding.file.digest for binding in file_bindings), *map(repr, attributes)]
+    return ShaderSource(
         look.name,
         osl,
         file_bindings,
         tuple(attributes),
-        digest.hexdigest(),
+        hashlib.sha256("".join(hashed).encode()).hexdigest(),
         transmits=code.transmits or deltas_transmit,
         see_through=code.see_through,
         directions=(counts.brdf, counts.ibl),
         shadows=setting.shadows,
-        tables=tables.bindings,
+        tables=tables,
         constants=constants,
+        recorded=code.groups if recorded else (),
         folded=folded_lobes(graph, bsdf),
         catching=setting.catching,
     )
-    return replace(source, recorded=groups) if recorded else source
 
 
 def _shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
@@ -238,25 +216,6 @@ def _without_recording(osl: str) -> str:
     return "".join(lines)
 
 
-def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dict[str, list[Scalar]]:
-    """Return the features that guide a denoiser, numbers in [0, 1], by their names in the template."""
-    mixture = Mixture(lobes, symbols(graph, WO))
-    albedo: Array = estimate_albedo(mixture) if lobes else np.zeros(3)
-    for delta in deltas:
-        albedo = albedo + delta.value
-    normal = mean_normal(mixture) if lobes else ZENITH
-    return {"feature_albedo": elements_of(np.clip(albedo, 0.0, 1.0)), "feature_normal": elements_of(normal)}
-
-
-def _trace_constants(graph: Graph, layer: StackLayer) -> StackLayer:
-    """Return a layer whose constants are uniforms."""
-    # Values are told apart by identity: a parameter that follows another has the same object.
-    values = {id(value): value for value in (*layer.parameters.values(), layer.mask)}
-    values = {key: uniforms(graph, v) if isinstance(v, np.ndarray | float) else v for key, v in values.items()}
-    parameters = {name: values[id(value)] for name, value in layer.parameters.items()}
-    return replace(layer, parameters=parameters, mask=values[id(layer.mask)])
-
-
 def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:
     """Return the lines that define the numbers of directions; those of the light are divided between front and back."""
     back = ibl_samples // 2 if transmits else 0
@@ -265,3 +224,34 @@ def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) ->
         f"#define FRONT_SAMPLES{where} {ibl_samples - back}",
         f"#define BACK_SAMPLES{where} {back}",
     ]
+
+
+# If every lobe is glossy, most of the variance of a shape with recesses is in light that other parts of it reflect. A
+# path that continues adds one sample of that light, whatever number of directions was drawn at its first hit. So the
+# first hit draws few directions, and paths cost less. Later hits draw more directions from the light, since few of
+# these fall into a narrow lobe. A broad lobe takes its direct light from all of them. Measured: docs/bench.md,
+# "Recesses".
+def _direction_counts(
+    lobes: Sequence[Lobe], brdf: int | None, ibl: int | None, bounces: int, *, constant_light: bool
+) -> Directions:
+    """Return the numbers of directions; the lobes decide where `brdf` or `ibl`, the job's numbers, are None."""
+    if not lobes:
+        return Directions(1, 0, 1, 0)
+    if constant_light:
+        # Every direction is equally bright: samples of the light reduce no variance, even if a job sets some.
+        return _counts_with_bounces(brdf or _DIRECTIONS, 0)
+    if bounces > 0 and brdf is None and ibl is None and not any(lobe.broad or lobe.transmits for lobe in lobes):
+        return Directions(2, 2, 1, 4)
+    broad = bounces == 0 and all(lobe.broad for lobe in lobes)
+    brdf = (0 if broad else _DIRECTIONS) if brdf is None else brdf
+    ibl = _DIRECTIONS if ibl is None else ibl
+    # Keep at least one sampling strategy.
+    return _counts_with_bounces(brdf, ibl) if brdf + ibl else _counts_with_bounces(1, 0)
+
+
+def _counts_with_bounces(brdf: int, ibl: int) -> Directions:
+    """Return numbers of directions that are smaller after a bounce.
+
+    Every path adds a sample there. A path continues only if a direction is drawn from the BSDF, so at least one is.
+    """
+    return Directions(brdf, ibl, max(1, brdf // 4), -(-ibl // 2))

@@ -32,9 +32,16 @@ _ZENITH = np.array([[0.0], [0.0], [1.0]])
 
 
 @cache
-def threads() -> ThreadPoolExecutor:
+def _threads() -> ThreadPoolExecutor:
     """Return the threads that compute parts, one for each core."""
     return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="parts")
+
+
+def run_in_parts(fill: Callable[[slice], None], count: int) -> None:
+    """Call a function with the parts of `count` pairs of directions, on all cores if there are several parts."""
+    parts = [slice(start, start + PART) for start in range(0, count, PART)]
+    for _ in map(fill, parts) if len(parts) == 1 else _threads().map(fill, parts):
+        pass
 
 
 @dataclass(frozen=True)
@@ -74,8 +81,7 @@ class Compiled:
         places = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
         out = np.empty((len(wo), 3))
 
-        def fill(start: int) -> None:
-            part = slice(start, start + PART)
+        def fill(part: slice) -> None:
             columns = np.concatenate([wo[part].T, wi[part].T])
             if self.two_sided:
                 columns *= np.where(columns[2] < 0.0, -1.0, 1.0)
@@ -93,12 +99,7 @@ class Compiled:
             if not all_above:
                 out[part][~above] = 0.0
 
-        starts = range(0, len(wo), PART)
-        if len(starts) == 1:
-            fill(0)
-        else:
-            for _ in threads().map(fill, starts):
-                pass
+        run_in_parts(fill, len(wo))
         return out
 
 

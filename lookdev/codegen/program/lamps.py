@@ -1,11 +1,11 @@
-"""The functions of `lookdev.light`, traced, as operations whose symbols are the fields of a light's row."""
+"""The functions of `lookdev.light`, traced, and as operations whose symbols are the fields of a light's row."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import cache
-from typing import cast
+from typing import ParamSpec, TypeAlias, cast
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from lookdev.brdf.table import Table
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import Operation
 from lookdev.codegen.trace.graph import Graph, Scalar
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.light.dome.local import meet_ball, share_within, towards_ball
 from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
 from lookdev.light.ies import profile_factor
@@ -23,22 +23,44 @@ from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import Picture
 from lookdev.light.spherical_rectangle import Point, density, draw, meet_plane, seen_part, towards_plane
 
+BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
+FALLOFF = ("virtual", "power", "fade", "fade_rise")
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 """The fields of a row that `shadow_operations` reads."""
 
 Functions = tuple[list[Operation], Mapping[str, tuple[int, ...]]]
 """Operations, and the results of each function by its name."""
 
+TracedFunctions: TypeAlias = Mapping[str, Callable[[], list[Scalar]]]
+"""Functions that trace the results of functions, by the functions' names."""
+
 _TABLES = Table(np.zeros((1, 1)))
 """A placeholder for the tables of a rig, which are passed when a program runs."""
 
+_Arguments = ParamSpec("_Arguments")
 
-@cache
-def lamp_operations(kind: str, *, shaped: bool, falling: bool, steps: int = 0) -> Functions:
+
+class LampSymbols:
+    """Symbols of one graph: a function's arguments, and the fields of a lamp's row, which the format `field` names."""
+
+    def __init__(self, field: str = "{}") -> None:
+        self._graph, self._field = Graph(), field
+
+    def numbers(self, *names: str) -> Floats:
+        return cast("Floats", symbols(self._graph, names))  # the functions of lights run on symbols, too
+
+    def vector(self, name: str) -> Floats:
+        return self.numbers(*(f"{name}[{i}]" for i in range(3)))
+
+    def fields(self, *names: str) -> Floats:
+        return self.numbers(*map(self._field.format, names))
+
+
+def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field: str = "{}") -> TracedFunctions:
     """Return the functions of a kind of lamp.
 
-    Symbols are the names in `lookdev.light.lamps.FIELDS`, the components of a point p, a direction w and a normal n,
-    and u1 and u2.
+    Symbols are the names in `lookdev.light.lamps.FIELDS`, formatted by `field`, the components of a point p, a
+    direction w and a normal n, and u1 and u2.
 
     ``weight``
         `lookdev.light.lamps.weight` at p and n, times the mean radiance.
@@ -54,57 +76,56 @@ def lamp_operations(kind: str, *, shaped: bool, falling: bool, steps: int = 0) -
     A lamp that is not `shaped` emits equally in all directions, except by an IES profile, which is looked up in `steps`
     steps if these are not 0. A lamp that is not `falling` has no falloff.
     """
-    graph = Graph()
-    falling = falling and kind != "distant"  # a distant light is infinitely far
+    row = LampSymbols(field)
+    sizes = row.fields(*("a", "b")[: len(fields(SHAPES[kind]))])
+    shape = SHAPES[kind](*sizes) if kind != "picture" else Picture(sizes[0], sizes[1], _TABLES, row.fields("tree")[0])
+    p, w, n = map(row.vector, "pwn")
+    cone, tint = row.fields(*BEAM), row.fields(*TINT)
+    falloff = (
+        tuple(row.fields(*FALLOFF)) if falling and kind != "distant" else None
+    )  # a distant light is infinitely far
 
-    def numbers(*names: str) -> tuple[Floats, ...]:
-        return tuple(_number(graph, name) for name in names)
+    def estimate() -> list[Scalar]:
+        beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
+        return elements_of(row.fields("mean")[0] * weight(shape, beam, falloff, p, n))
 
-    sizes = numbers(*("a", "b")[: len(fields(SHAPES[kind]))])
-    shape = Picture(sizes[0], sizes[1], _TABLES, _number(graph, "tree")) if kind == "picture" else SHAPES[kind](*sizes)
-    p, w, n = (_vector(graph, name) for name in "pwn")
-    cone, falloff = numbers("cone", "start", "rise", "focus"), numbers("virtual", "power", "fade", "fade_rise")
-    tint, (mean,) = _numbers(graph, ["tint0", "tint1", "tint2"]), numbers("mean")
-    beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
-    radiance = _numbers(graph, ["red", "green", "blue"])
-    if shaped:
-        within = cone_factor(off_axis(w), *cone[:3])
-        radiance = radiance * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
-    if steps:
-        profile, scale, angle_scale = numbers("profile", "profile_scale", "angle_scale")
-        offset = np.maximum(profile, 0.0)
-        factor = profile_factor(_TABLES, offset, steps, DEGREES * off_axis(w), azimuth(w), scale, angle_scale)
-        radiance = radiance * np.expand_dims(np.where(profile >= 0.0, factor, 1.0), -1)
-    if falling:
-        radiance = radiance * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *falloff), -1)
-    direction = shape.sample(p, _numbers(graph, ["u1", "u2"]))
-    outputs: dict[str, Callable[[], list[Scalar]]] = {
-        "weight": lambda: elements_of(mean * weight(shape, beam, falloff if falling else None, p, n)),
-        "meet": lambda: [*elements_of(shape.distance(p, w)), *elements_of(shape.pdf(p, w))],
-        "draw": lambda: [
-            *elements_of(direction),
-            *elements_of(shape.distance(p, direction)),
-            *elements_of(shape.pdf(p, direction)),
-        ],
-        "sent": lambda: elements_of(radiance),
-    }
+    def meet(direction: Floats) -> list[Scalar]:
+        return [*elements_of(shape.distance(p, direction)), *elements_of(shape.pdf(p, direction))]
+
+    def sample() -> list[Scalar]:
+        direction = shape.sample(p, row.numbers("u1", "u2"))
+        return [*elements_of(direction), *meet(direction)]
+
+    def radiance() -> list[Scalar]:
+        sent = row.fields("red", "green", "blue")
+        if shaped:
+            within = cone_factor(off_axis(w), *cone[:3])
+            sent = sent * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
+        if steps:
+            profile, scale, angle_scale = row.fields("profile", "profile_scale", "angle_scale")
+            offset = np.maximum(profile, 0.0)
+            factor = profile_factor(_TABLES, offset, steps, DEGREES * off_axis(w), azimuth(w), scale, angle_scale)
+            sent = sent * np.expand_dims(np.where(profile >= 0.0, factor, 1.0), -1)
+        if falloff is not None:
+            sent = sent * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *falloff), -1)
+        return elements_of(sent)
+
+    functions = {"weight": estimate, "meet": lambda: meet(w), "draw": sample, "sent": radiance}
     if kind == "picture":
-        _, hit = meet_plane(p, w, *sizes)
-        outputs["place"] = lambda: [*elements_of(hit.s), *elements_of(hit.t)]
-    return _write_functions(outputs)
+        hit = meet_plane(p, w, *sizes)[1]
+        functions["place"] = lambda: [*elements_of(hit.s), *elements_of(hit.t)]
+    return functions
 
 
-@cache
-def shadow_operations() -> Functions:
+def trace_shadow(field: str = "{}") -> TracedFunctions:
     """Return ``passed``, the share of a light that passes an occluder at ``distance``, from `SHADOW_FIELDS`."""
-    graph = Graph()
-    enable, limit, zone, gamma = (_number(graph, name) for name in SHADOW_FIELDS[:4])
-    share = shadow_passed(_number(graph, "distance"), enable, limit, zone, gamma, _numbers(graph, SHADOW_FIELDS[4:]))
-    return _write_functions({"passed": lambda: elements_of(share)})
+    row = LampSymbols(field)
+    enable, limit, zone, gamma = row.fields(*SHADOW_FIELDS[:4])
+    share = shadow_passed(row.numbers("distance")[0], enable, limit, zone, gamma, row.fields(*SHADOW_FIELDS[4:]))
+    return {"passed": lambda: elements_of(share)}
 
 
-@cache
-def part_operations() -> Functions:
+def trace_parts(field: str = "{}") -> TracedFunctions:
     """Return the functions of a part of a picture: from fractions part_s and part_t of its sides on, of a size in both.
 
     ``angle``
@@ -116,36 +137,28 @@ def part_operations() -> Functions:
     ``place``
         The distance along w to the whole picture, and the coordinates where w meets it.
     """
-    graph = Graph()
-    width, height, s, t, size = (_number(graph, name) for name in ("a", "b", "part_s", "part_t", "size"))
-    p, w = (_vector(graph, name) for name in "pw")
+    row = LampSymbols(field)
+    (width, height), (s, t, size) = row.fields("a", "b"), row.numbers("part_s", "part_t", "size")
+    p, w = map(row.vector, "pw")
     part = seen_part(p, width, height, s, t, size)
 
-    def pdf(point: Point) -> Floats:
+    def pdf(point: Point) -> list[Scalar]:
         within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
-        value: Floats = density(part, Point(within[0], within[1], point.x, point.y))
-        return value
+        return elements_of(density(part, Point(within[0], within[1], point.x, point.y)))
 
     distance, hit = meet_plane(p, w, width, height)
-    direction = towards_plane(p, draw(part, _numbers(graph, ["u1", "u2"])))
+    direction = towards_plane(p, draw(part, row.numbers("u1", "u2")))
     direction_distance, direction_hit = meet_plane(p, direction, width, height)
     angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
-    return _write_functions(
-        {
-            "angle": lambda: elements_of(angle),
-            "place": lambda: [*elements_of(distance), *elements_of(hit.s), *elements_of(hit.t)],
-            "density": lambda: elements_of(pdf(hit)),
-            "part": lambda: [
-                *elements_of(direction),
-                *elements_of(direction_distance),
-                *elements_of(pdf(direction_hit)),
-            ],
-        }
-    )
+    return {
+        "angle": lambda: elements_of(angle),
+        "place": lambda: [*elements_of(distance), *elements_of(hit.s), *elements_of(hit.t)],
+        "density": lambda: pdf(hit),
+        "part": lambda: [*elements_of(direction), *elements_of(direction_distance), *pdf(direction_hit)],
+    }
 
 
-@cache
-def ball_operations() -> Functions:
+def trace_ball(field: str = "{}") -> TracedFunctions:
     """Return the functions of a local dome, from a and b of its row.
 
     ``share``
@@ -156,35 +169,32 @@ def ball_operations() -> Functions:
     ``draw``
         The direction from p to the point where the direction `onto` from the centre meets the dome.
     """
-    graph = Graph()
-    start, radius = (_number(graph, name) for name in "ab")
-    p, w, onto = (_vector(graph, name) for name in ("p", "w", "onto"))
+    row = LampSymbols(field)
+    start, radius = row.fields("a", "b")
+    p, w, onto = map(row.vector, ("p", "w", "onto"))
     hits, distance, around = meet_ball(p, w, radius)
     inside = np.where(hits, 1.0, 0.0)
-    return _write_functions(
-        {
-            "share": lambda: elements_of(share_within(p, start, radius)),
-            "meet": lambda: [*elements_of(inside), *elements_of(distance), *elements_of(around)],
-            "draw": lambda: elements_of(towards_ball(p, onto, radius)),
-        }
-    )
+    return {
+        "share": lambda: elements_of(share_within(p, start, radius)),
+        "meet": lambda: [*elements_of(inside), *elements_of(distance), *elements_of(around)],
+        "draw": lambda: elements_of(towards_ball(p, onto, radius)),
+    }
 
 
-def _vector(graph: Graph, name: str) -> Floats:
-    return _numbers(graph, [f"{name}[{i}]" for i in range(3)])
+def _write_functions(trace: Callable[_Arguments, TracedFunctions]) -> Callable[_Arguments, Functions]:
+    """Return a function that writes the traced functions as operations, once for the same arguments."""
+
+    def write(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Functions:
+        writer = ProgramWriter()
+        for name, trace_outputs in trace(*args, **kwargs).items():
+            writer.add(name, trace_outputs())
+        assert not writer.constants, "lights have no uniforms"
+        return writer.operations, writer.outputs
+
+    return cast("Callable[_Arguments, Functions]", cache(write))
 
 
-def _numbers(graph: Graph, names: Sequence[str]) -> Floats:
-    return cast("Floats", symbols(graph, names))  # the functions of lights run on symbols, too
-
-
-def _number(graph: Graph, name: str) -> Floats:
-    return cast("Floats", symbol(graph, name))
-
-
-def _write_functions(outputs: Mapping[str, Callable[[], list[Scalar]]]) -> Functions:
-    writer = ProgramWriter()
-    for name, trace_outputs in outputs.items():
-        writer.add(name, trace_outputs())
-    assert not writer.constants, "lights have no uniforms"
-    return writer.operations, writer.outputs
+lamp_operations = _write_functions(trace_lamp)
+shadow_operations = _write_functions(trace_shadow)
+part_operations = _write_functions(trace_parts)
+ball_operations = _write_functions(trace_ball)

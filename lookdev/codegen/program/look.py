@@ -15,18 +15,27 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf import MODELS, Array, Real, StackLayer, stack_bsdf
-from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.mixture import Mixture, estimate_albedo, mean_normal
+from lookdev.brdf import MODELS, Array, Bsdf, Real, StackLayer, stack_bsdf
+from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import Table
-from lookdev.brdf.vectors import Parameters, scale
+from lookdev.brdf.vectors import Parameters
 from lookdev.cache import Content, cached_file
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.program.written import ProgramWriter
-from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ImageBinding, ProgramSource
+from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ProgramSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph, Node, Scalar
-from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, folded_lobes, present_deltas
+from lookdev.codegen.trace.lobes import (
+    WI,
+    WO,
+    assume_positive,
+    continuous_lobes,
+    folded_lobes,
+    parts_of_lobe,
+    present_deltas,
+    recorded_group,
+    trace_features,
+)
 from lookdev.codegen.trace.slopes import slopes
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
 from lookdev.errors import CodegenError
@@ -71,11 +80,7 @@ def generate_program(
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
-    bsdf = stack_bsdf(
-        [_trace_constants(graph, number, layer, live) for number, layer in enumerate(look_layers(look, inputs))]
-    )
-    if space != REC709:
-        bsdf = bsdf.converted(from_rec709(space))
+    bsdf = trace_look(look, inputs, space, live)
     lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
     presence = elements_of(bsdf.presence)[0]
     see_through = isinstance(presence, Node) or presence < 1.0
@@ -91,16 +96,13 @@ def generate_program(
     for group, (group_value, diffuse) in parts.items():
         outputs[f"of_{group}"] = [*elements_of(group_value), *elements_of(diffuse)]
     for number, delta in enumerate(deltas):
-        group_number = float(LOBE_GROUPS.index("transmission" if delta.transmits else "specular"))
+        group_number = float(LOBE_GROUPS.index(recorded_group(delta)))
         outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value), group_number]
-    present = {*parts, *("transmission" if delta.transmits else "specular" for delta in deltas)}
+    present = {*parts, *map(recorded_group, deltas)}
     if see_through:
         outputs["presence"] = bsdf.presence
     if features:
-        albedo: Array = estimate_albedo(mixture) if lobes else np.zeros(3)
-        for delta in deltas:
-            albedo = albedo + delta.value
-        outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": mean_normal(mixture) if lobes else ZENITH}
+        outputs["albedo"], outputs["bent"] = trace_features(mixture, deltas)
     outputs |= _slopes(graph, look.name, inputs, outputs)
     directed = depends_on_tangent(graph, lobes)
     writer = ProgramWriter()
@@ -111,8 +113,8 @@ def generate_program(
     for name, result in _frame_outputs(graph, directed, leaning).items():
         writer.add(name, elements_of(result))
     attributes += [TANGENT_BINDING] * directed
-    look_ups = tuple(_image_binding(inputs, name) for name in inputs.look_ups_read_by(writer.symbols))
-    tables = tuple(_store_table(table) for table in writer.tables)
+    look_ups = tuple(map(inputs.look_up, inputs.look_ups_read_by(writer.symbols)))
+    tables = tuple(map(store_table, writer.tables))
     source = ProgramSource(
         look.name,
         tuple(writer.operations),
@@ -133,19 +135,20 @@ def generate_program(
     return replace(source, digest=digest, folded=folded_lobes(graph, bsdf))
 
 
+def trace_look(look: Look, inputs: Inputs, space: Space, live: Live = lambda number, name: False) -> Bsdf:
+    """Return the BSDF of a look in a colour space; its constants are uniforms, or symbols where they are live."""
+    layers = enumerate(look_layers(look, inputs))
+    bsdf = stack_bsdf([_trace_constants(inputs.graph, number, layer, live) for number, layer in layers])
+    return bsdf if space == REC709 else bsdf.converted(from_rec709(space))
+
+
 def _parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
     """Return, by group, the value of its lobes for light from `wi`, and the part of that from diffuse lobes."""
     parts: dict[str, tuple[Array, Array]] = {}
     for term in mixture.terms(wi):
-        whole = term.value
-        parts_of_lobe: dict[str, Array] = {}
-        if not term.lobe.transmits:
-            for name, evaluate in term.lobe.parts.items():
-                part = replace(term, f=scale(evaluate(term.directions), term.lobe.weight)).value
-                if any(isinstance(element, Node) or element > 0.0 for element in elements_of(part)):
-                    parts_of_lobe[name] = part
-        rest = whole - sum(parts_of_lobe.values()) if parts_of_lobe else whole
-        for group, part in {**parts_of_lobe, "transmission" if term.lobe.transmits else term.lobe.group: rest}.items():
+        other = parts_of_lobe(term)
+        rest = term.value - sum(other.values()) if other else term.value
+        for group, part in {**other, recorded_group(term.lobe): rest}.items():
             value, diffuse = parts.get(group, (np.zeros(3), np.zeros(3)))
             parts[group] = value + part, diffuse + (part if term.lobe.group == "diffuse" else np.zeros(3))
     return parts
@@ -244,14 +247,7 @@ def _frame_outputs(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, 
     return axes | {"facet": frame.facet}
 
 
-def _image_binding(inputs: Inputs, name: str) -> ImageBinding:
-    look_up = inputs.look_up(name)
-    texture = look_up.texture
-    transform = tuple(float(x) for x in texture.transform)
-    return ImageBinding(name, look_up.uv, look_up.slopes, texture.wrap_s, texture.wrap_t, transform, look_up.files)
-
-
-def _store_table(table: Table) -> Content:
+def store_table(table: Table) -> Content:
     """Put the values of a table into the store, as an array of float32."""
 
     def save(path: Path) -> None:

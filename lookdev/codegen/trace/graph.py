@@ -172,16 +172,11 @@ def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
         case "where", (_, a, b):
             if _argument_key(a) == _argument_key(b):
                 return a
-        case "logical_and", (a, b):
-            if not isinstance(a, Node):
-                return b if a else False
-            if not isinstance(b, Node):
-                return a if b else False
-        case "logical_or", (a, b):
-            if not isinstance(a, Node):
-                return True if a else b
-            if not isinstance(b, Node):
-                return True if b else a
+        case (("logical_and" | "logical_or"), (a, b)):
+            deciding = op == "logical_or"  # the truth that decides the result alone
+            for truth, other in ((a, b), (b, a)):
+                if not isinstance(truth, Node):
+                    return deciding if bool(truth) == deciding else other
     return None
 
 

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from lookdev.brdf import Array, Bsdf, Delta, Lobe
-from lookdev.brdf.mixture import Mixture
+import numpy as np
+
+from lookdev.brdf import Array, Bsdf, Delta, Lobe, Real
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.mixture import Mixture, Term, estimate_albedo, mean_normal
+from lookdev.brdf.vectors import scale
 from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
@@ -35,20 +40,45 @@ def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
 def present_deltas(graph: Graph, bsdf: Bsdf) -> list[Delta]:
     """Return the terms along single directions that do not fold to zero, as functions of the symbols `WO`, `INSIDE`."""
     deltas = bsdf.deltas(symbols(graph, WO), symbol(graph, INSIDE) > 0.0)
-    return [
-        delta for delta in deltas if any(isinstance(value, Node) or value > 0.0 for value in elements_of(delta.value))
-    ]
+    return [delta for delta in deltas if _can_be_positive(delta.value)]
 
 
 def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
     """Return the lobes as `present_lobes` does, also of a BSDF that scatters along single directions."""
-    shares = [(lobe, elements_of(lobe.share)[0]) for lobe in bsdf.lobes(symbols(graph, WO))]
-    return [lobe for lobe, share in shares if isinstance(share, Node) or share > 0.0]
+    return [lobe for lobe in bsdf.lobes(symbols(graph, WO)) if _can_be_positive(lobe.share)]
 
 
 def folded_lobes(graph: Graph, bsdf: Bsdf) -> int:
     """Return the number of lobes whose share folds to zero: no code is generated for them."""
     return len(bsdf.lobes(symbols(graph, WO))) - len(continuous_lobes(graph, bsdf))
+
+
+def parts_of_lobe(term: Term) -> dict[str, Array]:
+    """Return the parts of a lobe's value that are in other groups and do not fold to zero, (3,), by their groups."""
+    if term.lobe.transmits:
+        return {}
+    evaluated = {group: evaluate(term.directions) for group, evaluate in term.lobe.parts.items()}
+    parts = {group: replace(term, f=scale(f, term.lobe.weight)).value for group, f in evaluated.items()}
+    return {group: part for group, part in parts.items() if _can_be_positive(part)}
+
+
+def recorded_group(scattering: Lobe | Delta) -> str:
+    """Return the group that the light of a lobe, without its parts, or of a single direction is recorded in."""
+    if scattering.transmits:
+        return "transmission"
+    return scattering.group if isinstance(scattering, Lobe) else "specular"
+
+
+def trace_features(mixture: Mixture, deltas: Sequence[Delta]) -> tuple[Array, Array]:
+    """Return the albedo, in [0, 1], and the mean normal of lobes and single directions: they guide a denoiser."""
+    albedo: Array = estimate_albedo(mixture) if mixture.lobes else np.zeros(3)
+    for delta in deltas:
+        albedo = albedo + delta.value
+    return np.clip(albedo, 0.0, 1.0), mean_normal(mixture) if mixture.lobes else ZENITH
+
+
+def _can_be_positive(value: Real) -> bool:
+    return any(isinstance(element, Node) or element > 0.0 for element in elements_of(value))
 
 
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:

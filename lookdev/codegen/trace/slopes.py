@@ -16,6 +16,7 @@ from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol, post_order
 def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
     """Return the derivatives of nodes and constants with respect to a named symbol."""
     tangents: dict[Node, Scalar] = {}
+    calculus = _Calculus(graph)
 
     def tangent_of(value: Scalar) -> Scalar:
         return tangents[value] if isinstance(value, Node) else 0.0
@@ -26,14 +27,9 @@ def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
         else:
             operand_tangents = [tangent_of(value) if node.op != "look_up" else 0.0 for value in node.args]
             is_varying = any(isinstance(value, Node) or value != 0.0 for value in operand_tangents)
-            tangents[node] = _tangent(graph, node, operand_tangents) if is_varying else 0.0
+            rule = _RULES.get(node.op) if is_varying else None
+            tangents[node] = rule(calculus, node, *node.args, *operand_tangents) if rule else 0.0
     return [tangent_of(value) for value in roots]
-
-
-def _tangent(graph: Graph, node: Node, operand_tangents: Sequence[Scalar]) -> Scalar:
-    """Return the derivative of an operation, from those of its operands."""
-    rule = _RULES.get(node.op)
-    return 0.0 if rule is None else rule(_Calculus(graph), node, *node.args, *operand_tangents)
 
 
 class _Calculus:

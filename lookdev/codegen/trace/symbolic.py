@@ -156,20 +156,13 @@ def _stack(graph: Graph, arrays: Sequence[object], axis: int = 0) -> Array:
     return _wrap(graph, np.stack([_elements(array) for array in arrays], axis=axis))
 
 
-def _expand_dims(graph: Graph, a: object, axis: int) -> Array:
-    return _wrap(graph, np.expand_dims(_elements(a), axis))
-
-
-def _where(graph: Graph, condition: object, x: object, y: object) -> Array:
-    return _elementwise(graph, "where", condition, x, y)
-
-
 def _clip(graph: Graph, a: object, a_min: object, a_max: object) -> Array:
     return _elementwise(graph, "minimum", _elementwise(graph, "maximum", a, a_min), a_max)
 
 
-def _moveaxis(graph: Graph, a: object, source: int, destination: int) -> Array:
-    return _wrap(graph, np.moveaxis(_elements(a), source, destination))
+def _reshaping(function: Callable[..., NDArray[np.object_]]) -> Callable[..., Array]:
+    """Return the counterpart of a function of NumPy that only moves the elements of its first argument."""
+    return lambda graph, a, *args, **kwargs: _wrap(graph, function(_elements(a), *args, **kwargs))
 
 
 def _broadcast_arrays(graph: Graph, *arrays: object) -> list[Array]:
@@ -187,10 +180,10 @@ def _look_up(graph: Graph, table: Table, row: object, column: object) -> Array:
 _FUNCTIONS: dict[Function, Callable[..., object]] = {
     np.sum: _sum,
     np.stack: _stack,
-    np.expand_dims: _expand_dims,
-    np.where: _where,
+    np.expand_dims: _reshaping(np.expand_dims),
+    np.where: lambda graph, *args: _elementwise(graph, "where", *args),
     np.clip: _clip,
-    np.moveaxis: _moveaxis,
+    np.moveaxis: _reshaping(np.moveaxis),
     np.broadcast_arrays: _broadcast_arrays,
     look_up: _look_up,
     np.zeros_like: lambda graph, a: np.zeros(a.shape),

@@ -31,23 +31,19 @@ def match_dot(node: Node) -> tuple[Triple, Triple] | None:
 
 def match_normalize(triple: Triple) -> Triple | None:
     """Return the vector that a triple normalizes; None if it does not normalize any."""
-    components = [component for component in triple if isinstance(component, Node)]
-    if len(components) < 3 or len({component.op for component in components}) > 1:
-        return None
-    if components[0].op not in ("multiply", "divide"):
-        return None
-    (x, length), (y, second), (z, third) = (component.args for component in components)
-    if components[0].op == "multiply":
-        if not is_inverse_root(length):
+    root: Scalar | None
+    match triple:
+        case (Node(op="divide", args=(x, a)), Node(op="divide", args=(y, b)), Node(op="divide", args=(z, c))):
+            root = a
+        case (Node(op="multiply", args=(x, a)), Node(op="multiply", args=(y, b)), Node(op="multiply", args=(z, c))):
+            root = a.args[1] if is_inverse_root(a) else None
+        case _:
             return None
-        root = length.args[1]
-    else:
-        root = length
-    if length is not second or length is not third or not isinstance(root, Node) or root.op != "sqrt":
-        return None
-    vector, (square,) = (x, y, z), root.args
-    dot = match_dot(square) if isinstance(square, Node) else None
-    return vector if dot is not None and all(_is_same(vector, factor) for factor in dot) else None
+    match root:
+        case Node(op="sqrt", args=(Node() as square,)) if a is b and a is c:
+            factors = match_dot(square)
+            return (x, y, z) if factors and all(_is_same((x, y, z), factor) for factor in factors) else None
+    return None
 
 
 def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
@@ -79,7 +75,7 @@ def _summands(value: Scalar) -> Triple | None:
 
 def is_inverse_root(value: Scalar) -> TypeGuard[Node]:
     """Return whether a value is ``1 / sqrt(x)``."""
-    if not isinstance(value, Node) or value.op != "divide":
-        return False
-    numerator, root = value.args
-    return not isinstance(numerator, Node) and numerator == 1.0 and isinstance(root, Node) and root.op == "sqrt"
+    match value:
+        case Node(op="divide", args=(1.0, Node(op="sqrt"))):
+            return True
+    return False

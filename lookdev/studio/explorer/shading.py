@@ -51,11 +51,11 @@ def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple
         "text": functions.text,
         "numbers": functions.numbers,
         "places": {live_name(0, parameter): parameter for parameter in MODELS[look.layers[0].model].parameters},
-        "transmits": functions.transmits,
-        "deltas": functions.deltas,
-        "attributes": [[attribute.parameter, attribute.kind] for attribute in functions.attributes],
+        "transmits": functions.program.transmits,
+        "deltas": functions.program.deltas,
+        "attributes": [[attribute.parameter, attribute.kind] for attribute in functions.program.attributes],
     }
-    return header, {f"look_table{k}": _rows(np.load(table.path)) for k, table in enumerate(functions.tables)}
+    return header, {f"look_table{k}": _rows(np.load(table.path)) for k, table in enumerate(functions.program.tables)}
 
 
 def _rows(values: Array) -> Floats32:

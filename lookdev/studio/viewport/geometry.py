@@ -13,7 +13,7 @@ from lookdev.arrays import Array, Floats, Floats32, Ints, Records
 from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
-from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
+from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError
 from lookdev.studio.viewport.hierarchy import MOST_TEXELS_EACH, Hierarchy
 

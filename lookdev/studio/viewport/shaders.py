@@ -80,7 +80,7 @@ class Shadows(IntEnum):
         """Return the shadows of a look on an asset; a convex asset occludes no light from the front of its surface."""
         if not asset.convex:
             return cls.TRACED
-        if asset.sheet or not (look.transmits or look.see_through):
+        if asset.sheet or not (look.program.transmits or look.program.see_through):
             return cls.NONE
         # For lights that are not plain, the distance of the occluder matters.
         return cls.BEHIND if rig.plain else cls.TRACED
@@ -93,13 +93,13 @@ def look_shaders(
     visible, relight = _sections("visible.glsl"), _sections("relight.glsl")
     shadow = (files("lookdev") / "shaders" / "shadow.glsl").read_text(encoding="utf-8")
     constants = {
-        "TRANSMITS": int(look.transmits),
-        "SEE_THROUGH": int(look.see_through),
+        "TRANSMITS": int(look.program.transmits),
+        "SEE_THROUGH": int(look.program.see_through),
         "DRAWN": DRAWN,
-        "LIT": LIT * (1 + look.transmits),
-        "DIRECTIONS": f"(DRAWN + LIT + {look.deltas})",
+        "LIT": LIT * (1 + look.program.transmits),
+        "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",
         "SHADOWS": int(shadows),
-        "TRACED": (1 + look.transmits) * (shadows == Shadows.TRACED),
+        "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),
         "CONVEX": int(convex),
         "OCCLUDERS": corners.occluders,
         "OCCLUDER_NODES": corners.nodes,
@@ -111,18 +111,18 @@ def look_shaders(
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     read = "\n".join(
         f"    {'mesh_tangent' if name == 'shading_tangent' else name} = {corners.read(binding)};"
-        for name, binding in ((binding.parameter, binding) for binding in look.attributes)
+        for name, binding in ((binding.parameter, binding) for binding in look.program.attributes)
     )
     surface = relight["surface"].replace("//@ attributes", read)
     deltas = "".join(
-        f"        if (k == DRAWN + LIT + {k}) look_delta{k}(wi, here.value);\n" for k in range(look.deltas)
+        f"        if (k == DRAWN + LIT + {k}) look_delta{k}(wi, here.value);\n" for k in range(look.program.deltas)
     )
     if deltas:
         deltas += "        if (k >= DRAWN + LIT) {\n            here.w = surface_world(wi);\n"
         deltas += "            here.diffuse = vec3(0.0);\n        }\n"
     parts = [_HEAD, defines, visible["camera"], PRELUDE, _sobol(), LOOK_UPS, look.text]
     visible_shader = f"{_HEAD}#define SEE_THROUGH 0\n{visible['fragment']}"
-    if look.see_through:
+    if look.program.see_through:
         declared, _, main = visible["fragment"].partition("void main()")
         visible_shader = "".join([*parts, declared, surface, relight["absent"], "void main()", main])
     main = relight["main"].replace("//@ deltas\n", deltas)

@@ -96,10 +96,10 @@ def view_scene(
     rig = rig_functions(scene.lights, scene.lit_by, rig_origin, scene.grouped)
     functions = [look_functions(look, resolve, live(look), split=rig.split) for look in looks]
     order = tuple(sorted(range(len(look_numbers)), key=lambda slot: (look_numbers[slot], slot)))
-    bindings = tuple(binding for look in functions for binding in look.attributes)
+    bindings = tuple(binding for look in functions for binding in look.program.attributes)
     shadows = [Shadows.of(scene.asset, look, rig) for look in functions]
     corners = corners_of(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
-    left_out = [INTERREFLECTION, *[_HOLES] * any(look.see_through for look in functions)]
+    left_out = [INTERREFLECTION, *[_HOLES] * any(look.program.see_through for look in functions)]
     shaders = [
         look_shaders(glsl, rig, corners, shadow, scene.asset.convex)
         for glsl, shadow in zip(functions, shadows, strict=True)
@@ -171,14 +171,14 @@ def _look(
     look: Look, functions: LookFunctions, shaders: LookShaders, buffers: Buffers, parts: Sequence[_Part]
 ) -> Mapping[str, object]:
     textures = dict(_textures(functions, buffers))
-    for k, table in enumerate(functions.tables):
+    for k, table in enumerate(functions.program.tables):
         values = np.load(table.path).astype(np.float32).ravel()
         textures[f"look_table{k}"] = buffers.rows(values, TABLE_WIDTH)
     return {
         "name": look.name,
         "visible": shaders.visible,
         "relight": shaders.relight,
-        "see_through": functions.see_through,
+        "see_through": functions.program.see_through,
         "numbers": {name: list(values) for name, values in functions.numbers.items()},
         "textures": textures,
         "first": min(part["first"] for part in parts),
@@ -188,7 +188,7 @@ def _look(
 
 def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str, Mapping[str, str | int]]]:
     """Yield the images of a look by their samplers, as half floats if these suffice; slopes stay float32."""
-    for look_up in functions.look_ups:
+    for look_up in functions.program.look_ups:
         for tile, file in look_up.files.items():
             texels = read_exr(file.path, "RGBA")
             if not look_up.slopes and np.abs(texels).max() <= _LARGEST_HALF:

@@ -1,0 +1,40 @@
+"""Operations of graphs in OSL, whose operators are those of GLSL, too."""
+
+CODE: dict[str, str] = {
+    "add": "({} + {})",
+    "subtract": "({} - {})",
+    "multiply": "({} * {})",
+    "divide": "({} / {})",
+    "negative": "(-{})",
+    "absolute": "fabs({})",
+    "sqrt": "sqrt({})",
+    "exp": "exp({})",
+    "expm1": "expm1({})",
+    "log": "log({})",
+    "sin": "sin({})",
+    "cos": "cos({})",
+    "tan": "tan({})",
+    "arctan2": "atan2({}, {})",
+    "floor": "floor({})",
+    "power": "pow({}, {})",
+    "maximum": "max({}, {})",
+    "minimum": "min({}, {})",
+    "greater": "({} > {})",
+    "greater_equal": "({} >= {})",
+    "less": "({} < {})",
+    "less_equal": "({} <= {})",
+    "equal": "({} == {})",
+    "logical_and": "({} && {})",
+    "logical_or": "({} || {})",
+    "logical_not": "(!{})",
+    "where": "({} ? {} : {})",
+}
+"""Text of operations, in parentheses where it contains an operator."""
+
+BOOLEAN = {"greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not"}
+"""The operations whose results are truths."""
+
+
+def strip_parentheses(code: str) -> str:
+    """Return the code of an expression without the parentheses that enclose all of it."""
+    return code[1:-1] if code.startswith("(") and code.endswith(")") else code

@@ -1,0 +1,47 @@
+"""Hand-written code in `lookdev/shaders`, by sections, and templates there that generated code fills."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+
+from lookdev.errors import CodegenError
+
+SHADERS = files("lookdev") / "shaders"
+
+
+def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
+    """Fill a template, a file of `lookdev/shaders`.
+
+    A line ``//@ NAME`` is replaced by the lines of that section, ``//@ include FILE`` by that file.
+
+    Raises
+    ------
+    CodegenError
+        The template has a section that `sections` lacks.
+    """
+    lines: list[str] = []
+    for line in (SHADERS / name).read_text(encoding="utf-8").splitlines():
+        command = line.strip().removeprefix("//@ ").split() if line.strip().startswith("//@ ") else []
+        if command[:1] == ["include"]:
+            lines += expand_template(command[1], sections).splitlines()
+        elif command:
+            if command[0] not in sections:
+                raise CodegenError(f"template {name} has no such section: '{command[0]}'")
+            lines += sections[command[0]]
+        else:
+            lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def read_sections(osl: Traversable) -> dict[str, list[str]]:
+    """Return the lines of a file by section; a section begins with ``//@ section NAME``."""
+    sections: dict[str, list[str]] = {}
+    lines: list[str] = []
+    for line in osl.read_text(encoding="utf-8").splitlines():
+        if line.startswith("//@ section "):
+            lines = sections.setdefault(line.removeprefix("//@ section ").strip(), [])
+        else:
+            lines.append(line)
+    return sections
