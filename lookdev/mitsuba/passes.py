@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from lookdev.arrays import Floats, Floats32, Ints
 from lookdev.light.mapping import rotate_z
 from lookdev.mitsuba import sobol
-from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.surface import Looks, Surface
-from lookdev.mitsuba.types import AnyArray, Mitsuba
+from lookdev.mitsuba.types import AnyArray
 from lookdev.mitsuba.view import View
 from lookdev.rendering.cryptomatte import RANKS, matte_id, matte_samples, normalize_coverage
 from lookdev.rendering.frame import FEATURE_SAMPLES
@@ -28,11 +27,8 @@ _MOST_SAMPLES = 1 << 22  # in a launch
 class Features:
     """The features of the surfaces that the camera sees, in one variant's arrays."""
 
-    def __init__(self, mi: Mitsuba, geometry: Geometry, looks: Looks, bounces: int) -> None:
-        self._mi = mi
-        self._geometry = geometry
-        self._looks = looks
-        self._bounces = bounces
+    def __init__(self, looks: Looks, bounces: int) -> None:
+        self._mi, self._geometry, self._looks, self._bounces = looks.mi, looks.geometry, looks, bounces
 
     def guides(self, view: View) -> tuple[Floats32, Floats32]:
         """Return the mean albedos, premultiplied, and the mean normals of all pixels, (H, W, 3) each."""

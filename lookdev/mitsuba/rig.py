@@ -16,48 +16,36 @@ from lookdev.light.lamps import FIELDS, CodedRig, Stand
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
-from lookdev.mitsuba.lamps import Controls, Lamps, Rows, lamps_by_kind
-from lookdev.mitsuba.lights import Lighting, Lights, LightSample, OneDome, rotate_z, split_count
+from lookdev.mitsuba.geometry import Geometry
+from lookdev.mitsuba.lamps import Lamps, Rows, lamps_by_kind
+from lookdev.mitsuba.lights import Direction, Lighting, Lights, LightSample, OneDome, rotate_z, split_count
 from lookdev.mitsuba.programs import Program
 from lookdev.mitsuba.surface import Arriving, Surface
 from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
+from lookdev.rendering.task import SceneTask
 
 
-def lights_of(
-    mi: Mitsuba,
-    lights: Sequence[Light],
-    links: Sequence[Sequence[int]],
-    center: Floats,
-    pivot: tuple[float, float],
-    groups: Sequence[int] = (),
-) -> Lights:
-    """Return the lights of a scene about a centre, which turn about the vertical through `pivot`.
+def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry, groups: Sequence[int] = ()) -> Lights:
+    """Return the lights of a task about a geometry's centre, and create the scenes of their shadows.
 
-    `links` has the numbers of the lights of each look; () means all lights for each. `groups` has the number of each
-    light's group; the light of all groups but the last is recorded separately.
+    `groups` has the number of each light's group; the light of all groups but the last is recorded separately.
     """
-    single = None if links else coded(lights)
-    return OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, lights, links, center, pivot, groups)
+    single = None if task.lit else coded(task.lights)
+    lights = OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, task, geometry.center, groups)
+    for excluded in lights.shadow_excluded:
+        geometry.shadow_scene(excluded)  # created here, as kernels cannot create it
+    return lights
 
 
-class Rig:
+class Rig(Lights):
     """Lamps and domes. Each direction selects a light in proportion to an estimate of the light's irradiance."""
 
-    sampled = True
-
-    def __init__(
-        self,
-        mi: Mitsuba,
-        lights: Sequence[Light],
-        links: Sequence[Sequence[int]],
-        center: Floats,
-        pivot: tuple[float, float],
-        groups: Sequence[int] = (),
-    ) -> None:
-        self._mi = mi
+    def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats, groups: Sequence[int] = ()) -> None:
+        lights, links = task.lights, task.lit
         rig = CodedRig.of(lights)
+        super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
-        values = rig.rows(Stand((x, y, z), pivot))
+        values = rig.rows(Stand((x, y, z), task.camera.pivot))
         self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))
         order = [
             n for has_map in (False, True) for n, light in enumerate(lights) if (light.map_dome is not None) is has_map
@@ -74,13 +62,7 @@ class Rig:
         self.domes = [
             _RigDome(mi, dome, rows[n : n + 1], links_of(slice(n, n + 1))) for n, dome in enumerate(rig.domes, count)
         ]
-        self._controls = Controls(mi, rig, max(groups, default=0))
-        self.shadow_excluded: Sequence[tuple[int, ...]] = self._controls.shadow_excluded
-        self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
         self.visible = any(lamp.emission.camera for lamp in rig.lamps)
-        self.excludes, self.shadow_shares = self._controls.excludes, self._controls.shadow_shares
-        self.controls, self.none = self._controls.lamp_controls, self._controls.none
-        self.groups, self.by_group = self._controls.groups, self._controls.by_group
 
     def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         return _RigLighting(self._mi, self, surface, turns, count, both_sides)
@@ -195,7 +177,6 @@ class _RigLighting:
         p, local = self._frames.to_frame(lamps, lamp, n)
         return lamps.weight(lamp, p, local) * lamps.link_of(lamp, self._surface.source)
 
-    @dr.syntax
     def _sum(self, side: int) -> Float:
         """Return the sum of the estimated irradiances of all lights on a side."""
         mi = self._mi
@@ -239,36 +220,29 @@ class _RigLighting:
             total += self._mi.Float(count) * share * pdf
         return total
 
-    @dr.syntax
-    def arriving(
-        self, w: Vector3f, own_density: Float, weighed: float, occluders: list[Float], active: Bool, straight: bool
-    ) -> list[Arriving]:
+    def arriving(self, direction: Direction) -> list[Arriving]:
         total = self._rig.dark()
         for number in range(len(self._rig.domes)):
-            light = self._arriving_from_dome(number, w, own_density, weighed, occluders, active, straight)
-            total = _add_arriving(total, light)
+            total = _add_arriving(total, self._arriving_from_dome(number, direction))
         for lamps in self._rig.lamps:
-            light = self._arriving_from_lamps(lamps, w, own_density, weighed, occluders, active, straight)
-            total = _add_arriving(total, light)
+            total = _add_arriving(total, self._arriving_from_lamps(lamps, direction))
         return total
 
-    def _arriving_from_dome(
-        self,
-        number: int,
-        w: Vector3f,
-        own_density: Float,
-        weighed: float,
-        occluders: list[Float],
-        active: Bool,
-        straight: bool,
+    def _arriving_from_dome(self, number: int, direction: Direction) -> list[Arriving]:
+        dome, active = self._rig.domes[number], direction.active
+        local = self._frames.into(dome, dome.first, direction.w)
+        distance, radiance_seen, density_seen = self._along_dome(number, local, direction.w, active)
+        density = direction.own_density + (density_seen if direction.weighed else 0.0)
+        light = dr.select(active, radiance_seen / density, 0.0)
+        return self._unoccluded(dome, dome.first, direction, light, distance)
+
+    def _unoccluded(
+        self, lights: Rows, lamp: UInt, direction: Direction, light: Color3f, distance: Float
     ) -> list[Arriving]:
-        dome = self._rig.domes[number]
-        local = self._frames.into(dome, dome.first, w)
-        distance, radiance_seen, density_seen = self._along_dome(number, local, w, active)
-        density = own_density + (density_seen if weighed else 0.0)
-        light = dr.select(active, radiance_seen / density, 0.0) * dome.link_of(dome.first, self._surface.source)
-        controls = self._rig.controls(dome, dome.first)
-        shares = self._rig.shadow_shares(controls, distance, occluders, straight)
+        """Return the parts of the light of lamps at a distance that reach the surface."""
+        light = light * lights.link_of(lamp, self._surface.source)
+        controls = self._rig.controls(lights, lamp)
+        shares = self._rig.shadow_shares(controls, distance, direction.occluders, direction.straight)
         return self._rig.by_group(controls, (light * shares[0], light * shares[1]))
 
     def _along_dome(self, number: int, local: Vector3f, w: Vector3f, active: Bool) -> tuple[Float, Color3f, Float]:
@@ -285,27 +259,15 @@ class _RigLighting:
         return distance, map_radiance * self._shares[number] * dome.radiance_factor, density
 
     @dr.syntax
-    def _arriving_from_lamps(
-        self,
-        lamps: Lamps,
-        w: Vector3f,
-        own_density: Float,
-        weighed: float,
-        occluders: list[Float],
-        active: Bool,
-        straight: bool,
-    ) -> list[Arriving]:
+    def _arriving_from_lamps(self, lamps: Lamps, direction: Direction) -> list[Arriving]:
         total = self._rig.dark()
         lamp = self._mi.UInt32(0)
-        while dr.hint(active & (lamp < lamps.count), exclude=[w, own_density, weighed, occluders, active, straight]):
-            p, local = self._frames.to_frame(lamps, lamp, w)
+        while direction.active & (lamp < lamps.count):
+            p, local = self._frames.to_frame(lamps, lamp, direction.w)
             distance, pdf = lamps.meet(lamp, p, local)
-            density = own_density + weighed * self._lamp_density(lamps, lamp, pdf)
+            density = direction.own_density + direction.weighed * self._lamp_density(lamps, lamp, pdf)
             light = dr.select(distance < FAR, lamps.radiance(lamp, p, local) / density, 0.0)
-            light *= lamps.link_of(lamp, self._surface.source)
-            controls = self._rig.controls(lamps, lamp)
-            shares = self._rig.shadow_shares(controls, distance, occluders, straight)
-            total = _add_arriving(total, self._rig.by_group(controls, (light * shares[0], light * shares[1])))
+            total = _add_arriving(total, self._unoccluded(lamps, lamp, direction, light, distance))
             lamp += 1
         return total
 
@@ -321,7 +283,7 @@ class _RigLighting:
         target = u1 * dr.select(back, self._side_sums[-1], self._side_sums[0])
         # The light whose interval of the sum contains the target; the position in the interval samples that light.
         end = mi.Float(0.0)
-        none = self._rig.none()
+        none = self._rig.no_controls
         result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE), mi.Float(0.0), none)
         for number_of_dome, dome in enumerate(self._rig.domes):
             weight = dr.select(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import drjit as dr
@@ -16,6 +17,7 @@ from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.types import UV, AnyArray, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
+from lookdev.rendering.task import SceneTask
 
 Arriving = tuple[Color3f, Color3f]
 """The light that arrives, as two colours: for specular lobes and for diffuse lobes."""
@@ -31,19 +33,12 @@ class Looks:
     """
 
     def __init__(
-        self,
-        mi: Mitsuba,
-        sources: list[ProgramSource],
-        geometry: Geometry,
-        inputs: Mapping[str, AnyArray] | None = None,
+        self, mi: Mitsuba, task: SceneTask, geometry: Geometry, inputs: Mapping[str, AnyArray] = MappingProxyType({})
     ) -> None:
-        self.mi = mi
-        self.inputs = inputs or {}
-        self.geometry = geometry
-        # Looks that different lights reach may have the same program.
-        distinct = {source.digest: source for source in sources}
-        self._numbers = device_array(mi.UInt32, [list(distinct).index(source.digest) for source in sources])
-        sources = self.sources = list(distinct.values())
+        self.mi, self.inputs, self.geometry = mi, inputs, geometry
+        sources, numbers = _distinct_sources(task)
+        self._numbers = device_array(mi.UInt32, numbers)
+        self.sources = sources
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{image.name: Images(mi, image) for image in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
@@ -54,16 +49,14 @@ class Looks:
                 if binding.parameter not in self.inputs:
                     geometry.attribute(binding)
 
-    def update(self, sources: Sequence[ProgramSource]) -> bool:
-        """Set the constants to those of other sources, and return True, if the sources differ in constants alone.
+    def update(self, task: SceneTask) -> bool:
+        """Set the constants to those of another task, and return True, if its sources differ in constants alone.
 
         Otherwise nothing changes, and False is returned.
         """
-        distinct = {source.digest: source for source in sources}
-        numbers = [list(distinct).index(source.digest) for source in sources]
-        if numbers != self._numbers.numpy().tolist() or len(distinct) != len(self.sources):
+        updated, numbers = _distinct_sources(task)
+        if numbers != self._numbers.numpy().tolist() or len(updated) != len(self.sources):
             return False
-        updated = list(distinct.values())
         if any(
             _without_constants(new) != _without_constants(old) for new, old in zip(updated, self.sources, strict=True)
         ):
@@ -79,6 +72,15 @@ class Looks:
     def program_of(self, triangle: UInt) -> UInt:
         """Return the number of the program of triangles."""
         return dr.gather(self.mi.UInt32, self._numbers, self.geometry.look_of(triangle))
+
+
+def _distinct_sources(task: SceneTask) -> tuple[list[ProgramSource], list[int]]:
+    """Return the sources of a task with different programs, and the number of the program of each of its sources.
+
+    Looks that different lights reach may have the same program.
+    """
+    distinct = {source.digest: source for source in task.shaders if isinstance(source, ProgramSource)}
+    return list(distinct.values()), [list(distinct).index(source.digest) for source in task.shaders]
 
 
 def _without_constants(source: ProgramSource) -> ProgramSource:
