@@ -30,8 +30,9 @@ from lookdev.errors import LookdevError, RenderError
 from lookdev.lifetime import end_with_parent
 from lookdev.light import native_images
 from lookdev.rendering import wire
-from lookdev.rendering.answers import Answers, save_arrays
+from lookdev.rendering.answers import Answers
 from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.llvm import VARIABLE, find_llvm
 from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask
@@ -209,14 +210,12 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     image, alpha = pixels[..., :3], pixels[..., 3]
     seconds = time.perf_counter() - started
-    figures: dict[str, Any] = {"samples": sampling.samples, "relmse": math.nan}
-    if sampling.denoise == "off":
-        answers.done(task.digest, save_arrays(image, image, alpha), seconds=seconds, **figures)
-        return
-    smooth = make_denoiser(*_features(mi, scene, sampling.seed))(image)
-    arrays = save_arrays(smooth, smooth, alpha, image)
-    figures |= {"raw_relmse": math.nan, "raw_seconds": seconds}
-    answers.done(task.digest, arrays, seconds=time.perf_counter() - started, **figures)
+    frame = RenderedFrame(image, image, alpha, sampling.samples, seconds, math.nan)
+    if sampling.denoise != "off":
+        smooth = make_denoiser(*_features(mi, scene, sampling.seed))(image)
+        taken = time.perf_counter() - started
+        frame = RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, image, math.nan, seconds)
+    answers.rendered(task.digest, frame)
 
 
 def _features(mi: Any, scene: Any, seed: int) -> tuple[Floats32, Floats32]:

@@ -15,7 +15,6 @@ from lookdev.cycles import engine
 from lookdev.cycles.passes import (
     Passes,
     RecordingPlan,
-    complete_passes,
     prepare_recording,
     read_recorded,
     render_frame_passes,
@@ -50,19 +49,14 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
         render = partial(_render_region, scene, task, plan)
         pictures = catcher_pictures if task.scene.catches else plain_pictures
         frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
-    frame = replace(frame, passes=complete_passes(task, frame))
+    beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
+    frame = replace(frame, passes=task.scene.complete_parts(frame.passes, beauty))
     others = Passes({}, {})
     if {*channels_of_passes(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
         begun = time.perf_counter()
         others = render_frame_passes(scene, task, frame.alpha, frame.samples)
         overhead += time.perf_counter() - begun
-    return replace(
-        frame,
-        seconds=frame.seconds + overhead,
-        passes={**frame.passes, **others.arrays},
-        names=others.names,
-        raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + overhead,
-    )
+    return frame.with_passes(others.arrays, others.names, overhead)
 
 
 def _render_catcher_parts(

@@ -17,7 +17,7 @@ from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.principled import build_principled_material, configure_user_defaults, shade_by_normals
 from lookdev.cycles.shaders import CAUGHT, RECORD, build_surface_material, varying_values
-from lookdev.cycles.svm import check_stack
+from lookdev.cycles.streams import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
 from lookdev.light import Stand, coded

@@ -26,7 +26,6 @@ from lookdev.mitsuba.view import Rectangle, View
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.frame import Denoiser, Progress, RenderedFrame, render_halves
 from lookdev.rendering.oidn import make_denoiser
-from lookdev.rendering.passes import LIGHTS, PASSES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask, SceneTask
 
 LONGEST_LAUNCH = 0.2
@@ -52,22 +51,12 @@ class MitsubaScene:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.assign_looks(task.worn, task.groups)
         looks = self._looks = Looks(mi, task, self._geometry)
-        group_names = task.light_groups[: len(task.lights)]
-        names = list(dict.fromkeys(group_names))
-        groups = [names.index(name) for name in group_names]
-        requested = task.sampling.passes
-        lobes = [group for group in LOBE_GROUPS if any(group in source.recorded for source in looks.sources)]
-        part_sets = {
-            "lobes": lobes,
-            "direct": [*PASSES["direct"].arrays],
-            LIGHTS: [light_layer(name) for name in names],
-        }
-        self._part_sets = [parts for name, parts in part_sets.items() if name in requested and parts]
         # The last of a set of parts is the beauty minus the others.
-        self._recorded = [name for parts in self._part_sets for name in parts[:-1]]
-        light = lights_of(mi, task, self._geometry, groups)
+        self._recorded = [name for parts in task.part_sets for name in parts[:-1]]
+        light = lights_of(mi, task, self._geometry)
         self._features = Features(looks, task.sampling.bounces)
-        self._estimator = Estimator(looks, light, task.sampling, lobes[:-1] if "lobes" in requested else [])
+        groups = [name for name in self._recorded if name in LOBE_GROUPS]
+        self._estimator = Estimator(looks, light, task.sampling, groups)
         # Frozen, so that it is traced once: with many looks and lights, tracing takes longer than the kernel.
         arrays = collect_arrays(self._estimator)
         self._pixels = dr.freeze(self._estimator.pixels, state_fn=lambda *arguments: arrays)
@@ -114,25 +103,12 @@ class MitsubaScene:
             frame = render_halves(task, render, partial(self._denoiser, view, task.scene.sampling.samples), report)
         start = time.perf_counter()
         passes, names = self._passes(task, view, frame)
-        seconds = time.perf_counter() - start
-        return replace(
-            frame,
-            passes={**frame.passes, **passes},
-            names=names,
-            seconds=frame.seconds + seconds,
-            raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + seconds,
-        )
+        return frame.with_passes(passes, names, time.perf_counter() - start)
 
     def _parts_of_light(self, task: SceneTask, means: Floats) -> dict[str, Floats32]:
         """Return the parts of the light, from means (H, W, 4 + 3 n) of colour, coverage, and recorded parts."""
-        beauty = means[..., :3]
-        # The parts of lobes that no look has, and of lights that reach nothing, are black.
-        names = light_parts(task.sampling.passes, task.names_of_light)
-        parts = dict.fromkeys(sorted(names), np.zeros_like(beauty))
-        for number, name in enumerate(self._recorded):
-            parts[name] = means[..., 4 + 3 * number : 7 + 3 * number]
-        for *others, last in self._part_sets:
-            parts[last] = beauty - sum(parts[other] for other in others)
+        recorded = {name: means[..., 4 + 3 * n : 7 + 3 * n] for n, name in enumerate(self._recorded)}
+        parts = task.complete_parts(recorded, means[..., :3])
         return {name: part.astype(np.float32) for name, part in parts.items()}
 
     def _passes(

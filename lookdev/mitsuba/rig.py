@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import drjit as dr
 import numpy as np
@@ -25,13 +25,13 @@ from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, 
 from lookdev.rendering.task import SceneTask
 
 
-def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry, groups: Sequence[int] = ()) -> Lights:
+def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> Lights:
     """Return the lights of a task about a geometry's centre, and create the scenes of their shadows.
 
-    `groups` has the number of each light's group; the light of all groups but the last is recorded separately.
+    If the task has groups of lights, the light of all but the last is recorded separately.
     """
     single = None if task.lit else coded(task.lights)
-    lights = OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, task, geometry.center, groups)
+    lights = OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, task, geometry.center)
     for excluded in lights.shadow_excluded:
         geometry.shadow_scene(excluded)  # created here, as kernels cannot create it
     return lights
@@ -40,8 +40,9 @@ def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry, groups: Sequence
 class Rig(Lights):
     """Lamps and domes. Each direction selects a light in proportion to an estimate of the light's irradiance."""
 
-    def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats, groups: Sequence[int] = ()) -> None:
+    def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.lit
+        groups = [task.names_of_light.index(name) for name in task.light_groups[: len(lights)]]
         rig = CodedRig.of(lights)
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)

@@ -11,12 +11,16 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lookdev.arrays import Array, Floats32
 from lookdev.cache import output_errors
 from lookdev.errors import OutputError
+
+if TYPE_CHECKING:
+    from lookdev.rendering.frame import RenderedFrame
 
 
 class Answers:
@@ -62,6 +66,19 @@ class Answers:
         raw = {"raw_relmse": raw_relmse, "raw_seconds": raw_seconds}
         figures |= {name: value for name, value in raw.items() if value is not None}
         self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
+
+    def rendered(self, digest: str, frame: RenderedFrame, notes: Sequence[str] = ()) -> None:
+        """Save the arrays of a rendered frame, and report it; raises as `save_arrays`."""
+        self.done(
+            digest,
+            save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names),
+            samples=frame.samples,
+            seconds=frame.seconds,
+            relmse=frame.relmse,
+            raw_relmse=frame.raw_relmse,
+            raw_seconds=frame.raw_seconds,
+            notes=notes,
+        )
 
     def failed(self, digest: str, error: Exception) -> None:
         """Report why a frame cannot be rendered; an OutputError concerns all frames."""
