@@ -130,28 +130,17 @@ def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> bpy
     return data
 
 
-def _build_area(
-    name: str, light: RectLight | DiskLight, shape: str, size: tuple[float, float], strength: float
-) -> bpy.types.AreaLight:
+def _build_area(name: str, light: RectLight | DiskLight, strength: float) -> bpy.types.AreaLight:
     data = _add_data(name, "AREA", light.emission.color, math.pi * light.size_factor * strength)
-    data.shape = shape
-    data.size, data.size_y = size
     data.spread = math.pi
-    return data
-
-
-def _build_rect(name: str, light: RectLight, strength: float) -> bpy.types.AreaLight:
-    data = _build_area(name, light, "RECTANGLE", (light.width, light.height), strength)
-    if light.texture or light.emission.shaping:
+    pictured = light if isinstance(light, RectLight) and light.texture else None
+    if isinstance(light, RectLight):
+        data.shape, data.size, data.size_y = "RECTANGLE", light.width, light.height
+    else:
+        data.shape, (data.size, data.size_y) = "ELLIPSE", (2.0 * radius for radius in light.radii)
+    if pictured or light.emission.shaping:
         nodes = _LightNodes(data)
-        nodes.add_output(nodes.texel(light) if light.texture else None, light.emission.shaping)
-    return data
-
-
-def _build_disk(name: str, light: DiskLight, strength: float) -> bpy.types.AreaLight:
-    data = _build_area(name, light, "ELLIPSE", (2.0 * light.radii[0], 2.0 * light.radii[1]), strength)
-    if light.emission.shaping:
-        _LightNodes(data).add_output(None, light.emission.shaping)
+        nodes.add_output(nodes.texel(pictured) if pictured else None, light.emission.shaping)
     return data
 
 
@@ -198,8 +187,8 @@ def _build_cylinder(name: str, light: CylinderLight, strength: float) -> bpy.typ
 
 
 BUILDERS: dict[str, Callable[..., bpy.types.Light | bpy.types.Mesh]] = {
-    "rect": _build_rect,
-    "disk": _build_disk,
+    "rect": _build_area,
+    "disk": _build_area,
     "sphere": _build_sphere,
     "distant": _build_distant,
     "cylinder": _build_cylinder,

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, BlenderScene
 from lookdev.light.mapping import rotate_z
 from lookdev.rendering.cryptomatte import matte_samples, normalize_coverage, rename_ids
-from lookdev.rendering.frame import FEATURE_SAMPLES
+from lookdev.rendering.frame import FEATURE_SAMPLES, RenderedFrame
 from lookdev.rendering.passes import MATTES, light_layer
 from lookdev.rendering.task import FrameTask, SceneTask
 
@@ -26,14 +25,6 @@ _COLORS = ("diffuse", "glossy", "transmission")
 # Blender 4.5 abbreviates the names of passes.
 _COLOR_NAMES = {"DiffCol", "GlossCol", "TransCol", *(f"{kind.capitalize()} Color" for kind in _COLORS)}
 _MATTE_DEPTH = 16  # the most that Cycles has: entries of equal names are merged afterwards
-
-
-@dataclass(frozen=True)
-class Passes:
-    """Arrays (H, W, channels) by the names of `rendering.passes.channels_of_passes`, and the names in each matte."""
-
-    arrays: Mapping[str, Floats32]
-    names: Mapping[str, tuple[str, ...]]
 
 
 RecordingBatch = Sequence[tuple[str, int]]
@@ -92,8 +83,10 @@ def read_recorded(batch: RecordingBatch, passes: Mapping[str, Floats32]) -> dict
     }
 
 
-def render_frame_passes(scene: BlenderScene, task: FrameTask, alpha: Floats32, samples: int) -> Passes:
-    """Render the other passes of a task in a scene that shows its pose; `alpha` and `samples` are those of the frame.
+def render_frame_passes(
+    scene: BlenderScene, task: FrameTask, frame: RenderedFrame
+) -> tuple[dict[str, Floats32], dict[str, tuple[str, ...]]]:
+    """Render the other passes of a frame in a scene that shows its pose; return them, and the names in each matte.
 
     Mattes sum up to the frame's alpha. If mattes are requested, the albedo has as many samples as they have.
     """
@@ -104,14 +97,15 @@ def render_frame_passes(scene: BlenderScene, task: FrameTask, alpha: Floats32, s
         if center_passes := requested & {*_CENTER_PASSES}:
             arrays |= _render_center(scene, task, center_passes)
         if surface_passes := requested & {"albedo", "cryptomatte"}:
-            albedo, mattes = _render_surfaces(scene, task, surface_passes, alpha > 0.0, matte_samples(samples))
+            covered, samples = frame.alpha > 0.0, matte_samples(frame.samples)
+            albedo, mattes = _render_surfaces(scene, task, surface_passes, covered, samples)
             if "albedo" in surface_passes:
                 arrays["albedo"] = albedo
             for kind, matte in mattes.items():
                 matte_names = _matte_names(scene, kind)
-                arrays[MATTES[kind]] = normalize_coverage(rename_ids(matte, matte_names), alpha)
+                arrays[MATTES[kind]] = normalize_coverage(rename_ids(matte, matte_names), frame.alpha)
                 names[MATTES[kind]] = tuple(sorted({*matte_names.values()}))
-    return Passes(arrays, names)
+    return arrays, names
 
 
 def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) -> dict[str, Floats32]:

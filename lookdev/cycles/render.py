@@ -13,7 +13,6 @@ from lookdev.arrays import Floats32
 from lookdev.codegen.osl.catching import ASSET, BARE, GROUND
 from lookdev.cycles import engine
 from lookdev.cycles.passes import (
-    Passes,
     RecordingPlan,
     prepare_recording,
     read_recorded,
@@ -51,12 +50,13 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
         frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
     frame = replace(frame, passes=task.scene.complete_parts(frame.passes, beauty))
-    others = Passes({}, {})
+    arrays: dict[str, Floats32] = {}
+    names: dict[str, tuple[str, ...]] = {}
     if {*channels_of_passes(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
         begun = time.perf_counter()
-        others = render_frame_passes(scene, task, frame.alpha, frame.samples)
+        arrays, names = render_frame_passes(scene, task, frame)
         overhead += time.perf_counter() - begun
-    return frame.with_passes(others.arrays, others.names, overhead)
+    return frame.with_passes(arrays, names, overhead)
 
 
 def _render_catcher_parts(

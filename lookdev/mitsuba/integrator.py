@@ -113,26 +113,19 @@ class Estimator:
         the rectangle. `first`, the number of the first pixel in the rectangle, and `shift`, the logarithm of the
         samples per pixel, are inputs of the kernel. The results are not evaluated yet.
         """
-        triangle, uv, ray, hit, visible_light, hidden, index, scramble = self._first_hits(
-            view, rectangle, lane, seed, first, shift
-        )
-        visible_hit = hit & ~hidden
-        (radiance, *parts), (cover,) = self._trace_paths(triangle, uv, -ray.d, visible_hit, view.turns, index, scramble)
-        radiance += visible_light[0]
+        (radiance, *parts), (cover,), visible_light = self._estimate(view, rectangle, lane, seed, first, shift)
         if self._light.visible:
-            cover = dr.select(hit & hidden, 1.0, cover)
             # Light that the camera sees directly is not reflected by any lobe.
             lobes = len(self._groups)
             parts = [*parts[:lobes], *sum_of(parts[lobes:], [visible_light[0]] * self._direct + visible_light[1:])]
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
-    def _first_hits(
+    def _estimate(
         self, view: View, rectangle: Rectangle, lane: UInt, seed: UInt, first: UInt, shift: UInt
-    ) -> tuple[UInt, UV, Ray3f, Bool, list[Color3f], Bool, UInt, UInt]:
-        """Return the first hits of samples of pixels; arguments as of `pixels`.
+    ) -> tuple[Dual, list[Float], list[Color3f]]:
+        """Return the light of samples of pixels and its parts (`_reflect`), the coverage, and the light seen directly.
 
-        These are: triangle, coordinates on it, ray, whether a triangle is hit, the light that the camera sees directly
-        (`Lights.camera_radiance`), whether that hides the hit, the number of the sample in its pixel, and its scramble.
+        Arguments are as of `pixels`. The parts have no light that is seen directly, which has no derivative.
         """
         mi = self._mi
         number = first + (lane >> shift)
@@ -144,7 +137,10 @@ class Estimator:
         visible_light, hidden = [mi.Color3f(0.0)], mi.Bool(False)
         if self._light.visible:
             visible_light, hidden = self._light.camera_radiance(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
-        return triangle, uv, ray, hit, visible_light, hidden, index, scramble
+        light, cover = self._trace_paths(triangle, uv, -ray.d, hit & ~hidden, view.turns, index, scramble)
+        light[0] += visible_light[0]
+        cover[0] = dr.select(hit & hidden, 1.0, cover[0])
+        return light, cover, visible_light
 
     @dr.syntax
     def _trace_paths(
@@ -200,10 +196,8 @@ class Estimator:
                 # Weighted reservoir sampling: a hit is selected with a probability proportional to its weight.
                 weight = where(valid & blocked & onward, [response.value / density for response in responses])
                 share += path_weight(weight)
-                accepted = (path_weight(weight) > 0.0) & (
-                    sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ (number + 1) * 0x3504F333)) * share
-                    < path_weight(weight)
-                )
+                random = sobol.random(mi.Float, seed ^ (number + 1) * 0x3504F333)
+                accepted = (path_weight(weight) > 0.0) & (random * share < path_weight(weight))
                 next_weight = dr.select(accepted, [element / path_weight(weight) for element in weight], next_weight)
                 next_triangle = dr.select(accepted, hit_triangle, next_triangle)
                 next_uv = dr.select(accepted, hit_uv, next_uv)
@@ -217,9 +211,7 @@ class Estimator:
             throughput = product(throughput, [element * share for element in next_weight])
             # Russian roulette: a path of low throughput ends, or goes on with a larger weight.
             survival = dr.minimum(path_weight(throughput) / LOW_THROUGHPUT, 1.0)
-            survives = (
-                sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
-            )
+            survives = sobol.random(mi.Float, seed ^ index * 0x2545F491 ^ 0x1B873593) < survival
             throughput = where(survives, [element / survival for element in throughput])
             active &= onward & survives & (share > 0.0)
             triangle, uv, viewer, through = next_triangle, next_uv, next_viewer, next_through
@@ -262,7 +254,7 @@ class Estimator:
             weight = self._draw_from_light(vertex, j, vertex.active)[-1]
             sum_ += weight
             number = vertex.index * vertex.light_count + j + 1
-            random = sobol.unit_float(mi.Float, sobol.hash_integers(vertex.seed ^ number * 0x85EBCA77))
+            random = sobol.random(mi.Float, vertex.seed ^ number * 0x85EBCA77)
             accepted = (weight > 0.0) & (random * sum_ < weight)
             selected = dr.select(accepted, j, selected)
             selected_weight = dr.select(accepted, weight, selected_weight)
@@ -336,7 +328,7 @@ class Estimator:
                 background = sum_of(background, where(valid & ~blocked & straight_on, weight))
             next_size = dr.select(valid & blocked & onward, path_weight(weight), 0.0)
             share += next_size
-            random = sobol.unit_float(mi.Float, sobol.hash_integers(seed + (number + 1) * 0x1B873593))
+            random = sobol.random(mi.Float, seed + (number + 1) * 0x1B873593)
             accepted = (next_size > 0.0) & (random * share < next_size)
             next_path = dr.select(accepted, ([element / next_size for element in weight], triangle, uv, -w), next_path)
             next_through = [dr.select(accepted, straight_on, flag) for flag in next_through]

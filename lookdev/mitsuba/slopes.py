@@ -142,14 +142,7 @@ class SlopeEstimator(Estimator):
         """Return radiance and coverage, then the derivatives of these four channels by each symbol; as `pixels`."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
-        triangle, uv, ray, hit, visible_light, hidden, index, scramble = self._first_hits(
-            view, rectangle, lane, seed, first, shift
-        )
-        visible_hit = hit & ~hidden
-        radiance, cover = self._trace_paths(triangle, uv, -ray.d, visible_hit, view.turns, index, scramble)
-        # Lamps that the camera sees have no derivative.
-        radiance[0] += visible_light[0]
-        cover[0] = dr.select(hit & hidden, 1.0, cover[0])
+        radiance, cover, _ = self._estimate(view, rectangle, lane, seed, first, shift)
         whole = dr.zeros(mi.Float, count)  # makes arrays of channels that are 0 everywhere, which are single numbers
         return [part + whole for color, alpha in zip(radiance, cover, strict=True) for part in (*color, alpha)]
 

@@ -23,6 +23,11 @@ def unit_float(kind: type[Float], x: UInt) -> Float:
     return kind(x >> 8) * (1.0 / 16777216.0)
 
 
+def random(kind: type[Float], seed: UInt) -> Float:
+    """Return a random number in [0, 1) for each seed."""
+    return unit_float(kind, hash_integers(seed))
+
+
 def points(kind: type[Float], index: UInt, seed: UInt) -> tuple[Float, Float]:
     """Return the point with an index in the sequence that a seed scrambles: two numbers in [0, 1)."""
     i = dr.brev(_laine_karras(dr.brev(index), seed))

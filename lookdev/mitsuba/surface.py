@@ -22,7 +22,6 @@ from lookdev.rendering.task import SceneTask
 Arriving = tuple[Color3f, Color3f]
 """The light that arrives, as two colours: for specular lobes and for diffuse lobes."""
 
-_Frame = tuple[Vector3f, Vector3f, Vector3f, Vector3f]
 _Result = TypeVar("_Result")
 
 
@@ -131,29 +130,20 @@ class Surface:
     """
 
     def __init__(self, looks: Looks, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> None:
-        mi, hit = looks.mi, looks.geometry.at(triangle, uv, active)
+        hit = looks.geometry.at(triangle, uv, active)
         self.looks, self.triangle, self.uv, self.viewer, self.active = looks, triangle, uv, viewer, active
         self.point, self.lift = hit.point, hit.lift
-        self._single: Evaluation | None = None
-        if len(looks.programs) == 1:
-            symbols = _Symbols(looks, 0, hit, viewer)
-            evaluation = self._single = Evaluation(looks.programs[0], symbols)
-            axes = _axes(mi, evaluation)
-            self.wo = symbols.wo = _local(axes, viewer)
+        symbols = _Symbols(looks, 0, hit, viewer)
+        self._single = Evaluation(looks.programs[0], symbols) if len(looks.programs) == 1 else None
+        self.wo = viewer  # axes do not depend on it
+        names = ("tangent", "bitangent", "normal", "facet")
+        axes = self._call_programs(
+            lambda evaluation: [looks.mi.Vector3f(*evaluation.values(name)) for name in names], active=active
+        )
+        self.wo = symbols.wo = _local(axes, viewer)
+        if self._single is not None:
             # Values that do not depend on directions are computed here, outside the loops over directions.
-            evaluation.prepare("value", "pdf", "wi")
-        else:
-
-            def axes_of(number: int) -> Callable[..., _Frame]:
-                def axes(triangle: UInt, uv: UV, viewer: Vector3f, *, active: Bool) -> _Frame:
-                    hit_there = looks.geometry.at(triangle, uv, active)
-                    return _axes(mi, Evaluation(looks.programs[number], _Symbols(looks, number, hit_there, viewer)))
-
-                return axes
-
-            calls = [axes_of(number) for number in range(len(looks.programs))]
-            axes = dr.switch(looks.program_of(triangle), calls, triangle, uv, viewer, active=active)
-            self.wo = _local(axes, viewer)
+            self._single.prepare("value", "pdf", "wi")
         self.tangent, self.bitangent, self.normal, self.facet = axes
 
     def to_world(self, w: Vector3f) -> Vector3f:
@@ -292,13 +282,6 @@ class _Symbols:
         if name == "mesh_facet":
             return self._hit.facet
         return self._hit.attribute(self._bindings["shading_tangent" if name == "mesh_tangent" else name])
-
-
-def _axes(mi: Mitsuba, evaluation: Evaluation) -> _Frame:
-    tangent, bitangent, normal, facet = (
-        mi.Vector3f(*evaluation.values(name)) for name in ("tangent", "bitangent", "normal", "facet")
-    )
-    return tangent, bitangent, normal, facet
 
 
 def _local(axes: Sequence[Vector3f], w: Vector3f) -> Vector3f:
