@@ -11,7 +11,7 @@ import traceback
 from typing import TYPE_CHECKING
 
 from lookdev.lifetime import end_with_parent, leaving
-from lookdev.rendering.answers import Answers, save_named
+from lookdev.rendering.answers import Answers
 
 if TYPE_CHECKING:
     from lookdev.mitsuba.render import MitsubaScene
@@ -58,8 +58,7 @@ class _Scenes:
             task, lambda finished, planned: self._answers.progress(task.digest, finished, planned, None)
         )
         seconds = time.perf_counter() - start
-        arrays = save_named({"slopes": halves})
-        self._answers.done(task.digest, arrays, samples=2 * task.samples, seconds=seconds, relmse=0.0)
+        self._answers.done(task.digest, {"slopes": halves}, samples=2 * task.samples, seconds=seconds, relmse=0.0)
 
 
 def main() -> None:
