@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
@@ -65,9 +65,7 @@ def render_passes(scene: bpy.types.Scene, samples: int, seed: int = 0, box: Box 
     scene.cycles.samples = 2 * samples
     scene.cycles.use_sample_subset = True
     scene.cycles.sample_offset = scene.cycles.sample_subset_length = samples
-    if box is None:
-        return _render(scene, seed)
-    with _crop_render(scene.render, box):
+    with nullcontext() if box is None else _crop_render(scene.render, box):
         return _render(scene, seed)
 
 

@@ -197,29 +197,26 @@ class _RigLighting:
             lamp += 1
         return total
 
-    def _drawn_count(self, weight_of: Callable[[int], Float]) -> Float:
-        """Return the mean number of directions drawn from a light, whose weight on a side `weight_of` returns."""
-        total = self._mi.Float(0.0)
-        for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
-            share = weight_of(side) / sum_
-            total += self._mi.Float(count) * dr.select(sum_ > 0.0, share, 0.0)
-        return total
+    def _drawn_counts(self, weight_of: Callable[[int], Float]) -> list[Float]:
+        """Return the mean numbers of directions drawn from a light by side, where `weight_of` returns its weight."""
+        sides = enumerate(zip(self._counts, self._side_sums, strict=True))
+        return [
+            self._mi.Float(count) * dr.select(sum_ > 0.0, weight_of(side) / sum_, 0.0) for side, (count, sum_) in sides
+        ]
 
     def _lamp_density(self, lamps: Lamps, lamp: UInt, pdf: Float) -> Float:
-        return self._drawn_count(lambda side: self._lamp_weight(lamps, lamp, self._sides[side])) * pdf
+        counts = self._drawn_counts(lambda side: self._lamp_weight(lamps, lamp, self._sides[side]))
+        return sum(counts, self._mi.Float(0.0)) * pdf
 
     def _dome_density(self, number: int, local: Vector3f, w: Vector3f, radiance: Color3f) -> Float:
         """Return the density of directions drawn from a dome: `local` in its axes, w in world space."""
-        dome, total = self._rig.domes[number], self._mi.Float(0.0)
-        for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
-            share = dr.select(sum_ > 0.0, self._dome_weight(number, side) / sum_, 0.0)
-            if dome.map.sampled:
-                pdf = self._bins[number][side].pdf(local, radiance)
-            else:
-                cosine = dr.dot(w, self._sides[side])
-                pdf = dr.maximum(cosine, 0.0) / math.pi
-            total += self._mi.Float(count) * share * pdf
-        return total
+        if self._rig.domes[number].map.sampled:
+            pdfs = [bin.pdf(local, radiance) for bin in self._bins[number]]
+        else:
+            cosines = [dr.dot(w, normal) for normal in self._sides]
+            pdfs = [dr.maximum(cosine, 0.0) / math.pi for cosine in cosines]
+        counts = self._drawn_counts(lambda side: self._dome_weight(number, side))
+        return sum((count * pdf for count, pdf in zip(counts, pdfs, strict=True)), self._mi.Float(0.0))
 
     def arriving(self, direction: Direction) -> list[Arriving]:
         total = self._rig.dark()

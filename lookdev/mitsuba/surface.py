@@ -186,10 +186,8 @@ class Surface:
         )
 
     def presence(self) -> Float:
-        mi = self.looks.mi
-
         def presence(evaluation: Evaluation) -> Float:
-            return mi.Float(evaluation.values("presence")[0]) if evaluation.has("presence") else mi.Float(1.0)
+            return self.looks.mi.Float(evaluation.values("presence")[0] if evaluation.has("presence") else 1.0)
 
         return self._call_programs(presence, active=self.active)
 
