@@ -27,8 +27,9 @@ from lookdev.errors import LookdevError, RenderError
 from lookdev.lifetime import end_with_parent
 from lookdev.light import native_images
 from lookdev.rendering import wire
-from lookdev.rendering.answers import Answers, save_arrays
+from lookdev.rendering.answers import Answers
 from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.llvm import VARIABLE, find_llvm
 from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask
@@ -188,15 +189,15 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     image, alpha = pixels[..., :3], pixels[..., 3]
     seconds = time.perf_counter() - started
-    figures: dict[str, Any] = {"samples": sampling.samples, "seconds": seconds, "relmse": math.nan}
-    raw: Floats32 | None = None
+    frame = RenderedFrame(image, image, alpha, sampling.samples, seconds, math.nan)
     if sampling.denoise != "off":
         # Guided by albedos and normals, as Mitsuba shows them.
         aovs = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
         features = np.array(mi.render(scene, integrator=aovs, spp=_FEATURE_SAMPLES, seed=sampling.seed), np.float32)
-        raw, image = image, make_denoiser(np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:])(image)
-        figures |= {"seconds": time.perf_counter() - started, "raw_relmse": math.nan, "raw_seconds": seconds}
-    answers.done(task.digest, save_arrays(image, image, alpha, raw), **figures)
+        smooth = make_denoiser(np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:])(image)
+        taken = time.perf_counter() - started
+        frame = RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, image, math.nan, seconds)
+    answers.rendered(task.digest, frame)
 
 
 def _same(built: FrameTask, other: FrameTask) -> bool:

@@ -13,25 +13,14 @@ import ctypes
 import os
 import sys
 import tempfile
-import threading
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from lookdev.lifetime import end_with_parent, leaving
-from lookdev.rendering.answers import Answers, save_arrays
-
-if TYPE_CHECKING:
-    from lookdev.rendering.wire import Requests
+from lookdev.rendering.answers import Answers
 
 _MAX_LOG_GROWTH = 1 << 20
 """Bytes of Blender's log that frames without an error may add before they are cut off; a frame logs about 10 kB."""
-
-
-def _read_requests(requests: Requests) -> None:
-    requests.read(sys.stdin)
-    # There is no parent: a render in progress is dropped. Blender's own exit can hang.
-    os._exit(0)
 
 
 def _serve(answers: Answers) -> None:
@@ -44,8 +33,7 @@ def _serve(answers: Answers) -> None:
     from lookdev.rendering.task import FrameTask, SceneTask
     from lookdev.rendering.wire import Cancelled, Requests
 
-    requests = Requests()
-    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    requests = Requests.from_input()
     answers.ready(version.VERSION)
     scene: BlenderScene | None = None
     log_start = _log_size()
@@ -70,25 +58,14 @@ def _serve(answers: Answers) -> None:
             scene.show(task.scene)
             with refine_progress(task.scene.sampling.samples, progress) as report:
                 frame = render_frame(scene, task, report)
-            arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names)
+            if _log_size() > log_start + _MAX_LOG_GROWTH:
+                os.ftruncate(2, log_start)
+            answers.rendered(task.digest, frame, take_notes())
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             if not isinstance(error, Cancelled):
                 scene = None
             log_start = _log_size()
             answers.failed(task.digest, error)
-            continue
-        if _log_size() > log_start + _MAX_LOG_GROWTH:
-            os.ftruncate(2, log_start)
-        answers.done(
-            task.digest,
-            arrays,
-            samples=frame.samples,
-            seconds=frame.seconds,
-            relmse=frame.relmse,
-            raw_relmse=frame.raw_relmse,
-            raw_seconds=frame.raw_seconds,
-            notes=take_notes(),
-        )
 
 
 def _log_size() -> int:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
@@ -65,9 +65,7 @@ def render_passes(scene: bpy.types.Scene, samples: int, seed: int = 0, box: Box 
     scene.cycles.samples = 2 * samples
     scene.cycles.use_sample_subset = True
     scene.cycles.sample_offset = scene.cycles.sample_subset_length = samples
-    if box is None:
-        return _render(scene, seed)
-    with _crop_render(scene.render, box):
+    with nullcontext() if box is None else _crop_render(scene.render, box):
         return _render(scene, seed)
 
 
@@ -80,12 +78,8 @@ def render_whole(scene: bpy.types.Scene, samples: int, seed: int = 0) -> dict[st
 
 def render_features(scene: bpy.types.Scene, samples: int) -> dict[str, Floats32]:
     """Render with Cycles' own features for a denoiser: the passes ``Denoising Albedo`` and ``Denoising Normal``."""
-    layer = scene.view_layers[0].cycles
-    layer.denoising_store_passes = True
-    try:
+    with override(scene.view_layers[0].cycles, {"denoising_store_passes": True}):
         return render_whole(scene, samples)
-    finally:
-        layer.denoising_store_passes = False
 
 
 def fill_sample_table(scene: bpy.types.Scene) -> None:
@@ -105,30 +99,37 @@ def fill_sample_table(scene: bpy.types.Scene) -> None:
 
 def compile_shaders(scene: bpy.types.Scene) -> None:
     """Render a tiny picture of a scene, so that Blender's persistent data has the compiled shaders for its frames."""
-    render = scene.render
-    size = render.resolution_x, render.resolution_y
-    render.resolution_x = render.resolution_y = MIN_SIDE
-    try:
+    with override(scene.render, {"resolution_x": MIN_SIDE, "resolution_y": MIN_SIDE}):
         render_whole(scene, samples=1)
-    finally:
-        render.resolution_x, render.resolution_y = size
 
 
 @contextmanager
-def _crop_render(render: bpy.types.RenderSettings, box: Box) -> Iterator[None]:
+def override(owner: object, values: Mapping[str, object]) -> Iterator[None]:
+    """Set other values for settings of Blender, and restore the previous ones, also after an error."""
+    before = {name: getattr(owner, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(owner, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(owner, name, value)
+
+
+def _crop_render(render: bpy.types.RenderSettings, box: Box) -> AbstractContextManager[None]:
     """Restrict renders to a box of the frame."""
     left, bottom, right, top = box
     if min(right - left, top - bottom) < MIN_SIDE:
         raise ValueError(f"a box has at least {MIN_SIDE} pixels along a side, found: {box}")
     width, height = render.resolution_x, render.resolution_y
     # Borders are float32 and truncated to whole pixels: a quarter of a pixel more keeps rounding from moving them.
-    render.border_min_x, render.border_max_x = (left + 0.25) / width, (right + 0.25) / width
-    render.border_min_y, render.border_max_y = (bottom + 0.25) / height, (top + 0.25) / height
-    render.use_border = render.use_crop_to_border = True
-    try:
-        yield
-    finally:
-        render.use_border = render.use_crop_to_border = False
+    borders = {
+        "border_min_x": (left + 0.25) / width,
+        "border_max_x": (right + 0.25) / width,
+        "border_min_y": (bottom + 0.25) / height,
+        "border_max_y": (top + 0.25) / height,
+    }
+    return override(render, {**borders, "use_border": True, "use_crop_to_border": True})
 
 
 @contextmanager

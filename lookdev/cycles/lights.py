@@ -8,16 +8,17 @@ ray that passes a light counts it among its transparent bounces.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from types import MappingProxyType
+from typing import Any
 
 import bpy
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.cycles import version
-from lookdev.cycles.nodes import load_image
+from lookdev.cycles.nodes import SocketInput, add_node, load_image
 from lookdev.errors import RenderError
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight, called
 from lookdev.light.placement import Axes
@@ -129,28 +130,17 @@ def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> bpy
     return data
 
 
-def _build_area(
-    name: str, light: RectLight | DiskLight, shape: str, size: tuple[float, float], strength: float
-) -> bpy.types.AreaLight:
+def _build_area(name: str, light: RectLight | DiskLight, strength: float) -> bpy.types.AreaLight:
     data = _add_data(name, "AREA", light.emission.color, math.pi * light.size_factor * strength)
-    data.shape = shape
-    data.size, data.size_y = size
     data.spread = math.pi
-    return data
-
-
-def _build_rect(name: str, light: RectLight, strength: float) -> bpy.types.AreaLight:
-    data = _build_area(name, light, "RECTANGLE", (light.width, light.height), strength)
-    if light.texture or light.emission.shaping:
+    pictured = light if isinstance(light, RectLight) and light.texture else None
+    if isinstance(light, RectLight):
+        data.shape, data.size, data.size_y = "RECTANGLE", light.width, light.height
+    else:
+        data.shape, (data.size, data.size_y) = "ELLIPSE", (2.0 * radius for radius in light.radii)
+    if pictured or light.emission.shaping:
         nodes = _LightNodes(data)
-        nodes.add_output(nodes.texel(light) if light.texture else None, light.emission.shaping)
-    return data
-
-
-def _build_disk(name: str, light: DiskLight, strength: float) -> bpy.types.AreaLight:
-    data = _build_area(name, light, "ELLIPSE", (2.0 * light.radii[0], 2.0 * light.radii[1]), strength)
-    if light.emission.shaping:
-        _LightNodes(data).add_output(None, light.emission.shaping)
+        nodes.add_output(nodes.texel(pictured) if pictured else None, light.emission.shaping)
     return data
 
 
@@ -191,25 +181,19 @@ def _build_cylinder(name: str, light: CylinderLight, strength: float) -> bpy.typ
     largest = max(light.emission.color) or 1.0
     color = nodes.scale([channel / largest for channel in light.emission.color], front)
     emission = nodes.add_emission(color, light.emission.shaping, largest * strength)
-    both = nodes.add("AddShader")
-    nodes.link(emission, both.inputs[0])
-    nodes.link(nodes.add("BsdfTransparent").outputs["BSDF"], both.inputs[1])
-    nodes.link(both.outputs[0], nodes.add("OutputMaterial").inputs["Surface"])
+    both = nodes.add("AddShader", {0: emission, 1: nodes.add("BsdfTransparent").outputs["BSDF"]})
+    nodes.add("OutputMaterial", {"Surface": both.outputs[0]})
     return data
 
 
 BUILDERS: dict[str, Callable[..., bpy.types.Light | bpy.types.Mesh]] = {
-    "rect": _build_rect,
-    "disk": _build_disk,
+    "rect": _build_area,
+    "disk": _build_area,
     "sphere": _build_sphere,
     "distant": _build_distant,
     "cylinder": _build_cylinder,
 }
 """Functions that add the data of a light's object, by kind; arguments: name, light, factor of the radiance."""
-
-
-SocketInput: TypeAlias = "bpy.types.NodeSocket | float | Sequence[float]"
-"""The output of a node, or a value."""
 
 
 class _LightNodes:
@@ -218,97 +202,67 @@ class _LightNodes:
     def __init__(self, owner: bpy.types.Light | bpy.types.Material) -> None:
         self.tree = version.clear_node_tree(owner)
 
-    def add(self, kind: str) -> bpy.types.Node:
-        node = self.tree.nodes.new(f"ShaderNode{kind}")
-        node.location = (200.0 * len(self.tree.nodes), 0.0)
-        return node
+    def add(
+        self, kind: str, inputs: Mapping[Any, SocketInput] = MappingProxyType({}), **settings: object
+    ) -> bpy.types.Node:
+        location = 200.0 * (1 + len(self.tree.nodes)), 0.0
+        return add_node(self.tree, kind, inputs, location=location, **settings)
 
-    def link(self, start: SocketInput, end: bpy.types.NodeSocket) -> None:
-        """Link an input to the output of another node, or set it to a value."""
-        if isinstance(start, bpy.types.NodeSocket):
-            self.tree.links.new(start, end)
-        else:
-            end.default_value = start
-
-    def add_math(self, operation: str, *inputs: SocketInput) -> bpy.types.NodeSocket:
-        node = self.add("Math")
-        node.operation, node.use_clamp = operation, False
-        for socket, value in zip(node.inputs, inputs, strict=False):
-            self.link(value, socket)
-        return node.outputs[0]
+    def add_math(self, operation: str, *inputs: SocketInput, kind: str = "Math") -> bpy.types.NodeSocket:
+        return self.add(kind, dict(enumerate(inputs)), operation=operation).outputs[0]
 
     def add_vector_math(self, operation: str, *inputs: SocketInput) -> bpy.types.NodeSocket:
-        node = self.add("VectorMath")
-        node.operation = operation
-        for socket, value in zip(node.inputs, inputs, strict=False):
-            self.link(value, socket)
-        return node.outputs[0]
+        return self.add_math(operation, *inputs, kind="VectorMath")
 
     def scale(self, color: SocketInput, factor: SocketInput) -> bpy.types.NodeSocket:
         """Return a colour times a number."""
-        node = self.add("VectorMath")
-        node.operation = "SCALE"
-        self.link(color, node.inputs[0])
-        self.link(factor, node.inputs["Scale"])
-        return node.outputs[0]
+        return self.add("VectorMath", {0: color, "Scale": factor}, operation="SCALE").outputs[0]
 
-    def separate(self, vector: SocketInput) -> Sequence[bpy.types.NodeSocket]:
-        node = self.add("SeparateXYZ")
-        self.link(vector, node.inputs[0])
-        return list(node.outputs)
+    def object_position(self) -> bpy.types.NodeSocket:
+        """Return the emitting point in the space of the light."""
+        return self.add("TexCoord").outputs["Object"]
 
     def emitted_direction(self) -> bpy.types.NodeSocket:
         """Return the direction, in the space of the light, from the emitting point to the receiver."""
-        transform = self.add("VectorTransform")
-        transform.vector_type, transform.convert_from, transform.convert_to = "VECTOR", "WORLD", "OBJECT"
-        self.link(self.add("NewGeometry").outputs["Incoming"], transform.inputs[0])
-        return transform.outputs[0]
+        incoming = self.add("NewGeometry").outputs["Incoming"]
+        spaces = {"vector_type": "VECTOR", "convert_from": "WORLD", "convert_to": "OBJECT"}
+        return self.add("VectorTransform", {0: incoming}, **spaces).outputs[0]
 
     def outward_factor(self) -> bpy.types.NodeSocket:
         """Return 1 where a sphere emits away from its centre, else 0."""
-        node = self.add("VectorMath")
-        node.operation = "DOT_PRODUCT"
-        self.link(self.add("TexCoord").outputs["Object"], node.inputs[0])
-        self.link(self.emitted_direction(), node.inputs[1])
-        return self.add_math("GREATER_THAN", node.outputs["Value"], 0.0)
+        both = {0: self.object_position(), 1: self.emitted_direction()}
+        return self.add_math(
+            "GREATER_THAN", self.add("VectorMath", both, operation="DOT_PRODUCT").outputs["Value"], 0.0
+        )
 
     def texel(self, light: RectLight) -> bpy.types.NodeSocket:
         """Return the colour of a rectangle's texture; its first column is at +x, its top row at +y."""
         assert light.texture
-        position = self.separate(self.add("TexCoord").outputs["Object"])
+        x, y, _ = self.add("SeparateXYZ", {0: self.object_position()}).outputs
         is_mirrored = np.linalg.det(np.array(light.axes)) < 0.0
-        u = self.add_math("MULTIPLY_ADD", position[0], (1.0 if is_mirrored else -1.0) / light.width, 0.5)
-        v = self.add_math("MULTIPLY_ADD", position[1], 1.0 / light.height, 0.5)
-        st = self.add("CombineXYZ")
-        self.link(u, st.inputs[0])
-        self.link(v, st.inputs[1])
-        image = self.add("TexImage")
-        image.image = load_image(light.texture.path)
-        image.interpolation, image.extension, image.projection = "Linear", "EXTEND", "FLAT"
-        self.link(st.outputs[0], image.inputs["Vector"])
-        return image.outputs["Color"]
+        u = self.add_math("MULTIPLY_ADD", x, (1.0 if is_mirrored else -1.0) / light.width, 0.5)
+        v = self.add_math("MULTIPLY_ADD", y, 1.0 / light.height, 0.5)
+        st = self.add("CombineXYZ", {0: u, 1: v}).outputs[0]
+        settings = {"interpolation": "Linear", "extension": "EXTEND", "projection": "FLAT"}
+        return self.add("TexImage", {"Vector": st}, image=load_image(light.texture.path), **settings).outputs["Color"]
 
     def add_emission(
         self, color: SocketInput | None, shaping: Shaping | None, strength: float = 1.0
     ) -> bpy.types.NodeSocket:
         """Add the emission of a colour, shaped by the beam of a light; without a colour it is white."""
-        node = self.add("Emission")
-        node.inputs["Strength"].default_value = strength
         if shaping:
             beam = self.beam_factor(shaping)
             color = beam if color is None else self.add_vector_math("MULTIPLY", color, beam)
-        if color is None:
-            color = (1.0, 1.0, 1.0, 1.0)
-        self.link(color, node.inputs["Color"])
-        return node.outputs[0]
+        inputs = {"Strength": strength, "Color": (1.0, 1.0, 1.0, 1.0) if color is None else color}
+        return self.add("Emission", inputs).outputs[0]
 
     def add_output(self, color: SocketInput | None, shaping: Shaping | None) -> None:
         """Add a light's output with the emission of a colour."""
-        self.link(self.add_emission(color, shaping), self.add("OutputLight").inputs["Surface"])
+        self.add("OutputLight", {"Surface": self.add_emission(color, shaping)})
 
     def beam_factor(self, shaping: Shaping) -> bpy.types.NodeSocket:
         """Return the factor of the radiance that `Shaping.factor` computes, without the profile."""
-        x, y, z = self.separate(self.add_vector_math("NORMALIZE", self.emitted_direction()))
+        x, y, z = self.add("SeparateXYZ", {0: self.add_vector_math("NORMALIZE", self.emitted_direction())}).outputs
         down = self.add_math("MULTIPLY", z, -1.0)
         across = self.add_math(
             "SQRT", self.add_math("ADD", self.add_math("MULTIPLY", x, x), self.add_math("MULTIPLY", y, y))

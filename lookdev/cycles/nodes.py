@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sized
+from collections.abc import Mapping, Sequence, Sized
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any, TypeAlias
 
 import bpy
 from bpy.types import NodeTreeInterface, NodeTreeInterfacePanel, ShaderNodeTree
@@ -15,6 +17,9 @@ from lookdev.errors import ContentError, RenderError, nearest_hint
 
 # Nodes whose sockets are looked up by name: Blender generates the identifiers of a group's sockets.
 _SOCKETS_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
+
+SocketInput: TypeAlias = "bpy.types.NodeSocket | float | Sequence[float]"
+"""The output of a node, or a value."""
 
 Groups = dict[str, ShaderNodeTree]
 """Built node groups by a digest of their content: equal groups of several looks are one datablock."""
@@ -44,6 +49,21 @@ def build_material(source: NodeSource, built: Groups | None = None) -> bpy.types
     material.use_transparent_shadow = True
     _fill_tree(source, source.trees[-1], version.clear_node_tree(material), groups)
     return material
+
+
+def add_node(
+    tree: ShaderNodeTree, kind: str, inputs: Mapping[Any, SocketInput] = MappingProxyType({}), **settings: object
+) -> bpy.types.Node:
+    """Add a shader node with settings, and with inputs by name or index: outputs of other nodes, or values."""
+    node = tree.nodes.new(f"ShaderNode{kind}")
+    for name, setting in settings.items():
+        setattr(node, name, setting)
+    for key, value in inputs.items():
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, node.inputs[key])
+        else:
+            node.inputs[key].default_value = value
+    return node
 
 
 def load_image(file: Path) -> bpy.types.Image:

@@ -5,36 +5,26 @@ Cycles' own passes of depth, position, normal and uv are those of the first samp
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 
-import bpy
 import numpy as np
 
-from lookdev.arrays import Bools, Floats, Floats32
-from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS, ShaderSource
+from lookdev.arrays import Bools, Floats32
+from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, BlenderScene
+from lookdev.light.mapping import rotate_z
 from lookdev.rendering.cryptomatte import matte_samples, normalize_coverage, rename_ids
 from lookdev.rendering.frame import FEATURE_SAMPLES, RenderedFrame
-from lookdev.rendering.passes import LIGHTS, MATTES, light_layer, light_parts
-from lookdev.rendering.task import FrameTask
+from lookdev.rendering.passes import MATTES, light_layer
+from lookdev.rendering.task import FrameTask, SceneTask
 
 _CENTER_PASSES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
 _COLORS = ("diffuse", "glossy", "transmission")
 # Blender 4.5 abbreviates the names of passes.
 _COLOR_NAMES = {"DiffCol", "GlossCol", "TransCol", *(f"{kind.capitalize()} Color" for kind in _COLORS)}
 _MATTE_DEPTH = 16  # the most that Cycles has: entries of equal names are merged afterwards
-
-
-@dataclass(frozen=True)
-class Passes:
-    """Arrays (H, W, channels) by the names of `rendering.passes.channels_of_passes`, and the names in each matte."""
-
-    arrays: Mapping[str, Floats32]
-    names: Mapping[str, tuple[str, ...]]
 
 
 RecordingBatch = Sequence[tuple[str, int]]
@@ -54,38 +44,25 @@ _RECORDS = (
 @contextmanager
 def prepare_recording(scene: BlenderScene, task: FrameTask) -> Iterator[RecordingPlan]:
     """Set a scene up to record parts of the light; yield the parts that each render of each half records."""
-    plan = _plan_recording(task)
+    plan = _plan_recording(task.scene)
     cycles = scene.scene.cycles
     # Cycles' Russian roulette would weight recorded light, but not the light itself.
     bounces = {"min_transparent_bounces": cycles.transparent_max_bounces}
     color_passes = {f"use_pass_{kind}_color": True for kind in _COLORS}
     layer = scene.scene.view_layers[0]
-    with _override(cycles, bounces if plan[0] else {}), _override(layer, color_passes if plan[0] else {}):
+    with engine.override(cycles, bounces if plan[0] else {}), engine.override(layer, color_passes if plan[0] else {}):
         yield plan
 
 
-def _part_sets(task: FrameTask) -> list[list[tuple[str, int]]]:
-    """Return sets of parts, each of which sums up to the beauty, as names and numbers in the shaders' template."""
-    requested, scene = task.scene.sampling.passes, task.scene
-    lobes = {lobe for source in scene.shaders if isinstance(source, ShaderSource) for lobe in source.recorded}
-    sets = []
-    if "lobes" in requested:
-        sets.append([(group, 2 + LOBE_GROUPS.index(group)) for group in LOBE_GROUPS if group in lobes])
-    if "direct" in requested:
-        sets.append([("direct", 1), ("indirect", -1)])
-    if LIGHTS in requested:
-        names = dict.fromkeys(scene.light_groups[: len(scene.lights)])
-        sets.append([(light_layer(name), FIRST_LIGHT_PART + number) for number, name in enumerate(names)])
-    return [parts for parts in sets if parts]
-
-
-def _plan_recording(task: FrameTask) -> RecordingPlan:
+def _plan_recording(scene: SceneTask) -> RecordingPlan:
     """Return the parts to record: all but the last of each set, which is the rest of the beauty.
 
     If one render can record all parts, both halves record them. Otherwise each set is recorded in one half, that with
     fewer parts so far; the shares of the set in that half are used for the whole frame.
     """
-    sets = [part_set[:-1] for part_set in _part_sets(task)]
+    numbers = {"direct": 1} | {group: 2 + number for number, group in enumerate(LOBE_GROUPS)}
+    numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.names_of_light)}
+    sets = [[(name, numbers[name]) for name in part_set[:-1]] for part_set in scene.part_sets]
     parts = [part for part_set in sets for part in part_set]
     if len(parts) <= len(_RECORDS):
         batches = [parts] if parts else []
@@ -106,43 +83,35 @@ def read_recorded(batch: RecordingBatch, passes: Mapping[str, Floats32]) -> dict
     }
 
 
-def complete_passes(task: FrameTask, frame: RenderedFrame) -> dict[str, Floats32]:
-    """Return the passes of a frame with the rest of each set of parts, and black for parts without a look or light."""
-    passes = dict(frame.passes)
-    beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
-    for *others, (last, _) in _part_sets(task):
-        passes[last] = beauty - sum(passes[name] for name, _ in others)
-    for name in light_parts(task.scene.sampling.passes, task.scene.names_of_light) - {*passes}:
-        passes[name] = np.zeros_like(beauty)
-    return passes
-
-
-def render_frame_passes(scene: BlenderScene, task: FrameTask, alpha: Floats32, samples: int) -> Passes:
-    """Render the other passes of a task in a scene that shows its pose; `alpha` and `samples` are those of the frame.
+def render_frame_passes(
+    scene: BlenderScene, task: FrameTask, frame: RenderedFrame
+) -> tuple[dict[str, Floats32], dict[str, tuple[str, ...]]]:
+    """Render the other passes of a frame in a scene that shows its pose; return them, and the names in each matte.
 
     Mattes sum up to the frame's alpha. If mattes are requested, the albedo has as many samples as they have.
     """
     requested = {*task.scene.sampling.passes}
     arrays: dict[str, Floats32] = {}
     names: dict[str, tuple[str, ...]] = {}
-    with _override(scene.scene.cycles, {"max_bounces": 0}):  # these renders show no light
+    with engine.override(scene.scene.cycles, {"max_bounces": 0}):  # these renders show no light
         if center_passes := requested & {*_CENTER_PASSES}:
             arrays |= _render_center(scene, task, center_passes)
         if surface_passes := requested & {"albedo", "cryptomatte"}:
-            albedo, mattes = _render_surfaces(scene, task, surface_passes, alpha > 0.0, matte_samples(samples))
+            covered, samples = frame.alpha > 0.0, matte_samples(frame.samples)
+            albedo, mattes = _render_surfaces(scene, task, surface_passes, covered, samples)
             if "albedo" in surface_passes:
                 arrays["albedo"] = albedo
             for kind, matte in mattes.items():
                 matte_names = _matte_names(scene, kind)
-                arrays[MATTES[kind]] = normalize_coverage(rename_ids(matte, matte_names), alpha)
+                arrays[MATTES[kind]] = normalize_coverage(rename_ids(matte, matte_names), frame.alpha)
                 names[MATTES[kind]] = tuple(sorted({*matte_names.values()}))
-    return Passes(arrays, names)
+    return arrays, names
 
 
 def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) -> dict[str, Floats32]:
     """Return the requested passes at the centre of each pixel."""
     scene.set_controls(task.pose, 0, NORMALS)
-    with _override(scene.scene.view_layers[0], {f"use_pass_{_CENTER_PASSES[name]}": True for name in requested}):
+    with engine.override(scene.scene.view_layers[0], {f"use_pass_{_CENTER_PASSES[name]}": True for name in requested}):
         rendered = {name: image[::-1] for name, image in engine.render_whole(scene.scene, 1).items()}
     arrays: dict[str, Floats32] = {}
     covered = rendered["UV"][..., 2:] > 0.0 if scene.has_portals else rendered["Combined"][..., 3:] > 0.0
@@ -153,7 +122,7 @@ def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) ->
         arrays["uv"] = np.ascontiguousarray(rendered["UV"][..., :2])
     if "position" in requested:
         pivot = np.array([*task.scene.camera.pivot, 0.0])
-        position = pivot + _rotate_z(rendered["Position"].astype(np.float64) + scene.origin - pivot, turn)
+        position = pivot + rotate_z(rendered["Position"].astype(np.float64) + scene.origin - pivot, turn)
         arrays["position"] = np.where(covered, position, 0.0).astype(np.float32)
     if "normal" in requested:
         normal = rendered["Normal"].astype(np.float64)
@@ -161,7 +130,7 @@ def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) ->
             # Encoded in [0, 1], and black where there is no surface.
             normal = 2.0 * rendered["Combined"][..., :3].astype(np.float64) - rendered["Combined"][..., 3:]
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        unit = _rotate_z(normal, turn) / np.where(length > 0.0, length, 1.0)
+        unit = rotate_z(normal, turn) / np.where(length > 0.0, length, 1.0)
         arrays["normal"] = np.where(covered, unit, 0.0).astype(np.float32)
     return arrays
 
@@ -183,7 +152,7 @@ def _render_surfaces(
     if has_albedo and not scene.is_osl:
         settings |= {f"use_pass_{kind}_color": True for kind in _COLORS}
     box = _covered_box(covered)
-    with _override(scene.scene.view_layers[0], settings):
+    with engine.override(scene.scene.view_layers[0], settings):
         rendered = engine.render_passes(scene.scene, samples if has_mattes else FEATURE_SAMPLES, box=box)
 
     def pad_to_frame(layers: Sequence[Floats32]) -> Floats32:
@@ -223,23 +192,3 @@ def _matte_names(scene: BlenderScene, kind: str) -> dict[str, str]:
         return scene.look_names
     paths = scene.prim_paths
     return paths if kind == "object" else dict.fromkeys(paths, scene.asset_name)
-
-
-def _rotate_z(vectors: Floats, degrees: float) -> Floats:
-    """Rotate vectors (..., 3) about the vertical."""
-    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
-
-
-@contextmanager
-def _override(owner: bpy.types.ViewLayer, values: Mapping[str, object]) -> Iterator[None]:
-    """Set other values for settings of Blender, and restore the previous ones, also after an error."""
-    before = {name: getattr(owner, name) for name in values}
-    try:
-        for name, value in values.items():
-            setattr(owner, name, value)
-        yield
-    finally:
-        for name, value in before.items():
-            setattr(owner, name, value)

@@ -23,6 +23,7 @@ from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
 from lookdev.codegen.source import PrincipledSource
 from lookdev.cycles import version
+from lookdev.cycles.nodes import add_node
 from lookdev.cycles.principled import build_principled_material
 from lookdev.lifetime import leaving
 
@@ -138,15 +139,10 @@ def add_environment_texture(
     """Light a scene by an environment texture; return its node and the node that rotates it."""
     scene.world = bpy.data.worlds.new("light")
     tree = version.clear_node_tree(scene.world)
-    coordinates = tree.nodes.new("ShaderNodeTexCoord")
-    mapping = tree.nodes.new("ShaderNodeMapping")
-    texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    background = tree.nodes.new("ShaderNodeBackground")
-    output = tree.nodes.new("ShaderNodeOutputWorld")
-    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
-    tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
-    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
-    tree.links.new(background.outputs["Background"], output.inputs["Surface"])
+    mapping = add_node(tree, "Mapping", {"Vector": add_node(tree, "TexCoord").outputs["Generated"]})
+    texture = add_node(tree, "TexEnvironment", {"Vector": mapping.outputs["Vector"]})
+    background = add_node(tree, "Background", {"Color": texture.outputs["Color"]})
+    add_node(tree, "OutputWorld", {"Surface": background.outputs["Background"]})
     return texture, mapping
 
 

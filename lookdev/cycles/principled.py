@@ -7,22 +7,20 @@ import bpy
 from lookdev.codegen.source import PrincipledSource
 from lookdev.cycles import version
 from lookdev.cycles.geometry import AssetObjects
+from lookdev.cycles.nodes import SocketInput, add_node
 
 
 def build_principled_material(source: PrincipledSource) -> bpy.types.Material:
     """Build a material of a single Principled BSDF node."""
     material = bpy.data.materials.new(source.name)
     tree = version.clear_node_tree(material)
-    node = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    node.distribution = "MULTI_GGX"
-    for name, value in source.inputs.items():
-        node.inputs[name].default_value = value if isinstance(value, float | int) else (*value, 1.0)
+    inputs: dict[str, SocketInput] = {
+        name: value if isinstance(value, float | int) else (*value, 1.0) for name, value in source.inputs.items()
+    }
     if source.inputs.get("Anisotropic", 0.0):
-        tangent = tree.nodes.new("ShaderNodeTangent")
-        tangent.direction_type = "UV_MAP"
-        tree.links.new(tangent.outputs["Tangent"], node.inputs["Tangent"])
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
+        inputs["Tangent"] = add_node(tree, "Tangent", direction_type="UV_MAP").outputs["Tangent"]
+    node = add_node(tree, "BsdfPrincipled", inputs, distribution="MULTI_GGX")
+    add_node(tree, "OutputMaterial", {"Surface": node.outputs["BSDF"]})
     return material
 
 

@@ -13,9 +13,7 @@ from lookdev.arrays import Floats32
 from lookdev.codegen.osl.catching import ASSET, BARE, GROUND
 from lookdev.cycles import engine
 from lookdev.cycles.passes import (
-    Passes,
     RecordingPlan,
-    complete_passes,
     prepare_recording,
     read_recorded,
     render_frame_passes,
@@ -50,19 +48,15 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
         render = partial(_render_region, scene, task, plan)
         pictures = catcher_pictures if task.scene.catches else plain_pictures
         frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
-    frame = replace(frame, passes=complete_passes(task, frame))
-    others = Passes({}, {})
+    beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
+    frame = replace(frame, passes=task.scene.complete_parts(frame.passes, beauty))
+    arrays: dict[str, Floats32] = {}
+    names: dict[str, tuple[str, ...]] = {}
     if {*channels_of_passes(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
         begun = time.perf_counter()
-        others = render_frame_passes(scene, task, frame.alpha, frame.samples)
+        arrays, names = render_frame_passes(scene, task, frame)
         overhead += time.perf_counter() - begun
-    return replace(
-        frame,
-        seconds=frame.seconds + overhead,
-        passes={**frame.passes, **others.arrays},
-        names=others.names,
-        raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + overhead,
-    )
+    return frame.with_passes(arrays, names, overhead)
 
 
 def _render_catcher_parts(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -17,7 +17,7 @@ from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.principled import build_principled_material, configure_user_defaults, shade_by_normals
 from lookdev.cycles.shaders import CAUGHT, RECORD, build_surface_material, varying_values
-from lookdev.cycles.svm import check_stack
+from lookdev.cycles.streams import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
 from lookdev.light import Stand, coded
@@ -177,11 +177,17 @@ class BlenderScene:
     def _set_constants(self) -> None:
         """Set the constants of looks that are not compiled into their shaders, as properties of the objects."""
         for number, source in enumerate(self.task.shaders):
-            if isinstance(source, ShaderSource) and (values := varying_values(source, number)):
-                for item in self.objects:
-                    for name, value in values.items():
-                        item[name] = value
-                    item.update_tag()
+            if isinstance(source, ShaderSource):
+                self._set_properties(varying_values(source, number))
+
+    def _set_properties(self, values: Mapping[str, tuple[float, ...]]) -> None:
+        """Set properties of the objects, which Cycles reads anew, where they change."""
+        for item in self.objects:
+            changed = {name: value for name, value in values.items() if tuple(item.get(name, ())) != value}
+            for name, value in changed.items():
+                item[name] = value
+            if changed:
+                item.update_tag()
 
     def can_show(self, task: SceneTask) -> bool:
         """Return whether this scene can show another task.
@@ -245,17 +251,11 @@ class BlenderScene:
 
     def select_catcher_part(self, part: int) -> None:
         """Make OSL shaders show a part of a frame with a shadow catcher (`lookdev.codegen.osl.catching`)."""
-        for item in self.objects:
-            item[CAUGHT] = (float(part), 0.0, 0.0)
-            item.update_tag()
+        self._set_properties({CAUGHT: (float(part), 0.0, 0.0)})
 
     def select_recorded_parts(self, parts: Sequence[int]) -> None:
         """Make OSL shaders record at most three parts of their light, by the numbers of the template."""
-        numbers = tuple(float(part) for part in (*parts, 0, 0, 0)[:3])
-        for item in self.objects:
-            if tuple(item.get(RECORD, ())) != numbers:
-                item[RECORD] = numbers
-                item.update_tag()
+        self._set_properties({RECORD: tuple(float(part) for part in (*parts, 0, 0, 0)[:3])})
 
     def set_controls(self, pose: Pose, seed: int, samples: float) -> None:
         """Pass the values that change from render to render to OSL shaders, as the colour of the objects.

@@ -16,6 +16,7 @@ from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, cache_dir, cached_file, from_memory
 from lookdev.codegen.source import ShaderSource
 from lookdev.cycles import version
+from lookdev.cycles.nodes import add_node
 from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
 from lookdev.light import Light, Stand, lights_code
@@ -140,9 +141,7 @@ def add_script_node(
     for name, value in values.items():
         script.inputs.new(type=_SOCKETS[type(value)], name=name, identifier=name).default_value = value
     surface = script.outputs.new(type="NodeSocketShader", name="surface", identifier="surface")
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    output.target = "CYCLES"
-    tree.links.new(surface, output.inputs["Surface"])
+    add_node(tree, "OutputMaterial", {"Surface": surface}, target="CYCLES")
     return script
 
 
@@ -185,8 +184,6 @@ def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
 def _link_attribute(
     tree: ShaderNodeTree, script: ShaderNodeScript, parameter: str, attribute: str, kind: str, owner: str = "GEOMETRY"
 ) -> None:
-    node = tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_type = owner
-    node.attribute_name = attribute
+    node = add_node(tree, "Attribute", attribute_type=owner, attribute_name=attribute)
     socket = script.inputs.new(type=_ATTRIBUTE_SOCKETS[kind], name=parameter, identifier=parameter)
     tree.links.new(node.outputs["Fac" if kind == "float" else "Vector"], socket)

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TypeVar
 
+import bpy
+
+from lookdev.cycles import engine
+from lookdev.errors import RenderError
+
 Result = TypeVar("Result")
+
+_OVERFLOW = re.compile(r"out of SVM stack space, shader \"(?P<material>[^\"]*)\"", re.IGNORECASE)
 
 
 def capture_output(action: Callable[[], Result]) -> tuple[Result, str]:
@@ -34,6 +42,26 @@ def capture_output(action: Callable[[], Result]) -> tuple[Result, str]:
             with suppress(OSError):  # the log is on a full disk
                 os.write(2, text)
     return result, text.decode(errors="replace")
+
+
+def check_stack(scene: bpy.types.Scene) -> None:
+    """Compile the shaders of a scene, and check that each fits into the stack of Cycles' node machine (SVM).
+
+    Cycles only logs a shader that does not.
+
+    Raises
+    ------
+    RenderError
+        A shader needs more stack than SVM has, so that parts of it would be missing.
+    """
+    _, log = capture_output(lambda: engine.compile_shaders(scene))
+    names = list(dict.fromkeys(match["material"] for match in _OVERFLOW.finditer(log)))
+    if names:
+        looks = ", ".join(f"'{name}'" for name in names)
+        raise RenderError(
+            f"look {looks}: its nodes need more numbers at once than Cycles' node machine has room for; "
+            'give it fewer layers, masks or textures, or render it with backend = "exact"'
+        )
 
 
 def _flush() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from lookdev.cycles import version
-from lookdev.cycles.nodes import load_image
+from lookdev.cycles.nodes import SocketInput, add_node, load_image
 from lookdev.light import Dome, Light
 from lookdev.light.native import world_domes
 
@@ -49,25 +49,15 @@ def build_world(
     world = bpy.data.worlds.new(name)
     tree = version.clear_node_tree(world)
     domes = world_domes(lights)
-    portal_strength = _add_portal_strength(tree, strength) if after_portals and domes else None
-    surface = None
+    dome_strength = _add_portal_strength(tree, strength) if after_portals and domes else strength
+    surface: dict[str, SocketInput] = {}
     for number, dome in enumerate(domes):
-        background = _add_dome(tree, dome, turn, -_ROW * number)
-        background.inputs["Strength"].default_value = strength
-        if portal_strength is not None:
-            tree.links.new(portal_strength, background.inputs["Strength"])
-        if surface is None:
-            surface = background.outputs[0]
-        else:
-            both = tree.nodes.new("ShaderNodeAddShader")
-            both.location = (1200.0 + 200.0 * number, -_ROW * number)
-            tree.links.new(surface, both.inputs[0])
-            tree.links.new(background.outputs[0], both.inputs[1])
-            surface = both.outputs[0]
-    output = tree.nodes.new("ShaderNodeOutputWorld")
-    output.location = (1200.0 + 200.0 * len(domes), 0.0)
-    if surface is not None:
-        tree.links.new(surface, output.inputs["Surface"])
+        node = _add_dome(tree, dome, dome_strength, turn, -_ROW * number)
+        if surface:
+            both = {0: surface["Surface"], 1: node.outputs[0]}
+            node = add_node(tree, "AddShader", both, location=(1200.0 + 200.0 * number, -_ROW * number))
+        surface = {"Surface": node.outputs[0]}
+    add_node(tree, "OutputWorld", surface, location=(1200.0 + 200.0 * len(domes), 0.0))
     if sampled and domes:
         world.cycles.sampling_method = "MANUAL"
         world.cycles.sample_map_resolution = min(max(2 * dome.width for dome in domes), _MAX_MAP_WIDTH)
@@ -76,12 +66,10 @@ def build_world(
     return world
 
 
-def _add_dome(tree: bpy.types.ShaderNodeTree, dome: Dome, turn: float, height: float) -> bpy.types.ShaderNodeBackground:
+def _add_dome(
+    tree: bpy.types.ShaderNodeTree, dome: Dome, strength: SocketInput, turn: float, height: float
+) -> bpy.types.ShaderNodeBackground:
     """Add the nodes of a dome; return its background node."""
-    coordinates = tree.nodes.new("ShaderNodeTexCoord")
-    mapping = tree.nodes.new("ShaderNodeMapping")
-    # The node transforms the direction of the look-up, not the map: first the scale, then the rotation.
-    mapping.vector_type = "POINT"
     axes = np.array(dome.axes)
     mirror = np.diag([np.sign(np.linalg.det(axes)), 1.0, 1.0])
     angle = math.radians(turn)
@@ -89,40 +77,32 @@ def _add_dome(tree: bpy.types.ShaderNodeTree, dome: Dome, turn: float, height: f
     back = np.array(Matrix.Rotation(-angle, 3, "Z"))
     rotation = Matrix((axes @ back @ mirror).tolist()).to_euler("XYZ")
     is_identity = np.array_equal(axes, np.eye(3))
-    mapping.inputs["Rotation"].default_value = (0.0, 0.0, -angle) if is_identity else tuple(rotation)
-    mapping.inputs["Scale"].default_value = tuple(np.diag(mirror))
-    texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = load_image(dome.radiance_file.path)
-    texture.interpolation = "Linear"
-    background = tree.nodes.new("ShaderNodeBackground")
-    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
-    tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
-    color = texture.outputs["Color"]
-    nodes = [coordinates, mapping, texture, background]
+    coordinates = add_node(tree, "TexCoord")
+    # The node transforms the direction of the look-up, not the map: first the scale, then the rotation.
+    transform: dict[str, SocketInput] = {
+        "Vector": coordinates.outputs["Generated"],
+        "Rotation": (0.0, 0.0, -angle) if is_identity else tuple(rotation),
+        "Scale": tuple(np.diag(mirror)),
+    }
+    mapping = add_node(tree, "Mapping", transform, vector_type="POINT")
+    map_image = {"image": load_image(dome.radiance_file.path), "interpolation": "Linear"}
+    texture = add_node(tree, "TexEnvironment", {"Vector": mapping.outputs["Vector"]}, **map_image)
+    nodes, color = [coordinates, mapping, texture], texture.outputs["Color"]
     if dome.emission.color != (1.0, 1.0, 1.0):
-        tinted = tree.nodes.new("ShaderNodeVectorMath")
-        tinted.operation = "MULTIPLY"
-        tinted.inputs[1].default_value = dome.emission.color
-        tree.links.new(color, tinted.inputs[0])
-        color = tinted.outputs[0]
-        nodes.insert(3, tinted)
-    tree.links.new(color, background.inputs["Color"])
+        nodes.append(add_node(tree, "VectorMath", {0: color, 1: dome.emission.color}, operation="MULTIPLY"))
+        color = nodes[-1].outputs[0]
+    nodes.append(add_node(tree, "Background", {"Color": color, "Strength": strength}))
     for column, node in enumerate(nodes):
         node.location = (300.0 * column, height)
-    return background
+    return nodes[-1]
 
 
 def _add_portal_strength(tree: bpy.types.ShaderNodeTree, strength: float) -> bpy.types.NodeSocket:
     """Add nodes of a strength that is 0 for rays that did not pass a portal; return their output."""
-    path = tree.nodes.new("ShaderNodeLightPath")
-    has_passed = tree.nodes.new("ShaderNodeMath")
-    has_passed.operation = "GREATER_THAN"
-    has_passed.inputs[1].default_value = 0.5
-    product = tree.nodes.new("ShaderNodeMath")
-    product.operation = "MULTIPLY"
-    product.inputs[1].default_value = strength
-    tree.links.new(path.outputs["Transparent Depth"], has_passed.inputs[0])
-    tree.links.new(has_passed.outputs[0], product.inputs[0])
+    path = add_node(tree, "LightPath")
+    depth = {0: path.outputs["Transparent Depth"], 1: 0.5}
+    has_passed = add_node(tree, "Math", depth, operation="GREATER_THAN")
+    product = add_node(tree, "Math", {0: has_passed.outputs[0], 1: strength}, operation="MULTIPLY")
     for column, node in enumerate((path, has_passed, product)):
         node.location = (300.0 * column, 300.0)
     return product.outputs[0]

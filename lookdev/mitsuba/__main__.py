@@ -6,15 +6,12 @@ The process ends at once when the input ends, also by the death of the parent.
 from __future__ import annotations
 
 import gc
-import os
-import sys
-import threading
 import time
 import traceback
 from typing import TYPE_CHECKING
 
 from lookdev.lifetime import end_with_parent, leaving
-from lookdev.rendering.answers import Answers, save_arrays, save_named
+from lookdev.rendering.answers import Answers
 
 if TYPE_CHECKING:
     from lookdev.mitsuba.render import MitsubaScene
@@ -22,11 +19,6 @@ if TYPE_CHECKING:
     from lookdev.rendering.slopes import SlopeTask
     from lookdev.rendering.task import FrameTask
     from lookdev.rendering.wire import Requests
-
-
-def _read_requests(requests: Requests) -> None:
-    requests.read(sys.stdin)
-    os._exit(0)
 
 
 class _Scenes:
@@ -52,17 +44,7 @@ class _Scenes:
             gc.freeze()  # imported objects stay: the collection after each frame need not traverse them
         if self.scene is None or not (self.scene.matches(task.scene) or self.scene.update(task.scene)):
             self.scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.scene)
-        frame = self.scene.render(task, progress)
-        self._answers.done(
-            task.digest,
-            save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names),
-            samples=frame.samples,
-            seconds=frame.seconds,
-            relmse=frame.relmse,
-            raw_relmse=frame.raw_relmse,
-            raw_seconds=frame.raw_seconds,
-            notes=take_notes(),
-        )
+        self._answers.rendered(task.digest, self.scene.render(task, progress), take_notes())
 
     def render_slopes(self, task: SlopeTask) -> None:
         """Render a picture with derivatives, and send the answer, without an estimate of its relMSE."""
@@ -76,8 +58,7 @@ class _Scenes:
             task, lambda finished, planned: self._answers.progress(task.digest, finished, planned, None)
         )
         seconds = time.perf_counter() - start
-        arrays = save_named({"slopes": halves})
-        self._answers.done(task.digest, arrays, samples=2 * task.samples, seconds=seconds, relmse=0.0)
+        self._answers.done(task.digest, {"slopes": halves}, samples=2 * task.samples, seconds=seconds, relmse=0.0)
 
 
 def main() -> None:
@@ -90,8 +71,7 @@ def main() -> None:
 def _serve(answers: Answers) -> None:
     from lookdev.rendering.wire import Cancelled, Requests
 
-    requests = Requests()
-    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    requests = Requests.from_input()
     from importlib.metadata import version
 
     answers.ready(f"mitsuba {version('mitsuba')}")

@@ -99,8 +99,8 @@ class NormalBin:
         The bits of the number are reversed, so that consecutive samples are far apart on the curve of the points.
         """
         kind = self._light.number
-        u = sobol.unit_float(kind, sobol.hash_integers(seed ^ (number * 0x2C1B3C6D + 0x297A2D39)))
-        return self._sample(sobol.reverse_bits(number) >> (33 - slots.SLOTS.bit_length()), u, active)
+        u = sobol.random(kind, seed ^ (number * 0x2C1B3C6D + 0x297A2D39))
+        return self._sample(dr.brev(number) >> (33 - slots.SLOTS.bit_length()), u, active)
 
     def draw_uniform(self, u1: Float, u2: Float, active: Bool) -> tuple[Vector3f, Color3f, Float]:
         """Return a direction, its radiance, and q / p, as `draw_numbered`, from two uniform numbers."""

@@ -17,11 +17,11 @@ from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dual import Dual, difference, path_weight, product, sum_of, where
-from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.lights import Lighting, Lights
+from lookdev.mitsuba.lights import Direction, Lighting, Lights
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
-from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, Ray3f, UInt, Vector2f, Vector3f
+from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Ray3f, UInt, Vector2f, Vector3f
 from lookdev.mitsuba.view import Rectangle, View
+from lookdev.scene import Sampling
 
 # Russian roulette begins below this throughput: with 1, dielectrics had five times the error in equal time.
 LOW_THROUGHPUT = 0.1
@@ -39,18 +39,53 @@ class Counts:
     resampled: bool = False  # whether only one of the directions from the light is traced
 
 
-class Record:
-    """A path at a hit: throughput, whether it is straight from the camera, and if not, the shares of groups of lobes.
+# In recesses, a path onward adds one sample of the light from other parts, for any number of directions at its first
+# hit, as in `lookdev.codegen.osl.directions`: so glossy looks draw few directions there.
+_COUNTS, _GLOSSY_COUNTS, _RESAMPLED_COUNTS = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4), Counts(1, 4, 1, 8, resampled=True)
 
-    Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a record.
+
+def direction_counts(sampling: Sampling, sampled: bool, glossy: bool, resampled: bool = True) -> Counts:
+    """Return the numbers of directions: those of the job, or the defaults, which reach an error in the least time.
+
+    `resampled` says whether the estimator can trace a single one of the directions from the light.
+    """
+    default = _COUNTS
+    if glossy and sampling.bounces > 0:
+        default = _RESAMPLED_COUNTS if resampled and sampling.ibl_samples is None else _GLOSSY_COUNTS
+    brdf = default.brdf if sampling.brdf_samples is None else sampling.brdf_samples
+    light = default.light if sampling.ibl_samples is None else sampling.ibl_samples
+    if not sampled or light == 0:
+        return Counts(max(brdf, 1), 0, 1, 0)
+    onward = default.light_onward if sampling.ibl_samples is None else -(-light // 2)
+    # Each hit draws at least one direction from the BSDF, so that the path goes on.
+    return Counts(brdf, light, 1, onward, default.resampled)
+
+
+class Vertex:
+    """A vertex of a path, in front of the camera: surface, lighting, throughput, and the numbers of its directions.
+
+    `straight` says where the path is straight from the camera; `shares` has the shares of the groups of lobes where it
+    is not. `index` is the number of the sample in its pixel, `seed` that of the directions' points.
+
+    Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a vertex.
     """
 
-    def __init__(self, throughput: Dual, straight: Bool, shares: list[Color3f]) -> None:
-        self.throughput, self.straight, self.shares = throughput, straight, shares
+    def __init__(
+        self,
+        surface: Surface,
+        lighting: Lighting,
+        path: tuple[Dual, Bool, list[Color3f]],
+        counts: tuple[UInt, UInt],
+        index: UInt,
+        seed: UInt,
+    ) -> None:
+        self.surface, self.lighting, self.active = surface, lighting, surface.active
+        self.throughput, self.straight, self.shares = path
+        self.brdf_count, self.light_count = counts
+        self.index, self.seed = index, seed
 
 
 _Path = tuple[Float, Dual, UInt, UV, Vector3f, list[Bool], list[Color3f]]
-_DrawArguments = tuple[Lighting, Record, UInt, UInt, UInt, UInt, Bool]
 _Sample = tuple[Vector3f, list[Response], Color3f, Float, tuple[Float, ...], Bool, Float]
 
 
@@ -58,29 +93,18 @@ class Estimator:
     """Estimates the radiance and the coverage of pixels of a scene: geometry, looks and lights.
 
     Besides the beauty it records parts of it: the light that each of the `groups` of lobes reflects at the first hit;
-    with `direct`, the light that reaches the first hit from lights; and the light of each recorded group of lights.
+    if the pass is requested, the direct light; and the light of each recorded group of lights.
     """
 
-    def __init__(
-        self,
-        mi: Mitsuba,
-        geometry: Geometry,
-        looks: Looks,
-        light: Lights,
-        counts: Counts,
-        bounces: int,
-        shadows: bool,
-        groups: Sequence[str] = (),
-        direct: bool = False,
-    ) -> None:
-        self._mi = mi
-        self._geometry = geometry
-        self._looks = looks
-        self._light = light
-        self._counts = counts
-        self._bounces = bounces
-        self._shadows = shadows
-        self._groups, self._direct = groups, direct
+    _resamples = True  # a single one of the directions from the light can be traced
+
+    def __init__(self, looks: Looks, light: Lights, sampling: Sampling, groups: Sequence[str] = ()) -> None:
+        self._mi, self._geometry, self._looks, self._light = looks.mi, looks.geometry, looks, light
+        glossy = all(source.glossy for source in looks.sources)
+        self._counts = direction_counts(sampling, light.sampled, glossy, self._resamples)
+        self._bounces = sampling.bounces
+        self._shadows = any(source.shadows for source in looks.sources)
+        self._groups, self._direct = groups, "direct" in sampling.passes
 
     def pixels(self, view: View, rectangle: Rectangle, lane: UInt, seed: UInt, first: UInt, shift: UInt) -> list[Float]:
         """Return the channels of radiance, the coverage, and the channels of each part, of samples of pixels.
@@ -89,26 +113,19 @@ class Estimator:
         the rectangle. `first`, the number of the first pixel in the rectangle, and `shift`, the logarithm of the
         samples per pixel, are inputs of the kernel. The results are not evaluated yet.
         """
-        triangle, uv, ray, hit, visible_light, hidden, index, scramble = self._first_hits(
-            view, rectangle, lane, seed, first, shift
-        )
-        visible_hit = hit & ~hidden
-        (radiance, *parts), (cover,) = self._trace_paths(triangle, uv, -ray.d, visible_hit, view.turns, index, scramble)
-        radiance += visible_light[0]
+        (radiance, *parts), (cover,), visible_light = self._estimate(view, rectangle, lane, seed, first, shift)
         if self._light.visible:
-            cover = dr.select(hit & hidden, 1.0, cover)
             # Light that the camera sees directly is not reflected by any lobe.
             lobes = len(self._groups)
             parts = [*parts[:lobes], *sum_of(parts[lobes:], [visible_light[0]] * self._direct + visible_light[1:])]
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
-    def _first_hits(
+    def _estimate(
         self, view: View, rectangle: Rectangle, lane: UInt, seed: UInt, first: UInt, shift: UInt
-    ) -> tuple[UInt, UV, Ray3f, Bool, list[Color3f], Bool, UInt, UInt]:
-        """Return the first hits of samples of pixels; arguments as of `pixels`.
+    ) -> tuple[Dual, list[Float], list[Color3f]]:
+        """Return the light of samples of pixels and its parts (`_reflect`), the coverage, and the light seen directly.
 
-        These are: triangle, coordinates on it, ray, whether a triangle is hit, the light that the camera sees directly
-        (`Lights.camera_radiance`), whether that hides the hit, the number of the sample in its pixel, and its scramble.
+        Arguments are as of `pixels`. The parts have no light that is seen directly, which has no derivative.
         """
         mi = self._mi
         number = first + (lane >> shift)
@@ -120,7 +137,10 @@ class Estimator:
         visible_light, hidden = [mi.Color3f(0.0)], mi.Bool(False)
         if self._light.visible:
             visible_light, hidden = self._light.camera_radiance(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
-        return triangle, uv, ray, hit, visible_light, hidden, index, scramble
+        light, cover = self._trace_paths(triangle, uv, -ray.d, hit & ~hidden, view.turns, index, scramble)
+        light[0] += visible_light[0]
+        cover[0] = dr.select(hit & hidden, 1.0, cover[0])
+        return light, cover, visible_light
 
     @dr.syntax
     def _trace_paths(
@@ -149,9 +169,10 @@ class Estimator:
             lighting = self._light.at(surface, turns, light_count, self._looks.transmits)
             onward = depth < self._bounces
             straight = through[0] if self._looks.see_through else first
-            record = Record(throughput, straight, shares)
+            counts = brdf_count, light_count
+            vertex = Vertex(surface, lighting, (throughput, straight, shares), counts, index, seed)
 
-            path, reflected, background = self._follow(surface, lighting, record, active, onward, seed ^ index)
+            path, reflected, background = self._follow(vertex, onward)
             total = sum_of(total, reflected)
             seen_background = sum_of(
                 seen_background, [dr.mean(element) for element in product(throughput, background)] if background else []
@@ -170,15 +191,13 @@ class Estimator:
                 density = mi.Float(brdf_count) * pdf
                 blocked, occluder, hit_triangle, hit_uv = self._trace(surface, w, valid)
                 occluders = self._occluders(surface, w, occluder, blocked)
-                arriving = lighting.arriving(w, density, 1.0, occluders, valid, straight=False)
-                total = sum_of(total, self._reflect(record, responses, arriving, valid))
+                arriving = lighting.arriving(Direction(w, density, 1.0, occluders, valid))
+                total = sum_of(total, self._reflect(vertex, responses, arriving, valid))
                 # Weighted reservoir sampling: a hit is selected with a probability proportional to its weight.
                 weight = where(valid & blocked & onward, [response.value / density for response in responses])
                 share += path_weight(weight)
-                accepted = (path_weight(weight) > 0.0) & (
-                    sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ (number + 1) * 0x3504F333)) * share
-                    < path_weight(weight)
-                )
+                random = sobol.random(mi.Float, seed ^ (number + 1) * 0x3504F333)
+                accepted = (path_weight(weight) > 0.0) & (random * share < path_weight(weight))
                 next_weight = dr.select(accepted, [element / path_weight(weight) for element in weight], next_weight)
                 next_triangle = dr.select(accepted, hit_triangle, next_triangle)
                 next_uv = dr.select(accepted, hit_uv, next_uv)
@@ -187,16 +206,12 @@ class Estimator:
                 next_shares = dr.select(accepted & straight, responses[0].shares(), next_shares)
                 k += 1
 
-            total = sum_of(
-                total, self._sample_light(surface, lighting, record, index, brdf_count, light_count, seed, active)
-            )
+            total = sum_of(total, self._sample_light(vertex))
 
             throughput = product(throughput, [element * share for element in next_weight])
             # Russian roulette: a path of low throughput ends, or goes on with a larger weight.
             survival = dr.minimum(path_weight(throughput) / LOW_THROUGHPUT, 1.0)
-            survives = (
-                sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
-            )
+            survives = sobol.random(mi.Float, seed ^ index * 0x2545F491 ^ 0x1B873593) < survival
             throughput = where(survives, [element / survival for element in throughput])
             active &= onward & survives & (share > 0.0)
             triangle, uv, viewer, through = next_triangle, next_uv, next_viewer, next_through
@@ -210,44 +225,23 @@ class Estimator:
     def _constant(self, value: float) -> Dual:
         return [self._mi.Color3f(value)]
 
-    def _sample_light(self, surface: Surface, *arguments: *_DrawArguments) -> Dual:
+    def _sample_light(self, vertex: Vertex) -> Dual:
         """Return the reflected light of directions drawn from the light, as `_reflect` returns it."""
         if not self._light.sampled:
             return self._no_light()
-        estimate = self._resample_light if self._counts.resampled else self._sample_light_fully
-        return estimate(surface, *arguments)
+        return self._resample_light(vertex) if self._counts.resampled else self._sample_light_fully(vertex)
 
     @dr.syntax
-    def _sample_light_fully(
-        self,
-        surface: Surface,
-        lighting: Lighting,
-        record: Record,
-        index: UInt,
-        brdf_count: UInt,
-        light_count: UInt,
-        seed: UInt,
-        active: Bool,
-    ) -> Dual:
+    def _sample_light_fully(self, vertex: Vertex) -> Dual:
         total, j = self._no_light(), self._mi.UInt32(0)
-        while dr.hint(active & (j < light_count), exclude=[index, brdf_count, light_count, seed, active]):
-            sample = self._draw_from_light(surface, lighting, index, j, brdf_count, seed, active)
-            total = sum_of(total, self._reflect_drawn(surface, record, sample, self._mi.Float(1.0)))
+        while vertex.active & (j < vertex.light_count):
+            sample = self._draw_from_light(vertex, j, vertex.active)
+            total = sum_of(total, self._reflect_drawn(vertex, sample, self._mi.Float(1.0)))
             j += 1
         return total
 
     @dr.syntax
-    def _resample_light(
-        self,
-        surface: Surface,
-        lighting: Lighting,
-        record: Record,
-        index: UInt,
-        brdf_count: UInt,
-        light_count: UInt,
-        seed: UInt,
-        active: Bool,
-    ) -> Dual:
+    def _resample_light(self, vertex: Vertex) -> Dual:
         """Return the light of one direction, selected in proportion to its unoccluded contribution, for all of them.
 
         For glossy surfaces, whose lobes most directions from the light miss (Talbot et al. 2005, "Importance Resampling
@@ -256,57 +250,55 @@ class Estimator:
         mi = self._mi
         j, selected = mi.UInt32(0), mi.UInt32(0)
         sum_, selected_weight = mi.Float(0.0), mi.Float(0.0)
-        while dr.hint(active & (j < light_count), exclude=[index, brdf_count, light_count, seed, active]):
-            weight = self._draw_from_light(surface, lighting, index, j, brdf_count, seed, active)[-1]
+        while vertex.active & (j < vertex.light_count):
+            weight = self._draw_from_light(vertex, j, vertex.active)[-1]
             sum_ += weight
-            random = sobol.unit_float(mi.Float, sobol.hash_integers(seed ^ (index * light_count + j + 1) * 0x85EBCA77))
+            number = vertex.index * vertex.light_count + j + 1
+            random = sobol.random(mi.Float, vertex.seed ^ number * 0x85EBCA77)
             accepted = (weight > 0.0) & (random * sum_ < weight)
             selected = dr.select(accepted, j, selected)
             selected_weight = dr.select(accepted, weight, selected_weight)
             j += 1
-        sample = self._draw_from_light(surface, lighting, index, selected, brdf_count, seed, active & (sum_ > 0.0))
-        return self._reflect_drawn(surface, record, sample, sum_ / selected_weight)
+        sample = self._draw_from_light(vertex, selected, vertex.active & (sum_ > 0.0))
+        return self._reflect_drawn(vertex, sample, sum_ / selected_weight)
 
-    def _draw_from_light(
-        self, surface: Surface, lighting: Lighting, index: UInt, j: UInt, brdf_count: UInt, seed: UInt, active: Bool
-    ) -> _Sample:
+    def _draw_from_light(self, vertex: Vertex, j: UInt, active: Bool) -> _Sample:
         """Return a direction from the light, responses, radiance / density, distance, controls, mask, contribution."""
-        w, radiance, distance, density, controls = lighting.draw(index, j, seed, active)
+        surface = vertex.surface
+        w, radiance, distance, density, controls = vertex.lighting.draw(vertex.index, j, vertex.seed, active)
         wi = surface.to_local(w)
         responses, pdf = surface.respond(wi, active, self._light.split, self._groups)
         valid = active & self._is_on_side(surface, wi, w) & _contributes(responses)
         valid &= dr.max(radiance) > 0.0
-        weight = radiance / (self._mi.Float(brdf_count) * pdf + density)
+        weight = radiance / (self._mi.Float(vertex.brdf_count) * pdf + density)
         contribution = dr.select(valid, dr.mean(responses[0].value * weight), 0.0)
         return w, responses, weight, distance, controls, valid, contribution
 
-    def _reflect_drawn(self, surface: Surface, record: Record, sample: _Sample, factor: Float) -> Dual:
+    def _reflect_drawn(self, vertex: Vertex, sample: _Sample, factor: Float) -> Dual:
         """Return the reflected light of a direction of `_draw_from_light`, as `_reflect` returns it."""
         w, responses, weight, distance, controls, valid, _ = sample
-        specular, diffuse = self._unoccluded_shares(surface, w, distance, controls, valid)
+        specular, diffuse = self._unoccluded_shares(vertex.surface, w, distance, controls, valid)
         weight = weight * dr.select(valid, factor, 0.0)
         arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
-        return self._reflect(record, responses, arriving, valid)
+        return self._reflect(vertex, responses, arriving, valid)
 
     def _no_light(self) -> Dual:
         """Return zero light and zero parts, as `_reflect` returns them."""
         return [self._mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct + self._light.groups)]
 
-    def _reflect(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
+    def _reflect(self, vertex: Vertex, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
         """Return the reflected light and its parts: by groups of lobes, direct, and by groups of lights."""
-        (throughput, *_), (response, *_) = record.throughput, responses
+        (throughput, *_), (response, *_) = vertex.throughput, responses
         whole, *of_lights = where(active, [throughput * response.to(light) for light in arriving])
         by_lobes = [throughput * part for part in response.parts_to(arriving[0])]
         of_lobes = [
-            dr.select(active, dr.select(record.straight, part, share * whole), 0.0)
-            for part, share in zip(by_lobes, record.shares, strict=True)
+            dr.select(active, dr.select(vertex.straight, part, share * whole), 0.0)
+            for part, share in zip(by_lobes, vertex.shares, strict=True)
         ]
-        direct = [dr.select(record.straight, whole, 0.0)] * self._direct
+        direct = [dr.select(vertex.straight, whole, 0.0)] * self._direct
         return [whole, *of_lobes, *direct, *of_lights]
 
-    def _follow(
-        self, surface: Surface, lighting: Lighting, record: Record, active: Bool, onward: Bool, seed: UInt
-    ) -> tuple[_Path, Dual, Dual]:
+    def _follow(self, vertex: Vertex, onward: Bool) -> tuple[_Path, Dual, Dual]:
         """Follow the single directions of the BSDF, which sampling the light never draws.
 
         Where the surface is absent, a path goes straight on; from the camera, the background is black. Returns the path
@@ -314,32 +306,33 @@ class Estimator:
         is still straight from the camera, the shares of groups), the reflected light, as `_reflect` returns it, and the
         visible share of the background if looks can be seen through.
         """
-        mi, see_through = self._mi, self._looks.see_through
+        mi, see_through, surface = self._mi, self._looks.see_through, vertex.surface
+        seed = vertex.seed ^ vertex.index
         total, share = self._no_light(), mi.Float(0.0)
         background = self._constant(0.0) if see_through else []
         next_path: tuple[Dual, UInt, UV, Vector3f] = (
             self._constant(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer)
         )  # fmt: skip
         next_through = [mi.Bool(False)] * see_through
-        next_shares = [mi.Color3f(initial) for initial in record.shares]
+        next_shares = [mi.Color3f(initial) for initial in vertex.shares]
         for number, (w, responses, passes) in enumerate(self._single_directions(surface)):
             weight = [response.value for response in responses]
-            valid = active & (dr.max(weight[0]) > 0.0)
+            valid = vertex.active & (dr.max(weight[0]) > 0.0)
             blocked, occluder, triangle, uv = self._trace(surface, w, valid)
             occluders = self._occluders(surface, w, occluder, blocked)
-            straight_on = record.straight & passes
+            straight_on = vertex.straight & passes
             reflecting = valid & ~straight_on
-            arriving = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, reflecting, straight=passes)
-            total = sum_of(total, self._reflect(record, responses, arriving, reflecting))
+            arriving = vertex.lighting.arriving(Direction(w, mi.Float(1.0), 0.0, occluders, reflecting, passes))
+            total = sum_of(total, self._reflect(vertex, responses, arriving, reflecting))
             if see_through:
                 background = sum_of(background, where(valid & ~blocked & straight_on, weight))
             next_size = dr.select(valid & blocked & onward, path_weight(weight), 0.0)
             share += next_size
-            random = sobol.unit_float(mi.Float, sobol.hash_integers(seed + (number + 1) * 0x1B873593))
+            random = sobol.random(mi.Float, seed + (number + 1) * 0x1B873593)
             accepted = (next_size > 0.0) & (random * share < next_size)
             next_path = dr.select(accepted, ([element / next_size for element in weight], triangle, uv, -w), next_path)
             next_through = [dr.select(accepted, straight_on, flag) for flag in next_through]
-            next_shares = dr.select(accepted & record.straight & ~straight_on, responses[0].shares(), next_shares)
+            next_shares = dr.select(accepted & vertex.straight & ~straight_on, responses[0].shares(), next_shares)
         return (share, *next_path, next_through, next_shares), total, background
 
     def _single_directions(self, surface: Surface) -> list[tuple[Vector3f, list[Response], bool]]:

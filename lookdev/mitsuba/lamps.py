@@ -6,17 +6,15 @@ import drjit as dr
 import numpy as np
 
 from lookdev.arrays import Bools, Floats32
-from lookdev.codegen.program.lamps import SHADOW_FIELDS, lamp_operations, shadow_operations
+from lookdev.codegen.program.lamps import lamp_operations
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.mitsuba.files import file_array, read_image
 from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.images import bilinear
 from lookdev.mitsuba.programs import Evaluation, Program
-from lookdev.mitsuba.surface import Arriving
 from lookdev.mitsuba.types import AnyArray, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 
 _NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
-_SPLIT = ("diffuse", "specular")
 
 
 class Rows:
@@ -128,67 +126,3 @@ def lamps_by_kind(mi: Mitsuba, rig: CodedRig, rows: Floats32, links: Bools | Non
         of_kind = np.flatnonzero(rows[:, 0] == list(SHAPES).index(kind))
         kinds += [(kind, lamps) for lamps in (np.split(of_kind, len(of_kind)) if kind == "picture" else [of_kind])]
     return [Lamps(mi, rig, kind, rows[n], None if links is None else links[:, n]) for kind, n in kinds]
-
-
-class Controls:
-    """Shadow controls of lights (excluded parts, colour, end), and their factors of diffuse and specular light.
-
-    The light of the first `groups` groups of lights is recorded separately.
-    """
-
-    def __init__(self, mi: Mitsuba, rig: CodedRig, groups: int) -> None:
-        self._mi = mi
-        self.groups = groups
-        self.shadow_excluded = rig.spared or ((),)
-        self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
-        self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * self.shadowed), *(_SPLIT * self.split))
-        self._names += ("group",) * bool(groups)
-        operations, outputs = shadow_operations()
-        self._program = Program(operations, outputs, mi.Float)
-
-    def none(self) -> tuple[Float, ...]:
-        """Return the controls of no light."""
-        return tuple(self._mi.Float(0.0) for _ in self._names)
-
-    def lamp_controls(self, rows: Rows, lamp: UInt) -> tuple[Float, ...]:
-        """Return the controls of lamps, an argument of `shadow_shares`."""
-        return tuple(rows.field(lamp, name) for name in self._names)
-
-    def by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
-        """Return light, and the part of it from each recorded group."""
-        specular, diffuse = arriving
-        masks = [controls[-1] == number for number in range(self.groups)]
-        return [
-            arriving,
-            *((dr.select(in_group, specular, 0.0), dr.select(in_group, diffuse, 0.0)) for in_group in masks),
-        ]
-
-    def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
-        """Return whether lights exclude a set of parts, by its number in `shadow_excluded`."""
-        return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
-
-    def shadow_shares(
-        self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], straight: bool = False
-    ) -> Arriving:
-        """Return the shares of light that reach specular and diffuse lobes; `straight` light is not reflected.
-
-        `distance` is that of the light; `occluders` has the distance of the first occluder for each set of
-        `shadow_excluded`.
-        """
-        mi = self._mi
-        values = dict(zip(self._names, controls, strict=True))
-        occluder = occluders[0]
-        for number in range(1, len(self.shadow_excluded)):
-            occluder = dr.select(values["spares"] == number, occluders[number], occluder)
-        occluded = distance > occluder
-        transmitted = mi.Color3f(0.0)
-        if self.shadowed:
-
-            def value(name: str) -> Float:
-                return dr.select(occluded, occluder, 0.0) if name == "distance" else values[name]
-
-            transmitted = mi.Color3f(*Evaluation(self._program, value).values("passed"))
-        share = dr.select(occluded, transmitted, mi.Color3f(1.0))
-        if straight or not self.split:
-            return share, share
-        return share * values["specular"], share * values["diffuse"]

@@ -6,34 +6,55 @@ that turn with the rig, and that of the others.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 import drjit as dr
 
+from lookdev.codegen.program.lamps import SHADOW_FIELDS, shadow_operations
 from lookdev.light.dome import Dome
+from lookdev.light.lamps import CodedRig
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
+from lookdev.mitsuba.lamps import Rows
+from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.surface import Arriving, Surface
 from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
+
+_SPLIT = ("diffuse", "specular")
 
 LightSample = tuple[Vector3f, Color3f, Float, Float, tuple[Float, ...]]
 """A direction from a light, its radiance, its distance, its density, and the light's controls."""
 
 
+class Direction:
+    """Directions from which light arrives at a surface, of density `own_density`.
+
+    Where `weighed` is 1, the density of directions drawn from the light is added. `occluders` has the distance of the
+    first part that casts shadows, for each set of `Lights.shadow_excluded`. Light that is `straight` is not reflected.
+
+    Not a dataclass, as `Surface`.
+    """
+
+    def __init__(
+        self,
+        w: Vector3f,
+        own_density: Float,
+        weighed: float,
+        occluders: list[Float],
+        active: Bool,
+        straight: bool = False,
+    ) -> None:
+        self.w, self.own_density, self.weighed = w, own_density, weighed
+        self.occluders, self.active, self.straight = occluders, active, straight
+
+
 class Lighting(Protocol):
     """The light at points of a surface, from which a number of directions is drawn."""
 
-    def arriving(
-        self, w: Vector3f, own_density: Float, weighed: float, occluders: list[Float], active: Bool, straight: bool
-    ) -> list[Arriving]:
-        """Return the sum over lights of unoccluded radiance over density, as `Lights.by_group`.
-
-        A density is `own_density`, plus the density of directions drawn from the light if `weighed` is 1. `occluders`
-        has the distance of the first part that casts shadows, for each set of `Lights.shadow_excluded`. Light that is
-        `straight` is not reflected.
-        """
+    def arriving(self, direction: Direction) -> list[Arriving]:
+        """Return the sum over lights of unoccluded radiance over density, as `Lights.by_group`."""
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
         """Return direction `number` of sample `index`, its radiance, distance, the density of all directions, controls.
@@ -42,16 +63,38 @@ class Lighting(Protocol):
         """
 
 
-class Lights(Protocol):
-    """All lights of a scene. `sampled` says whether directions are drawn from them."""
+class Lights(ABC):
+    """All lights of a scene, and their shadow controls: excluded parts, colour, end, factors of lobes.
 
-    sampled: bool
-    shadow_excluded: Sequence[tuple[int, ...]]  # the sets of groups of parts that the shadows of some light exclude
-    shadowed: bool  # the light that passes an occluder depends on its distance
-    split: bool  # diffuse and specular lobes reflect different light
-    visible: bool  # the camera sees some lights
-    groups: int  # the number of groups of lights whose light is recorded separately
+    Attributes
+    ----------
+    sampled
+        Whether directions are drawn from lights.
+    visible
+        Whether the camera sees some lights.
+    groups
+        The number of groups of lights whose light is recorded separately.
+    shadow_excluded
+        The sets of groups of parts that the shadow of some light excludes.
+    shadowed
+        Whether the light that passes an occluder depends on its distance.
+    split
+        Whether diffuse and specular lobes reflect different light.
+    """
 
+    sampled = True
+    visible = False
+
+    def __init__(self, mi: Mitsuba, rig: CodedRig, groups: int = 0) -> None:
+        self._mi = mi
+        self.groups = groups
+        self.shadow_excluded = rig.spared or ((),)
+        self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
+        self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * self.shadowed), *(_SPLIT * self.split))
+        self._names += ("group",) * bool(groups)
+        self._shadow_program = Program(*shadow_operations(), mi.Float)
+
+    @abstractmethod
     def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         """Return the lighting of a surface; `count` directions are drawn from it, on `both_sides` or in front."""
 
@@ -59,17 +102,55 @@ class Lights(Protocol):
         self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
     ) -> tuple[list[Color3f], Bool]:
         """Return the radiance of visible lights nearer than a distance (all, then by group), and where one is hit."""
+        return [self._mi.Color3f(0.0)], self._mi.Bool(False)
+
+    def controls(self, rows: Rows, lamp: UInt) -> tuple[Float, ...]:
+        """Return the controls of lamps, an argument of `shadow_shares`."""
+        return tuple(rows.field(lamp, name) for name in self._names)
+
+    @property
+    def no_controls(self) -> tuple[Float, ...]:
+        """The controls of no light."""
+        return tuple(self._mi.Float(0.0) for _ in self._names)
 
     def by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
-        """Return the light of a light, and the part of it from each recorded group."""
+        """Return light, and the part of it from each recorded group."""
+        specular, diffuse = arriving
+        masks = [controls[-1] == number for number in range(self.groups)]
+        return [
+            arriving,
+            *((dr.select(in_group, specular, 0.0), dr.select(in_group, diffuse, 0.0)) for in_group in masks),
+        ]
 
     def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
-        """Return whether the shadow of a light excludes a set of parts, by the set's number."""
+        """Return whether lights exclude a set of parts, by its number in `shadow_excluded`."""
+        return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
 
     def shadow_shares(
         self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], straight: bool = False
     ) -> Arriving:
-        """Return the shares of a light at a distance that occluders transmit, for specular and diffuse lobes."""
+        """Return the shares of light that reach specular and diffuse lobes; `straight` light is not reflected.
+
+        `distance` is that of the light; `occluders` has the distance of the first occluder for each set of
+        `shadow_excluded`.
+        """
+        mi = self._mi
+        values = dict(zip(self._names, controls, strict=True))
+        occluder = occluders[0]
+        for number in range(1, len(self.shadow_excluded)):
+            occluder = dr.select(values["spares"] == number, occluders[number], occluder)
+        occluded = distance > occluder
+        transmitted = mi.Color3f(0.0)
+        if self.shadowed:
+
+            def value(name: str) -> Float:
+                return dr.select(occluded, occluder, 0.0) if name == "distance" else values[name]
+
+            transmitted = mi.Color3f(*Evaluation(self._shadow_program, value).values("passed"))
+        share = dr.select(occluded, transmitted, mi.Color3f(1.0))
+        if straight or not self.split:
+            return share, share
+        return share * values["specular"], share * values["diffuse"]
 
 
 def split_count(count: UInt) -> tuple[UInt, UInt]:
@@ -83,38 +164,16 @@ def rotate_z(v: Vector3f, angle: Float) -> Vector3f:
     return type(v)(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
 
 
-class OneDome:
+class OneDome(Lights):
     """A dome in world axes. The directions of all samples are stratified over its slots."""
 
-    sampled: bool
-    shadow_excluded: Sequence[tuple[int, ...]] = ((),)
-    shadowed = split = visible = False
-    groups = 0
-
     def __init__(self, mi: Mitsuba, dome: Dome) -> None:
-        self._mi = mi
+        super().__init__(mi, CodedRig.of((dome,)))
         self._dome = DomeLight(mi, dome)
         self.sampled = self._dome.sampled
 
     def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         return _DomeLighting(self._mi, self._dome, surface, turns.x, count, both_sides and self.sampled)
-
-    def camera_radiance(
-        self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
-    ) -> tuple[list[Color3f], Bool]:
-        return [self._mi.Color3f(0.0)], self._mi.Bool(False)
-
-    def by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
-        return [arriving]
-
-    def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
-        return self._mi.Bool(True)
-
-    def shadow_shares(
-        self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], straight: bool = False
-    ) -> Arriving:
-        share = self._mi.Color3f(dr.select(distance > occluders[0], self._mi.Float(0.0), 1.0))
-        return share, share
 
 
 class _DomeLighting:
@@ -128,13 +187,11 @@ class _DomeLighting:
             normals = (surface.normal, -surface.normal)
             self._bins = [(count, dome.bin(rotate_z(n, -turn))) for count, n in zip(counts, normals, strict=False)]
 
-    def arriving(
-        self, w: Vector3f, own_density: Float, weighed: float, occluders: list[Float], active: Bool, straight: bool
-    ) -> list[Arriving]:
-        active = active & (occluders[0] >= FAR)
-        local = rotate_z(w, -self._turn)
+    def arriving(self, direction: Direction) -> list[Arriving]:
+        active = direction.active & (direction.occluders[0] >= FAR)
+        local = rotate_z(direction.w, -self._turn)
         radiance = self._dome.radiance(local, active)
-        density = own_density + weighed * self._density(local, radiance)
+        density = direction.own_density + direction.weighed * self._density(local, radiance)
         arriving_light = dr.select(active, radiance / density, 0.0)
         return [(arriving_light, arriving_light)]
 

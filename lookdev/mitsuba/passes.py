@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from lookdev.arrays import Floats, Floats32, Ints
 from lookdev.light.mapping import rotate_z
 from lookdev.mitsuba import sobol
-from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.surface import Looks, Surface
-from lookdev.mitsuba.types import AnyArray, Mitsuba
+from lookdev.mitsuba.types import UV, AnyArray, Bool, Ray3f, UInt
 from lookdev.mitsuba.view import View
 from lookdev.rendering.cryptomatte import RANKS, matte_id, matte_samples, normalize_coverage
 from lookdev.rendering.frame import FEATURE_SAMPLES
@@ -28,20 +27,13 @@ _MOST_SAMPLES = 1 << 22  # in a launch
 class Features:
     """The features of the surfaces that the camera sees, in one variant's arrays."""
 
-    def __init__(self, mi: Mitsuba, geometry: Geometry, looks: Looks, bounces: int) -> None:
-        self._mi = mi
-        self._geometry = geometry
-        self._looks = looks
-        self._bounces = bounces
+    def __init__(self, looks: Looks, bounces: int) -> None:
+        self._mi, self._geometry, self._looks, self._bounces = looks.mi, looks.geometry, looks, bounces
 
     def guides(self, view: View) -> tuple[Floats32, Floats32]:
         """Return the mean albedos, premultiplied, and the mean normals of all pixels, (H, W, 3) each."""
-        mi, size = self._mi, FEATURE_SAMPLES
-        lane = dr.arange(mi.UInt32, view.width * view.height * size)
-        pixel = lane // size
-        triangle, uv, ray, hit, _ = view.first_hits(
-            mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel)
-        )
+        size = FEATURE_SAMPLES
+        triangle, uv, ray, hit = self._first_hits(view, 0, view.width * view.height, size)
         guides = [dr.select(hit, guide, 0.0) for guide in Surface(self._looks, triangle, uv, -ray.d, hit).guide()]
         dr.eval(guides)
         albedo, normal = (
@@ -50,6 +42,13 @@ class Features:
         )
         shape = view.height, view.width, 3
         return albedo.astype(np.float32).reshape(shape), normal.astype(np.float32).reshape(shape)
+
+    def _first_hits(self, view: View, first: int, count: int, size: int) -> tuple[UInt, UV, Ray3f, Bool]:
+        """Return the triangles, coordinates, rays and hit masks of `size` samples of each of `count` pixels."""
+        mi = self._mi
+        lane = dr.arange(mi.UInt32, count * size)
+        pixel = dr.opaque(mi.UInt32, first) + lane // size
+        return view.first_hits(mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel))[:4]
 
     def central(self, view: View, task: FrameTask) -> dict[str, Floats32]:
         """Return the passes at the hits of rays through the centres of pixels, (H, W, channels) by name."""
@@ -127,11 +126,7 @@ class Features:
     def _hits_in_depth(self, view: View, first: int, count: int, size: int) -> Iterator[tuple[Ints, Ints, Floats]]:
         """Yield the instances and the sources that samples of pixels hit, and their visible shares, hit by hit."""
         mi = self._mi
-        lane = dr.arange(mi.UInt32, count * size)
-        pixel = dr.opaque(mi.UInt32, first) + lane // size
-        triangle, uv, ray, hit, _ = view.first_hits(
-            mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel)
-        )
+        triangle, uv, ray, hit = self._first_hits(view, first, count, size)
         remaining = dr.select(hit, mi.Float(1.0), 0.0)
         for depth in range(1 + self._bounces if self._looks.see_through else 1):
             presence = mi.Float(1.0)

@@ -13,11 +13,11 @@ import numpy as np
 
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset import read_asset
-from lookdev.codegen.source import LOBE_GROUPS, ProgramSource
+from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import collect_arrays, pause_garbage_collection
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import Counts, Estimator
+from lookdev.mitsuba.integrator import Estimator
 from lookdev.mitsuba.passes import CENTRAL, Features
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
@@ -26,9 +26,7 @@ from lookdev.mitsuba.view import Rectangle, View
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.frame import Denoiser, Progress, RenderedFrame, render_halves
 from lookdev.rendering.oidn import make_denoiser
-from lookdev.rendering.passes import LIGHTS, PASSES, light_layer, light_parts
 from lookdev.rendering.task import FrameTask, SceneTask
-from lookdev.scene import Sampling
 
 LONGEST_LAUNCH = 0.2
 """Seconds of a launch: the worker reports between launches, and kernels cannot be interrupted."""
@@ -47,35 +45,18 @@ class MitsubaScene:
         self._task = task
         self._samples_per_second = _FIRST_LAUNCH / LONGEST_LAUNCH
         self._most_samples = _MOST_SAMPLES
-        sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
         if previous is not None and (previous._task.asset, previous._task.device) == (task.asset, task.device):
             self._geometry: Geometry = previous._geometry
         else:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.assign_looks(task.worn, task.groups)
-        looks = self._looks = Looks(mi, sources, self._geometry)
-        group_names = task.light_groups[: len(task.lights)]
-        names = list(dict.fromkeys(group_names))
-        groups = [names.index(name) for name in group_names]
-        light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot, groups)
-        for excluded in light.shadow_excluded:
-            self._geometry.shadow_scene(excluded)  # created here, as kernels cannot create it
-        shadows = any(source.shadows for source in sources)
-        glossy = all(source.glossy for source in sources)
-        counts = direction_counts(task.sampling, light.sampled, glossy)
-        requested, bounces = task.sampling.passes, task.sampling.bounces
-        lobes = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
-        part_sets = {
-            "lobes": lobes,
-            "direct": [*PASSES["direct"].arrays],
-            LIGHTS: [light_layer(name) for name in names],
-        }
-        self._part_sets = [parts for name, parts in part_sets.items() if name in requested and parts]
+        looks = self._looks = Looks(mi, task, self._geometry)
         # The last of a set of parts is the beauty minus the others.
-        self._recorded = [name for parts in self._part_sets for name in parts[:-1]]
-        recorded, direct = lobes[:-1] if "lobes" in requested else [], "direct" in requested
-        self._features = Features(mi, self._geometry, looks, bounces)
-        self._estimator = Estimator(mi, self._geometry, looks, light, counts, bounces, shadows, recorded, direct)
+        self._recorded = [name for parts in task.part_sets for name in parts[:-1]]
+        light = lights_of(mi, task, self._geometry)
+        self._features = Features(looks, task.sampling.bounces)
+        groups = [name for name in self._recorded if name in LOBE_GROUPS]
+        self._estimator = Estimator(looks, light, task.sampling, groups)
         # Frozen, so that it is traced once: with many looks and lights, tracing takes longer than the kernel.
         arrays = collect_arrays(self._estimator)
         self._pixels = dr.freeze(self._estimator.pixels, state_fn=lambda *arguments: arrays)
@@ -93,8 +74,7 @@ class MitsubaScene:
         """Change to a task that differs in constants of looks alone, and return True; return False for other tasks."""
         if len(task.shaders) != len(self._task.shaders) or not self.matches(replace(task, shaders=self._task.shaders)):
             return False
-        sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
-        if not self._looks.update(sources):
+        if not self._looks.update(task):
             return False
         self._task = replace(self._task, shaders=task.shaders)
         return True
@@ -123,25 +103,12 @@ class MitsubaScene:
             frame = render_halves(task, render, partial(self._denoiser, view, task.scene.sampling.samples), report)
         start = time.perf_counter()
         passes, names = self._passes(task, view, frame)
-        seconds = time.perf_counter() - start
-        return replace(
-            frame,
-            passes={**frame.passes, **passes},
-            names=names,
-            seconds=frame.seconds + seconds,
-            raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + seconds,
-        )
+        return frame.with_passes(passes, names, time.perf_counter() - start)
 
     def _parts_of_light(self, task: SceneTask, means: Floats) -> dict[str, Floats32]:
         """Return the parts of the light, from means (H, W, 4 + 3 n) of colour, coverage, and recorded parts."""
-        beauty = means[..., :3]
-        # The parts of lobes that no look has, and of lights that reach nothing, are black.
-        names = light_parts(task.sampling.passes, task.names_of_light)
-        parts = dict.fromkeys(sorted(names), np.zeros_like(beauty))
-        for number, name in enumerate(self._recorded):
-            parts[name] = means[..., 4 + 3 * number : 7 + 3 * number]
-        for *others, last in self._part_sets:
-            parts[last] = beauty - sum(parts[other] for other in others)
+        recorded = {name: means[..., 4 + 3 * n : 7 + 3 * n] for n, name in enumerate(self._recorded)}
+        parts = task.complete_parts(recorded, means[..., :3])
         return {name: part.astype(np.float32) for name, part in parts.items()}
 
     def _passes(
@@ -203,25 +170,3 @@ def _is_out_of_memory(error: BaseException | None) -> bool:
     if error is None:
         return False
     return isinstance(error, MemoryError) or "out of memory" in str(error) or _is_out_of_memory(error.__cause__)
-
-
-# In recesses, a path onward adds one sample of the light from other parts, for any number of directions at its first
-# hit, as in `lookdev.codegen.osl.directions`: so glossy looks draw few directions there.
-_COUNTS, _GLOSSY_COUNTS, _RESAMPLED_COUNTS = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4), Counts(1, 4, 1, 8, resampled=True)
-
-
-def direction_counts(sampling: Sampling, sampled: bool, glossy: bool, resampled: bool = True) -> Counts:
-    """Return the numbers of directions: those of the job, or the defaults, which reach an error in the least time.
-
-    `resampled` says whether the estimator can trace a single one of the directions from the light.
-    """
-    default = _COUNTS
-    if glossy and sampling.bounces > 0:
-        default = _RESAMPLED_COUNTS if resampled and sampling.ibl_samples is None else _GLOSSY_COUNTS
-    brdf = default.brdf if sampling.brdf_samples is None else sampling.brdf_samples
-    light = default.light if sampling.ibl_samples is None else sampling.ibl_samples
-    if not sampled or light == 0:
-        return Counts(max(brdf, 1), 0, 1, 0)
-    onward = default.light_onward if sampling.ibl_samples is None else -(-light // 2)
-    # Each hit draws at least one direction from the BSDF, so that the path goes on.
-    return Counts(brdf, light, 1, onward, default.resampled)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import drjit as dr
 import numpy as np
@@ -16,48 +16,37 @@ from lookdev.light.lamps import FIELDS, CodedRig, Stand
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
-from lookdev.mitsuba.lamps import Controls, Lamps, Rows, lamps_by_kind
-from lookdev.mitsuba.lights import Lighting, Lights, LightSample, OneDome, rotate_z, split_count
+from lookdev.mitsuba.geometry import Geometry
+from lookdev.mitsuba.lamps import Lamps, Rows, lamps_by_kind
+from lookdev.mitsuba.lights import Direction, Lighting, Lights, LightSample, OneDome, rotate_z, split_count
 from lookdev.mitsuba.programs import Program
 from lookdev.mitsuba.surface import Arriving, Surface
 from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
+from lookdev.rendering.task import SceneTask
 
 
-def lights_of(
-    mi: Mitsuba,
-    lights: Sequence[Light],
-    links: Sequence[Sequence[int]],
-    center: Floats,
-    pivot: tuple[float, float],
-    groups: Sequence[int] = (),
-) -> Lights:
-    """Return the lights of a scene about a centre, which turn about the vertical through `pivot`.
+def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> Lights:
+    """Return the lights of a task about a geometry's centre, and create the scenes of their shadows.
 
-    `links` has the numbers of the lights of each look; () means all lights for each. `groups` has the number of each
-    light's group; the light of all groups but the last is recorded separately.
+    If the task has groups of lights, the light of all but the last is recorded separately.
     """
-    single = None if links else coded(lights)
-    return OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, lights, links, center, pivot, groups)
+    single = None if task.lit else coded(task.lights)
+    lights = OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, task, geometry.center)
+    for excluded in lights.shadow_excluded:
+        geometry.shadow_scene(excluded)  # created here, as kernels cannot create it
+    return lights
 
 
-class Rig:
+class Rig(Lights):
     """Lamps and domes. Each direction selects a light in proportion to an estimate of the light's irradiance."""
 
-    sampled = True
-
-    def __init__(
-        self,
-        mi: Mitsuba,
-        lights: Sequence[Light],
-        links: Sequence[Sequence[int]],
-        center: Floats,
-        pivot: tuple[float, float],
-        groups: Sequence[int] = (),
-    ) -> None:
-        self._mi = mi
+    def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
+        lights, links = task.lights, task.lit
+        groups = [task.names_of_light.index(name) for name in task.light_groups[: len(lights)]]
         rig = CodedRig.of(lights)
+        super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
-        values = rig.rows(Stand((x, y, z), pivot))
+        values = rig.rows(Stand((x, y, z), task.camera.pivot))
         self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))
         order = [
             n for has_map in (False, True) for n, light in enumerate(lights) if (light.map_dome is not None) is has_map
@@ -74,13 +63,7 @@ class Rig:
         self.domes = [
             _RigDome(mi, dome, rows[n : n + 1], links_of(slice(n, n + 1))) for n, dome in enumerate(rig.domes, count)
         ]
-        self._controls = Controls(mi, rig, max(groups, default=0))
-        self.shadow_excluded: Sequence[tuple[int, ...]] = self._controls.shadow_excluded
-        self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
         self.visible = any(lamp.emission.camera for lamp in rig.lamps)
-        self.excludes, self.shadow_shares = self._controls.excludes, self._controls.shadow_shares
-        self.controls, self.none = self._controls.lamp_controls, self._controls.none
-        self.groups, self.by_group = self._controls.groups, self._controls.by_group
 
     def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         return _RigLighting(self._mi, self, surface, turns, count, both_sides)
@@ -195,7 +178,6 @@ class _RigLighting:
         p, local = self._frames.to_frame(lamps, lamp, n)
         return lamps.weight(lamp, p, local) * lamps.link_of(lamp, self._surface.source)
 
-    @dr.syntax
     def _sum(self, side: int) -> Float:
         """Return the sum of the estimated irradiances of all lights on a side."""
         mi = self._mi
@@ -215,60 +197,50 @@ class _RigLighting:
             lamp += 1
         return total
 
-    def _drawn_count(self, weight_of: Callable[[int], Float]) -> Float:
-        """Return the mean number of directions drawn from a light, whose weight on a side `weight_of` returns."""
-        total = self._mi.Float(0.0)
-        for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
-            share = weight_of(side) / sum_
-            total += self._mi.Float(count) * dr.select(sum_ > 0.0, share, 0.0)
-        return total
+    def _drawn_counts(self, weight_of: Callable[[int], Float]) -> list[Float]:
+        """Return the mean numbers of directions drawn from a light by side, where `weight_of` returns its weight."""
+        sides = enumerate(zip(self._counts, self._side_sums, strict=True))
+        return [
+            self._mi.Float(count) * dr.select(sum_ > 0.0, weight_of(side) / sum_, 0.0) for side, (count, sum_) in sides
+        ]
 
     def _lamp_density(self, lamps: Lamps, lamp: UInt, pdf: Float) -> Float:
-        return self._drawn_count(lambda side: self._lamp_weight(lamps, lamp, self._sides[side])) * pdf
+        counts = self._drawn_counts(lambda side: self._lamp_weight(lamps, lamp, self._sides[side]))
+        return sum(counts, self._mi.Float(0.0)) * pdf
 
     def _dome_density(self, number: int, local: Vector3f, w: Vector3f, radiance: Color3f) -> Float:
         """Return the density of directions drawn from a dome: `local` in its axes, w in world space."""
-        dome, total = self._rig.domes[number], self._mi.Float(0.0)
-        for side, (count, sum_) in enumerate(zip(self._counts, self._side_sums, strict=True)):
-            share = dr.select(sum_ > 0.0, self._dome_weight(number, side) / sum_, 0.0)
-            if dome.map.sampled:
-                pdf = self._bins[number][side].pdf(local, radiance)
-            else:
-                cosine = dr.dot(w, self._sides[side])
-                pdf = dr.maximum(cosine, 0.0) / math.pi
-            total += self._mi.Float(count) * share * pdf
-        return total
+        if self._rig.domes[number].map.sampled:
+            pdfs = [bin.pdf(local, radiance) for bin in self._bins[number]]
+        else:
+            cosines = [dr.dot(w, normal) for normal in self._sides]
+            pdfs = [dr.maximum(cosine, 0.0) / math.pi for cosine in cosines]
+        counts = self._drawn_counts(lambda side: self._dome_weight(number, side))
+        return sum((count * pdf for count, pdf in zip(counts, pdfs, strict=True)), self._mi.Float(0.0))
 
-    @dr.syntax
-    def arriving(
-        self, w: Vector3f, own_density: Float, weighed: float, occluders: list[Float], active: Bool, straight: bool
-    ) -> list[Arriving]:
+    def arriving(self, direction: Direction) -> list[Arriving]:
         total = self._rig.dark()
         for number in range(len(self._rig.domes)):
-            light = self._arriving_from_dome(number, w, own_density, weighed, occluders, active, straight)
-            total = _add_arriving(total, light)
+            total = _add_arriving(total, self._arriving_from_dome(number, direction))
         for lamps in self._rig.lamps:
-            light = self._arriving_from_lamps(lamps, w, own_density, weighed, occluders, active, straight)
-            total = _add_arriving(total, light)
+            total = _add_arriving(total, self._arriving_from_lamps(lamps, direction))
         return total
 
-    def _arriving_from_dome(
-        self,
-        number: int,
-        w: Vector3f,
-        own_density: Float,
-        weighed: float,
-        occluders: list[Float],
-        active: Bool,
-        straight: bool,
+    def _arriving_from_dome(self, number: int, direction: Direction) -> list[Arriving]:
+        dome, active = self._rig.domes[number], direction.active
+        local = self._frames.into(dome, dome.first, direction.w)
+        distance, radiance_seen, density_seen = self._along_dome(number, local, direction.w, active)
+        density = direction.own_density + (density_seen if direction.weighed else 0.0)
+        light = dr.select(active, radiance_seen / density, 0.0)
+        return self._unoccluded(dome, dome.first, direction, light, distance)
+
+    def _unoccluded(
+        self, lights: Rows, lamp: UInt, direction: Direction, light: Color3f, distance: Float
     ) -> list[Arriving]:
-        dome = self._rig.domes[number]
-        local = self._frames.into(dome, dome.first, w)
-        distance, radiance_seen, density_seen = self._along_dome(number, local, w, active)
-        density = own_density + (density_seen if weighed else 0.0)
-        light = dr.select(active, radiance_seen / density, 0.0) * dome.link_of(dome.first, self._surface.source)
-        controls = self._rig.controls(dome, dome.first)
-        shares = self._rig.shadow_shares(controls, distance, occluders, straight)
+        """Return the parts of the light of lamps at a distance that reach the surface."""
+        light = light * lights.link_of(lamp, self._surface.source)
+        controls = self._rig.controls(lights, lamp)
+        shares = self._rig.shadow_shares(controls, distance, direction.occluders, direction.straight)
         return self._rig.by_group(controls, (light * shares[0], light * shares[1]))
 
     def _along_dome(self, number: int, local: Vector3f, w: Vector3f, active: Bool) -> tuple[Float, Color3f, Float]:
@@ -285,27 +257,15 @@ class _RigLighting:
         return distance, map_radiance * self._shares[number] * dome.radiance_factor, density
 
     @dr.syntax
-    def _arriving_from_lamps(
-        self,
-        lamps: Lamps,
-        w: Vector3f,
-        own_density: Float,
-        weighed: float,
-        occluders: list[Float],
-        active: Bool,
-        straight: bool,
-    ) -> list[Arriving]:
+    def _arriving_from_lamps(self, lamps: Lamps, direction: Direction) -> list[Arriving]:
         total = self._rig.dark()
         lamp = self._mi.UInt32(0)
-        while dr.hint(active & (lamp < lamps.count), exclude=[w, own_density, weighed, occluders, active, straight]):
-            p, local = self._frames.to_frame(lamps, lamp, w)
+        while direction.active & (lamp < lamps.count):
+            p, local = self._frames.to_frame(lamps, lamp, direction.w)
             distance, pdf = lamps.meet(lamp, p, local)
-            density = own_density + weighed * self._lamp_density(lamps, lamp, pdf)
+            density = direction.own_density + direction.weighed * self._lamp_density(lamps, lamp, pdf)
             light = dr.select(distance < FAR, lamps.radiance(lamp, p, local) / density, 0.0)
-            light *= lamps.link_of(lamp, self._surface.source)
-            controls = self._rig.controls(lamps, lamp)
-            shares = self._rig.shadow_shares(controls, distance, occluders, straight)
-            total = _add_arriving(total, self._rig.by_group(controls, (light * shares[0], light * shares[1])))
+            total = _add_arriving(total, self._unoccluded(lamps, lamp, direction, light, distance))
             lamp += 1
         return total
 
@@ -321,7 +281,7 @@ class _RigLighting:
         target = u1 * dr.select(back, self._side_sums[-1], self._side_sums[0])
         # The light whose interval of the sum contains the target; the position in the interval samples that light.
         end = mi.Float(0.0)
-        none = self._rig.none()
+        none = self._rig.no_controls
         result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE), mi.Float(0.0), none)
         for number_of_dome, dome in enumerate(self._rig.domes):
             weight = dr.select(

@@ -19,13 +19,11 @@ import numpy as np
 from lookdev.arrays import Floats32
 from lookdev.asset import read_asset
 from lookdev.codegen.program.look import slope_name
-from lookdev.codegen.source import ProgramSource
 from lookdev.mitsuba.dual import Dual, product, where
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import Counts, Estimator, Record
+from lookdev.mitsuba.integrator import Estimator, Vertex
 from lookdev.mitsuba.lights import Lights
 from lookdev.mitsuba.programs import Evaluation
-from lookdev.mitsuba.render import direction_counts
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
 from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
@@ -33,6 +31,7 @@ from lookdev.mitsuba.view import Rectangle, View
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.slopes import SlopeTask
 from lookdev.rendering.task import SceneTask
+from lookdev.scene import Sampling
 
 _LAUNCH = 1 << 21  # samples, each with four numbers and their derivatives
 
@@ -43,22 +42,17 @@ class SlopeScene:
     def __init__(self, mi: Mitsuba, task: SceneTask) -> None:
         self.task = task
         self._mi = mi
-        self._sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
         self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.assign_looks(task.worn, task.groups)
-        self._light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
-        for excluded in self._light.shadow_excluded:
-            self._geometry.shadow_scene(excluded)  # created here, as kernels cannot create it
-        glossy = all(source.glossy for source in self._sources)
-        self._counts = direction_counts(task.sampling, self._light.sampled, glossy, resampled=False)
+        self._light = lights_of(mi, task, self._geometry)
 
     def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> Floats32:
         """Return halves (2, 1 + P, H, W, 4): radiance and coverage, and their derivatives by the P `task.symbols`."""
         mi, geometry = self._mi, self._geometry
         inputs = {name: (mi.Vector3f if len(value) == 3 else mi.Float)(*value) for name, value in task.values.items()}
         dr.make_opaque(inputs)
-        looks = Looks(mi, self._sources, geometry, inputs)
-        estimator = SlopeEstimator(mi, geometry, looks, self._light, self._counts, task.scene, task.symbols)
+        looks = Looks(mi, task.scene, geometry, inputs)
+        estimator = SlopeEstimator(looks, self._light, task.scene.sampling, task.symbols)
         width, height = task.scene.resolution
         view = View.of(mi, task.scene.camera, task.pose, (width, height), geometry.center)
         rectangle = Rectangle.of(mi, Region(slice(0, height), slice(0, width), task.samples))
@@ -138,32 +132,17 @@ class LiveSurface(Surface):
 class SlopeEstimator(Estimator):
     """Estimates pictures of a scene, and their derivatives by symbols of its looks' programs."""
 
-    def __init__(
-        self,
-        mi: Mitsuba,
-        geometry: Geometry,
-        looks: Looks,
-        light: Lights,
-        counts: Counts,
-        task: SceneTask,
-        symbols: Sequence[str],
-    ) -> None:
-        shadows = any(source.shadows for source in looks.sources)
-        super().__init__(mi, geometry, looks, light, counts, task.sampling.bounces, shadows)
+    _resamples = False
+
+    def __init__(self, looks: Looks, light: Lights, sampling: Sampling, symbols: Sequence[str]) -> None:
+        super().__init__(looks, light, sampling)
         self._symbols = symbols
 
     def duals(self, view: View, rectangle: Rectangle, count: int, seed: UInt, first: UInt, shift: UInt) -> list[Float]:
         """Return radiance and coverage, then the derivatives of these four channels by each symbol; as `pixels`."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
-        triangle, uv, ray, hit, visible_light, hidden, index, scramble = self._first_hits(
-            view, rectangle, lane, seed, first, shift
-        )
-        visible_hit = hit & ~hidden
-        radiance, cover = self._trace_paths(triangle, uv, -ray.d, visible_hit, view.turns, index, scramble)
-        # Lamps that the camera sees have no derivative.
-        radiance[0] += visible_light[0]
-        cover[0] = dr.select(hit & hidden, 1.0, cover[0])
+        radiance, cover, _ = self._estimate(view, rectangle, lane, seed, first, shift)
         whole = dr.zeros(mi.Float, count)  # makes arrays of channels that are 0 everywhere, which are single numbers
         return [part + whole for color, alpha in zip(radiance, cover, strict=True) for part in (*color, alpha)]
 
@@ -176,7 +155,7 @@ class SlopeEstimator(Estimator):
     def _no_light(self) -> Dual:
         return self._constant(0.0)
 
-    def _reflect(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
+    def _reflect(self, vertex: Vertex, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
         """Return the reflected light; the arriving light does not depend on the inputs."""
         (light,) = arriving
-        return where(active, product(record.throughput, [response.to(light) for response in responses]))
+        return where(active, product(vertex.throughput, [response.to(light) for response in responses]))

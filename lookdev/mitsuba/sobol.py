@@ -11,11 +11,6 @@ import drjit as dr
 from lookdev.mitsuba.types import Float, UInt
 
 
-def reverse_bits(x: UInt) -> UInt:
-    """Reverse the bits of 32-bit integers."""
-    return dr.brev(x)
-
-
 def hash_integers(x: UInt) -> UInt:
     """Return hashed integers, by Wellons' "lowbias32"."""
     x = (x ^ (x >> 16)) * 0x7FEB352D
@@ -28,17 +23,22 @@ def unit_float(kind: type[Float], x: UInt) -> Float:
     return kind(x >> 8) * (1.0 / 16777216.0)
 
 
+def random(kind: type[Float], seed: UInt) -> Float:
+    """Return a random number in [0, 1) for each seed."""
+    return unit_float(kind, hash_integers(seed))
+
+
 def points(kind: type[Float], index: UInt, seed: UInt) -> tuple[Float, Float]:
     """Return the point with an index in the sequence that a seed scrambles: two numbers in [0, 1)."""
-    i = reverse_bits(_laine_karras(reverse_bits(index), seed))
+    i = dr.brev(_laine_karras(dr.brev(index), seed))
     p = i ^ (i >> 16)
     p ^= (p >> 8) & 0x00FF00FF
     p ^= (p >> 4) & 0x0F0F0F0F
     p ^= (p >> 2) & 0x33333333
     p ^= (p >> 1) & 0x55555555
     return (
-        unit_float(kind, reverse_bits(_laine_karras(i, hash_integers(seed + 1)))),
-        unit_float(kind, reverse_bits(_laine_karras(p, hash_integers(seed + 2)))),
+        unit_float(kind, dr.brev(_laine_karras(i, hash_integers(seed + 1)))),
+        unit_float(kind, dr.brev(_laine_karras(p, hash_integers(seed + 2)))),
     )
 
 

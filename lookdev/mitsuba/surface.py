@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import drjit as dr
@@ -16,11 +17,11 @@ from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.types import UV, AnyArray, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
+from lookdev.rendering.task import SceneTask
 
 Arriving = tuple[Color3f, Color3f]
 """The light that arrives, as two colours: for specular lobes and for diffuse lobes."""
 
-_Frame = tuple[Vector3f, Vector3f, Vector3f, Vector3f]
 _Result = TypeVar("_Result")
 
 
@@ -31,19 +32,12 @@ class Looks:
     """
 
     def __init__(
-        self,
-        mi: Mitsuba,
-        sources: list[ProgramSource],
-        geometry: Geometry,
-        inputs: Mapping[str, AnyArray] | None = None,
+        self, mi: Mitsuba, task: SceneTask, geometry: Geometry, inputs: Mapping[str, AnyArray] = MappingProxyType({})
     ) -> None:
-        self.mi = mi
-        self.inputs = inputs or {}
-        self.geometry = geometry
-        # Looks that different lights reach may have the same program.
-        distinct = {source.digest: source for source in sources}
-        self._numbers = device_array(mi.UInt32, [list(distinct).index(source.digest) for source in sources])
-        sources = self.sources = list(distinct.values())
+        self.mi, self.inputs, self.geometry = mi, inputs, geometry
+        sources, numbers = _distinct_sources(task)
+        self._numbers = device_array(mi.UInt32, numbers)
+        self.sources = sources
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{image.name: Images(mi, image) for image in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
@@ -54,16 +48,14 @@ class Looks:
                 if binding.parameter not in self.inputs:
                     geometry.attribute(binding)
 
-    def update(self, sources: Sequence[ProgramSource]) -> bool:
-        """Set the constants to those of other sources, and return True, if the sources differ in constants alone.
+    def update(self, task: SceneTask) -> bool:
+        """Set the constants to those of another task, and return True, if its sources differ in constants alone.
 
         Otherwise nothing changes, and False is returned.
         """
-        distinct = {source.digest: source for source in sources}
-        numbers = [list(distinct).index(source.digest) for source in sources]
-        if numbers != self._numbers.numpy().tolist() or len(distinct) != len(self.sources):
+        updated, numbers = _distinct_sources(task)
+        if numbers != self._numbers.numpy().tolist() or len(updated) != len(self.sources):
             return False
-        updated = list(distinct.values())
         if any(
             _without_constants(new) != _without_constants(old) for new, old in zip(updated, self.sources, strict=True)
         ):
@@ -79,6 +71,15 @@ class Looks:
     def program_of(self, triangle: UInt) -> UInt:
         """Return the number of the program of triangles."""
         return dr.gather(self.mi.UInt32, self._numbers, self.geometry.look_of(triangle))
+
+
+def _distinct_sources(task: SceneTask) -> tuple[list[ProgramSource], list[int]]:
+    """Return the sources of a task with different programs, and the number of the program of each of its sources.
+
+    Looks that different lights reach may have the same program.
+    """
+    distinct = {source.digest: source for source in task.shaders if isinstance(source, ProgramSource)}
+    return list(distinct.values()), [list(distinct).index(source.digest) for source in task.shaders]
 
 
 def _without_constants(source: ProgramSource) -> ProgramSource:
@@ -129,29 +130,20 @@ class Surface:
     """
 
     def __init__(self, looks: Looks, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> None:
-        mi, hit = looks.mi, looks.geometry.at(triangle, uv, active)
+        hit = looks.geometry.at(triangle, uv, active)
         self.looks, self.triangle, self.uv, self.viewer, self.active = looks, triangle, uv, viewer, active
         self.point, self.lift = hit.point, hit.lift
-        self._single: Evaluation | None = None
-        if len(looks.programs) == 1:
-            symbols = _Symbols(looks, 0, hit, viewer)
-            evaluation = self._single = Evaluation(looks.programs[0], symbols)
-            axes = _axes(mi, evaluation)
-            self.wo = symbols.wo = _local(axes, viewer)
+        symbols = _Symbols(looks, 0, hit, viewer)
+        self._single = Evaluation(looks.programs[0], symbols) if len(looks.programs) == 1 else None
+        self.wo = viewer  # axes do not depend on it
+        names = ("tangent", "bitangent", "normal", "facet")
+        axes = self._call_programs(
+            lambda evaluation: [looks.mi.Vector3f(*evaluation.values(name)) for name in names], active=active
+        )
+        self.wo = symbols.wo = _local(axes, viewer)
+        if self._single is not None:
             # Values that do not depend on directions are computed here, outside the loops over directions.
-            evaluation.prepare("value", "pdf", "wi")
-        else:
-
-            def axes_of(number: int) -> Callable[..., _Frame]:
-                def axes(triangle: UInt, uv: UV, viewer: Vector3f, *, active: Bool) -> _Frame:
-                    hit_there = looks.geometry.at(triangle, uv, active)
-                    return _axes(mi, Evaluation(looks.programs[number], _Symbols(looks, number, hit_there, viewer)))
-
-                return axes
-
-            calls = [axes_of(number) for number in range(len(looks.programs))]
-            axes = dr.switch(looks.program_of(triangle), calls, triangle, uv, viewer, active=active)
-            self.wo = _local(axes, viewer)
+            self._single.prepare("value", "pdf", "wi")
         self.tangent, self.bitangent, self.normal, self.facet = axes
 
     def to_world(self, w: Vector3f) -> Vector3f:
@@ -194,10 +186,8 @@ class Surface:
         )
 
     def presence(self) -> Float:
-        mi = self.looks.mi
-
         def presence(evaluation: Evaluation) -> Float:
-            return mi.Float(evaluation.values("presence")[0]) if evaluation.has("presence") else mi.Float(1.0)
+            return self.looks.mi.Float(evaluation.values("presence")[0] if evaluation.has("presence") else 1.0)
 
         return self._call_programs(presence, active=self.active)
 
@@ -290,13 +280,6 @@ class _Symbols:
         if name == "mesh_facet":
             return self._hit.facet
         return self._hit.attribute(self._bindings["shading_tangent" if name == "mesh_tangent" else name])
-
-
-def _axes(mi: Mitsuba, evaluation: Evaluation) -> _Frame:
-    tangent, bitangent, normal, facet = (
-        mi.Vector3f(*evaluation.values(name)) for name in ("tangent", "bitangent", "normal", "facet")
-    )
-    return tangent, bitangent, normal, facet
 
 
 def _local(axes: Sequence[Vector3f], w: Vector3f) -> Vector3f:

@@ -10,13 +10,16 @@ import os
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lookdev.arrays import Array, Floats32
+from lookdev.arrays import Array
 from lookdev.cache import output_errors
 from lookdev.errors import OutputError
+
+if TYPE_CHECKING:
+    from lookdev.rendering.frame import RenderedFrame
 
 
 class Answers:
@@ -38,30 +41,24 @@ class Answers:
         """Report the samples rendered, the samples planned, and the relMSE so far of a frame, by its digest."""
         self.send(type="progress", digest=digest, samples=samples, of=planned, relmse=relmse)
 
-    def done(
-        self,
-        digest: str,
-        arrays: str,
-        *,
-        samples: int,
-        seconds: float,
-        relmse: float,
-        raw_relmse: float | None = None,
-        raw_seconds: float | None = None,
-        notes: Sequence[str] = (),
-    ) -> None:
-        """Report a rendered frame, notes for the user, and the peak memory of this process.
+    def rendered(self, digest: str, frame: RenderedFrame, notes: Sequence[str] = ()) -> None:
+        """Report a frame, with notes for the user; raises as `done`."""
+        arrays: dict[str, Array] = {"a": frame.a, "b": frame.b, "alpha": frame.alpha}
+        arrays |= {f"pass {name}": pixels for name, pixels in frame.passes.items()}
+        figures = {"samples": frame.samples, "seconds": frame.seconds, "relmse": frame.relmse, "notes": notes}
+        if frame.raw is not None:
+            arrays["raw"] = frame.raw
+            figures |= {"raw_relmse": frame.raw_relmse, "raw_seconds": frame.raw_seconds}
+        if frame.names:
+            arrays["names"] = np.frombuffer(json.dumps(dict(frame.names)).encode(), np.uint8)
+        self.done(digest, arrays, **figures)
 
-        `arrays` is the path that `save_arrays` returns; `samples` and `seconds` are over both halves; `relmse` is the
-        estimate, or nan. Of a denoised frame, `raw_relmse` is the relMSE of the raw picture, and `raw_seconds` the time
-        without denoising.
+    def done(self, digest: str, arrays: Mapping[str, Array], **figures: object) -> None:
+        """Save arrays in ``TMPDIR``, whose files the parent removes, and report them, figures, and the peak memory.
+
+        Raises OutputError where the file cannot be written, and leaves no part of it.
         """
-        if (raw_relmse is None) != (raw_seconds is None):
-            raise ValueError("a denoised frame has the error and the seconds of its raw picture")
-        figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": peak_memory()}
-        raw = {"raw_relmse": raw_relmse, "raw_seconds": raw_seconds}
-        figures |= {name: value for name, value in raw.items() if value is not None}
-        self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
+        self.send(type="done", digest=digest, arrays=save_arrays(arrays), memory=peak_memory(), **figures)
 
     def failed(self, digest: str, error: Exception) -> None:
         """Report why a frame cannot be rendered; an OutputError concerns all frames."""
@@ -71,29 +68,8 @@ class Answers:
             self.send(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
 
 
-def save_arrays(
-    a: Floats32,
-    b: Floats32,
-    alpha: Floats32,
-    raw: Floats32 | None = None,
-    passes: Mapping[str, Floats32] = MappingProxyType({}),
-    names: Mapping[str, Sequence[str]] = MappingProxyType({}),
-) -> str:
-    """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path.
-
-    Of a denoised frame, `raw` (H, W, 3) is the picture before denoising. `passes` and `names` are those of
-    `RenderedFrame`.
-
-    Raises OutputError where the file cannot be written, and leaves no part of it.
-    """
-    arrays = {"a": a, "b": b, "alpha": alpha, **({} if raw is None else {"raw": raw})}
-    arrays |= {f"pass {name}": pixels for name, pixels in passes.items()}
-    texts = {"names": np.frombuffer(json.dumps(dict(names)).encode(), np.uint8)} if names else {}
-    return save_named({**arrays, **texts})
-
-
-def save_named(arrays: Mapping[str, Array]) -> str:
-    """Save arrays by name to a file, and return its path, as `save_arrays` does."""
+def save_arrays(arrays: Mapping[str, Array]) -> str:
+    """Save arrays by name to a file in ``TMPDIR``, and return its path; raises as `Answers.done`."""
     folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
     with output_errors(Path(folder), "a rendered frame cannot be written"):
         handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)

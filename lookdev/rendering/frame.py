@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,26 +21,32 @@ FEATURE_SAMPLES = 16
 """Samples of the pictures that guide a denoiser: their only noise is that of edges, lenses and textures."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RenderedFrame:
-    """Halves (H, W, 3) and coverage (H, W), rows top-down, without exposure; samples over both halves.
+    """Independent halves (H, W, 3) and their coverage, rows top-down, premultiplied, without exposure.
 
-    A frame that Cycles renders in the usual way is one render: `a` and `b` are equal, and `relmse` is nan. `raw` is the
-    mean of the halves before denoising, `raw_relmse` its error, `raw_seconds` its render time. `passes` maps names of
-    arrays to (H, W, channels), `names` maps each matte to the names in it.
+    A frame that Cycles renders in the usual way is one render: `a` and `b` are equal, and `relmse` is nan.
     """
 
     a: Floats32
     b: Floats32
-    alpha: Floats32
-    samples: int
-    seconds: float
-    relmse: float
-    raw: Floats32 | None = None
+    alpha: Floats32  # (H, W)
+    samples: int  # per pixel, over both halves
+    seconds: float  # of the worker's time
+    relmse: float  # estimated from the halves
+    raw: Floats32 | None = None  # of a denoised frame: the mean of the halves before denoising
     raw_relmse: float | None = None
-    raw_seconds: float | None = None
-    passes: Mapping[str, Floats32] = field(default_factory=dict)
-    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    raw_seconds: float | None = None  # without the denoiser's features and denoising
+    passes: Mapping[str, Floats32] = field(default_factory=dict)  # (H, W, channels), by the names of arrays
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # the names in each matte
+
+    def with_passes(
+        self, passes: Mapping[str, Floats32], names: Mapping[str, tuple[str, ...]], seconds: float
+    ) -> RenderedFrame:
+        """Return the frame with further passes and the names in its mattes, after further seconds."""
+        raw_seconds = None if self.raw_seconds is None else self.raw_seconds + seconds
+        passes = {**self.passes, **passes}
+        return replace(self, passes=passes, names=names, seconds=self.seconds + seconds, raw_seconds=raw_seconds)
 
 
 def half_of_seed(seed: int) -> int:

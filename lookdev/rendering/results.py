@@ -9,15 +9,16 @@ import json
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BaseModel, Field, TypeAdapter
 
 from lookdev.arrays import Floats32
 from lookdev.errors import WorkerError
+from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.task import SceneTask
 
 
@@ -58,24 +59,13 @@ Message = Ready | Progress | Done | Failed
 MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 
 
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """A frame of a worker: independent halves (H, W, 3), premultiplied, without exposure."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rendered(RenderedFrame):
+    """A frame of a worker."""
 
-    a: Floats32
-    b: Floats32
-    alpha: Floats32  # (H, W)
-    samples: int  # per pixel, over both halves
-    seconds: float  # of the worker's time
-    relmse: float  # estimated from the halves
     blender: str
     memory: int  # peak of the worker so far, bytes
     notes: tuple[str, ...] = ()  # for the user
-    raw: Floats32 | None = None  # of a denoised frame: the mean of the halves before denoising
-    raw_relmse: float | None = None
-    raw_seconds: float | None = None  # without the denoiser's features and denoising
-    passes: Mapping[str, Floats32] = field(default_factory=dict)  # (H, W, channels), by the names of arrays
-    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # the names in each matte
 
 
 def load_result(done: Done, scene: SceneTask, blender: str) -> Rendered:
@@ -87,18 +77,12 @@ def load_result(done: Done, scene: SceneTask, blender: str) -> Rendered:
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
     arrays, names = load_arrays(done, shapes)
     pass_arrays = {name: arrays.pop(f"pass {name}") for name in passes}
+    figures: dict[str, Any] = {**arrays, **done.model_dump(exclude={"type", "digest", "arrays"})}
     return Rendered(
-        **arrays,
+        **figures,
         passes=pass_arrays,
         names={matte: tuple(listed) for matte, listed in names.items()},
-        samples=done.samples,
-        seconds=done.seconds,
-        relmse=done.relmse,
         blender=blender,
-        memory=done.memory,
-        notes=done.notes,
-        raw_relmse=done.raw_relmse,
-        raw_seconds=done.raw_seconds,
     )
 
 

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Literal, TypedDict, Unpack
+from typing import Annotated, Literal, TypedDict, TypeVar, Unpack
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import PlainValidator, TypeAdapter, ValidationInfo
 
 from lookdev.cache import Content
-from lookdev.codegen.source import ShaderSource, Source
+from lookdev.codegen.source import LOBE_GROUPS, ProgramSource, ShaderSource, Source
 from lookdev.light import AnyLight, Light
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.passes import CATCHER, channels_of_passes
+from lookdev.rendering.passes import CATCHER, LIGHTS, PASSES, channels_of_passes, light_layer, light_parts
 from lookdev.scene import Camera, Pose, Sampling
 from lookdev.space import REC709, Space
+
+_Real = TypeVar("_Real", np.float32, np.float64)
 
 
 @cache
@@ -92,6 +96,31 @@ class SceneTask:
     def arrays(self) -> dict[str, tuple[str, ...]]:
         """The further arrays of a frame besides colour and alpha: the channels of each array, by its name."""
         return {**channels_of_passes(self.sampling.passes, self.names_of_light), **(CATCHER if self.catches else {})}
+
+    @cached_property
+    def part_sets(self) -> list[list[str]]:
+        """The sets of arrays with parts of the light, each of which sums up to the beauty."""
+        sources = (source for source in self.shaders if isinstance(source, ShaderSource | ProgramSource))
+        lobes = {lobe for source in sources for lobe in source.recorded}
+        sets = {
+            "lobes": [group for group in LOBE_GROUPS if group in lobes],
+            "direct": [*PASSES["direct"].arrays],
+            LIGHTS: [light_layer(name) for name in dict.fromkeys(self.light_groups[: len(self.lights)])],
+        }
+        return [parts for name, parts in sets.items() if name in self.sampling.passes and parts]
+
+    def complete_parts(self, parts: Mapping[str, NDArray[_Real]], beauty: NDArray[_Real]) -> dict[str, NDArray[_Real]]:
+        """Return arrays of a frame with the last of each set, the rest of the beauty, and black for parts of nothing.
+
+        `parts` has all others of each set. Parts of nothing are those of lobes that no look has, and of lights that
+        reach nothing.
+        """
+        complete: dict[str, NDArray[_Real]] = dict(parts)
+        for *others, last in self.part_sets:
+            complete[last] = beauty - sum(complete[name] for name in others)
+        for name in light_parts(self.sampling.passes, self.names_of_light) - {*complete}:
+            complete[name] = np.zeros_like(beauty)
+        return complete
 
     @property
     def names_of_light(self) -> tuple[str, ...]:

@@ -5,7 +5,10 @@ All workers take frames; some take scenes ahead of their frames, or pictures wit
 
 from __future__ import annotations
 
+import os
 import queue
+import sys
+import threading
 from collections.abc import Iterable
 from contextlib import suppress
 
@@ -66,6 +69,19 @@ class Requests:
     def __init__(self) -> None:
         self._tasks: queue.Queue[str] = queue.Queue()
         self._cancelled = ""
+
+    @classmethod
+    def from_input(cls) -> Requests:
+        """Return the requests of standard input, which a thread reads. The process ends at once when the input ends."""
+        requests = cls()
+
+        def read() -> None:
+            requests.read(sys.stdin)
+            # There is no parent: a render in progress is dropped. Blender's own exit can hang.
+            os._exit(0)
+
+        threading.Thread(target=read, daemon=True).start()
+        return requests
 
     def read(self, lines: Iterable[str]) -> None:
         """Read all lines; runs in a thread of its own."""

@@ -164,7 +164,8 @@ class FakeProcesses:
             width, height = task.scene.resolution
             black = np.zeros((height, width, 3), np.float32)
             samples = task.scene.sampling.samples
-            return Rendered(black, black, black[..., 0], samples, self.seconds(task), 0.0, "fake", 100 + done)
+            seconds = self.seconds(task)
+            return Rendered(black, black, black[..., 0], samples, seconds, 0.0, blender="fake", memory=100 + done)
 
         yield render
         self.open -= 1

@@ -25,7 +25,7 @@ ANGLES = (0.0, 50.0, 80.0)
 
 def uniform_frame(value: float) -> Rendered:
     image = np.full((4, 4, 3), value, np.float32)
-    return Rendered(image, image, np.ones((4, 4), np.float32), 2, 0.0, 0.0, "4.5", 0)
+    return Rendered(image, image, np.ones((4, 4), np.float32), 2, 0.0, 0.0, blender="4.5", memory=0)
 
 
 def test_another_albedo_fails() -> None:

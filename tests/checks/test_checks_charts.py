@@ -36,7 +36,7 @@ def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.nda
         rows = slice(int(box.top) - 1, int(box.top + box.height) + 2)
         picture[rows, int(box.left) - 1 : int(box.left + box.width) + 2] = radiances[name]
     halves = [(gain * picture * (1.0 + noise * rng.standard_normal(picture.shape))).astype(np.float32) for _ in "ab"]
-    return Rendered(*halves, np.ones(SIZE[::-1], np.float32), 8, 0.1, 0.0, "fake", 0)
+    return Rendered(*halves, np.ones(SIZE[::-1], np.float32), 8, 0.1, 0.0, blender="fake", memory=0)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])

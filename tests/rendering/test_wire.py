@@ -25,7 +25,8 @@ WORKER = """
 import os, sys
 import numpy as np
 from lookdev.errors import OutputError, RenderError
-from lookdev.rendering.answers import Answers, save_arrays
+from lookdev.rendering.answers import Answers
+from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.wire import decode
 
 answers = Answers()
@@ -40,8 +41,7 @@ for line in sys.stdin:
     answers.progress(task.digest, 2, 8, None)
     np.ones(300_000_000, np.uint8)
     image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
-    arrays = save_arrays(image, 2 * image, image[..., 0])
-    answers.done(task.digest, arrays, samples=8, seconds=0.5, relmse=float("nan"))
+    answers.rendered(task.digest, RenderedFrame(image, 2 * image, image[..., 0], 8, 0.5, float("nan")))
 """
 
 
@@ -150,4 +150,4 @@ def test_arrays_that_cannot_be_written_are_an_error(tmp_path: Path, monkeypatch:
     monkeypatch.setenv("TMPDIR", str(tmp_path / "none"))
     image = np.zeros((4, 4, 3), np.float32)
     with pytest.raises(OutputError, match="none: a rendered frame cannot be written: No such file or directory"):
-        save_arrays(image, image, image[..., 0])
+        save_arrays({"a": image})

@@ -9,7 +9,7 @@ from lookdev.run.frame_file import frame_doubts
 
 def frame(a: Any, b: Any, alpha: Any = 1.0) -> Rendered:
     halves = (np.full((4, 6, 3), half, np.float32) for half in (a, b))
-    return Rendered(*halves, np.full((4, 6), alpha, np.float32), 8, 0.1, 0.01, "4.5", 1 << 20)
+    return Rendered(*halves, np.full((4, 6), alpha, np.float32), 8, 0.1, 0.01, blender="4.5", memory=1 << 20)
 
 
 def doubts_about(rendered: Rendered, beauty: Any = 0.5, **options: Any) -> list[str]:

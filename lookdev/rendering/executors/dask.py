@@ -37,7 +37,6 @@ from lookdev.rendering.executors.dask_worker import (
     WorkerEvent,
     receive,
     render_order,
-    worker_versions,
 )
 from lookdev.rendering.executors.protocol import (
     CRASH_TRIES,
@@ -343,7 +342,7 @@ class DaskExecutor:
     def _check_versions(self, backend: str) -> None:
         """Raise WorkerError where the versions of a connected worker differ from those of this process."""
         try:
-            by_worker = self._client.run(worker_versions, backend, on_error="return")
+            by_worker = self._client.run(versions, backend, on_error="return")
         except Exception as error:
             raise WorkerError(f"{self._cluster} does not answer: {_brief(error)}") from error
         problems = []

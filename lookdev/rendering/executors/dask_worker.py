@@ -161,11 +161,6 @@ def receive(name: str, digest: str, offset: int, data: bytes, last: bool) -> str
     return "" if content.digest == digest else f"{name}: what arrived has another content"
 
 
-def worker_versions(backend: str) -> dict[str, str]:
-    """Return the versions of a backend on this worker."""
-    return versions(backend)
-
-
 def _wait_for_file(file: Path) -> bool:
     deadline = time.monotonic() + _APPEARANCE_TIMEOUT
     while not file.exists():
