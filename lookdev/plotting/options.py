@@ -50,12 +50,7 @@ class Options:
     size: int = 0
 
     def __post_init__(self) -> None:
-        for name, choices in (
-            ("scale", SCALES),
-            ("angles", SCALES[:2]),
-            ("axis", AXES),
-            ("channels", CHANNELS),
-        ):
+        for name, choices in (("scale", SCALES), ("angles", SCALES[:2]), ("axis", AXES), ("channels", CHANNELS)):
             value = getattr(self, name)
             if value not in choices:
                 raise LookdevError(f"--{name} {value}: {nearest_hint(str(value), choices)}")

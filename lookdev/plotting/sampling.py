@@ -48,9 +48,7 @@ def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
     figure, axes = create_figure(3, len(subjects), size=(4.0, 3.0))
     columns: dict[str, Floats] = {}
     notes = []
-    for row, (label, subject) in enumerate(
-        zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)
-    ):
+    for row, (label, subject) in enumerate(zip(unique_labels(subjects), subjects, strict=True)):
         values = sampling_values(subject, options)
         cos, phi, density, value = (values[name] for name in ("cos", "phi", "pdf", "value"))
         top = float(max(density.max(), 1e-12))
