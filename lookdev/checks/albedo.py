@@ -16,7 +16,7 @@ from scipy import stats
 
 from lookdev.arrays import Floats
 from lookdev.asset import load_asset
-from lookdev.brdf import Bsdf
+from lookdev.brdf.frames import ZENITH
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.frames import Alter, Render, alter_shaders, keep_shader
 from lookdev.checks.samples import case_layer, constant_looks, constant_numbers, layer_tokens
@@ -147,7 +147,7 @@ def _measure(
     surfaces = list(zip(bsdfs, views, strict=True))
     quadrature = _stack_albedos([integrate_albedo(bsdf, wo) for bsdf, wo in surfaces])
     sampled = _stack_albedos([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for bsdf, wo in surfaces])
-    transmits = any(map(_transmits, bsdfs))
+    transmits = any(bsdf.transmits(ZENITH) for bsdf in bsdfs)
     seed = int(rng.integers(1 << 16))  # exact as a float32, as Blender requires
     rendered = _render_albedo(look, render, views, transmits, seed, backend, alter)
     return _Curves(look, azimuth, transmits, quadrature, sampled, rendered)
@@ -182,14 +182,6 @@ def _stack_albedos(albedos: list[Albedo]) -> Albedo:
     return Albedo(np.stack([albedo.value for albedo in albedos]), np.stack([albedo.error for albedo in albedos]))
 
 
-def _transmits(bsdf: Bsdf) -> bool:
-    view = np.array([0.0, 0.0, 1.0])
-    deltas = bsdf.deltas(view, np.asarray(False))
-    return any(delta.transmits for delta in deltas) or any(
-        lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in bsdf.lobes(view)
-    )
-
-
 def _render_albedo(
     look: Look, render: Render, views: Floats, transmits: bool, seed: int, backend: str, alter: Alter
 ) -> Albedo:
@@ -197,9 +189,8 @@ def _render_albedo(
     # Not marked as convex, so that the shader has bounces and shadow rays as for any asset.
     card = replace(load_asset(builtin="plane"), convex=False, digest="")
     value, error = np.zeros((2, len(views), 2, 3))
-    for side, light in enumerate(
-        (_half_light(front=True), _half_light(front=False)) if transmits else (_white_light(),)
-    ):
+    white = prepare_light(load_environment(builtin="white"))
+    for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (white,)):
         scene = alter_shaders(scene_task(Scene.of_look(card, look, light, _SIZE), _SAMPLING, backend), alter)
         for number, wo in enumerate(views):
             camera, pose = _camera_and_pose(wo)
@@ -217,10 +208,6 @@ def _camera_and_pose(wo: Floats) -> tuple[Camera, Pose]:
     element = -90.0 - float(np.degrees(np.arctan2(-z, x)))
     camera = Camera(_FOV, float(np.degrees(np.arcsin(y))), (0.0, 0.0, 0.0), _DISTANCE)
     return camera, Pose(element % 360.0, element % 360.0)
-
-
-def _white_light() -> Dome:
-    return prepare_light(load_environment(builtin="white"))
 
 
 def _half_light(*, front: bool) -> Dome:

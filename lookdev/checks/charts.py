@@ -93,7 +93,8 @@ def check_charts(task: FrameTask, strip: Strip, rendered: Rendered) -> tuple[Rea
     light = _predict_white(task, strip, squares)
     readings = []
     for name, square in squares.items():
-        a, b = (half[square.top_row : square.bottom_row, square.left_column : square.right_column] for half in halves)
+        left, top, side = square
+        a, b = (half[top : top + side, left : left + side] for half in halves)
         count = a[..., 0].size
         # The pixels of a frame are independent, and so are the halves of each pixel.
         measured, noise = 0.5 * (a + b).mean(axis=(0, 1)), (0.5 * (a - b)) ** 2
@@ -137,32 +138,15 @@ def _format_deviation(reading: Reading) -> str:
     return f"x {_ratio(reading):.2g}" if is_large else f"{100.0 * reading.deviation:+.2g} %"
 
 
-@dataclass(frozen=True)
-class _Square:
-    """A square of whole pixels of a frame."""
-
-    left_column: int
-    top_row: int
-    side: int
-
-    @property
-    def right_column(self) -> int:
-        return self.left_column + self.side
-
-    @property
-    def bottom_row(self) -> int:
-        return self.top_row + self.side
-
-    @property
-    def box(self) -> Box:
-        return Box(self.left_column, self.top_row, self.side, self.side)
+_Square = tuple[int, int, int]
+"""A square of whole pixels of a frame: its first column and row, and its side."""
 
 
 def _inner_square(box: Box) -> _Square:
     """Return a square of the whole pixels in a box, from its upper left."""
     left, top = math.ceil(box.left - 1e-9), math.ceil(box.top - 1e-9)
     right, bottom = math.floor(box.left + box.width + 1e-9), math.floor(box.top + box.height + 1e-9)
-    return _Square(left, top, min(right - left, bottom - top))
+    return left, top, min(right - left, bottom - top)
 
 
 def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]) -> dict[str, tuple[Floats, Floats]]:
@@ -175,7 +159,8 @@ def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]
     for prop, names in (("grey", ["grey ball"]), ("chart", [first] if is_far else list(PATCHES))):
         surface = MeshScene(asset_of_props(strip, scene.camera, [prop]), [_WHITE])
         for number, name in enumerate(names):
-            camera = cropped(scene.camera, scene.resolution, squares[name].box)
+            left, top, side = squares[name]
+            camera = cropped(scene.camera, scene.resolution, Box(left, top, side, side))
             estimate = frame_pixels(
                 surface,
                 lights,

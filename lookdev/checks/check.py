@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from lookdev.checks.frames import Alter, Halves, Render, alter_shaders, keep_sha
 from lookdev.checks.gap import check_gap
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.checks.points import check_points
-from lookdev.checks.stability import stress
+from lookdev.checks.stability import DepthName, stress
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobTurntable
@@ -37,8 +36,6 @@ from lookdev.rendering.scene import SceneTasks, scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Film, Pose, Sampling, Scene
-
-DepthName = Literal["quick", "default", "full"]
 
 
 @dataclass(frozen=True)

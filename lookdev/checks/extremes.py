@@ -13,7 +13,7 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.brdf import MODELS, Parameter
 from lookdev.brdf.frames import ZENITH
-from lookdev.checks.evaluate import Batch
+from lookdev.checks.evaluate import Batch, round_to_float32
 from lookdev.codegen.points import PointLayer
 from lookdev.light import EnvironmentMap, make_environment
 
@@ -89,7 +89,7 @@ def _draw_directions(count: int, absurd: Bools, rng: Rng, *, thin: bool) -> tupl
         through, straight, behind = (rng.random((count, 1)) < share for share in (0.4, 0.1, 0.2))
         wi = np.where(straight, -wo, np.where(through, wi * (1.0, 1.0, -1.0), wi))
         wo, wi = (np.where(behind, -w, w) for w in (wo, wi))
-    return _round_to_float32(wo), _round_to_float32(wi)
+    return round_to_float32(wo), round_to_float32(wi)
 
 
 def _direction(cosine: Floats, phi: Floats) -> Floats:
@@ -127,18 +127,14 @@ def _draw_normals(count: int, straight: Bools, rng: Rng) -> Floats:
     normals = rng.uniform(-1.0, 1.0, (count, 3))
     normals = np.where(rng.random((count, 1)) < 0.2, rng.choice([-1.0, 0.0, 1e-12, 1.0], (count, 3)), normals)
     normals[straight | ~normals.any(axis=-1)] = ZENITH
-    return _round_to_float32(normals)
+    return round_to_float32(normals)
 
 
 def _round_within(values: Floats, low: float, high: float) -> Floats:
     """Round values to float32, but never beyond a range."""
-    rounded = _round_to_float32(values)
+    rounded = round_to_float32(values)
     inwards = np.where(rounded < low, np.inf, np.where(rounded > high, -np.inf, rounded))
-    return _round_to_float32(np.nextafter(rounded.astype(np.float32), inwards.astype(np.float32)))
-
-
-def _round_to_float32(values: Floats) -> Floats:
-    return values.astype(np.float32).astype(np.float64)
+    return round_to_float32(np.nextafter(rounded.astype(np.float32), inwards.astype(np.float32)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -214,7 +214,7 @@ class Search:
             accepted = False
             while not accepted and damping < _MOST_DAMPING:
                 step = self._solve_step(unit, local, damping)
-                if self._is_small(step, local, 1.0):
+                if self._is_small(step, local):
                     return unit, loss
                 moved = self._clip(unit + step)
                 trial = self._render_halves(moved, settings.samples, seeds)
@@ -241,7 +241,7 @@ class Search:
             self._best = unit, loss, 0.5 * (halves[0] + halves[1])
             step = self._solve_step(unit, local, 0.0)
             unit = self._clip(unit + step)
-            is_small = self._is_small(step, local, 1.0)
+            is_small = self._is_small(step, local)
             if is_small and samples >= self.settings.finest:
                 break
             samples = min(2 * samples, self.settings.finest)
@@ -251,12 +251,7 @@ class Search:
         return is_small
 
     def _result(
-        self,
-        before: float,
-        ends: Sequence[tuple[Floats, float]],
-        converged: bool,
-        interrupted: bool,
-        start_time: float,
+        self, before: float, ends: Sequence[tuple[Floats, float]], converged: bool, interrupted: bool, start_time: float
     ) -> Found:
         assert self._best is not None, "a start was rendered"
         unit, loss, picture = self._best
@@ -353,8 +348,8 @@ class Search:
         high = np.minimum(self._inner[1] - unit, _MAX_STEP)
         return np.asarray(lsq_linear(root, target, (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls").x)
 
-    def _is_small(self, step: Floats, local: _LocalModel, errors: float) -> bool:
-        return bool(np.all(np.abs(step) < np.maximum(errors * np.sqrt(np.diag(local.covariance)), _NEGLIGIBLE)))
+    def _is_small(self, step: Floats, local: _LocalModel) -> bool:
+        return bool(np.all(np.abs(step) < np.maximum(np.sqrt(np.diag(local.covariance)), _NEGLIGIBLE)))
 
     def _slices(self) -> Iterator[tuple[Unknown, slice]]:
         """Yield each unknown with the slice of its numbers."""
