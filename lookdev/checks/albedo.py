@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from typing import NoReturn
 
 import numpy as np
 from scipy import stats
 
 from lookdev.arrays import Floats
 from lookdev.asset import load_asset
+from lookdev.brdf.angles import towards
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.frames import Alter, Render, alter_shaders, keep_shader
@@ -23,7 +23,7 @@ from lookdev.checks.samples import case_layer, constant_looks, constant_numbers,
 from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
-from lookdev.material.points import ImagePoints
+from lookdev.material.points import SinglePoint
 from lookdev.material.values import look_bsdf, look_layers
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
 from lookdev.rendering.backends import BACKENDS
@@ -143,7 +143,8 @@ def _measure(
 ) -> _Curves:
     azimuth = float(rng.uniform(0.0, 360.0))
     views = _views(angles, azimuth)
-    bsdfs = [look_bsdf(look, _ConstantPoint(wo[2])) for wo in views]
+    # Of a constant look, only the view is read.
+    bsdfs = [look_bsdf(look, SinglePoint(wo[2])) for wo in views]
     surfaces = list(zip(bsdfs, views, strict=True))
     quadrature = _stack_albedos([integrate_albedo(bsdf, wo) for bsdf, wo in surfaces])
     sampled = _stack_albedos([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for bsdf, wo in surfaces])
@@ -153,29 +154,9 @@ def _measure(
     return _Curves(look, azimuth, transmits, quadrature, sampled, rendered)
 
 
-@dataclass(frozen=True)
-class _ConstantPoint(ImagePoints):
-    """A point of a constant look, of which only handedness and view are read."""
-
-    cosine: float
-
-    def uv(self, name: str) -> NoReturn:
-        raise AssertionError(f"a constant look reads the UV set {name}")
-
-    def primvar(self, primvar: object) -> NoReturn:
-        raise AssertionError(f"a constant look reads {primvar}")
-
-    def handedness(self) -> Floats:
-        return np.ones(())
-
-    def view(self) -> Floats:
-        return np.asarray(self.cosine)
-
-
 def _views(angles: tuple[float, ...], azimuth: float) -> Floats:
     """Return views (n, 3) in the card's frame: x right, y up, z towards its front."""
-    theta, phi = np.radians(angles), np.radians(azimuth)
-    return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
+    return towards(np.radians(angles), np.radians(azimuth))
 
 
 def _stack_albedos(albedos: list[Albedo]) -> Albedo:
@@ -250,7 +231,7 @@ def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Flo
     curve = curves[point]
     estimate = (curve.sampled, curve.cycles)[estimator]
     wo = _views(angles, curve.azimuth)[view]
-    layers = look_layers(curve.look, _ConstantPoint(wo[2]))
+    layers = look_layers(curve.look, SinglePoint(wo[2]))
     case = {
         "deviation": float(excess[point, estimator, view, side, channel]),
         "by": _ESTIMATORS[estimator],

@@ -13,6 +13,7 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Bsdf, sample
+from lookdev.brdf.angles import at_cosine
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns, round_to_float32
 from lookdev.checks.finding import Finding, Plot, Series
@@ -146,9 +147,7 @@ def _draw_upper(rng: np.random.Generator, count: int) -> Floats:
     cos = rng.random(count)
     quarter = rng.permutation(count)[: count // 4]
     cos[quarter] = 10.0 ** rng.uniform(-4.0, 0.0, quarter.size)
-    phi = rng.uniform(0.0, 2.0 * np.pi, count)
-    sin = np.sqrt(1.0 - cos * cos)
-    return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
+    return at_cosine(cos, rng.uniform(0.0, 2.0 * np.pi, count))
 
 
 def _normalize(w: Floats) -> Floats:

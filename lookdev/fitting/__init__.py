@@ -4,8 +4,6 @@
 the search.
 """
 
-from lookdev.fitting.data import LOSSES
-from lookdev.fitting.parameters import Free, free_parameters
-from lookdev.fitting.solve import Fit, fit, format_fit
+from lookdev.fitting.solve import fit, format_fit
 
-__all__ = ["LOSSES", "Fit", "Free", "fit", "format_fit", "free_parameters"]
+__all__ = ["fit", "format_fit"]

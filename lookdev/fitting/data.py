@@ -16,9 +16,9 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
+from lookdev.brdf.angles import half_difference
 from lookdev.brdf.measured.files import MERL_SIZE
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import half_difference
 
 LOSSES: dict[str, Callable[[Floats], Floats]] = {"log": np.log1p, "cbrt": np.cbrt, "linear": lambda value: value}
 """The function that compresses f cos theta_i, (...), by the name of the loss."""

@@ -104,9 +104,9 @@ def fit(
     fixed
         Parameters, by name, that keep these values.
     wanted
-        Names of the parameters to fit; by default `lookdev.fitting.free_parameters`.
+        Names of the parameters to fit; by default `lookdev.fitting.parameters.free_parameters`.
     loss
-        One of `lookdev.fitting.LOSSES`.
+        One of `lookdev.fitting.data.LOSSES`.
     starts
         The number of followed starts, the best of 128 random starts and the defaults.
 

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
+from lookdev.brdf.angles import half_difference, towards
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.codegen.program.arrays import PART, threads
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import Values, half_difference, towards
-from lookdev.plotting.figure import Plot, create_figure, draw_curves, draw_legend, scale_values, split_channels
+from lookdev.plotting.figure import Plot, Values, create_figure, draw_curves, draw_legend, scale_values, split_channels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 from lookdev.reference.albedo import CELLS, integrate_albedo

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -16,9 +17,14 @@ from numpy.typing import NDArray
 from lookdev.arrays import Array, Bools, Floats
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
+
+Values = dict[str, NDArray[Any]]
+"""The numbers of one surface in a plot, by name."""
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of the luminance of linear Rec.709."""
 
 SUFFIXES = (".png", ".svg", ".pdf", ".csv")
 """Suffixes of the files that a plot is written to."""

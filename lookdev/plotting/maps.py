@@ -9,10 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from lookdev.arrays import Floats
+from lookdev.brdf.angles import half_difference
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE, Values, half_difference
 from lookdev.plotting.curves import evaluate_f
-from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, rgb_columns, unique_labels
+from lookdev.plotting.figure import (
+    LUMINANCE,
+    Plot,
+    Values,
+    create_figure,
+    legend_label,
+    picture,
+    rgb_columns,
+    unique_labels,
+)
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 

@@ -10,9 +10,9 @@ from scipy.stats import chi2
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
+from lookdev.brdf.angles import towards
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE, Values, towards
-from lookdev.plotting.figure import Plot, create_figure, legend_label, unique_labels
+from lookdev.plotting.figure import LUMINANCE, Plot, Values, create_figure, legend_label, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 

@@ -9,11 +9,20 @@ from matplotlib.colors import Normalize
 
 from lookdev.arrays import Floats
 from lookdev.brdf import bsdf_for_views, evaluate_cosine, pdf, sample
+from lookdev.brdf.angles import towards
 from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
-from lookdev.plotting.angles import LUMINANCE, Values, towards
 from lookdev.plotting.curves import evaluate_f
-from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, rgb_columns, unique_labels
+from lookdev.plotting.figure import (
+    LUMINANCE,
+    Plot,
+    Values,
+    create_figure,
+    legend_label,
+    picture,
+    rgb_columns,
+    unique_labels,
+)
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 

@@ -21,11 +21,11 @@ from lookdev.brdf.model import StackLayer
 from lookdev.brdf.parameters import Value
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, LookError, ModelError, nearest_hint
-from lookdev.material import Look, Primvar
+from lookdev.material import Look
 from lookdev.material.library import SUFFIXES, find_preset, library_folders, read_library
 from lookdev.material.library.edit import preset_look
 from lookdev.material.look import depends_on_view
-from lookdev.material.points import ImagePoints
+from lookdev.material.points import SinglePoint
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers
 
@@ -67,26 +67,6 @@ class Subject:
             return all(MODELS[layer.model].delta for layer in self.layers)
         wo = np.array([0.0, 0.6, 0.8])
         return not self.bsdf.lobes(wo) and bool(self.bsdf.deltas(wo, np.asarray(False)))
-
-
-@dataclass(frozen=True)
-class _Point(ImagePoints):
-    """One point of a surface without primvars, at texture coordinates `at`, for views of some cosines."""
-
-    at: tuple[float, float]
-    cosine: Floats
-
-    def uv(self, name: str) -> Floats:
-        return np.array([self.at])
-
-    def primvar(self, primvar: Primvar) -> Floats:
-        return np.array([primvar.fallback], np.float64)
-
-    def handedness(self) -> Floats:
-        return np.ones(1)
-
-    def view(self) -> Floats:
-        return self.cosine
 
 
 Locate = Callable[[str], Path]
@@ -240,7 +220,7 @@ def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed:
     def squeeze(value: Real) -> Real:
         return np.squeeze(np.asarray(value), 0) if np.ndim(value) and np.shape(value)[0] == 1 else value
 
-    layers = look_layers(look, _Point(uv, cosine))
+    layers = look_layers(look, SinglePoint(cosine, uv))
     if not is_squeezed:
         return layers
     return [
