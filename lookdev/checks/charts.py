@@ -85,10 +85,9 @@ def check_charts(task: FrameTask, strip: Strip, rendered: Rendered) -> tuple[Rea
     Channels whose reflectance is 0, as the red of cyan, are not compared.
     """
     halves = [np.asarray(half, np.float64) * 2.0**task.exposure for half in (rendered.a, rendered.b)]
-    colors = {
-        "grey ball": np.full(3, GREY),
-        **dict(zip(PATCHES, to_space(patch_colors(), task.scene.space), strict=True)),
-    }
+    colors = {"grey ball": np.full(3, GREY)} | dict(
+        zip(PATCHES, to_space(patch_colors(), task.scene.space), strict=True)
+    )
     squares = {name: _inner_square(box) for name, box in strip.measured.items()}
     light = _predict_white(task, strip, squares)
     readings = []
@@ -115,7 +114,7 @@ def charts_doubts(readings: Sequence[Reading]) -> Iterator[str]:
         return
     names = ", ".join(f"{reading.name} {_format_deviation(reading)}" for reading in off[:_MAX_LISTED])
     more = f" and {len(off) - _MAX_LISTED} more" if len(off) > _MAX_LISTED else ""
-    ratios = [_ratio(reading) for reading in off]
+    ratios = [1.0 + reading.deviation for reading in off]
     has_common_ratio = len(off) == len(readings) and max(ratios) < 1.02 * min(ratios) and ratios[0] > 0.0
     cause = f"; all are {math.log2(ratios[0]):+.2f} stops off: the exposure is wrong" if has_common_ratio else ""
     yield f"the reference props do not show what their light predicts: {names}{more}{cause}"
@@ -129,13 +128,9 @@ def charts_header(readings: Sequence[Reading]) -> Mapping[str, str]:
     return header | ({"charts.doubt": doubts[0]} if doubts else {})
 
 
-def _ratio(reading: Reading) -> float:
-    return 1.0 + reading.deviation
-
-
 def _format_deviation(reading: Reading) -> str:
-    is_large = abs(reading.deviation) >= 1.0
-    return f"x {_ratio(reading):.2g}" if is_large else f"{100.0 * reading.deviation:+.2g} %"
+    deviation = reading.deviation
+    return f"x {1.0 + deviation:.2g}" if abs(deviation) >= 1.0 else f"{100.0 * deviation:+.2g} %"
 
 
 _Square = tuple[int, int, int]

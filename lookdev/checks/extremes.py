@@ -75,17 +75,14 @@ def _draw_directions(count: int, absurd: Bools, rng: Rng, *, thin: bool) -> tupl
     phi = rng.uniform(0.0, 2.0 * np.pi, count)
     wo = at_cosine(draw_cosines(0), phi)
     kind = rng.integers(5, size=count)[:, None]
-    grazing = (
-        at_cosine(draw_cosines(3), phi),
-        at_cosine(draw_cosines(3), phi + np.pi + rng.choice([0, 1e-7, 1e-4, 1e-3], count)),
-    )
-    wo = np.where(kind == 4, grazing[0], wo)
+    wo = np.where(kind == 4, at_cosine(draw_cosines(3), phi), wo)
+    opposed = at_cosine(draw_cosines(3), phi + np.pi + rng.choice([0, 1e-7, 1e-4, 1e-3], count))
     mirrored = wo * (-1.0, -1.0, 1.0)
     near = mirrored + rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-7.0, -1.0, (count, 1))
     near[:, 2] = np.abs(near[:, 2])
     near /= np.linalg.norm(near, axis=-1, keepdims=True)
     anywhere = at_cosine(draw_cosines(0), rng.uniform(0.0, 2.0 * np.pi, count))
-    wi = np.select([kind == 0, kind == 1, kind == 2, kind == 3], [anywhere, wo, mirrored, near], grazing[1])
+    wi = np.select([kind == 0, kind == 1, kind == 2, kind == 3], [anywhere, wo, mirrored, near], opposed)
     if thin:
         through, straight, behind = (rng.random((count, 1)) < share for share in (0.4, 0.1, 0.2))
         wi = np.where(straight, -wo, np.where(through, wi * (1.0, 1.0, -1.0), wi))

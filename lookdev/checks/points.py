@@ -97,13 +97,13 @@ def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
     """Return random cases of a look, rounded to float32: half with inputs of one point, half with those of several."""
     layers = sample_layers(look, count, rng)
     numbers = tuple(
-        {name: _recombine(value, rng) for name, value in varying_numbers(layer).items()} for layer in layers
+        {name: round_to_float32(_recombine(value, rng)) for name, value in varying_numbers(layer).items()}
+        for layer in layers
     )
     kinds = tuple(
         PointLayer(layer.model, layer_tokens(layer), layer.mode, constant_numbers(layer), following_numbers(layer))
         for layer in layers
     )
-    numbers = tuple({name: round_to_float32(value) for name, value in layer.items()} for layer in numbers)
     zenith = np.tile(ZENITH, (count, 1))
     bsdf = Batch(kinds, zenith, zenith, numbers).bsdf()
     wo, wi = (round_to_float32(w) for w in _draw_directions(bsdf, count, rng))

@@ -300,13 +300,12 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, re
     limit = _energy_limit(look_stack(look))
     if case.is_white and mean > limit:
         faults.append(f"{mean:.3g} of the light is reflected, at most {limit:g} would be right")
+    text = f"mean {mean:.3g}"
     if reference is not None:
-        figures["difference"] = _difference(case.gain, halves, reference)
-        if not figures["difference"] < MAX_DIFFERENCE:
+        figures["difference"] = difference = _difference(case.gain, halves, reference)
+        text += f", difference {difference:.2f} of {MAX_DIFFERENCE:g}"
+        if not difference < MAX_DIFFERENCE:
             faults.append(f"it is not like '{case.like}'")
-    text = f"mean {mean:.3g}" + (
-        f", difference {figures['difference']:.2f} of {MAX_DIFFERENCE:g}" if reference is not None else ""
-    )
     return Finding("stability", subject, not faults, "; ".join([text, *faults]), figures)
 
 

@@ -17,6 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Model, evaluate
+from lookdev.brdf.parameters import add_followers
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.fitting.data import LOSSES, Data, evaluate_pairs
@@ -177,12 +178,7 @@ class _Problem:
     def residual(self, units: Floats) -> Floats:
         """Return the differences (k, 3 n) of compressed values for k sets of numbers (k, size)."""
         values = {parameter.name: parameter.value(part[:, None, :]) for parameter, part in self.parts(units)}
-        followers = {
-            name: values[parameter.follows]
-            for name, parameter in self.model.parameters.items()
-            if parameter.follows in values
-        }
-        bsdf = self.model.bsdf({**self.constant, **followers, **values})
+        bsdf = self.model.bsdf({**self.constant, **add_followers(self.model.parameters, values)})
         f = evaluate(bsdf, self.data.wo[None], self.data.wi[None])
         residual = self.compress(np.maximum(f, 0.0) * self.data.cosine) - self.target
         return np.broadcast_to(residual, (len(units), *self.target.shape)).reshape(len(units), -1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from lookdev.errors import LookdevError, nearest_hint
 
@@ -64,8 +64,4 @@ class Options:
 
     def given(self) -> dict[str, str | float]:
         """Return the options that are not at their defaults, by name."""
-        return {
-            option.name: getattr(self, option.name)
-            for option in fields(self)
-            if getattr(self, option.name) != option.default
-        }
+        return {name: value for name, value in vars(self).items() if value != getattr(Options, name)}

@@ -195,6 +195,7 @@ def _look_subject(
         else:
             raise LookdevError(f"{words}: no layer '{layer}' ({nearest_hint(layer, names)}; or 0 to {len(names) - 1})")
         look = replace(look, layers=(replace(look.layers[number], mask=1.0, mode="over"),))
+    layers = _layers_at(look, uv, np.ones(1))
     if any(
         depends_on_view(source) for candidate in look.layers for source in (*candidate.inputs.values(), candidate.mask)
     ):
@@ -203,14 +204,8 @@ def _look_subject(
             return stack_bsdf(_layers_at(look, uv, np.abs(np.asarray(wo)[..., 2]), is_squeezed=False))
 
         upright_bsdf = bsdf_for_view(np.array([[0.0, 0.0, 1.0]]))
-        layers_from_above = tuple(_layers_at(look, uv, np.ones(1)))
-        return Subject(
-            label,
-            replace(upright_bsdf, lobes=lambda wo: bsdf_for_view(wo).lobes(wo)),
-            layers_from_above,
-            seen_alike=False,
-        )
-    layers = _layers_at(look, uv, np.ones(1))
+        bsdf = replace(upright_bsdf, lobes=lambda wo: bsdf_for_view(wo).lobes(wo))
+        return Subject(label, bsdf, tuple(layers), seen_alike=False)
     return Subject(label, stack_bsdf(layers), tuple(layers))
 
 

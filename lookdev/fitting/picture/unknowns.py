@@ -61,6 +61,10 @@ class Unknown:
         scaled = np.log1p(value) if self._is_logarithmic else np.asarray(value, np.float64)
         return np.asarray(scaled / self._scale)
 
+    def units(self, number: float) -> Floats:
+        """Return the units (width,) of a number for all components."""
+        return np.repeat(self.unit(np.array(number)), self.width)
+
     def value(self, unit: Floats) -> Floats:
         """Return the values of units, clipped to the bounds."""
         scaled = unit * self._scale
