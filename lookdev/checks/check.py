@@ -16,8 +16,7 @@ from lookdev.build.expand import expand_material
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Alter, Halves, Render, alter_shaders, keep_shader
-from lookdev.checks.gap import check_gap
-from lookdev.checks.images import check_frame, choose_pixels
+from lookdev.checks.images import check_frame, check_gap, choose_pixels
 from lookdev.checks.points import check_points
 from lookdev.checks.stability import DepthName, stress
 from lookdev.codegen import ShaderSource

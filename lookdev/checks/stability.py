@@ -24,7 +24,7 @@ from lookdev.cache import Content
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
-from lookdev.checks.frames import Alter, Halves, Render, keep_shader
+from lookdev.checks.frames import Halves, Render
 from lookdev.checks.samples import case_line, constant_numbers, following_numbers, layer_tokens, sample_layers
 from lookdev.codegen.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
@@ -120,14 +120,12 @@ def look_stack(look: Look) -> tuple[PointLayer, ...]:
     )
 
 
-def check_stack(
-    name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName, alter: Alter = keep_shader
-) -> Finding:
-    """Evaluate extreme cases of a stack in NumPy and, altered, inside Cycles; sample moderate cases in NumPy."""
+def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> Finding:
+    """Evaluate extreme cases of a stack in NumPy and inside Cycles; sample moderate cases in NumPy."""
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
         expected = join_columns(evaluate_numpy(cases.batch))
-    got = join_columns(evaluate_cycles(cases.batch, alter=alter))
+    got = join_columns(evaluate_cycles(cases.batch))
     unsound = {side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", expected), ("Cycles", got))}
     is_broken = unsound["NumPy"] | unsound["Cycles"]
     # Only visible f counts: the sampling weight divides by the same pdf, so an error of the pdf cancels.
