@@ -142,7 +142,8 @@ def _measure(
     look: Look, render: Render, angles: tuple[float, ...], rng: np.random.Generator, backend: str, alter: Alter
 ) -> _Curves:
     azimuth = float(rng.uniform(0.0, 360.0))
-    views = _views(angles, azimuth)
+    # In the card's frame: x right, y up, z towards its front.
+    views = towards(np.radians(angles), np.radians(azimuth))
     # Of a constant look, only the view is read.
     bsdfs = [look_bsdf(look, SinglePoint(wo[2])) for wo in views]
     surfaces = list(zip(bsdfs, views, strict=True))
@@ -152,11 +153,6 @@ def _measure(
     seed = int(rng.integers(1 << 16))  # exact as a float32, as Blender requires
     rendered = _render_albedo(look, render, views, transmits, seed, backend, alter)
     return _Curves(look, azimuth, transmits, quadrature, sampled, rendered)
-
-
-def _views(angles: tuple[float, ...], azimuth: float) -> Floats:
-    """Return views (n, 3) in the card's frame: x right, y up, z towards its front."""
-    return towards(np.radians(angles), np.radians(azimuth))
 
 
 def _stack_albedos(albedos: list[Albedo]) -> Albedo:
@@ -230,7 +226,7 @@ def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Flo
     point, estimator, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
     curve = curves[point]
     estimate = (curve.sampled, curve.cycles)[estimator]
-    wo = _views(angles, curve.azimuth)[view]
+    wo = towards(np.radians(angles), np.radians(curve.azimuth))[view]
     layers = look_layers(curve.look, SinglePoint(wo[2]))
     case = {
         "deviation": float(excess[point, estimator, view, side, channel]),

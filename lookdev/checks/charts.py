@@ -149,6 +149,7 @@ def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]
     scene, gain = task.scene, 2.0**task.exposure
     lights = scene.lights_of(scene.worn[-1])
     is_far = all(light.far for light in lights)
+    pixel, samples = np.zeros((1, 2), np.int64), _SAMPLES[not is_far]
     first = next(iter(PATCHES))
     predictions: dict[str, tuple[Floats, Floats]] = {}
     for prop, names in (("grey", ["grey ball"]), ("chart", [first] if is_far else list(PATCHES))):
@@ -157,15 +158,7 @@ def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]
             left, top, side = squares[name]
             camera = cropped(scene.camera, scene.resolution, Box(left, top, side, side))
             estimate = frame_pixels(
-                surface,
-                lights,
-                camera,
-                task.pose,
-                (1, 1),
-                np.zeros((1, 2), np.int64),
-                samples=_SAMPLES[not is_far],
-                scrambles=_SCRAMBLES,
-                seed=number,
+                surface, lights, camera, task.pose, (1, 1), pixel, samples=samples, scrambles=_SCRAMBLES, seed=number
             )
             predictions[name] = gain * estimate.value[0], gain * estimate.error[0]
     return dict.fromkeys(PATCHES, predictions[first]) | predictions

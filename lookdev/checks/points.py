@@ -17,15 +17,7 @@ from lookdev.brdf.angles import at_cosine
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns, round_to_float32
 from lookdev.checks.finding import Finding, Plot, Series
-from lookdev.checks.samples import (
-    case_line,
-    constant_numbers,
-    following_numbers,
-    layer_tokens,
-    sample_layers,
-    varying_numbers,
-)
-from lookdev.codegen.points import PointLayer
+from lookdev.checks.samples import case_line, constant_numbers, point_layer, sample_layers, varying_numbers
 from lookdev.material import Look
 
 TOLERANCE = 2e-4
@@ -100,10 +92,7 @@ def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
         {name: round_to_float32(_recombine(value, rng)) for name, value in varying_numbers(layer).items()}
         for layer in layers
     )
-    kinds = tuple(
-        PointLayer(layer.model, layer_tokens(layer), layer.mode, constant_numbers(layer), following_numbers(layer))
-        for layer in layers
-    )
+    kinds = tuple(point_layer(layer, constant_numbers(layer)) for layer in layers)
     zenith = np.tile(ZENITH, (count, 1))
     bsdf = Batch(kinds, zenith, zenith, numbers).bsdf()
     wo, wi = (round_to_float32(w) for w in _draw_directions(bsdf, count, rng))

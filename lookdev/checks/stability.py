@@ -19,13 +19,13 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats
 from lookdev.asset import Asset, save_asset
-from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, StackLayer, evaluate_cosine, pdf, sample
 from lookdev.cache import Content
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Halves, Render
-from lookdev.checks.samples import case_line, constant_numbers, following_numbers, layer_tokens, sample_layers
+from lookdev.checks.samples import case_line, constant_numbers, point_layer, sample_layers
 from lookdev.codegen.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
@@ -107,17 +107,12 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:
     """Return the layers of a look with their constants, rounded to float32."""
+
+    def round_constants(layer: StackLayer) -> dict[str, float | list[float]]:
+        return {name: np.asarray(value, np.float32).tolist() for name, value in constant_numbers(layer).items()}
+
     layers = sample_layers(look, 2, np.random.default_rng(0))
-    return tuple(
-        PointLayer(
-            layer.model,
-            layer_tokens(layer),
-            layer.mode,
-            {name: np.asarray(value, dtype=np.float32).tolist() for name, value in constant_numbers(layer).items()},
-            following_numbers(layer),
-        )
-        for layer in layers
-    )
+    return tuple(point_layer(layer, round_constants(layer)) for layer in layers)
 
 
 def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> Finding:

@@ -203,8 +203,8 @@ def fit(
     if picture is None:
         _fit_data(source, model or "disney", only or (), loss or "log", starts, output, look, as_json, library)
         return
-    from lookdev.fitting.picture import Settings
     from lookdev.fitting.picture.fit import Wish, fit_picture
+    from lookdev.fitting.picture.search import Settings
     from lookdev.run.progress import show_fit
 
     if samples & (samples - 1):

@@ -140,12 +140,8 @@ def frame_pixels(
 
 def _sobol_points(numbers: Ints, dimensions: int, samples: int, scrambles: int, seed: int) -> Floats:
     """Return the Sobol points (N, dimensions) of some pixels."""
-    points = []
-    for number in numbers:
-        for scramble in range(scrambles):
-            rng = np.random.default_rng([seed, number, scramble])
-            points.append(qmc.Sobol(dimensions, rng=rng).random(samples))
-    return np.concatenate(points)
+    rngs = (np.random.default_rng([seed, number, scramble]) for number in numbers for scramble in range(scrambles))
+    return np.concatenate([qmc.Sobol(dimensions, rng=rng).random(samples) for rng in rngs])
 
 
 def _depth_dimensions(lights: Sequence[object]) -> int:
@@ -167,8 +163,7 @@ class _Lamp:
     @classmethod
     def in_pose(cls, number: int, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
         emission = light.emission
-        turn = pose.lighting if emission.turns else 0.0
-        posed = Turned(light, turn - pose.element, axis)
+        posed = Turned(light, (pose.lighting if emission.turns else 0.0) - pose.element, axis)
         return cls(number, posed, emission.shadow, emission.spared, emission.diffuse, emission.specular)
 
     @property

@@ -9,10 +9,10 @@ import pytest
 
 from lookdev.brdf import Parameter
 from lookdev.errors import LookdevError
-from lookdev.fitting.picture import Photo, Search, Settings, Target, Unknown, parse_unknowns, read_photo
-from lookdev.fitting.picture.photo import REC709, estimate_noise, to_rec709
-from lookdev.fitting.picture.target import block_side
-from lookdev.fitting.picture.unknowns import EXPOSURE
+from lookdev.fitting.picture.photo import REC709, Photo, estimate_noise, read_photo, to_rec709
+from lookdev.fitting.picture.search import Search, Settings
+from lookdev.fitting.picture.target import Target, block_side
+from lookdev.fitting.picture.unknowns import EXPOSURE, Unknown, parse_unknowns
 from lookdev.material import Layer, Look
 from lookdev.material.change import Constant
 

@@ -12,12 +12,12 @@ from scipy.ndimage import uniform_filter
 
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError, ModelError
-from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unknown, parse_unknowns, read_photo
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
 from lookdev.fitting.picture.page import Pictures, Row, format_numbers, table_rows, write_page
-from lookdev.fitting.picture.search import Point
-from lookdev.fitting.picture.target import block_means, block_side
-from lookdev.fitting.picture.unknowns import EXPOSURE
+from lookdev.fitting.picture.photo import Photo, read_photo
+from lookdev.fitting.picture.search import Found, Point, Search, Settings
+from lookdev.fitting.picture.target import Target, block_means, block_side
+from lookdev.fitting.picture.unknowns import EXPOSURE, Unknown, parse_unknowns
 from lookdev.job import load_job
 from lookdev.material import Look
 from lookdev.material.library.constants import check_writable, write_changed
