@@ -99,11 +99,7 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
 
     columns = draw_curves(ax, np.radians(surface_values[0]["x"]), subjects, colors, options, height=radius)
     top = float(radius(np.array([peak]))[0]) * 1.08
-    ax.set_theta_zero_location("N")
-    ax.set_theta_direction(-1)
-    ax.set_thetamin(-90)
-    ax.set_thetamax(90)
-    ax.set_ylim(0.0, top)
+    ax.set(theta_zero_location="N", theta_direction=-1, thetamin=-90, thetamax=90, ylim=(0.0, top))
     if options.scale == "log":
         ticks = np.arange(_DECADES + 1.0)
         ax.set_yticks(ticks, [f"{floor * 10.0**tick:.1g}" for tick in ticks], fontsize=7)

@@ -72,9 +72,10 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
     above = (wo[..., 2] > 0.0) & (wi[..., 2] > 0.0)
     root = np.where(above, np.cbrt(second @ LUMINANCE) - np.cbrt(first @ LUMINANCE), np.nan)
     figure, axes = create_figure(3, size=(3.9, 3.9))
-    labels = unique_labels(subjects)
-    for ax, f, label in zip(axes[0], (first, second), labels, strict=False):
+    columns = _angles(theta)
+    for ax, f, label in zip(axes[0], (first, second), unique_labels(subjects), strict=False):
         _draw_image(ax, f, label, options)
+        columns |= rgb_columns(label, f)
     # A percentile, as the corner where models grow without bound would leave no colours for the rest.
     limit = float(np.nanpercentile(np.abs(root), 98.0)) or 1.0
     image = axes[0, 2].imshow(
@@ -86,9 +87,6 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
     rms, relative = float(np.sqrt(np.nanmean(root**2))), _relative_difference(first[above], second[above])
     axes[0, 2].set_title(f"difference of cube roots, rms {rms:.3g}", fontsize=9)
     figure.suptitle(_title(options), fontsize=9)
-    columns = _angles(theta)
-    for label, f in zip(labels, (first, second), strict=True):
-        columns |= rgb_columns(label, f)
     columns["difference of cube roots"] = root.ravel()
     return Plot(
         figure, columns, (f"rms of cube roots {rms:.4g}", f"largest difference of f {relative:.4g} of the peak")
