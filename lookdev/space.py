@@ -6,6 +6,7 @@ Bradford's adaptation of D65 to the ACES white.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Literal
 
@@ -34,6 +35,28 @@ CHROMATICITIES: dict[Space, tuple[float, ...]] = {
     "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
 }
 """CIE x and y of the primaries red, green and blue, and of white."""
+
+
+# Lam, K. M. 1985. Metamerism and Colour Constancy. University of Bradford; as in ICC.1:2022, annex E.
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+
+
+def chromaticity_xyz(chromaticity: Sequence[float]) -> Floats:
+    """Return X, Y, Z of a chromaticity x, y at Y = 1."""
+    x, y = chromaticity
+    return np.array([x / y, 1.0, (1.0 - x - y) / y])
+
+
+def rgb_to_xyz(chromaticities: Sequence[float]) -> Floats:
+    """Return the matrix (3, 3) to X, Y, Z from the space of primaries and white, given as `CHROMATICITIES` are."""
+    columns = np.stack([chromaticity_xyz(chromaticities[i : i + 2]) for i in (0, 2, 4)], axis=-1)
+    return np.asarray(columns * np.linalg.solve(columns, chromaticity_xyz(chromaticities[6:8])))
+
+
+def adapt_white(white: Sequence[float], to: Sequence[float]) -> Floats:
+    """Return Bradford's matrix (3, 3) that converts X, Y, Z under a white, x and y, to those under another."""
+    before, after = (_BRADFORD @ chromaticity_xyz(chromaticity) for chromaticity in (white, to))
+    return np.asarray(np.linalg.inv(_BRADFORD) @ np.diag(after / before) @ _BRADFORD)
 
 
 @cache

@@ -8,7 +8,7 @@ from lookdev.brdf.lobes import Bsdf, Delta, Lobe
 from lookdev.brdf.mixture import bsdf_for_views, evaluate, evaluate_cosine, evaluate_diffuse, pdf, sample
 from lookdev.brdf.model import Mode, Model, StackLayer
 from lookdev.brdf.models import CONTINUOUS, MODELS, complete_parameters, layer_shaders, model_named
-from lookdev.brdf.parameters import MASK, Parameter, Value
+from lookdev.brdf.parameters import MASK, Parameter
 from lookdev.brdf.stack import index_of_excluding_model, reflectance, split_by_combination, stack_bsdf
 from lookdev.brdf.vectors import Array, Real
 
@@ -25,7 +25,6 @@ __all__ = [
     "Parameter",
     "Real",
     "StackLayer",
-    "Value",
     "bsdf_for_views",
     "complete_parameters",
     "evaluate",

@@ -22,7 +22,7 @@ from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Bsdf, Delta
 from lookdev.brdf.metal import OF_INDICES, named_metal
 from lookdev.brdf.model import Model, Preview
-from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_name
 from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, scale, vector
 
 _NORMAL = normal_parameter("normal", "Normal of the surface, as of a normal map; the shading normal by default.")
@@ -99,7 +99,7 @@ def _model(
     preview: Callable[[Parameters], dict[str, Real]],
     *parameters: Parameter,
 ) -> Model:
-    by_name = {parameter.name: parameter for parameter in (*parameters, _NORMAL)}
+    by_name = parameters_by_name(*parameters, _NORMAL)
     return Model(name, title, text, by_name, bsdf, f"Lookdev{title}", preview=Preview({}, preview), delta=True,
         quotes={key: quote for key, quote in OF_INDICES.items() if key in by_name}, quoted="Trent 2017, section 4",
     )  # fmt: skip

@@ -23,7 +23,7 @@ from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.metal import is_exact, metal_fresnel, metal_parameters
 from lookdev.brdf.model import Model, Preview
-from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.parameters import PRESENCE, Parameter, normal_parameter, parameters_by_name, token_parameter
 from lookdev.brdf.reflectance import ggx_albedo, ggx_reflectance
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, are_equal, mean, mix, mix_color, reflect, scale
 
@@ -172,67 +172,55 @@ def _clearcoat(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     )
 
 
-_PARAMETERS: dict[str, Parameter] = {
-    parameter.name: parameter
-    for parameter in (
-        Parameter("baseColor", "color", (0.8, 0.8, 0.8), help="The surface colour, usually a texture; linear."),
-        Parameter("subsurface", "float", 0.0, help="Blends the diffuse shape to a subsurface approximation."),
-        Parameter("metallic", "float", 0.0, help="0 dielectric, 1 metallic; a linear blend of the two models."),
-        Parameter(
-            "specular",
-            "float",
-            0.5,
-            hard=(0.0, 12.5),
-            help="Incident specular amount: F0 = 0.08 specular; 0.5 is an index of refraction of 1.5.",
-        ),
-        Parameter("specularTint", "float", 0.0, help="Tints incident specular towards the base colour's hue."),
-        Parameter("roughness", "float", 0.5, help="Controls both diffuse and specular response; alpha is its square."),
-        Parameter("anisotropic", "float", 0.0, help="Aspect ratio of the highlight, up to 10:1 at 1."),
-        Parameter("sheen", "float", 0.0, help="An additional grazing component, for cloth."),
-        Parameter("sheenTint", "float", 0.5, help="Tints sheen towards the base colour's hue."),
-        Parameter("clearcoat", "float", 0.0, help="A second specular lobe, GTR1, with an index of 1.5."),
-        Parameter("clearcoatGloss", "float", 1.0, help="Clearcoat glossiness: 0 satin, 1 gloss."),
-        Parameter(
-            "presence",
-            "float",
-            1.0,
-            help="How much of the layer is there; what is beneath it, or behind, shows through.",
-        ),
-        normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal."),
-        normal_parameter("specularNormal", "Normal of the specular lobe; if not given, as normal.", "normal"),
-        normal_parameter("clearcoatNormal", "Normal of the clearcoat lobe; if not given, as normal.", "normal"),
-        Parameter(
-            "gamma",
-            "float",
-            2.0,
-            hard=(0.5, 4.0),
-            soft=(1.0, 3.0),
-            help="Exponent of the specular lobe's GTR distribution: 2 is GGX; less has a longer tail.",
-            optional=True,
-        ),
-        Parameter(
-            "filmThickness",
-            "float",
-            0.0,
-            hard=(0.0, 3000.0),
-            soft=(0.0, 1000.0),
-            help="Thickness of a film over the specular lobe, which makes it iridescent; 0: there is none.",
-            unit="nm",
-            optional=True,
-        ),
-        Parameter(
-            "filmIor", "float", 1.33, (1.0, 3.0), (1.0, 2.5), help="Index of refraction of the film.", optional=True
-        ),
-        Parameter(
-            "variant",
-            "token",
-            "2014",
-            choices=("2014", "2012"),
-            help="2014: Smith G with the lobe's own alpha (addenda). 2012: isotropic G with remapped roughness.",
-        ),
-        *metal_parameters("apart"),
-    )
-}
+_PARAMETERS = parameters_by_name(
+    Parameter("baseColor", "color", (0.8, 0.8, 0.8), help="The surface colour, usually a texture; linear."),
+    Parameter("subsurface", "float", 0.0, help="Blends the diffuse shape to a subsurface approximation."),
+    Parameter("metallic", "float", 0.0, help="0 dielectric, 1 metallic; a linear blend of the two models."),
+    Parameter(
+        "specular",
+        "float",
+        0.5,
+        hard=(0.0, 12.5),
+        help="Incident specular amount: F0 = 0.08 specular; 0.5 is an index of refraction of 1.5.",
+    ),
+    Parameter("specularTint", "float", 0.0, help="Tints incident specular towards the base colour's hue."),
+    Parameter("roughness", "float", 0.5, help="Controls both diffuse and specular response; alpha is its square."),
+    Parameter("anisotropic", "float", 0.0, help="Aspect ratio of the highlight, up to 10:1 at 1."),
+    Parameter("sheen", "float", 0.0, help="An additional grazing component, for cloth."),
+    Parameter("sheenTint", "float", 0.5, help="Tints sheen towards the base colour's hue."),
+    Parameter("clearcoat", "float", 0.0, help="A second specular lobe, GTR1, with an index of 1.5."),
+    Parameter("clearcoatGloss", "float", 1.0, help="Clearcoat glossiness: 0 satin, 1 gloss."),
+    PRESENCE,
+    normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal."),
+    normal_parameter("specularNormal", "Normal of the specular lobe; if not given, as normal.", "normal"),
+    normal_parameter("clearcoatNormal", "Normal of the clearcoat lobe; if not given, as normal.", "normal"),
+    Parameter(
+        "gamma",
+        "float",
+        2.0,
+        hard=(0.5, 4.0),
+        soft=(1.0, 3.0),
+        help="Exponent of the specular lobe's GTR distribution: 2 is GGX; less has a longer tail.",
+        optional=True,
+    ),
+    Parameter(
+        "filmThickness",
+        "float",
+        0.0,
+        hard=(0.0, 3000.0),
+        soft=(0.0, 1000.0),
+        help="Thickness of a film over the specular lobe, which makes it iridescent; 0: there is none.",
+        unit="nm",
+        optional=True,
+    ),
+    Parameter("filmIor", "float", 1.33, (1.0, 3.0), (1.0, 2.5), help="Index of refraction of the film.", optional=True),
+    token_parameter(
+        "variant",
+        ("2014", "2012"),
+        "2014: Smith G with the lobe's own alpha (addenda). 2012: isotropic G with remapped roughness.",
+    ),
+    *metal_parameters("apart"),
+)
 
 
 _QUOTES = {

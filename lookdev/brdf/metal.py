@@ -16,18 +16,15 @@ import numpy as np
 
 from lookdev.brdf.conductor import METALS
 from lookdev.brdf.fresnel import conductor_fresnel
-from lookdev.brdf.parameters import Parameter, Value
+from lookdev.brdf.parameters import Parameter, Value, parameters_by_name, token_parameter
 from lookdev.brdf.vectors import Array, Parameters
 
-INTERFACE: dict[str, Parameter] = {
-    parameter.name: parameter
-    for parameter in (
-        Parameter("eta", "float", 1.5, (0.05, 10.0), (0.05, 5.0), help="Real part of the index of refraction."),
-        Parameter("k", "float", 0.0, (0.0, 20.0), (0.0, 10.0), help="Imaginary part of the index of refraction."),
-        Parameter("externalIor", "float", 1.0, (1.0, 4.0), (1.0, 2.0), help="Index from which light arrives."),
-        Parameter("polarisation", "float", 0.5, help="0 all perpendicular to the plane of incidence, 1 all parallel."),
-    )
-}
+INTERFACE = parameters_by_name(
+    Parameter("eta", "float", 1.5, (0.05, 10.0), (0.05, 5.0), help="Real part of the index of refraction."),
+    Parameter("k", "float", 0.0, (0.0, 20.0), (0.0, 10.0), help="Imaginary part of the index of refraction."),
+    Parameter("externalIor", "float", 1.0, (1.0, 4.0), (1.0, 2.0), help="Index from which light arrives."),
+    Parameter("polarisation", "float", 0.5, help="0 all perpendicular to the plane of incidence, 1 all parallel."),
+)
 """Parameters of an interface between a dielectric and a dielectric or conductor, at one wavelength."""
 
 METAL_TABLE = Path(__file__).parent / "data" / "metal_indices.json"
@@ -87,21 +84,17 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
         return {} if name == _NONE else {**other_tokens, **metal_index(name, tokens["metalColor"])}
 
     return (
-        Parameter(
+        token_parameter(
             "metal",
-            "token",
-            _NONE,
-            choices=(_NONE, *METALS),
-            help=f"Stands for {', '.join([*other_tokens, 'eta and k'])} of a metal.",
+            (_NONE, *METALS),
+            f"Stands for {', '.join([*other_tokens, 'eta and k'])} of a metal.",
             among="own",
             stands=expand_tokens,
         ),
-        Parameter(
+        token_parameter(
             "metalColor",
-            "token",
-            METAL_COLORS[0],
-            choices=METAL_COLORS,
-            help="Of a metal by name. nearest: as its spectra reflect red, green, blue. bands: means over wavelengths.",
+            METAL_COLORS,
+            "Of a metal by name. nearest: as its spectra reflect red, green, blue. bands: means over wavelengths.",
             among="own",
             stands=expand_tokens,
         ),
@@ -111,13 +104,11 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
 def metal_parameters(among: Literal["apart", "own"]) -> tuple[Parameter, ...]:
     """Return the parameters of a model with exact metals; `among` is `Parameter.among` of the token ``"fresnel"``."""
     return (
-        Parameter(
+        token_parameter(
             "fresnel",
-            "token",
-            "schlick",
-            choices=("schlick", CONDUCTOR),
+            ("schlick", CONDUCTOR),
+            "Of metals. schlick: as published. conductor: the exact curve of eta and k.",
             among=among,
-            help="Of metals. schlick: as published. conductor: the exact curve of eta and k.",
         ),
         replace(INTERFACE["eta"], kind="color", default=(1.5, 1.5, 1.5)),
         replace(INTERFACE["k"], kind="color", default=(0.0, 0.0, 0.0)),

@@ -16,6 +16,12 @@ import numpy as np
 from lookdev.brdf.vectors import Array, Real, are_equal, normalize, vector
 
 
+def polar(sin2: Array, u: Array) -> Array:
+    """Return the unit vectors (..., 3) with the squared sine `sin2` to the normal and the azimuth ``2 pi u``."""
+    sin_theta, phi = np.sqrt(sin2), 2.0 * np.pi * u
+    return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), np.sqrt(np.maximum(1.0 - sin2, 0.0)))
+
+
 # Burley 2012, eq. 4.
 def gtr1(wm: Array, alpha: Real) -> Array:
     """D of the generalised Trowbridge-Reitz distribution with gamma = 1; alpha in (0, 1)."""
@@ -28,11 +34,7 @@ def gtr1(wm: Array, alpha: Real) -> Array:
 def sample_gtr1(alpha: Real, u1: Array, u2: Array) -> Array:
     """Draw half vectors with pdf ``D cos theta_h`` of `gtr1`."""
     alpha2 = alpha * alpha
-    sin2 = alpha2 * np.expm1(-u2 * np.log(alpha2)) / (1.0 - alpha2)
-    sin_theta = np.sqrt(sin2)
-    phi = 2.0 * np.pi * u1
-    cos_theta = np.sqrt(np.maximum(1.0 - sin2, 0.0))
-    return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), cos_theta)
+    return polar(alpha2 * np.expm1(-u2 * np.log(alpha2)) / (1.0 - alpha2), u1)
 
 
 # Burley 2012, eq. 13.
@@ -144,6 +146,4 @@ def sample_sin_gaussian(power: Real, u1: Array, u2: Array) -> Array:
 
 def sample_cosine(u1: Array, u2: Array) -> Array:
     """Draw directions of the upper hemisphere with pdf ``cos theta / pi``."""
-    r = np.sqrt(u1)
-    phi = 2.0 * np.pi * u2
-    return vector(r * np.cos(phi), r * np.sin(phi), np.sqrt(np.maximum(1.0 - u1, 0.0)))
+    return polar(u1, u2)

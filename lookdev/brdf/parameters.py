@@ -50,10 +50,31 @@ class Parameter:
     file: Callable[[str], object] | None = None
 
 
+def parameters_by_name(*parameters: Parameter) -> dict[str, Parameter]:
+    """Return parameters by name."""
+    return {parameter.name: parameter for parameter in parameters}
+
+
+def token_parameter(
+    name: str,
+    choices: tuple[str, ...],
+    help: str,
+    among: Literal["alike", "apart", "own"] = "alike",
+    stands: Callable[[Mapping[str, str]], Mapping[str, Value]] | None = None,
+) -> Parameter:
+    """Return a parameter that is one of `choices`, by default the first."""
+    return Parameter(name, "token", choices[0], choices=choices, help=help, among=among, stands=stands)
+
+
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:
     """Return a parameter that is a normal, by default the shading normal or the normal that it follows."""
     return Parameter(name, "normal", (0.0, 0.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), help=help, follows=follows)
 
+
+PRESENCE = Parameter(
+    "presence", "float", 1.0, help="How much of the layer is there; what is beneath it, or behind, shows through."
+)
+"""The presence of a layer of the models that have one."""
 
 MASK = Parameter("mask", "float", 1.0, help="How much of a layer there is.")
 """The mask of a layer of any model."""

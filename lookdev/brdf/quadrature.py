@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lookdev.arrays import Floats
+from lookdev.brdf.angles import at_cosine
 
 
 def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tuple[Floats, Floats]:
@@ -40,10 +41,6 @@ def hemisphere_grid(nodes: int) -> tuple[Floats, Floats]:
     """Return directions (n, 3) and weights (n,) in steradians for functions that are smooth over the hemisphere."""
     x, w = np.polynomial.legendre.leggauss(nodes)  # type: ignore[no-untyped-call]
     cos = 0.5 * (x + 1.0)
-    sin = np.sqrt(1.0 - cos * cos)
     # The azimuth is periodic: the midpoint rule converges as Gauss's does.
     azimuth = 2.0 * np.pi * (np.arange(nodes) + 0.5) / nodes
-    directions = np.stack(
-        [np.outer(sin, np.cos(azimuth)), np.outer(sin, np.sin(azimuth)), np.outer(cos, np.ones(nodes))], axis=-1
-    )
-    return directions.reshape(-1, 3), np.repeat(w * np.pi / nodes, nodes)
+    return at_cosine(*np.meshgrid(cos, azimuth, indexing="ij")).reshape(-1, 3), np.repeat(w * np.pi / nodes, nodes)

@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from typing import NoReturn
 
 import numpy as np
 from scipy import stats
 
 from lookdev.arrays import Floats
 from lookdev.asset import load_asset
-from lookdev.brdf import Bsdf
+from lookdev.brdf.angles import towards
+from lookdev.brdf.frames import ZENITH
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.frames import Alter, Render, alter_shaders, keep_shader
 from lookdev.checks.samples import case_layer, constant_looks, constant_numbers, layer_tokens
 from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
-from lookdev.material.points import ImagePoints
+from lookdev.material.points import SinglePoint
 from lookdev.material.values import look_bsdf, look_layers
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
 from lookdev.rendering.backends import BACKENDS
@@ -142,52 +142,21 @@ def _measure(
     look: Look, render: Render, angles: tuple[float, ...], rng: np.random.Generator, backend: str, alter: Alter
 ) -> _Curves:
     azimuth = float(rng.uniform(0.0, 360.0))
-    views = _views(angles, azimuth)
-    bsdfs = [look_bsdf(look, _ConstantPoint(wo[2])) for wo in views]
+    # In the card's frame: x right, y up, z towards its front.
+    views = towards(np.radians(angles), np.radians(azimuth))
+    # Of a constant look, only the view is read.
+    bsdfs = [look_bsdf(look, SinglePoint(wo[2])) for wo in views]
     surfaces = list(zip(bsdfs, views, strict=True))
     quadrature = _stack_albedos([integrate_albedo(bsdf, wo) for bsdf, wo in surfaces])
     sampled = _stack_albedos([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for bsdf, wo in surfaces])
-    transmits = any(map(_transmits, bsdfs))
+    transmits = any(bsdf.transmits(ZENITH) for bsdf in bsdfs)
     seed = int(rng.integers(1 << 16))  # exact as a float32, as Blender requires
     rendered = _render_albedo(look, render, views, transmits, seed, backend, alter)
     return _Curves(look, azimuth, transmits, quadrature, sampled, rendered)
 
 
-@dataclass(frozen=True)
-class _ConstantPoint(ImagePoints):
-    """A point of a constant look, of which only handedness and view are read."""
-
-    cosine: float
-
-    def uv(self, name: str) -> NoReturn:
-        raise AssertionError(f"a constant look reads the UV set {name}")
-
-    def primvar(self, primvar: object) -> NoReturn:
-        raise AssertionError(f"a constant look reads {primvar}")
-
-    def handedness(self) -> Floats:
-        return np.ones(())
-
-    def view(self) -> Floats:
-        return np.asarray(self.cosine)
-
-
-def _views(angles: tuple[float, ...], azimuth: float) -> Floats:
-    """Return views (n, 3) in the card's frame: x right, y up, z towards its front."""
-    theta, phi = np.radians(angles), np.radians(azimuth)
-    return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
-
-
 def _stack_albedos(albedos: list[Albedo]) -> Albedo:
     return Albedo(np.stack([albedo.value for albedo in albedos]), np.stack([albedo.error for albedo in albedos]))
-
-
-def _transmits(bsdf: Bsdf) -> bool:
-    view = np.array([0.0, 0.0, 1.0])
-    deltas = bsdf.deltas(view, np.asarray(False))
-    return any(delta.transmits for delta in deltas) or any(
-        lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in bsdf.lobes(view)
-    )
 
 
 def _render_albedo(
@@ -197,9 +166,8 @@ def _render_albedo(
     # Not marked as convex, so that the shader has bounces and shadow rays as for any asset.
     card = replace(load_asset(builtin="plane"), convex=False, digest="")
     value, error = np.zeros((2, len(views), 2, 3))
-    for side, light in enumerate(
-        (_half_light(front=True), _half_light(front=False)) if transmits else (_white_light(),)
-    ):
+    white = prepare_light(load_environment(builtin="white"))
+    for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (white,)):
         scene = alter_shaders(scene_task(Scene.of_look(card, look, light, _SIZE), _SAMPLING, backend), alter)
         for number, wo in enumerate(views):
             camera, pose = _camera_and_pose(wo)
@@ -217,10 +185,6 @@ def _camera_and_pose(wo: Floats) -> tuple[Camera, Pose]:
     element = -90.0 - float(np.degrees(np.arctan2(-z, x)))
     camera = Camera(_FOV, float(np.degrees(np.arcsin(y))), (0.0, 0.0, 0.0), _DISTANCE)
     return camera, Pose(element % 360.0, element % 360.0)
-
-
-def _white_light() -> Dome:
-    return prepare_light(load_environment(builtin="white"))
 
 
 def _half_light(*, front: bool) -> Dome:
@@ -262,8 +226,8 @@ def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Flo
     point, estimator, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
     curve = curves[point]
     estimate = (curve.sampled, curve.cycles)[estimator]
-    wo = _views(angles, curve.azimuth)[view]
-    layers = look_layers(curve.look, _ConstantPoint(wo[2]))
+    wo = towards(np.radians(angles), np.radians(curve.azimuth))[view]
+    layers = look_layers(curve.look, SinglePoint(wo[2]))
     case = {
         "deviation": float(excess[point, estimator, view, side, channel]),
         "by": _ESTIMATORS[estimator],

@@ -85,15 +85,15 @@ def check_charts(task: FrameTask, strip: Strip, rendered: Rendered) -> tuple[Rea
     Channels whose reflectance is 0, as the red of cyan, are not compared.
     """
     halves = [np.asarray(half, np.float64) * 2.0**task.exposure for half in (rendered.a, rendered.b)]
-    colors = {
-        "grey ball": np.full(3, GREY),
-        **dict(zip(PATCHES, to_space(patch_colors(), task.scene.space), strict=True)),
-    }
+    colors = {"grey ball": np.full(3, GREY)} | dict(
+        zip(PATCHES, to_space(patch_colors(), task.scene.space), strict=True)
+    )
     squares = {name: _inner_square(box) for name, box in strip.measured.items()}
     light = _predict_white(task, strip, squares)
     readings = []
     for name, square in squares.items():
-        a, b = (half[square.top_row : square.bottom_row, square.left_column : square.right_column] for half in halves)
+        left, top, side = square
+        a, b = (half[top : top + side, left : left + side] for half in halves)
         count = a[..., 0].size
         # The pixels of a frame are independent, and so are the halves of each pixel.
         measured, noise = 0.5 * (a + b).mean(axis=(0, 1)), (0.5 * (a - b)) ** 2
@@ -114,7 +114,7 @@ def charts_doubts(readings: Sequence[Reading]) -> Iterator[str]:
         return
     names = ", ".join(f"{reading.name} {_format_deviation(reading)}" for reading in off[:_MAX_LISTED])
     more = f" and {len(off) - _MAX_LISTED} more" if len(off) > _MAX_LISTED else ""
-    ratios = [_ratio(reading) for reading in off]
+    ratios = [1.0 + reading.deviation for reading in off]
     has_common_ratio = len(off) == len(readings) and max(ratios) < 1.02 * min(ratios) and ratios[0] > 0.0
     cause = f"; all are {math.log2(ratios[0]):+.2f} stops off: the exposure is wrong" if has_common_ratio else ""
     yield f"the reference props do not show what their light predicts: {names}{more}{cause}"
@@ -128,41 +128,20 @@ def charts_header(readings: Sequence[Reading]) -> Mapping[str, str]:
     return header | ({"charts.doubt": doubts[0]} if doubts else {})
 
 
-def _ratio(reading: Reading) -> float:
-    return 1.0 + reading.deviation
-
-
 def _format_deviation(reading: Reading) -> str:
-    is_large = abs(reading.deviation) >= 1.0
-    return f"x {_ratio(reading):.2g}" if is_large else f"{100.0 * reading.deviation:+.2g} %"
+    deviation = reading.deviation
+    return f"x {1.0 + deviation:.2g}" if abs(deviation) >= 1.0 else f"{100.0 * deviation:+.2g} %"
 
 
-@dataclass(frozen=True)
-class _Square:
-    """A square of whole pixels of a frame."""
-
-    left_column: int
-    top_row: int
-    side: int
-
-    @property
-    def right_column(self) -> int:
-        return self.left_column + self.side
-
-    @property
-    def bottom_row(self) -> int:
-        return self.top_row + self.side
-
-    @property
-    def box(self) -> Box:
-        return Box(self.left_column, self.top_row, self.side, self.side)
+_Square = tuple[int, int, int]
+"""A square of whole pixels of a frame: its first column and row, and its side."""
 
 
 def _inner_square(box: Box) -> _Square:
     """Return a square of the whole pixels in a box, from its upper left."""
     left, top = math.ceil(box.left - 1e-9), math.ceil(box.top - 1e-9)
     right, bottom = math.floor(box.left + box.width + 1e-9), math.floor(box.top + box.height + 1e-9)
-    return _Square(left, top, min(right - left, bottom - top))
+    return left, top, min(right - left, bottom - top)
 
 
 def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]) -> dict[str, tuple[Floats, Floats]]:
@@ -170,22 +149,16 @@ def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]
     scene, gain = task.scene, 2.0**task.exposure
     lights = scene.lights_of(scene.worn[-1])
     is_far = all(light.far for light in lights)
+    pixel, samples = np.zeros((1, 2), np.int64), _SAMPLES[not is_far]
     first = next(iter(PATCHES))
     predictions: dict[str, tuple[Floats, Floats]] = {}
     for prop, names in (("grey", ["grey ball"]), ("chart", [first] if is_far else list(PATCHES))):
         surface = MeshScene(asset_of_props(strip, scene.camera, [prop]), [_WHITE])
         for number, name in enumerate(names):
-            camera = cropped(scene.camera, scene.resolution, squares[name].box)
+            left, top, side = squares[name]
+            camera = cropped(scene.camera, scene.resolution, Box(left, top, side, side))
             estimate = frame_pixels(
-                surface,
-                lights,
-                camera,
-                task.pose,
-                (1, 1),
-                np.zeros((1, 2), np.int64),
-                samples=_SAMPLES[not is_far],
-                scrambles=_SCRAMBLES,
-                seed=number,
+                surface, lights, camera, task.pose, (1, 1), pixel, samples=samples, scrambles=_SCRAMBLES, seed=number
             )
             predictions[name] = gain * estimate.value[0], gain * estimate.error[0]
     return dict.fromkeys(PATCHES, predictions[first]) | predictions

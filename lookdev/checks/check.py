@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -17,10 +16,9 @@ from lookdev.build.expand import expand_material
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Alter, Halves, Render, alter_shaders, keep_shader
-from lookdev.checks.gap import check_gap
-from lookdev.checks.images import check_frame, choose_pixels
+from lookdev.checks.images import check_frame, check_gap, choose_pixels
 from lookdev.checks.points import check_points
-from lookdev.checks.stability import stress
+from lookdev.checks.stability import DepthName, stress
 from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobTurntable
@@ -37,8 +35,6 @@ from lookdev.rendering.scene import SceneTasks, scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Film, Pose, Sampling, Scene
-
-DepthName = Literal["quick", "default", "full"]
 
 
 @dataclass(frozen=True)

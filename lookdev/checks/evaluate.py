@@ -54,11 +54,12 @@ class Batch:
 
     def round_to_float32(self) -> Batch:
         """Return the cases with all numbers rounded to float32, as code in float32 reads them."""
-        numbers = tuple({name: _round(values) for name, values in layer.items()} for layer in self.numbers)
-        return Batch(self.layers, _round(self.wo), _round(self.wi), numbers)
+        numbers = tuple({name: round_to_float32(values) for name, values in layer.items()} for layer in self.numbers)
+        return Batch(self.layers, round_to_float32(self.wo), round_to_float32(self.wi), numbers)
 
 
-def _round(values: Floats) -> Floats:
+def round_to_float32(values: Floats) -> Floats:
+    """Return values rounded to float32, as float64."""
     return values.astype(np.float32).astype(np.float64)
 
 
@@ -144,6 +145,11 @@ def evaluate_cycles(
             raise WorkerError(f"evaluation inside Cycles failed (exit {process.returncode}):\n{lines}")
         with np.load(result, allow_pickle=False) as stored:
             return stored["f"].astype(np.float64), stored["pdf"].astype(np.float64)
+
+
+def join_columns(values: tuple[Floats, Floats]) -> Floats:
+    """Return f (n, 3) and pdf (n,) as one array (n, 4)."""
+    return np.column_stack(values)
 
 
 def point_table(batch: Batch) -> Floats32:

@@ -12,8 +12,9 @@ from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.brdf import MODELS, Parameter
+from lookdev.brdf.angles import at_cosine
 from lookdev.brdf.frames import ZENITH
-from lookdev.checks.evaluate import Batch
+from lookdev.checks.evaluate import Batch, round_to_float32
 from lookdev.codegen.points import PointLayer
 from lookdev.light import EnvironmentMap, make_environment
 
@@ -72,29 +73,21 @@ def _draw_directions(count: int, absurd: Bools, rng: Rng, *, thin: bool) -> tupl
         return np.where(absurd & (rng.random(count) < 0.7), odd, usual)
 
     phi = rng.uniform(0.0, 2.0 * np.pi, count)
-    wo = _direction(draw_cosines(0), phi)
+    wo = at_cosine(draw_cosines(0), phi)
     kind = rng.integers(5, size=count)[:, None]
-    grazing = (
-        _direction(draw_cosines(3), phi),
-        _direction(draw_cosines(3), phi + np.pi + rng.choice([0, 1e-7, 1e-4, 1e-3], count)),
-    )
-    wo = np.where(kind == 4, grazing[0], wo)
+    wo = np.where(kind == 4, at_cosine(draw_cosines(3), phi), wo)
+    opposed = at_cosine(draw_cosines(3), phi + np.pi + rng.choice([0, 1e-7, 1e-4, 1e-3], count))
     mirrored = wo * (-1.0, -1.0, 1.0)
     near = mirrored + rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-7.0, -1.0, (count, 1))
     near[:, 2] = np.abs(near[:, 2])
     near /= np.linalg.norm(near, axis=-1, keepdims=True)
-    anywhere = _direction(draw_cosines(0), rng.uniform(0.0, 2.0 * np.pi, count))
-    wi = np.select([kind == 0, kind == 1, kind == 2, kind == 3], [anywhere, wo, mirrored, near], grazing[1])
+    anywhere = at_cosine(draw_cosines(0), rng.uniform(0.0, 2.0 * np.pi, count))
+    wi = np.select([kind == 0, kind == 1, kind == 2, kind == 3], [anywhere, wo, mirrored, near], opposed)
     if thin:
         through, straight, behind = (rng.random((count, 1)) < share for share in (0.4, 0.1, 0.2))
         wi = np.where(straight, -wo, np.where(through, wi * (1.0, 1.0, -1.0), wi))
         wo, wi = (np.where(behind, -w, w) for w in (wo, wi))
-    return _round_to_float32(wo), _round_to_float32(wi)
-
-
-def _direction(cosine: Floats, phi: Floats) -> Floats:
-    sine = np.sqrt(1.0 - cosine * cosine)
-    return np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
+    return round_to_float32(wo), round_to_float32(wi)
 
 
 def _draw_numbers(layer: PointLayer, count: int, absurd: Bools, straight: Bools, rng: Rng) -> dict[str, Floats]:
@@ -127,18 +120,14 @@ def _draw_normals(count: int, straight: Bools, rng: Rng) -> Floats:
     normals = rng.uniform(-1.0, 1.0, (count, 3))
     normals = np.where(rng.random((count, 1)) < 0.2, rng.choice([-1.0, 0.0, 1e-12, 1.0], (count, 3)), normals)
     normals[straight | ~normals.any(axis=-1)] = ZENITH
-    return _round_to_float32(normals)
+    return round_to_float32(normals)
 
 
 def _round_within(values: Floats, low: float, high: float) -> Floats:
     """Round values to float32, but never beyond a range."""
-    rounded = _round_to_float32(values)
+    rounded = round_to_float32(values)
     inwards = np.where(rounded < low, np.inf, np.where(rounded > high, -np.inf, rounded))
-    return _round_to_float32(np.nextafter(rounded.astype(np.float32), inwards.astype(np.float32)))
-
-
-def _round_to_float32(values: Floats) -> Floats:
-    return values.astype(np.float32).astype(np.float64)
+    return round_to_float32(np.nextafter(rounded.astype(np.float32), inwards.astype(np.float32)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,6 +55,11 @@ class Finding:
     skipped: str = ""  # the reason why the check, or a part of it, was not run
 
     @property
+    def result(self) -> str:
+        """Whether the two sides agree, in a word."""
+        return "agrees" if self.passed else "DISAGREES"
+
+    @property
     def headline(self) -> str:
         """One line with the check, the subject, and whether it agrees."""
-        return f"{self.check}: {self.subject}: {'agrees' if self.passed else 'DISAGREES'}"
+        return f"{self.check}: {self.subject}: {self.result}"

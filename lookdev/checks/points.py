@@ -12,19 +12,12 @@ from dataclasses import replace
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf import MODELS, Bsdf, evaluate, pdf, sample
+from lookdev.brdf import MODELS, Bsdf, sample
+from lookdev.brdf.angles import at_cosine
 from lookdev.brdf.frames import ZENITH
-from lookdev.checks.evaluate import Batch, evaluate_cycles
+from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns, round_to_float32
 from lookdev.checks.finding import Finding, Plot, Series
-from lookdev.checks.samples import (
-    case_line,
-    constant_numbers,
-    following_numbers,
-    layer_tokens,
-    sample_layers,
-    varying_numbers,
-)
-from lookdev.codegen.points import PointLayer
+from lookdev.checks.samples import case_line, constant_numbers, point_layer, sample_layers, varying_numbers
 from lookdev.material import Look
 
 TOLERANCE = 2e-4
@@ -54,8 +47,8 @@ def check_points(
     the shader. A WorkerError reports that Cycles failed.
     """
     batch = look_batch(look, count, np.random.default_rng(seed))
-    got = _join_columns(*evaluate_cycles(batch, alter=alter))
-    expected = _join_columns(*_evaluate_reference(batch, batch.wo, batch.wi))
+    got = join_columns(evaluate_cycles(batch, alter=alter))
+    expected = join_columns(evaluate_numpy(batch))
     allowed = tolerance * np.maximum(expected, VISIBLE)
     has_rounded_directions = _rounds_directions(batch)
     if has_rounded_directions:
@@ -96,16 +89,13 @@ def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
     """Return random cases of a look, rounded to float32: half with inputs of one point, half with those of several."""
     layers = sample_layers(look, count, rng)
     numbers = tuple(
-        {name: _recombine(value, rng) for name, value in varying_numbers(layer).items()} for layer in layers
-    )
-    kinds = tuple(
-        PointLayer(layer.model, layer_tokens(layer), layer.mode, constant_numbers(layer), following_numbers(layer))
+        {name: round_to_float32(_recombine(value, rng)) for name, value in varying_numbers(layer).items()}
         for layer in layers
     )
-    numbers = tuple({name: _round_to_float32(value) for name, value in layer.items()} for layer in numbers)
+    kinds = tuple(point_layer(layer, constant_numbers(layer)) for layer in layers)
     zenith = np.tile(ZENITH, (count, 1))
     bsdf = Batch(kinds, zenith, zenith, numbers).bsdf()
-    wo, wi = (_round_to_float32(w) for w in _draw_directions(bsdf, count, rng))
+    wo, wi = (round_to_float32(w) for w in _draw_directions(bsdf, count, rng))
     return Batch(kinds, wo, wi, numbers)
 
 
@@ -146,26 +136,11 @@ def _draw_upper(rng: np.random.Generator, count: int) -> Floats:
     cos = rng.random(count)
     quarter = rng.permutation(count)[: count // 4]
     cos[quarter] = 10.0 ** rng.uniform(-4.0, 0.0, quarter.size)
-    phi = rng.uniform(0.0, 2.0 * np.pi, count)
-    sin = np.sqrt(1.0 - cos * cos)
-    return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
+    return at_cosine(cos, rng.uniform(0.0, 2.0 * np.pi, count))
 
 
 def _normalize(w: Floats) -> Floats:
     return np.asarray(w / np.linalg.norm(w, axis=-1, keepdims=True))
-
-
-def _round_to_float32(values: Floats) -> Floats:
-    return values.astype(np.float32).astype(np.float64)
-
-
-def _evaluate_reference(batch: Batch, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
-    bsdf = batch.bsdf()
-    return evaluate(bsdf, wo, wi), pdf(bsdf, wo, wi)
-
-
-def _join_columns(f: Floats, density: Floats) -> Floats:
-    return np.concatenate([f, density[:, None]], axis=-1)
 
 
 def _rounds_directions(batch: Batch) -> bool:
@@ -186,14 +161,8 @@ def _direction_rounding(batch: Batch, expected: Floats) -> Floats:
     for axis in range(3):
         step = _DIRECTION_ROUNDING * np.eye(3)[axis]
         for wo_step, wi_step in ((step, 0.0), (0.0, step)):
-            changed = [
-                np.abs(
-                    _join_columns(*_evaluate_reference(batch, batch.wo + sign * wo_step, batch.wi + sign * wi_step))
-                    - expected
-                )
-                for sign in (1.0, -1.0)
-            ]
-            total += np.maximum(*changed)
+            moved = [replace(batch, wo=batch.wo + s * wo_step, wi=batch.wi + s * wi_step) for s in (1.0, -1.0)]
+            total += np.maximum(*(np.abs(join_columns(evaluate_numpy(other)) - expected) for other in moved))
     return total
 
 
@@ -207,7 +176,7 @@ def _option_rounding(batch: Batch, expected: Floats) -> Floats:
                 numbers = list(batch.numbers)
                 numbers[number] = {**numbers[number], name: np.asarray(values[name]) * (1.0 - _DIRECTION_ROUNDING)}
                 other = replace(batch, numbers=tuple(numbers))
-                change += np.abs(_join_columns(*_evaluate_reference(other, batch.wo, batch.wi)) - expected)
+                change += np.abs(join_columns(evaluate_numpy(other)) - expected)
     return change
 
 

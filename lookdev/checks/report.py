@@ -25,7 +25,7 @@ def print_findings(findings: Sequence[Finding], console: Console) -> None:
     for column in ("check", "of", "", "figures"):
         table.add_column(column, overflow="fold")
     for finding in findings:
-        result = Text(_result(finding), style="green" if finding.passed else "bold red")
+        result = Text(finding.result, style="green" if finding.passed else "bold red")
         table.add_row(
             finding.check, Text(replace_controls(finding.subject)), result, Text(replace_controls(_summary(finding)))
         )
@@ -46,13 +46,7 @@ def verdict(findings: Sequence[Finding]) -> str:
 def write_html(findings: Sequence[Finding], file: Path, title: str) -> None:
     """Write an HTML page with all figures, worst cases and plots. It loads no files and runs no scripts."""
     template = Path(__file__).with_suffix(".html")
-    write_html_page(
-        file, template, title, findings=findings, verdict=verdict, result=_result, summary=_summary, draw_svg=draw_svg
-    )
-
-
-def _result(finding: Finding) -> str:
-    return "agrees" if finding.passed else "DISAGREES"
+    write_html_page(file, template, title, findings=findings, verdict=verdict, summary=_summary, draw_svg=draw_svg)
 
 
 def _summary(finding: Finding) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
+from lookdev.codegen.points import PointLayer
 from lookdev.material import Formula, Input, Layer, Look, Primvar, Source, depends_on_view
 from lookdev.material.expression import Kind
 from lookdev.material.points import ImagePoints
@@ -80,6 +81,11 @@ def following_numbers(layer: StackLayer) -> frozenset[str]:
     """Return the names of the numbers of a layer that are not authored, but follow another number."""
     parameters, values = MODELS[layer.model].parameters, layer.parameters
     return frozenset(name for name, p in parameters.items() if p.follows and values[name] is values[p.follows])
+
+
+def point_layer(layer: StackLayer, constants: Mapping[str, float | list[float]]) -> PointLayer:
+    """Return the part of a layer at points that its code depends on, with some of its numbers as constants."""
+    return PointLayer(layer.model, layer_tokens(layer), layer.mode, constants, following_numbers(layer))
 
 
 def constant_looks(look: Look, count: int, rng: np.random.Generator) -> list[Look]:

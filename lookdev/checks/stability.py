@@ -19,13 +19,13 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats
 from lookdev.asset import Asset, save_asset
-from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, StackLayer, evaluate_cosine, pdf, sample
 from lookdev.cache import Content
-from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
+from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
-from lookdev.checks.frames import Alter, Halves, Render, keep_shader
-from lookdev.checks.samples import case_line, constant_numbers, following_numbers, layer_tokens, sample_layers
+from lookdev.checks.frames import Halves, Render
+from lookdev.checks.samples import case_line, constant_numbers, point_layer, sample_layers
 from lookdev.codegen.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
@@ -34,7 +34,7 @@ from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
-Depth = Literal["quick", "default", "full"]
+DepthName = Literal["quick", "default", "full"]
 
 RELATIVE = 2e-4
 """Relative error that a float32 value may have in any case."""
@@ -54,16 +54,16 @@ Equal scenes have 1 on average. The rest is for heavy tails.
 _ROUNDING = 2.0**-24
 _PERTURBATIONS = 8
 _WORST = 5
-_COUNTS: dict[Depth, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
+_COUNTS: dict[DepthName, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
 # The number of sets of parameters, and the samples for each view of a set.
-_ENERGY: dict[Depth, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
+_ENERGY: dict[DepthName, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
 _VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)
 _SIZE = (32, 32)
 _SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 
 
 def stress(
-    subjects: Sequence[str | Look], render: Render, *, seed: int = 0, depth: Depth = "default"
+    subjects: Sequence[str | Look], render: Render, *, seed: int = 0, depth: DepthName = "default"
 ) -> Iterator[Finding]:
     """Stress models and looks; yield a finding for each stack and scene.
 
@@ -107,27 +107,20 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:
     """Return the layers of a look with their constants, rounded to float32."""
+
+    def round_constants(layer: StackLayer) -> dict[str, float | list[float]]:
+        return {name: np.asarray(value, np.float32).tolist() for name, value in constant_numbers(layer).items()}
+
     layers = sample_layers(look, 2, np.random.default_rng(0))
-    return tuple(
-        PointLayer(
-            layer.model,
-            layer_tokens(layer),
-            layer.mode,
-            {name: np.asarray(value, dtype=np.float32).tolist() for name, value in constant_numbers(layer).items()},
-            following_numbers(layer),
-        )
-        for layer in layers
-    )
+    return tuple(point_layer(layer, round_constants(layer)) for layer in layers)
 
 
-def check_stack(
-    name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth, alter: Alter = keep_shader
-) -> Finding:
-    """Evaluate extreme cases of a stack in NumPy and, altered, inside Cycles; sample moderate cases in NumPy."""
+def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> Finding:
+    """Evaluate extreme cases of a stack in NumPy and inside Cycles; sample moderate cases in NumPy."""
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
-        expected = _join_columns(*evaluate_numpy(cases.batch))
-    got = _join_columns(*evaluate_cycles(cases.batch, alter=alter))
+        expected = join_columns(evaluate_numpy(cases.batch))
+    got = join_columns(evaluate_cycles(cases.batch))
     unsound = {side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", expected), ("Cycles", got))}
     is_broken = unsound["NumPy"] | unsound["Cycles"]
     # Only visible f counts: the sampling weight divides by the same pdf, so an error of the pdf cancels.
@@ -188,7 +181,7 @@ def _measure_error(batch: Batch, got: Floats, expected: Floats, rng: np.random.G
     unit = _ROUNDING * size
     for _ in range(_PERTURBATIONS):
         unit = np.maximum(
-            unit, np.abs(_join_columns(*evaluate_numpy(_perturb(batch, rng))) - expected) + _ROUNDING * size
+            unit, np.abs(join_columns(evaluate_numpy(_perturb(batch, rng))) - expected) + _ROUNDING * size
         )
     error = np.abs(got - expected)
     relative, units = error / size, error / unit
@@ -244,16 +237,12 @@ def _select_cases(batch: Batch, mask: Bools) -> Batch:
     return replace(batch, wo=batch.wo[mask], wi=batch.wi[mask], numbers=numbers)
 
 
-def _join_columns(f: Floats, density: Floats) -> Floats:
-    return np.concatenate([f, density[:, None]], axis=-1)
-
-
 def _energy_limit(layers: Sequence[PointLayer]) -> float:
     """Return the largest albedo that the models of a stack may have."""
     return max(model.energy(model.tokens(layer.tokens)) for layer in layers for model in [MODELS[layer.model]])
 
 
-def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth) -> float:
+def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> float:
     """Return the largest albedo over sets of moderate parameters and views, minus five standard errors."""
     sets, samples = _ENERGY[depth]
     numbers = moderate_numbers(layers, sets, rng)
@@ -304,13 +293,12 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, re
     limit = _energy_limit(look_stack(look))
     if case.is_white and mean > limit:
         faults.append(f"{mean:.3g} of the light is reflected, at most {limit:g} would be right")
+    text = f"mean {mean:.3g}"
     if reference is not None:
-        figures["difference"] = _difference(case.gain, halves, reference)
-        if not figures["difference"] < MAX_DIFFERENCE:
+        figures["difference"] = difference = _difference(case.gain, halves, reference)
+        text += f", difference {difference:.2f} of {MAX_DIFFERENCE:g}"
+        if not difference < MAX_DIFFERENCE:
             faults.append(f"it is not like '{case.like}'")
-    text = f"mean {mean:.3g}" + (
-        f", difference {figures['difference']:.2f} of {MAX_DIFFERENCE:g}" if reference is not None else ""
-    )
     return Finding("stability", subject, not faults, "; ".join([text, *faults]), figures)
 
 

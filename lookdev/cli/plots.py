@@ -165,8 +165,8 @@ def fit(
         if look is not None:
             model_look(look, result.model, result.values)
         return
-    from lookdev.fitting.picture import Settings
     from lookdev.fitting.picture.fit import Wish, fit_picture
+    from lookdev.fitting.picture.search import Settings
     from lookdev.run.progress import show_fit
 
     if samples & (samples - 1):

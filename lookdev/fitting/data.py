@@ -1,16 +1,27 @@
-"""Pairs of directions for a fit: the centres of cells of a MERL file, where no value is interpolated."""
+"""What a fit compares: pairs of directions, at the centres of cells of a MERL file, where no value is interpolated.
+
+A loss is the root mean square of the difference of f cos theta_i of two surfaces, compressed or not.
+
+- Ngan, A., Durand, F., Matusik, W. 2005. Experimental Analysis of BRDF Models. EGSR, eq. 6: linear.
+- Löw, J. et al. 2012. BRDF Models for Accurate and Efficient Rendering of Glossy Surfaces. ACM TOG 31(1): log.
+- Bieron, J., Peers, P. 2020. An Adaptive BRDF Fitting Metric. CGF 39(4), on such losses.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
+from lookdev.brdf.angles import half_difference
 from lookdev.brdf.measured.files import MERL_SIZE
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import half_difference
+
+LOSSES: dict[str, Callable[[Floats], Floats]] = {"log": np.log1p, "cbrt": np.cbrt, "linear": lambda value: value}
+"""The function that compresses f cos theta_i, (...), by the name of the loss."""
 
 LIMIT = 80.0
 """Degrees from the normal beyond which measured data are not used, as they are unreliable (Ngan et al. 2005)."""

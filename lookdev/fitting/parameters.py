@@ -68,12 +68,9 @@ def free_parameters(model: Model, fixed: Mapping[str, object], names: Sequence[s
             raise LookdevError(f"{model.name} has no number '{name}' ({nearest_hint(name, list(numbers))})")
         if name in fixed:
             raise LookdevError(f"{model.name}.{name} is both fixed and to be fitted; one of the two would be right")
-    default_names = [
-        name
-        for name, parameter in numbers.items()
-        if not parameter.optional and name != "presence" and name not in fixed
+    selected = [numbers[name] for name in names] or [
+        parameter for name, parameter in numbers.items() if not parameter.optional and name not in ("presence", *fixed)
     ]
-    selected = [numbers[name] for name in (names or default_names)]
     return tuple(
         Free(parameter, max(parameter.soft[0], parameter.hard[0]), min(parameter.soft[1], parameter.hard[1]))
         for parameter in selected

@@ -17,10 +17,10 @@ from threadpoolctl import threadpool_limits
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Model, evaluate
+from lookdev.brdf.parameters import add_followers
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.fitting.data import Data, evaluate_pairs
-from lookdev.fitting.loss import LOSSES
+from lookdev.fitting.data import LOSSES, Data, evaluate_pairs
 from lookdev.fitting.parameters import Free, free_parameters
 from lookdev.plotting import Subject, model_subject
 
@@ -105,9 +105,9 @@ def fit(
     fixed
         Parameters, by name, that keep these values.
     wanted
-        Names of the parameters to fit; by default `lookdev.fitting.free_parameters`.
+        Names of the parameters to fit; by default `lookdev.fitting.parameters.free_parameters`.
     loss
-        One of `lookdev.fitting.LOSSES`.
+        One of `lookdev.fitting.data.LOSSES`.
     starts
         The number of followed starts, the best of 128 random starts and the defaults.
 
@@ -131,10 +131,10 @@ def fit(
     measured = evaluate_pairs(data.bsdf, data.label)
     free = free if wanted else _select_effective(model, constant, free, measured, loss)
     problem = _Problem(model, constant, free, measured, loss)
-    solution = problem.solve(starts, seed)
-    values = {parameter.name: parameter.value(part) for parameter, part in problem.parts(solution.unit)}
-    residual = problem.residual(solution.unit[None])[0].reshape(-1, 3)
-    effect = np.abs(problem.jacobian(solution.unit)).max(axis=0)
+    unit, losses = problem.solve(starts, seed)
+    values = {parameter.name: parameter.value(part) for parameter, part in problem.parts(unit)}
+    residual = problem.residual(unit[None])[0].reshape(-1, 3)
+    effect = np.abs(problem.jacobian(unit)).max(axis=0)
     scale = float(np.abs(problem.target).max())
     unknown = tuple(
         parameter.name
@@ -142,13 +142,11 @@ def fit(
         if parameter.width == 1 and part.max() < _NO_EFFECT * scale
     )
     all_values = {**(fixed or {}), **{name: value.tolist() for name, value in values.items()}}
-    subject = model_subject(
-        model, {name: _to_tuple(value) for name, value in all_values.items()}, f"{model.name}, fitted"
-    )
+    subject = model_subject(model, all_values, f"{model.name}, fitted")
     red, green, blue = (float(np.sqrt(np.mean(residual[:, channel] ** 2))) for channel in range(3))
     return Fit(
         model, subject, all_values, unknown, loss, float(np.sqrt(np.mean(residual**2))), (red, green, blue),
-        solution.losses, len(problem.data.f), time.process_time() - start_time,
+        losses, len(problem.data.f), time.process_time() - start_time,
     )  # fmt: skip
 
 
@@ -161,16 +159,6 @@ def _select_effective(
     effect = np.max([np.abs(problem.jacobian(point)).max(axis=0) for point in points], axis=0)
     limit = _NO_EFFECT * float(np.abs(problem.target).max())
     return tuple(parameter for parameter, part in problem.parts(effect) if part.max() > limit)
-
-
-def _to_tuple(value: object) -> object:
-    return tuple(value) if isinstance(value, list) else value
-
-
-@dataclass(frozen=True, eq=False)
-class _Solution:
-    unit: Floats
-    losses: tuple[float, ...]
 
 
 class _Problem:
@@ -190,12 +178,7 @@ class _Problem:
     def residual(self, units: Floats) -> Floats:
         """Return the differences (k, 3 n) of compressed values for k sets of numbers (k, size)."""
         values = {parameter.name: parameter.value(part[:, None, :]) for parameter, part in self.parts(units)}
-        followers = {
-            name: values[parameter.follows]
-            for name, parameter in self.model.parameters.items()
-            if parameter.follows in values
-        }
-        bsdf = self.model.bsdf({**self.constant, **followers, **values})
+        bsdf = self.model.bsdf({**self.constant, **add_followers(self.model.parameters, values)})
         f = evaluate(bsdf, self.data.wo[None], self.data.wi[None])
         residual = self.compress(np.maximum(f, 0.0) * self.data.cosine) - self.target
         return np.broadcast_to(residual, (len(units), *self.target.shape)).reshape(len(units), -1)
@@ -206,7 +189,7 @@ class _Problem:
         residuals = self.residual(np.vstack([unit, unit + np.diag(step)]))
         return np.asarray(((residuals[1:] - residuals[0]) / step[:, None]).T)
 
-    def solve(self, starts: int, seed: int) -> _Solution:
+    def solve(self, starts: int, seed: int) -> tuple[Floats, tuple[float, ...]]:
         """Return the best numbers (size,), and the losses of the followed starts."""
         coarse = _Problem(self.model, self.constant, self.free, self.data.part(_COARSE), self.loss)
         default = np.concatenate([parameter.unit(self.constant[parameter.name]) for parameter in self.free])
@@ -215,7 +198,7 @@ class _Problem:
         best_starts = trials[np.argsort(quality)[:starts]]
         ends = [coarse.follow(start, 40) for start in best_starts]
         ends.sort(key=lambda end: end[1])
-        return _Solution(self.follow(ends[0][0], 60)[0], tuple(loss for _, loss in ends))
+        return self.follow(ends[0][0], 60)[0], tuple(loss for _, loss in ends)
 
     def follow(self, start: Floats, max_evaluations: int) -> tuple[Floats, float]:
         """Return the numbers at which least squares from `start` ends, and their loss."""

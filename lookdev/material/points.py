@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.material import Texture
+from lookdev.material import Primvar, Texture
 from lookdev.material.textures import image_slopes, image_texels
 
 
@@ -21,3 +24,23 @@ class ImagePoints(ABC):
 
     def slopes(self, height: Texture) -> Floats:
         return image_slopes(height, self.uv(height.st))
+
+
+@dataclass(frozen=True)
+class SinglePoint(ImagePoints):
+    """One point of a surface without primvars, for views of some cosines, at texture coordinates `at`."""
+
+    cosine: Floats
+    at: tuple[float, float] = (0.5, 0.5)
+
+    def uv(self, name: str) -> Floats:
+        return np.array([self.at])
+
+    def primvar(self, primvar: Primvar) -> Floats:
+        return np.array([primvar.fallback], np.float64)
+
+    def handedness(self) -> Floats:
+        return np.ones(1)
+
+    def view(self) -> Floats:
+        return self.cosine

@@ -6,27 +6,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from lookdev.arrays import Floats
-from lookdev.brdf import Bsdf
+from lookdev.brdf import Bsdf, evaluate
+from lookdev.brdf.angles import half_difference, towards
 from lookdev.brdf.fresnel import schlick_weight
+from lookdev.codegen.program.arrays import PART, run_in_parts
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import Values, half_difference, towards
-from lookdev.plotting.figure import (
-    COLORS,
-    DASHES,
-    RGB,
-    Plot,
-    create_figure,
-    draw_curves,
-    draw_legend,
-    legend_label,
-    scale_values,
-    split_channels,
-    unique_labels,
-)
+from lookdev.plotting.figure import Plot, Values, create_figure, draw_curves, draw_legend, scale_values, split_channels
 from lookdev.plotting.options import Options
-from lookdev.plotting.parts import evaluate_in_parts
 from lookdev.plotting.subject import Subject
 from lookdev.reference.albedo import CELLS, integrate_albedo
 
@@ -46,9 +35,7 @@ def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
 
     theta_i is in the plane of incidence, negative on the viewer's side.
     """
-    figure, axes = create_figure()
-    ax = axes[0, 0]
-    values, columns = _draw_and_evaluate(ax, subjects, options, cartesian_values)
+    figure, ax, (*_, values), columns = _draw_subjects(subjects, options, cartesian_values)
     if options.axis == "theta_i":
         still = f"view θo = {options.theta:g}°"
     else:
@@ -79,9 +66,7 @@ def cartesian_values(subject: Subject, options: Options) -> Values:
 
 def retro(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
-    figure, axes = create_figure()
-    ax = axes[0, 0]
-    values, columns = _draw_and_evaluate(ax, subjects, options, retro_values)
+    figure, ax, (*_, values), columns = _draw_subjects(subjects, options, retro_values)
     ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
     scale_values(ax, options, values["inner"])
     draw_legend(ax)
@@ -101,17 +86,10 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
     The view is a line on the left, the mirrored view a line on the right.
     """
     surface_values = [polar_values(subject, options) for subject in subjects]
-    theta = np.radians(surface_values[0]["x"])
-    curves = list(
-        zip(
-            unique_labels([subject.label for subject in subjects]),
-            (surface["f"] for surface in surface_values),
-            strict=True,
-        )
-    )
+    colors = [surface["f"] for surface in surface_values]
     figure, axes = create_figure(size=(6.8, 4.6), projection="polar")
     ax = axes[0, 0]
-    peak = max((float(np.max(values)) for _, values in curves), default=0.0) or 1.0
+    peak = max((float(np.max(values)) for values in colors), default=0.0) or 1.0
     floor = peak * 10.0**-_DECADES
 
     def radius(values: Floats) -> Floats:
@@ -119,18 +97,9 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
             return np.asarray(np.log10(np.maximum(values, floor) / floor))
         return np.asarray(np.sqrt(np.maximum(values, 0.0)) if options.scale == "sqrt" else values)
 
-    columns: dict[str, Floats] = {}
-    for index, (label, values) in enumerate(curves):
-        for channel, (ending, curve) in enumerate(split_channels(values, options).items()):
-            color, dashes = (RGB[channel], DASHES[index % 4]) if ending else (COLORS[index % len(COLORS)], "-")
-            ax.plot(theta, radius(curve), color=color, linestyle=dashes, label=f"{legend_label(label)}{ending}")
-            columns[f"{label}{ending}"] = curve
+    columns = draw_curves(ax, np.radians(surface_values[0]["x"]), subjects, colors, options, height=radius)
     top = float(radius(np.array([peak]))[0]) * 1.08
-    ax.set_theta_zero_location("N")
-    ax.set_theta_direction(-1)
-    ax.set_thetamin(-90)
-    ax.set_thetamax(90)
-    ax.set_ylim(0.0, top)
+    ax.set(theta_zero_location="N", theta_direction=-1, thetamin=-90, thetamax=90, ylim=(0.0, top))
     if options.scale == "log":
         ticks = np.arange(_DECADES + 1.0)
         ax.set_yticks(ticks, [f"{floor * 10.0**tick:.1g}" for tick in ticks], fontsize=7)
@@ -162,9 +131,7 @@ def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
         raise LookdevError(
             "fresnel: mirrors and glass, of which it plots reflectances, beside others; not both at once"
         )
-    figure, axes = create_figure()
-    ax = axes[0, 0]
-    values, columns = _draw_and_evaluate(ax, subjects, options, fresnel_values)
+    figure, ax, (*_, values), columns = _draw_subjects(subjects, options, fresnel_values)
     degrees = values["x"]
     if kinds == {True}:
         ax.set(xlabel="θ (degrees)", ylabel="reflectance", title="Fresnel reflectance")
@@ -196,24 +163,14 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     The band is the error of the quadrature (`lookdev.reference.albedo.integrate_albedo`). Mostly it is too thin to see;
     the numbers have it, too.
     """
-    figure, axes = create_figure()
-    ax = axes[0, 0]
-    labels = unique_labels([subject.label for subject in subjects])
-    surface_values = [albedo_values(subject, options) for subject in subjects]
+    figure, ax, surface_values, columns = _draw_subjects(subjects, options, albedo_values, marker=".")
     degrees = surface_values[0]["x"]
-    curves = list(zip(labels, (surface["f"] for surface in surface_values), strict=True))
-    errors = dict(zip(labels, (surface["error"] for surface in surface_values), strict=True))
-    columns = draw_curves(ax, degrees, curves, options, marker=".")
-    for index, (label, values) in enumerate(curves):
-        bands = zip(
-            split_channels(values, options).values(), split_channels(errors[label], options).items(), strict=True
-        )
-        for channel, (curve, (ending, error)) in enumerate(bands):
-            color = RGB[channel] if ending else COLORS[index % len(COLORS)]
-            ax.fill_between(degrees, curve - error, curve + error, color=color, alpha=0.3, linewidth=0.0)
-            columns[f"{label}{ending} error"] = error
+    errors = [error for surface in surface_values for error in split_channels(surface["error"], options).values()]
+    for line, (label, curve), error in zip(list(ax.lines), list(columns.items()), errors, strict=True):
+        ax.fill_between(degrees, curve - error, curve + error, color=line.get_color(), alpha=0.3, linewidth=0.0)
+        columns[f"{label} error"] = error
     ax.set(xlabel="θo (degrees)", ylabel="directional albedo")
-    worst = max(float(error.max()) for error in errors.values())
+    worst = max(float(surface["error"].max()) for surface in surface_values)
     ax.set_title(f"directional albedo; integration error at most {worst:.1g}")
     scale_values(ax, options, np.ones(len(degrees), np.bool_))
     ax.axhline(1.0, color="#999999", linewidth=0.8)
@@ -232,14 +189,15 @@ def albedo_values(subject: Subject, options: Options, draft: bool = False) -> Va
     return {"x": degrees, "f": values, "error": error}
 
 
-def _draw_and_evaluate(
-    ax: Axes, subjects: Sequence[Subject], options: Options, values: Callable[[Subject, Options], Values]
-) -> tuple[Values, dict[str, Floats]]:
-    """Draw the curves of surfaces; return the values of the last surface, and the columns."""
+def _draw_subjects(
+    subjects: Sequence[Subject], options: Options, values: Callable[[Subject, Options], Values], marker: str = "None"
+) -> tuple[Figure, Axes, list[Values], dict[str, Floats]]:
+    """Draw the curves of surfaces; return the figure, its axes, the values of each surface, and the columns."""
+    figure, axes = create_figure()
     surface_values = [values(subject, options) for subject in subjects]
-    labels = unique_labels([subject.label for subject in subjects])
-    curves = list(zip(labels, (surface["f"] for surface in surface_values), strict=True))
-    return surface_values[-1], draw_curves(ax, surface_values[-1]["x"], curves, options)
+    colors = [surface["f"] for surface in surface_values]
+    columns = draw_curves(axes[0, 0], surface_values[-1]["x"], subjects, colors, options, marker)
+    return figure, axes[0, 0], surface_values, columns
 
 
 def evaluate_f(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
@@ -251,8 +209,22 @@ def evaluate_f(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats
     if subject.faster:
         f = subject.faster(wo.reshape(-1, 3), wi.reshape(-1, 3)).reshape(wo.shape)
     else:
-        f = evaluate_in_parts(subject.bsdf, wo, wi)
+        f = _evaluate_in_parts(subject.bsdf, wo, wi)
     return f * np.abs(wi[..., 2:]) if cosine else f
+
+
+def _evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
+    """Return exactly the values of `evaluate`: in parts that stay in a processor's cache, on all of its cores."""
+    count = wo.size // 3
+    if count <= PART:
+        return np.asarray(evaluate(bsdf, wo, wi))
+    f, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
+
+    def fill(part: slice) -> None:
+        f[part] = evaluate(bsdf, towards_viewer[part], towards_light[part])
+
+    run_in_parts(fill, count)
+    return f.reshape(wo.shape)
 
 
 def _f_label(options: Options) -> str:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -16,8 +17,14 @@ from numpy.typing import NDArray
 from lookdev.arrays import Array, Bools, Floats
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE
 from lookdev.plotting.options import Options
+from lookdev.plotting.subject import Subject
+
+Values = dict[str, NDArray[Any]]
+"""The numbers of one surface in a plot, by name."""
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of the luminance of linear Rec.709."""
 
 SUFFIXES = (".png", ".svg", ".pdf", ".csv")
 """Suffixes of the files that a plot is written to."""
@@ -88,12 +95,18 @@ def legend_label(label: str) -> str:
     return label.replace("$", r"\$")
 
 
-def unique_labels(labels: Sequence[str]) -> list[str]:
-    """Return labels that differ: repetitions have a number appended."""
+def unique_labels(subjects: Sequence[Subject]) -> list[str]:
+    """Return labels of surfaces that differ: repetitions have a number appended."""
+    labels = [subject.label for subject in subjects]
     return [
         label if label not in labels[:index] else f"{label} #{labels[: index + 1].count(label)}"
         for index, label in enumerate(labels)
     ]
+
+
+def rgb_columns(label: str, colors: Floats) -> dict[str, Floats]:
+    """Return the three channels of colours (..., 3) as columns, (n,)."""
+    return {f"{label}.{name}": colors[..., channel].ravel() for channel, name in enumerate("rgb")}
 
 
 def split_channels(values: Floats, options: Options) -> dict[str, Floats]:
@@ -104,23 +117,22 @@ def split_channels(values: Floats, options: Options) -> dict[str, Floats]:
 
 
 def draw_curves(
-    axes: Axes, x: Floats, curves: Sequence[tuple[str, Floats]], options: Options, marker: str = "None"
+    axes: Axes,
+    x: Floats,
+    subjects: Sequence[Subject],
+    colors: Sequence[Floats],
+    options: Options,
+    marker: str = "None",
+    height: Callable[[Floats], Floats] = lambda values: values,
 ) -> dict[str, Floats]:
-    """Draw labelled colours (n, 3) as curves over x (n,), and return them as columns."""
+    """Draw colours (n, 3) of surfaces as curves over x (n,), at a height for each value, and return them as columns."""
     columns: dict[str, Floats] = {}
-    for index, (label, values) in enumerate(curves):
+    for index, (label, values) in enumerate(zip(unique_labels(subjects), colors, strict=True)):
         for channel, (ending, curve) in enumerate(split_channels(values, options).items()):
             color = RGB[channel] if ending else COLORS[index % len(COLORS)]
             dashes = DASHES[(index if ending else index // len(COLORS)) % len(DASHES)]
-            axes.plot(
-                x,
-                curve,
-                color=color,
-                linestyle=dashes,
-                label=f"{legend_label(label)}{ending}",
-                marker=marker,
-                markersize=4,
-            )
+            text = f"{legend_label(label)}{ending}"
+            axes.plot(x, height(curve), color=color, linestyle=dashes, label=text, marker=marker, markersize=4)
             columns[f"{label}{ending}"] = curve
     return columns
 

@@ -8,8 +8,7 @@ from functools import partial
 
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.plotting import curves, maps, sampling, solid
-from lookdev.plotting.angles import Values
-from lookdev.plotting.figure import Plot
+from lookdev.plotting.figure import Plot, Values
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 

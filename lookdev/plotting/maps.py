@@ -9,10 +9,19 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from lookdev.arrays import Floats
+from lookdev.brdf.angles import half_difference
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE, Values, half_difference
 from lookdev.plotting.curves import evaluate_f
-from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, unique_labels
+from lookdev.plotting.figure import (
+    LUMINANCE,
+    Plot,
+    Values,
+    create_figure,
+    legend_label,
+    picture,
+    rgb_columns,
+    unique_labels,
+)
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -35,16 +44,12 @@ def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
     theta, wo, wi = slice_grid(options)
     figure, axes = create_figure(len(subjects), size=(3.7, 3.9))
     columns = _angles(theta)
-    for index, (label, subject) in enumerate(
-        zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)
-    ):
+    for index, (label, subject) in enumerate(zip(unique_labels(subjects), subjects, strict=True)):
         f = evaluate_f(subject, wo, wi, options.cosine)
-        ax = axes[0, index]
-        _draw_image(ax, picture(f, options))
-        ax.set_title(legend_label(label), fontsize=9)
+        _draw_image(axes[0, index], f, label, options)
         if index == 0:
-            _annotate(ax, wo, wi)
-        columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
+            _annotate(axes[0, 0], wo, wi)
+        columns |= rgb_columns(label, f)
     figure.suptitle(_title(options), fontsize=9)
     return Plot(figure, columns)
 
@@ -67,10 +72,10 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
     above = (wo[..., 2] > 0.0) & (wi[..., 2] > 0.0)
     root = np.where(above, np.cbrt(second @ LUMINANCE) - np.cbrt(first @ LUMINANCE), np.nan)
     figure, axes = create_figure(3, size=(3.9, 3.9))
-    labels = unique_labels([subject.label for subject in subjects])
-    for ax, f, label in zip(axes[0], (first, second), labels, strict=False):
-        _draw_image(ax, picture(f, options))
-        ax.set_title(legend_label(label), fontsize=9)
+    columns = _angles(theta)
+    for ax, f, label in zip(axes[0], (first, second), unique_labels(subjects), strict=False):
+        _draw_image(ax, f, label, options)
+        columns |= rgb_columns(label, f)
     # A percentile, as the corner where models grow without bound would leave no colours for the rest.
     limit = float(np.nanpercentile(np.abs(root), 98.0)) or 1.0
     image = axes[0, 2].imshow(
@@ -82,9 +87,6 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
     rms, relative = float(np.sqrt(np.nanmean(root**2))), _relative_difference(first[above], second[above])
     axes[0, 2].set_title(f"difference of cube roots, rms {rms:.3g}", fontsize=9)
     figure.suptitle(_title(options), fontsize=9)
-    columns = _angles(theta)
-    for label, f in zip(labels, (first, second), strict=True):
-        columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
     columns["difference of cube roots"] = root.ravel()
     return Plot(
         figure, columns, (f"rms of cube roots {rms:.4g}", f"largest difference of f {relative:.4g} of the peak")
@@ -115,8 +117,9 @@ def _relative_difference(first: Floats, second: Floats) -> float:
     return float(np.abs(first - second).max() / max(first.max(), second.max(), 1e-300))
 
 
-def _draw_image(ax: Axes, image: Floats) -> None:
-    ax.imshow(image, origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
+def _draw_image(ax: Axes, f: Floats, label: str, options: Options) -> None:
+    ax.set_title(legend_label(label), fontsize=9)
+    ax.imshow(picture(f, options), origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
     ax.set(xlabel="θh (degrees)", ylabel="θd (degrees)", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from lookdev.errors import LookdevError, nearest_hint
 
@@ -50,12 +50,7 @@ class Options:
     size: int = 0
 
     def __post_init__(self) -> None:
-        for name, choices in (
-            ("scale", SCALES),
-            ("angles", SCALES[:2]),
-            ("axis", AXES),
-            ("channels", CHANNELS),
-        ):
+        for name, choices in (("scale", SCALES), ("angles", SCALES[:2]), ("axis", AXES), ("channels", CHANNELS)):
             value = getattr(self, name)
             if value not in choices:
                 raise LookdevError(f"--{name} {value}: {nearest_hint(str(value), choices)}")
@@ -69,8 +64,4 @@ class Options:
 
     def given(self) -> dict[str, str | float]:
         """Return the options that are not at their defaults, by name."""
-        return {
-            option.name: getattr(self, option.name)
-            for option in fields(self)
-            if getattr(self, option.name) != option.default
-        }
+        return {name: value for name, value in vars(self).items() if value != getattr(Options, name)}

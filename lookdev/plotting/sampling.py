@@ -10,9 +10,9 @@ from scipy.stats import chi2
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
+from lookdev.brdf.angles import towards
 from lookdev.errors import LookdevError
-from lookdev.plotting.angles import LUMINANCE, Values, towards
-from lookdev.plotting.figure import Plot, create_figure, legend_label, unique_labels
+from lookdev.plotting.figure import LUMINANCE, Plot, Values, create_figure, legend_label, unique_labels
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -48,9 +48,7 @@ def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
     figure, axes = create_figure(3, len(subjects), size=(4.0, 3.0))
     columns: dict[str, Floats] = {}
     notes = []
-    for row, (label, subject) in enumerate(
-        zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)
-    ):
+    for row, (label, subject) in enumerate(zip(unique_labels(subjects), subjects, strict=True)):
         values = sampling_values(subject, options)
         cos, phi, density, value = (values[name] for name in ("cos", "phi", "pdf", "value"))
         top = float(max(density.max(), 1e-12))

@@ -9,11 +9,20 @@ from matplotlib.colors import Normalize
 
 from lookdev.arrays import Floats
 from lookdev.brdf import bsdf_for_views, evaluate_cosine, pdf, sample
+from lookdev.brdf.angles import towards
 from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
-from lookdev.plotting.angles import LUMINANCE, Values, towards
 from lookdev.plotting.curves import evaluate_f
-from lookdev.plotting.figure import Plot, create_figure, legend_label, picture, unique_labels
+from lookdev.plotting.figure import (
+    LUMINANCE,
+    Plot,
+    Values,
+    create_figure,
+    legend_label,
+    picture,
+    rgb_columns,
+    unique_labels,
+)
 from lookdev.plotting.options import Options
 from lookdev.plotting.subject import Subject
 
@@ -31,9 +40,7 @@ def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
     figure, axes = create_figure(len(subjects), size=(4.6, 4.4), projection="3d")
     columns = {"theta_i (degrees)": np.repeat(np.degrees(theta), len(phi))}
     columns["phi_i (degrees)"] = np.tile(np.degrees(phi), len(theta))
-    for ax, label, subject in zip(
-        axes[0], unique_labels([subject.label for subject in subjects]), subjects, strict=True
-    ):
+    for ax, label, subject in zip(axes[0], unique_labels(subjects), subjects, strict=True):
         wi, f = lobe_values(subject, options).values()
         luminance = f @ LUMINANCE
         peak = float(luminance.max()) or 1.0
@@ -51,7 +58,7 @@ def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
         ax.set_box_aspect((2, 2, 1))
         ax.view_init(elev=22, azim=-60)
         ax.set_title(f"{legend_label(label)}\npeak {peak:.3g} /sr, {options.scale}", fontsize=8)
-        columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
+        columns |= rgb_columns(label, f)
     figure.suptitle(f"θo = {options.theta:g}°" + (", times cos θi" if options.cosine else ""), fontsize=9)
     return Plot(figure, columns)
 
@@ -79,9 +86,7 @@ def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
     """
     figure, axes = create_figure(len(subjects), 2, size=(3.0, 3.0))
     columns: dict[str, Floats] = {}
-    for index, (label, subject) in enumerate(
-        zip(unique_labels([subject.label for subject in subjects]), subjects, strict=True)
-    ):
+    for index, (label, subject) in enumerate(zip(unique_labels(subjects), subjects, strict=True)):
         values = sphere_values(subject, options)
         pixels, count = values.pop("pixel"), options.size or _PIXELS
         columns |= {"row": (pixels // count).astype(float), "column": (pixels % count).astype(float)}
@@ -91,7 +96,7 @@ def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
             ax = axes[row, index]
             ax.imshow(picture(image.reshape(count, count, 3), options), origin="lower", interpolation="nearest")
             ax.set_axis_off()
-            columns |= {f"{label}.{name}.{c}": radiance[..., channel] for channel, c in enumerate("rgb")}
+            columns |= rgb_columns(f"{label}.{name}", radiance)
         axes[0, index].set_title(legend_label(label), fontsize=8)
     title = f"point light at {options.theta:g}°, and the dome '{_DOME}'; exposure {options.exposure:+g}"
     figure.suptitle(title, fontsize=9)

@@ -21,10 +21,10 @@ from lookdev.brdf.model import StackLayer
 from lookdev.brdf.parameters import Value
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, LookError, ModelError, nearest_hint
-from lookdev.material import Look, Primvar, depends_on_view
+from lookdev.material import Look, depends_on_view
 from lookdev.material.library import SUFFIXES, find_preset, library_folders, read_library
 from lookdev.material.library.edit import preset_look
-from lookdev.material.points import ImagePoints
+from lookdev.material.points import SinglePoint
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers
 
@@ -66,26 +66,6 @@ class Subject:
             return all(MODELS[layer.model].delta for layer in self.layers)
         wo = np.array([0.0, 0.6, 0.8])
         return not self.bsdf.lobes(wo) and bool(self.bsdf.deltas(wo, np.asarray(False)))
-
-
-@dataclass(frozen=True)
-class _Point(ImagePoints):
-    """One point of a surface without primvars, at texture coordinates `at`, for views of some cosines."""
-
-    at: tuple[float, float]
-    cosine: Floats
-
-    def uv(self, name: str) -> Floats:
-        return np.array([self.at])
-
-    def primvar(self, primvar: Primvar) -> Floats:
-        return np.array([primvar.fallback], np.float64)
-
-    def handedness(self) -> Floats:
-        return np.ones(1)
-
-    def view(self) -> Floats:
-        return self.cosine
 
 
 Locate = Callable[[str], Path]
@@ -214,6 +194,7 @@ def _look_subject(
         else:
             raise LookdevError(f"{words}: no layer '{layer}' ({nearest_hint(layer, names)}; or 0 to {len(names) - 1})")
         look = replace(look, layers=(replace(look.layers[number], mask=1.0, mode="over"),))
+    layers = _layers_at(look, uv, np.ones(1))
     if any(
         depends_on_view(source) for candidate in look.layers for source in (*candidate.inputs.values(), candidate.mask)
     ):
@@ -222,14 +203,8 @@ def _look_subject(
             return stack_bsdf(_layers_at(look, uv, np.abs(np.asarray(wo)[..., 2]), is_squeezed=False))
 
         upright_bsdf = bsdf_for_view(np.array([[0.0, 0.0, 1.0]]))
-        layers_from_above = tuple(_layers_at(look, uv, np.ones(1)))
-        return Subject(
-            label,
-            replace(upright_bsdf, lobes=lambda wo: bsdf_for_view(wo).lobes(wo)),
-            layers_from_above,
-            seen_alike=False,
-        )
-    layers = _layers_at(look, uv, np.ones(1))
+        bsdf = replace(upright_bsdf, lobes=lambda wo: bsdf_for_view(wo).lobes(wo))
+        return Subject(label, bsdf, tuple(layers), seen_alike=False)
     return Subject(label, stack_bsdf(layers), tuple(layers))
 
 
@@ -239,7 +214,7 @@ def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed:
     def squeeze(value: Real) -> Real:
         return np.squeeze(np.asarray(value), 0) if np.ndim(value) and np.shape(value)[0] == 1 else value
 
-    layers = look_layers(look, _Point(uv, cosine))
+    layers = look_layers(look, SinglePoint(cosine, uv))
     if not is_squeezed:
         return layers
     return [

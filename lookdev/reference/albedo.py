@@ -77,7 +77,8 @@ def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
         view = np.asarray(lobe.frame.to_local(wo))
         if view[2] > 0.0:
             wi, weight = half_vector_grid(_refract_view(lobe, view), _MIN_ALPHA, cells)
-            wi = _lobe_to_surface(lobe, wi)
+            # In the lobe's frame, all directions reflect.
+            wi = np.asarray(lobe.frame.from_local(mirror_across_surface(wi) if lobe.transmits else wi))
             single_lobe = replace(bsdf, lobes=lambda _, lobe=lobe: (lobe,))  # type: ignore[misc]
             value, below = evaluate_cosine(single_lobe, wo, wi) * weight[:, None], wi[:, 2] < 0.0
             total += value[~below].sum(axis=0), value[below].sum(axis=0)
@@ -93,8 +94,3 @@ def _refract_view(lobe: Lobe, view: Floats) -> Floats:
     directions = np.asarray(lobe.sample(u, (np.arange(256) * 0.6180339887498949) % 1.0))
     mean = np.broadcast_to(directions, (256, 3)).mean(axis=0) * (-1.0, -1.0, 1.0)
     return np.asarray(mean / np.linalg.norm(mean))
-
-
-def _lobe_to_surface(lobe: Lobe, wi: Floats) -> Floats:
-    """Return directions (n, 3) of a lobe's frame, in which all reflect, in the frame of the surface."""
-    return np.asarray(lobe.frame.from_local(mirror_across_surface(wi) if lobe.transmits else wi))

@@ -68,26 +68,22 @@ class MeshScene:
         self._looks = list({id(look): look for look in looks}.values())
         numbers = {id(look): number for number, look in enumerate(self._looks)}
         slot_looks = np.array([numbers[id(look)] for look in looks])
-        self._first_corner = np.cumsum([0, *(len(mesh.corner_points) for mesh in asset.meshes)])
+        first_corner = np.cumsum([0, *(len(mesh.corner_points) for mesh in asset.meshes)])
         triangulations = [corner_triangles(mesh) for mesh in asset.meshes]
-        positions, corners, look_numbers, owners, slots = [], [], [], [], []
+        parts = []
         for number, instance in enumerate(asset.instances):
             mesh, (triangles, faces) = asset.meshes[instance.mesh], triangulations[instance.mesh]
             points = mesh.points.astype(np.float64) @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
-            positions.append(points[mesh.corner_points[triangles]])
-            corners.append(triangles + self._first_corner[instance.mesh])
-            look_numbers.append(slot_looks[mesh.face_slots[faces]])
-            owners.append(np.full(len(faces), number))
-            slots.append(mesh.face_slots[faces])
-        self._positions = np.concatenate(positions)
+            corners, owners = triangles + first_corner[instance.mesh], np.full(len(faces), number)
+            parts.append((points[mesh.corner_points[triangles]], corners, owners, mesh.face_slots[faces]))
+        self._positions, *numbers_of_triangles = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         edges = self._positions[:, 1:] - self._positions[:, :1]
         normals = np.cross(edges[:, 0], edges[:, 1])
         area = np.linalg.norm(normals, axis=-1, keepdims=True)
         has_area = area[:, 0] > 0.0
         self._positions, self._facets = self._positions[has_area], normals[has_area] / area[has_area]
-        self._corners, self._triangle_looks, self._owners, self._slots = (
-            np.concatenate(arrays)[has_area].astype(np.int64) for arrays in (corners, look_numbers, owners, slots)
-        )
+        self._corners, self._owners, self._slots = (array[has_area].astype(np.int64) for array in numbers_of_triangles)
+        self._triangle_looks = slot_looks[self._slots]
         self._linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
         self._inverse = np.linalg.inv(self._linear)
         # A mirrored instance mirrors its bitangents.

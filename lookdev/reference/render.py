@@ -14,11 +14,10 @@ sees a black background in place of the light.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, fields, replace
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.arrays import Bools, Floats, Ints, Records
@@ -26,8 +25,6 @@ from lookdev.brdf import Bsdf, Delta, bsdf_for_views, evaluate_cosine, evaluate_
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
-
-_Element = TypeVar("_Element", bound=np.generic)
 
 Places = Records
 """Hits of rays on a surface, one a row; the scene defines the content of a row."""
@@ -143,12 +140,8 @@ def frame_pixels(
 
 def _sobol_points(numbers: Ints, dimensions: int, samples: int, scrambles: int, seed: int) -> Floats:
     """Return the Sobol points (N, dimensions) of some pixels."""
-    points = []
-    for number in numbers:
-        for scramble in range(scrambles):
-            rng = np.random.default_rng([seed, number, scramble])
-            points.append(qmc.Sobol(dimensions, rng=rng).random(samples))
-    return np.concatenate(points)
+    rngs = (np.random.default_rng([seed, number, scramble]) for number in numbers for scramble in range(scrambles))
+    return np.concatenate([qmc.Sobol(dimensions, rng=rng).random(samples) for rng in rngs])
 
 
 def _depth_dimensions(lights: Sequence[object]) -> int:
@@ -170,8 +163,7 @@ class _Lamp:
     @classmethod
     def in_pose(cls, number: int, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
         emission = light.emission
-        turn = pose.lighting if emission.turns else 0.0
-        posed = Turned(light, turn - pose.element, axis)
+        posed = Turned(light, (pose.lighting if emission.turns else 0.0) - pose.element, axis)
         return cls(number, posed, emission.shadow, emission.spared, emission.diffuse, emission.specular)
 
     @property
@@ -270,17 +262,12 @@ def _choose_rays(alternatives: Sequence[_TracedRays], u: Floats) -> _TracedRays:
     ends, total = np.cumsum(shares, axis=0), shares.sum(axis=0)
     number = np.minimum((u * total >= ends).sum(axis=0), len(alternatives) - 1)
     rows = np.arange(len(u))
-
-    def pick(values: Callable[[_TracedRays], NDArray[_Element]]) -> NDArray[_Element]:
-        picked: NDArray[_Element] = np.stack([values(rays) for rays in alternatives])[number, rows]
-        return picked
-
     share = shares[number, rows]
     scale = np.divide(total, share, out=np.zeros_like(total), where=share > 0.0)
-    blocked = pick(lambda rays: rays.blocked) & (share > 0.0)
-    direction, direct = pick(lambda rays: rays.direction), pick(lambda rays: rays.direct)
-    weight = pick(lambda rays: rays.weight) * scale[:, None]
-    return _TracedRays(direction, direct, blocked, pick(lambda rays: rays.place), weight)
+    names = [field.name for field in fields(_TracedRays)]
+    picked = {name: np.stack([getattr(rays, name) for rays in alternatives])[number, rows] for name in names}
+    chosen = _TracedRays(**picked)
+    return replace(chosen, blocked=chosen.blocked & (share > 0.0), weight=chosen.weight * scale[:, None])
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lookdev.checks.gap import MOST_FLIP, check_gap, measure_gap
+from lookdev.checks.images import MOST_FLIP, check_gap, measure_gap
 from lookdev.metrics import EPSILON
 
 SHAPE = (64, 64, 3)

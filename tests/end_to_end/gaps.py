@@ -13,7 +13,7 @@ from pathlib import Path
 from lookdev.asset import load_asset
 from lookdev.cache import atomic_path
 from lookdev.checks.albedo import check_albedo
-from lookdev.checks.gap import measure_gap
+from lookdev.checks.images import measure_gap
 from lookdev.light import load_environment, prepare_light
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import preset_look

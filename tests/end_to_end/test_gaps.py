@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gaps import PRESETS, ROOT, measure, read
 
-from lookdev.checks.gap import MOST_FLIP
+from lookdev.checks.images import MOST_FLIP
 from lookdev.rendering.worker import Worker
 
 

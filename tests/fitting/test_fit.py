@@ -9,8 +9,9 @@ from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, evaluate
 from lookdev.brdf.measured.files import MERL_SIZE, write_merl
 from lookdev.brdf.measured.synthetic import isotropic_samples
 from lookdev.errors import LookdevError
-from lookdev.fitting import LOSSES, fit, free_parameters
-from lookdev.fitting.data import evaluate_pairs
+from lookdev.fitting import fit
+from lookdev.fitting.data import LOSSES, evaluate_pairs
+from lookdev.fitting.parameters import free_parameters
 from lookdev.fitting.solve import format_fit
 from lookdev.plotting import Subject, model_subject, read_subject
 

@@ -9,10 +9,10 @@ import pytest
 
 from lookdev.brdf import Parameter
 from lookdev.errors import LookdevError
-from lookdev.fitting.picture import Photo, Search, Settings, Target, Unknown, parse_unknowns, read_photo
-from lookdev.fitting.picture.photo import REC709, estimate_noise, to_rec709
-from lookdev.fitting.picture.target import block_side
-from lookdev.fitting.picture.unknowns import exposure_unknown
+from lookdev.fitting.picture.photo import REC709, Photo, estimate_noise, read_photo, to_rec709
+from lookdev.fitting.picture.search import Search, Settings
+from lookdev.fitting.picture.target import Target, block_side
+from lookdev.fitting.picture.unknowns import EXPOSURE, Unknown, parse_unknowns
 from lookdev.material import Layer, Look
 from lookdev.material.change import Constant
 
@@ -104,7 +104,7 @@ def test_a_value_at_its_bound_is_that_bound() -> None:
 def test_exposure_is_found_too() -> None:
     render, target = linear({"a": 0.5}, 0.02)
     brighter = replace(target, value=2.0**0.5 * target.value)
-    result = Search(render, brighter, [unknown("a", 0.3), exposure_unknown()]).run()
+    result = Search(render, brighter, [unknown("a", 0.3), EXPOSURE]).run()
     assert result.values["exposure"][0] == pytest.approx(0.5, abs=4.0 * result.errors["exposure"][0])
     assert result.values["a"][0] == pytest.approx(0.5, abs=4.0 * result.errors["a"][0])
 
@@ -177,7 +177,7 @@ def test_units_and_values_are_inverse() -> None:
     for parameter in (
         *parse_unknowns(look, ["exponent"]),
         *parse_unknowns(look, ["exponent=10..90"]),
-        exposure_unknown(),
+        EXPOSURE,
     ):
         value = np.array([max(parameter.low, 12.5) if parameter.name != "exposure" else 0.7])
         unit = parameter.unit(value)

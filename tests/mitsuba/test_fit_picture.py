@@ -13,9 +13,8 @@ from batches import look_text
 from lending import lend_workers
 
 from lookdev.errors import LookdevError
-from lookdev.fitting.picture import Settings
 from lookdev.fitting.picture.fit import Wish, fit_picture
-from lookdev.fitting.picture.search import Point
+from lookdev.fitting.picture.search import Point, Settings
 from lookdev.material.change import constant_named
 from lookdev.material.library.constants import write_changed
 from lookdev.material.usd import read_look

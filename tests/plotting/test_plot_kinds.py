@@ -8,10 +8,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from lookdev.brdf import MODELS, evaluate
+from lookdev.brdf.angles import half_difference, towards
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.errors import LookdevError
 from lookdev.plotting import KINDS, Options, Plot, draw, model_subject
-from lookdev.plotting.angles import half_difference, towards
 from lookdev.plotting.sampling import chi_square
 
 PLASTIC = model_subject(MODELS["disney"], {"roughness": 0.4, "baseColor": (0.6, 0.2, 0.1)}, "plastic")

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, evaluate
+from lookdev.brdf.angles import towards
 from lookdev.errors import LookdevError
 from lookdev.plotting import read_subject
-from lookdev.plotting.angles import towards
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 WO, WI = towards(np.array([0.3, 0.9])), towards(np.array([0.5, 0.2]), np.array([1.0, 2.5]))

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import CONTINUOUS, evaluate
+from lookdev.brdf.angles import towards
 from lookdev.brdf.measured.files import write_anisotropic
 from lookdev.errors import LookdevError
 from lookdev.material.usd import read_look
 from lookdev.plotting import KINDS, Options, read_subject
-from lookdev.plotting.angles import towards
 from lookdev.studio.explorer.run import named_words
 from lookdev.studio.explorer.surfaces import Surfaces, accelerate, look_of
 from lookdev.studio.explorer.usd import usd_text

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import bsdf_of_lobes, color, cosine_pdf, exponent, parameters, power_sin2
+from lookdev.brdf.classic.parts import bsdf_of_lobes, color, diffuse_lobe, exponent, parameters, power_sin2
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import fresnel_blend, schlick_weights
 from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.microfacet import sample_cosine
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.special import log1p_ratio
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, scale, vector
@@ -27,18 +26,11 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
     # Eq. 5. The cosine-weighted mean of `rest` is 23 / 28.
     attenuated = scale(reflected, rest(wo[..., 2]))
-    return Lobe(
-        "ashikhmin-shirley",
-        "diffuse",
-        mean(attenuated),
-        evaluate=lambda d: scale(attenuated, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i)),
-        pdf=cosine_pdf,
-        sample=sample_cosine,
-        group="diffuse",
-        frame=frame,
-        broad=True,
-        values={"color": attenuated},
-    )
+
+    def evaluate(d: Directions) -> Array:
+        return scale(attenuated, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i))
+
+    return diffuse_lobe("ashikhmin-shirley", mean(attenuated), attenuated, frame, evaluate)
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import log_rest, polar, power_sin2, versine
-from lookdev.brdf.microfacet import gtr2_aniso
+from lookdev.brdf.classic.parts import log_rest, power_sin2, versine
+from lookdev.brdf.microfacet import gtr2_aniso, polar
 from lookdev.brdf.special import expm1_ratio, log1p_ratio, scaled_erfc, squared_angle
 from lookdev.brdf.vectors import TINY, Array, Real
 

@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import bsdf_of_lobes, color, cosine_pdf, parameters
+from lookdev.brdf.classic.parts import bsdf_of_lobes, color, diffuse_lobe, parameters
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.microfacet import sample_cosine
 from lookdev.brdf.model import Model, Preview
-from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.parameters import Parameter, token_parameter
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, scale, vector
 
 
@@ -30,18 +29,7 @@ def _factors(p: Parameters) -> tuple[Real, Real]:
 
 def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     color = scale(p["reflectance"], _factors(p)[0])
-    return Lobe(
-        "oren-nayar",
-        "diffuse",
-        mean(color),
-        evaluate=lambda d: color * (1.0 / np.pi),
-        pdf=cosine_pdf,
-        sample=sample_cosine,
-        group="diffuse",
-        frame=frame,
-        broad=True,
-        values={"color": color},
-    )
+    return diffuse_lobe("oren-nayar", mean(color), color, frame, lambda d: color * (1.0 / np.pi))
 
 
 def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
@@ -117,12 +105,10 @@ OREN_NAYAR = Model(
             help="Standard deviation of the facets' slope angle; 0 is Lambert's reflection.",
             unit="rad",
         ),
-        Parameter(
+        token_parameter(
             "interreflection",
-            "token",
-            "included",
-            choices=("included", "none"),
-            help="included: the constant 0.57, for what facets reflect to each other. none: 0.33.",
+            ("included", "none"),
+            "included: the constant 0.57, for what facets reflect to each other. none: 0.33.",
         ),
     ),
     bsdf=bsdf_of_lobes(_diffuse, _retroreflection),

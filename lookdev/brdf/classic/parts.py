@@ -11,8 +11,8 @@ import numpy as np
 
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
-from lookdev.brdf.microfacet import sample_cosine
-from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.microfacet import polar, sample_cosine
+from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_name
 from lookdev.brdf.special import cosine_power, expm1_ratio, log1p_ratio
 from lookdev.brdf.vectors import Array, Parameters, Real, cross, dot, mean, perpendicular, scale, vector
 
@@ -40,20 +40,26 @@ def lambertian(model: str, color: str, albedo: float = 1.0) -> Build:
     """Return the builder of a lobe of constant f; for white, its directional albedo is `albedo`."""
 
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
-        return Lobe(
-            model,
-            "diffuse",
-            mean(p[color]) * albedo,
-            evaluate=lambda d: scale(p[color], albedo / np.pi),
-            pdf=cosine_pdf,
-            sample=sample_cosine,
-            group="diffuse",
-            frame=frame,
-            broad=True,
-            values={"color": p[color] * albedo},
-        )
+        share, value = mean(p[color]) * albedo, p[color] * albedo
+        return diffuse_lobe(model, share, value, frame, lambda d: scale(p[color], albedo / np.pi))
 
     return build
+
+
+def diffuse_lobe(model: str, share: Real, color: Array, frame: Frame, evaluate: Callable[[Directions], Array]) -> Lobe:
+    """Return a lobe of albedo `color` that is sampled in proportion to the cosine."""
+    return Lobe(
+        model,
+        "diffuse",
+        share,
+        evaluate,
+        cosine_pdf,
+        sample_cosine,
+        group="diffuse",
+        frame=frame,
+        broad=True,
+        values={"color": color},
+    )
 
 
 def cosine_pdf(d: Directions) -> Array:
@@ -64,7 +70,7 @@ def cosine_pdf(d: Directions) -> Array:
 def parameters(*model_parameters: Parameter) -> Mapping[str, Parameter]:
     """Return a model's parameters by name, with the normal last."""
     normal = normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal.")
-    return {parameter.name: parameter for parameter in (*model_parameters, normal)}
+    return parameters_by_name(*model_parameters, normal)
 
 
 def color(name: str, grey: float, help: str) -> Parameter:
@@ -98,12 +104,6 @@ def sample_power_cosine(axis: Array, exponent: Real, u1: Array, u2: Array) -> Ar
     tangent = perpendicular(axis)
     local = polar(power_sin2(2.0 / (exponent + 1.0), u2), u1)
     return scale(tangent, local[..., 0]) + scale(cross(axis, tangent), local[..., 1]) + scale(axis, local[..., 2])
-
-
-def polar(sin2: Array, u: Array) -> Array:
-    """Return the unit vectors (..., 3) with the squared sine `sin2` to the normal and the azimuth ``2 pi u``."""
-    sin_theta, phi = np.sqrt(sin2), 2.0 * np.pi * u
-    return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), np.sqrt(np.maximum(1.0 - sin2, 0.0)))
 
 
 def power_sin2(power: Real, u: Array) -> Array:

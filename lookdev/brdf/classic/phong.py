@@ -20,6 +20,7 @@ import numpy as np
 from lookdev.brdf.classic import parts
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.microfacet import polar
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.special import cosine_power
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, scale
@@ -70,7 +71,7 @@ def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return cosine_power(d.wm[..., 2], parts.versine(d.wm), e)
 
     def sample(u1: Array, u2: Array) -> Array:
-        return reflect(wo, parts.polar(parts.power_sin2(2.0 / (e + 1.0), u2), u1))
+        return reflect(wo, polar(parts.power_sin2(2.0 / (e + 1.0), u2), u1))
 
     # 8 pi / (e + 4) for a view along the normal; the mean cosine of light and half vector is about that of the view.
     typical = np.sqrt(wo[..., 2] * wo[..., 2] + (1.0 - wo[..., 2] * wo[..., 2]) / (e + 4.0))

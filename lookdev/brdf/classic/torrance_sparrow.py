@@ -27,7 +27,7 @@ from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.metal import OF_INDICES, named_metal
 from lookdev.brdf.model import Model, Preview
-from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.parameters import Parameter, token_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mean, reflect, scale
 
 
@@ -119,26 +119,20 @@ TORRANCE_SPARROW = Model(
     parameters=parameters(
         color("diffuse", 0.0, "kd, the colour of the body; linear."),
         color("specular", 1.0, "ks, multiplies what facets reflect; linear."),
-        Parameter(
+        token_parameter(
             "distribution",
-            "token",
-            "beckmann",
-            choices=tuple(DISTRIBUTIONS),
-            help="D: beckmann, ggx, gtr by gamma, blinn's power of the cosine, gaussian of the angle.",
+            tuple(DISTRIBUTIONS),
+            "D: beckmann, ggx, gtr by gamma, blinn's power of the cosine, gaussian of the angle.",
         ),
-        Parameter(
+        token_parameter(
             "geometry",
-            "token",
-            "v-groove",
-            choices=("v-groove", "smith"),
-            help="G: v-groove, Torrance and Sparrow's cavities. smith: separable, of Beckmann or else of GGX.",
+            ("v-groove", "smith"),
+            "G: v-groove, Torrance and Sparrow's cavities. smith: separable, of Beckmann or else of GGX.",
         ),
-        Parameter(
+        token_parameter(
             "normalisation",
-            "token",
-            "4",
-            choices=("4", "pi"),
-            help="What D is divided by: 4, which follows from geometry, or pi (Cook and Torrance 1982).",
+            ("4", "pi"),
+            "What D is divided by: 4, which follows from geometry, or pi (Cook and Torrance 1982).",
         ),
         _roughness("roughness", "m, the root mean square slope times the root of 2; alpha of GGX."),
         _roughness("roughness2", "m of the second scale."),
@@ -162,9 +156,6 @@ TORRANCE_SPARROW = Model(
     reciprocal=lambda tokens: ("diffuse", "specular", "specular2"),
     probe={"diffuse": (0.2, 0.2, 0.2), "weight2": 0.3, "roughness2": 0.1},
     preview=Preview({}, _preview),
-    quotes={
-        **OF_INDICES,
-        "weight2": "May want to model multiple scales of roughness.",
-    },
+    quotes={**OF_INDICES, "weight2": "May want to model multiple scales of roughness."},
     quoted="Trent 2017, section 4; lecture on reflection models, Cook-Torrance",
 )

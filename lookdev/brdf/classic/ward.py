@@ -17,7 +17,7 @@ from lookdev.brdf.classic.parts import DIM, bsdf_of_lobes, color, lambertian, lo
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.model import Model, Preview
-from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.parameters import Parameter, token_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mean, normalize, reflect, scale, vector
 
 
@@ -85,12 +85,10 @@ WARD = Model(
         color("specular", 0.3, "ks, the colour of the highlight; linear."),
         _alpha("alphaX", "tangent"),
         _alpha("alphaY", "bitangent"),
-        Parameter(
+        token_parameter(
             "variant",
-            "token",
-            "1992",
-            choices=("1992", "dur"),
-            help="1992: divided by the root of the product of both cosines. dur: by the product (Dür 2006).",
+            ("1992", "dur"),
+            "1992: divided by the root of the product of both cosines. dur: by the product (Dür 2006).",
         ),
     ),
     bsdf=bsdf_of_lobes(lambertian("ward", "diffuse"), _specular),

@@ -20,7 +20,7 @@ from lookdev.brdf.measured.grids import Grid, Isotropic
 from lookdev.brdf.measured.proposal import Proposal, make_proposal
 from lookdev.brdf.measured.synthetic import plastic
 from lookdev.brdf.model import Model, Preview, StackLayer
-from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_name, token_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, scale
 
 BUILT_IN = "builtin:plastic"
@@ -109,29 +109,24 @@ MEASURED = Model(
     name="measured",
     title="Measured",
     text="Measured reflectance: a MERL binary (Matusik et al. 2003), or anisotropic data of Ngan et al. (2005).",
-    parameters={
-        parameter.name: parameter
-        for parameter in (
-            Parameter(
-                "file",
-                "token",
-                "",
-                choices=(BUILT_IN,),
-                among="own",
-                file=load_grid,
-                help="A MERL binary or anisotropic data of Ngan et al.; builtin:plastic is a synthetic measurement.",
-            ),
-            Parameter(
-                "interpolation",
-                "token",
-                "linear",
-                choices=("linear", "nearest"),
-                help="linear: between the samples beside the angles. nearest: the sample of their cell.",
-            ),
-            Parameter("scale", "float", 1.0, hard=(0.0, 100.0), help="A factor of all samples."),
-            normal_parameter("normal", "Normal of the lobe, in the frame of tangent, bitangent and shading normal."),
-        )
-    },
+    parameters=parameters_by_name(
+        Parameter(
+            "file",
+            "token",
+            "",
+            choices=(BUILT_IN,),
+            among="own",
+            file=load_grid,
+            help="A MERL binary or anisotropic data of Ngan et al.; builtin:plastic is a synthetic measurement.",
+        ),
+        token_parameter(
+            "interpolation",
+            ("linear", "nearest"),
+            "linear: between the samples beside the angles. nearest: the sample of their cell.",
+        ),
+        Parameter("scale", "float", 1.0, hard=(0.0, 100.0), help="A factor of all samples."),
+        normal_parameter("normal", "Normal of the lobe, in the frame of tangent, bitangent and shading normal."),
+    ),
     bsdf=_bsdf,
     identifier="LookdevMeasured",
     energy=_energy,

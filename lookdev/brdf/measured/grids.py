@@ -48,7 +48,7 @@ class Isotropic:
     def f(self, d: Directions, interpolation: str) -> Array:
         """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         halves, differences, azimuths = self.samples.shape[:3]
-        corners = _corners(interpolation)
+        corners = _CORNERS[interpolation]
         theta_h = _elevation(d.wm)
         # sin theta_d is half the length of the chord between the directions; their dot product would cancel.
         chord = d.wi - d.wo
@@ -91,7 +91,7 @@ class Anisotropic:
     def f(self, d: Directions, interpolation: str) -> Array:
         """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         lights, views, differences, azimuths = self.samples.shape[:4]
-        corners = _corners(interpolation)
+        corners = _CORNERS[interpolation]
         phi_i, phi_o = (arc_tangent(w[..., 1], w[..., 0]) for w in (d.wi, d.wo))
         theta_i, theta_o = _elevation(d.wi), _elevation(d.wo)
         turn = phi_o - phi_i
@@ -138,10 +138,6 @@ def _azimuth_fraction(angle: Array, period: float) -> Array:
     return np.where(part < 0.0, part + 1.0, part)
 
 
-def _corners(interpolation: str) -> Callable[..., tuple[Corner, ...]]:
-    return {"nearest": _nearest, "linear": _linear}[interpolation]
-
-
 def _nearest(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
     """Return the cell that contains a position, which is in units of cells."""
     return ((np.clip(np.floor(position), 0.0, count - 1.0), 1.0),)
@@ -159,6 +155,9 @@ def _linear(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
     low = np.minimum(np.floor(shifted), max(last - 1.0, 0.0))
     part = shifted - low
     return (low, 1.0 - part), (np.minimum(low + 1.0, last), part)
+
+
+_CORNERS = {"nearest": _nearest, "linear": _linear}
 
 
 def _interpolate(

@@ -23,6 +23,7 @@ from math import prod
 import numpy as np
 
 from lookdev.arrays import Floats
+from lookdev.brdf.angles import towards
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.measured.grids import HALF_PI, Anisotropic, Grid, arc_tangent
 from lookdev.brdf.microfacet import sample_cosine
@@ -223,7 +224,7 @@ def _view_cells(directed: bool) -> Iterator[list[Floats]]:
             for offset in (0.25, 0.75):
                 theta = min((row + offset) * HALF_PI / thetas, np.arccos(_LOWEST))
                 phi = (column + 1.0 - offset) * 2.0 * np.pi / phis - np.pi if directed else 0.0
-                views.append(np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)]))
+                views.append(towards(theta, phi))
             yield views
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats
+from lookdev.brdf.angles import half_difference, towards
 from lookdev.brdf.disney import DISNEY
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.measured.files import MERL_SIZE, write_anisotropic, write_merl
@@ -36,14 +37,7 @@ def isotropic_samples(bsdf: Bsdf, size: tuple[int, int, int] = MERL_SIZE) -> Flo
     """
     centres = [(np.arange(count) + 0.5) / count for count in size]
     h, d, phi = np.meshgrid(centres[0] ** 2 * HALF_PI, centres[1] * HALF_PI, centres[2] * np.pi, indexing="ij")
-    along, across, up = np.sin(d) * np.cos(phi), np.sin(d) * np.sin(phi), np.cos(d)
-
-    def directions(sign: float) -> Floats:
-        # The difference vector, rotated from the zenith to the half vector.
-        x = sign * along * np.cos(h) + up * np.sin(h)
-        return np.stack([x, sign * across, up * np.cos(h) - sign * along * np.sin(h)], axis=-1)
-
-    return _evaluate_in_blocks(bsdf, directions(-1.0), directions(1.0))
+    return _evaluate_in_blocks(bsdf, *half_difference(h, d, phi))
 
 
 def anisotropic_samples(
@@ -55,11 +49,7 @@ def anisotropic_samples(
     theta_i, theta_o, phi_d, phi_i = np.meshgrid(
         centres[0] * HALF_PI, centres[1] * HALF_PI, centres[2] * phi_range, centres[3] * 2.0 * np.pi, indexing="ij"
     )
-    wo, wi = (
-        np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
-        for theta, phi in ((theta_o, phi_i + phi_d), (theta_i, phi_i))
-    )
-    return _evaluate_in_blocks(bsdf, wo, wi)
+    return _evaluate_in_blocks(bsdf, towards(theta_o, phi_i + phi_d), towards(theta_i, phi_i))
 
 
 def write_synthetic(file: Path, bsdf: Bsdf) -> None:

@@ -9,7 +9,7 @@ averages over all of its contributions, weighted by energy.
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 
@@ -75,9 +75,7 @@ def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
         for contribution in leaving
         if contribution.name in THROUGH and family(contribution.name) == "highlight"
     ]
-    bend = _mean(
-        [contribution.term.bend for contribution in refracted], [contribution.energy for contribution in refracted]
-    )
+    bend = _mean(refracted, lambda term: term.bend)
     terms |= {contribution.name: replace(terms[contribution.name], bend=bend) for contribution in refracted}
     frames = {
         kind: _mean_frame([contribution for contribution in leaving if family(contribution.name) == kind])
@@ -116,10 +114,7 @@ def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, Term
             terms[name] = Term(
                 reduce(operator.add, (contribution.term.normal for contribution in of_lobe)),
                 reduce(operator.add, (contribution.term.grazing for contribution in of_lobe)),
-                _mean(
-                    [contribution.term.cone for contribution in of_lobe],
-                    [contribution.energy for contribution in of_lobe],
-                ),
+                _mean(of_lobe, lambda term: term.cone),
                 metals=_sum_metals([metal for contribution in of_lobe for metal in contribution.term.metals]),
             )
     return terms
@@ -129,49 +124,48 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
     """Sum the weights of equal metals."""
     sums: list[Metal] = []
     for part in parts:
-        index = next(
-            (n for n, metal in enumerate(sums) if are_equal(metal.eta, part.eta) and are_equal(metal.k, part.k)), None
-        )
-        if index is None:
-            sums.append(part)
+        for index, metal in enumerate(sums):
+            if are_equal(metal.eta, part.eta) and are_equal(metal.k, part.k):
+                sums[index] = replace(metal, normal=metal.normal + part.normal, grazing=metal.grazing + part.grazing)
+                break
         else:
-            sum_of_metal = sums[index]
-            sums[index] = replace(
-                sum_of_metal, normal=sum_of_metal.normal + part.normal, grazing=sum_of_metal.grazing + part.grazing
-            )
+            sums.append(part)
     return tuple(sums)
 
 
-def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
-    """Average values by their energies, (...); where there is no energy, the result has no effect."""
+def _mean(contributions: Sequence[_Contribution], value: Callable[[Term], Real]) -> Real:
+    """Average values of terms by their energies, (...); where there is no energy, the result has no effect."""
     # Equal values, and contributions without energy, generate no code.
-    weighted_values = [
-        (value, energy) for value, energy in zip(values, energies, strict=True) if not are_equal(energy, 0.0)
-    ]
-    if not weighted_values or all(are_equal(value, weighted_values[0][0]) for value, _ in weighted_values):
-        return weighted_values[0][0] if weighted_values else values[0]
-    total, has_energy = _sum_energies([energy for _, energy in weighted_values])
-    weighted = reduce(operator.add, (value * energy for value, energy in weighted_values))
-    mean: Array = np.where(has_energy, weighted / total, weighted_values[0][0])
+    contributing = _with_energy(contributions)
+    first = value((contributing or contributions)[0].term)
+    if all(are_equal(value(contribution.term), first) for contribution in contributing):
+        return first
+    total, has_energy = _sum_energies(contributing)
+    weighted = reduce(operator.add, (value(contribution.term) * contribution.energy for contribution in contributing))
+    mean: Array = np.where(has_energy, weighted / total, first)
     return mean
 
 
 def _mean_frame(contributions: Sequence[_Contribution]) -> Frame:
     """Return the frame about the mean normal, weighted by energy; the shading normal where there is no energy."""
-    contributing = [contribution for contribution in contributions if not are_equal(contribution.energy, 0.0)]
+    contributing = _with_energy(contributions)
     if not contributing:
         return Upright()
     if all(are_equal(contribution.frame.normal, contributing[0].frame.normal) for contribution in contributing):
         return contributing[0].frame
-    total, has_energy = _sum_energies([contribution.energy for contribution in contributing])
+    total, has_energy = _sum_energies(contributing)
     weighted = reduce(
         operator.add, (scale(contribution.frame.normal, contribution.energy) for contribution in contributing)
     )
     return Leaning(normalize(np.where(np.expand_dims(has_energy, -1), scale(weighted, 1.0 / total), ZENITH)))
 
 
-def _sum_energies(energies: Sequence[Array]) -> tuple[Array, Mask]:
+def _with_energy(contributions: Sequence[_Contribution]) -> list[_Contribution]:
+    return [contribution for contribution in contributions if not are_equal(contribution.energy, 0.0)]
+
+
+def _sum_energies(contributions: Sequence[_Contribution]) -> tuple[Array, Mask]:
     """Return the sum of energies, 1 where there is no energy, and the mask of where there is energy."""
-    total = reduce(operator.add, energies)
+    total = reduce(operator.add, (contribution.energy for contribution in contributions))
     has_energy = total > TINY * TINY
     return np.where(has_energy, total, 1.0), has_energy

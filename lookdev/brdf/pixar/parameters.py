@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lookdev.brdf.metal import metal_parameters
-from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.parameters import PRESENCE, Parameter, normal_parameter, parameters_by_name, token_parameter
 
 _WHITE = (1.0, 1.0, 1.0)
 
@@ -17,60 +17,48 @@ def _cone_scale(lobe: str, lobe_text: str, follows: str = "") -> Parameter:
     return Parameter(f"{lobe}ConeScale", "float", 1.0, (0.0, 2.0), (0.5, 1.5), help=help, follows=follows)
 
 
-PARAMETERS: dict[str, Parameter] = {
-    parameter.name: parameter
-    for parameter in (
-        Parameter(
-            "surfaceColor", "color", (0.8, 0.8, 0.8), help="What is left of the light that enters the surface; linear."
-        ),
-        Parameter("metallic", "float", 0.0, help="0 dielectric, which reflects 0.05 at normal incidence; 1 metal."),
-        Parameter(
-            "roughness", "float", 0.5, help="Widens the highlights and fades them out; at 1 all light is diffuse."
-        ),
-        Parameter("clear", "float", 0.0, help="Fraction of the entering light that passes straight through."),
-        Parameter("back", "float", 0.0, help="Fraction of the scattered light that leaves on the other side."),
-        Parameter("ior", "float", 1.5, hard=(1.0, 10.0), soft=(1.0, 2.5), help="Bends the view that is transmitted."),
-        Parameter(
-            "normalScale",
-            "float",
-            1.0,
-            hard=(0.0, 20.0),
-            soft=(0.0, 2.0),
-            help="Scales the reflectance at normal incidence, which never rises above 1.",
-        ),
-        Parameter("grazingScale", "float", 1.0, help="Scales the reflectance at grazing angles."),
-        Parameter("specularTint", "color", _WHITE, help="Multiplies the specular and reflection lobes."),
-        Parameter("transmissionTint", "color", _WHITE, help="Multiplies specular transmission and refraction."),
-        _scale("diffuse", "the diffuse lobe"),
-        _scale("specular", "the specular lobe"),
-        _scale("reflection", "the reflection lobe"),
-        _scale("diffuseTransmission", "diffuse transmission"),
-        _scale("specularTransmission", "specular transmission"),
-        _scale("refraction", "the refraction lobe"),
-        _cone_scale("specular", "specular"),
-        _cone_scale("reflection", "reflection"),
-        _cone_scale("specularTransmission", "specular transmission", follows="specularConeScale"),
-        _cone_scale("refraction", "refraction", follows="reflectionConeScale"),
-        Parameter(
-            "presence",
-            "float",
-            1.0,
-            help="How much of the layer is there; what is beneath it, or behind, shows through.",
-        ),
-        normal_parameter(
-            "diffuseNormal", "Normal of the diffuse lobes, in the frame of tangent, bitangent and shading normal."
-        ),
-        normal_parameter("highlightNormal", "Normal of the four highlight lobes, in the same frame."),
-        Parameter(
-            "energy",
-            "token",
-            "published",
-            choices=("published", "conserving"),
-            help="published: Smits' rules. conserving: Fresnel by the view's angle; no more light leaves than arrives.",
-        ),
-        *metal_parameters("own"),
-    )
-}
+PARAMETERS = parameters_by_name(
+    Parameter(
+        "surfaceColor", "color", (0.8, 0.8, 0.8), help="What is left of the light that enters the surface; linear."
+    ),
+    Parameter("metallic", "float", 0.0, help="0 dielectric, which reflects 0.05 at normal incidence; 1 metal."),
+    Parameter("roughness", "float", 0.5, help="Widens the highlights and fades them out; at 1 all light is diffuse."),
+    Parameter("clear", "float", 0.0, help="Fraction of the entering light that passes straight through."),
+    Parameter("back", "float", 0.0, help="Fraction of the scattered light that leaves on the other side."),
+    Parameter("ior", "float", 1.5, hard=(1.0, 10.0), soft=(1.0, 2.5), help="Bends the view that is transmitted."),
+    Parameter(
+        "normalScale",
+        "float",
+        1.0,
+        hard=(0.0, 20.0),
+        soft=(0.0, 2.0),
+        help="Scales the reflectance at normal incidence, which never rises above 1.",
+    ),
+    Parameter("grazingScale", "float", 1.0, help="Scales the reflectance at grazing angles."),
+    Parameter("specularTint", "color", _WHITE, help="Multiplies the specular and reflection lobes."),
+    Parameter("transmissionTint", "color", _WHITE, help="Multiplies specular transmission and refraction."),
+    _scale("diffuse", "the diffuse lobe"),
+    _scale("specular", "the specular lobe"),
+    _scale("reflection", "the reflection lobe"),
+    _scale("diffuseTransmission", "diffuse transmission"),
+    _scale("specularTransmission", "specular transmission"),
+    _scale("refraction", "the refraction lobe"),
+    _cone_scale("specular", "specular"),
+    _cone_scale("reflection", "reflection"),
+    _cone_scale("specularTransmission", "specular transmission", follows="specularConeScale"),
+    _cone_scale("refraction", "refraction", follows="reflectionConeScale"),
+    PRESENCE,
+    normal_parameter(
+        "diffuseNormal", "Normal of the diffuse lobes, in the frame of tangent, bitangent and shading normal."
+    ),
+    normal_parameter("highlightNormal", "Normal of the four highlight lobes, in the same frame."),
+    token_parameter(
+        "energy",
+        ("published", "conserving"),
+        "published: Smits' rules. conserving: Fresnel by the view's angle; no more light leaves than arrives.",
+    ),
+    *metal_parameters("own"),
+)
 
 _TINTS = (
     "We also allowed two tint colors, one for specular and reflection, and one for transmitted specular and refraction."

@@ -165,7 +165,7 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         return replace(base.with_weights(scaled, scaled), cone=np.clip(cone, *_CONES), bend=bend)
 
     broad, tight = smooth * rest, smooth * ratio
-    wide, narrow = 30.0 * rough + 5.0, 10.0 * rough
+    wide, narrow, bend = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
     terms = {
         "diffuse": term(scattered, (1.0 - back) * p["diffuseScale"], white),
@@ -173,15 +173,9 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         "reflection": term(reflected, tight * p["reflectionScale"], tint, narrow * p["reflectionConeScale"]),
         "diffuseTransmission": term(scattered, back * p["diffuseTransmissionScale"], white),
         "specularTransmission": term(
-            through,
-            broad * p["specularTransmissionScale"],
-            tint_t,
-            wide * p["specularTransmissionConeScale"],
-            p["ior"] - 1.0,
+            through, broad * p["specularTransmissionScale"], tint_t, wide * p["specularTransmissionConeScale"], bend
         ),
-        "refraction": term(
-            through, tight * p["refractionScale"], tint_t, narrow * p["refractionConeScale"], p["ior"] - 1.0
-        ),
+        "refraction": term(through, tight * p["refractionScale"], tint_t, narrow * p["refractionConeScale"], bend),
     }
     return Partition(wo, terms, frames, p["presence"])
 

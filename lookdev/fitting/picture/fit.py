@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import uniform_filter
 
-from lookdev.arrays import Floats
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError, ModelError
-from lookdev.fitting.picture import Found, Photo, Search, Settings, Target, Unknown, parse_unknowns, read_photo
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
 from lookdev.fitting.picture.page import Pictures, Row, format_numbers, table_rows, write_page
-from lookdev.fitting.picture.search import Point
-from lookdev.fitting.picture.target import block_means, block_side
-from lookdev.fitting.picture.unknowns import exposure_unknown
+from lookdev.fitting.picture.photo import Photo, read_photo
+from lookdev.fitting.picture.search import Found, Point, Search, Settings
+from lookdev.fitting.picture.target import Target, block_means, block_side
+from lookdev.fitting.picture.unknowns import EXPOSURE, Unknown, parse_unknowns
 from lookdev.job import load_job
 from lookdev.material import Look
 from lookdev.material.library.constants import check_writable, write_changed
@@ -147,20 +147,14 @@ def fit_picture(request: Wish, report: Callable[[Point], None] = lambda point: N
     look, unknowns = _find_look(frame.scene, request.parameters)
     request, notes = _check_request(request, photo, frame, look)
     if request.exposure:
-        unknowns = (*unknowns, exposure_unknown())
+        unknowns = (*unknowns, EXPOSURE)
     block = block_side(photo.size, request.pixels)
     with live_frame(job, frame, look, unknowns) as live:
         wide = live.scene_at(photo.size, block)
         first = live.render(wide, live.initial_values, False, request.settings.samples, (0, 1))
         see_through = any(source.see_through for source in wide.shaders)
         target = Target.from_photo(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
-
-        def render(
-            values: Mapping[str, tuple[float, ...]], slopes: bool, samples: int, seeds: tuple[int, int]
-        ) -> Floats:
-            return live.render(wide, values, slopes, samples, seeds)
-
-        result = Search(render, target, unknowns, request.settings, report).run()
+        result = Search(partial(live.render, wide), target, unknowns, request.settings, report).run()
         before = {unknown.name: unknown.constant.value for unknown in unknowns}
         picture_fit = PictureFit(
             request,
@@ -200,13 +194,12 @@ def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[U
     Raises LookdevError if several looks have them. If no look has, raises the error of the last look.
     """
     looks = list({id(look): look for look in scene.looks}.values())
-    last_error: LookdevError | None = None
-    candidates = []
+    candidates, errors = [], []
     for look in looks:
         try:
             candidates.append((look, parse_unknowns(look, parameters)))
         except ModelError as error:
-            last_error = error
+            errors.append(error)
     if len(candidates) > 1:
         names = ", ".join(f"'{look.name}'" for look, _ in candidates)
         raise LookdevError(
@@ -214,8 +207,7 @@ def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[U
             "would be right"
         )
     if not candidates:
-        assert last_error is not None, "a scene has a look"
-        raise last_error
+        raise errors[-1]
     return candidates[0]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.errors import LookdevError, WorkerError, nearest_hint
-from lookdev.fitting.picture import Unknown
+from lookdev.fitting.picture.unknowns import Unknown
 from lookdev.job import Job, JobTurntable
 from lookdev.job.parts import JobLook
 from lookdev.job.schema import JobIbl, JobRig

@@ -56,15 +56,8 @@ def table_rows(result: Found, before: Mapping[str, tuple[float, ...]]) -> list[R
         remark = remark or ("not determined by the picture" if {*names} & {*result.undetermined} else "")
         others = [f"{b if a in names else a}" for a, b, _ in result.alike if {a, b} & {*names}]
         outside = list(dict.fromkeys(other for other in others if other not in names))
-        rows.append(
-            Row(
-                name,
-                before[name],
-                value,
-                result.errors[name],
-                remark or (f"trades off with {', '.join(outside)}" if outside else ""),
-            )
-        )
+        remark = remark or (f"trades off with {', '.join(outside)}" if outside else "")
+        rows.append(Row(name, before[name], value, result.errors[name], remark))
     return rows
 
 

@@ -15,13 +15,13 @@ from scipy.ndimage import convolve
 from lookdev.arrays import Floats
 from lookdev.errors import LookdevError
 from lookdev.images import open_image, whole_image
+from lookdev.space import CHROMATICITIES, adapt_white, rgb_to_xyz
 
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+REC709 = CHROMATICITIES["rec709"]
 """x and y of red, green, blue and white, which an EXR without ``chromaticities`` has."""
 
 _LINEAR = ("openexr", "hdr")
 _LEVELS = 8  # of brightness; the noise is estimated for each
-_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 # The difference of two Laplacians (Immerkær's eq. 2); its response to a plane of brightness is 0.
 _LAPLACIANS = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 
@@ -105,21 +105,8 @@ def _read_mask(file: Path, shape: tuple[int, ...]) -> Floats:
 
 def to_rec709(primaries: tuple[float, ...]) -> Floats:
     """Return the matrix from other primaries, given as `REC709` is, to Rec.709; it maps white to white."""
-    white_of_picture, white_of_rec709 = (_xyz(chromaticities[6:8]) for chromaticities in (primaries, REC709))
-    adaptation = (
-        np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ white_of_rec709) / (_BRADFORD @ white_of_picture)) @ _BRADFORD
-    )
-    return np.asarray(np.linalg.inv(_rgb_to_xyz(REC709)) @ adaptation @ _rgb_to_xyz(primaries))
-
-
-def _rgb_to_xyz(primaries: tuple[float, ...]) -> Floats:
-    columns = np.stack([_xyz(primaries[i : i + 2]) for i in (0, 2, 4)], axis=-1)
-    return np.asarray(columns * np.linalg.solve(columns, _xyz(primaries[6:8])))
-
-
-def _xyz(chromaticity: tuple[float, ...]) -> Floats:
-    x, y = chromaticity
-    return np.array([x / y, 1.0, (1.0 - x - y) / y])
+    adaptation = adapt_white(primaries[6:8], REC709[6:8])
+    return np.asarray(np.linalg.inv(rgb_to_xyz(REC709)) @ adaptation @ rgb_to_xyz(primaries))
 
 
 def estimate_noise(color: Floats, counts: Floats) -> Floats:

@@ -139,17 +139,12 @@ class Search:
     _first: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        self._low = np.concatenate(
-            [np.repeat(unknown.unit(np.array(unknown.low)), unknown.width) for unknown in self.unknowns]
-        )
-        self._high = np.concatenate(
-            [np.repeat(unknown.unit(np.array(unknown.high)), unknown.width) for unknown in self.unknowns]
-        )
+        self._low = np.concatenate([unknown.units(unknown.low) for unknown in self.unknowns])
+        self._high = np.concatenate([unknown.units(unknown.high) for unknown in self.unknowns])
         inside = np.minimum(_BOUND_MARGIN, 0.25 * (self._high - self._low))
         self._inner = self._low + inside, self._high - inside
-        self._initial = self._clip(
-            np.concatenate([unknown.unit(np.array(unknown.constant.value)) for unknown in self.unknowns])
-        )
+        initial = [unknown.unit(np.array(unknown.constant.value)) for unknown in self.unknowns]
+        self._initial = self._clip(np.concatenate(initial))
         self._is_compared = self.target.weight > 0.0
         self._weight = self.target.weight[self._is_compared]
 
@@ -182,12 +177,11 @@ class Search:
         settings = self.settings
         trials = [self._initial]
         if settings.tried > 1:
-            ranges = [np.repeat([unknown.unit(np.array(end)) for end in unknown.usual], unknown.width).reshape(2, -1)
-                     for unknown in self.unknowns]  # fmt: skip
-            low, high = np.concatenate(ranges, axis=1)
-            samples = qmc.Sobol(len(low), rng=np.random.default_rng(settings.seed)).random(
-                _next_power_of_two(settings.tried)
+            low, high = (
+                np.concatenate([unknown.units(unknown.usual[end]) for unknown in self.unknowns]) for end in (0, 1)
             )
+            sobol = qmc.Sobol(len(low), rng=np.random.default_rng(settings.seed))
+            samples = sobol.random(_next_power_of_two(settings.tried))
             trials += [self._clip(low + (high - low) * unknown) for unknown in samples[: settings.tried - 1]]
         seeds = self._next_seeds()
         losses = []
@@ -214,7 +208,7 @@ class Search:
             accepted = False
             while not accepted and damping < _MOST_DAMPING:
                 step = self._solve_step(unit, local, damping)
-                if self._is_small(step, local, 1.0):
+                if self._is_small(step, local):
                     return unit, loss
                 moved = self._clip(unit + step)
                 trial = self._render_halves(moved, settings.samples, seeds)
@@ -241,7 +235,7 @@ class Search:
             self._best = unit, loss, 0.5 * (halves[0] + halves[1])
             step = self._solve_step(unit, local, 0.0)
             unit = self._clip(unit + step)
-            is_small = self._is_small(step, local, 1.0)
+            is_small = self._is_small(step, local)
             if is_small and samples >= self.settings.finest:
                 break
             samples = min(2 * samples, self.settings.finest)
@@ -251,12 +245,7 @@ class Search:
         return is_small
 
     def _result(
-        self,
-        before: float,
-        ends: Sequence[tuple[Floats, float]],
-        converged: bool,
-        interrupted: bool,
-        start_time: float,
+        self, before: float, ends: Sequence[tuple[Floats, float]], converged: bool, interrupted: bool, start_time: float
     ) -> Found:
         assert self._best is not None, "a start was rendered"
         unit, loss, picture = self._best
@@ -276,10 +265,9 @@ class Search:
             for unknown in self.unknowns
             for i in range(unknown.width)
         ]
-        undetermined = [name for name, error in zip(names, errors, strict=True) if error > _UNDETERMINED]
-        without_effect = [
-            name for name, error in zip(names, errors, strict=True) if np.isnan(error) and not interrupted
-        ]
+        named_errors = list(zip(names, errors, strict=True))
+        undetermined = [name for name, error in named_errors if error > _UNDETERMINED]
+        without_effect = [name for name, error in named_errors if np.isnan(error) and not interrupted]
         at_bound = self._snap_to_bounds(unit)
         values, spread = {}, {}
         for unknown, part in self._slices():
@@ -330,16 +318,15 @@ class Search:
         if not hessian.any():
             names = ", ".join(unknown.name for unknown in self.unknowns)
             raise LookdevError(f"the picture does not change with {names}: another parameter or pose would be right")
-        ridge = 1e-9 * np.trace(hessian) * np.eye(len(hessian))
+        identity = np.eye(len(hessian))
+        ridge = 1e-9 * np.trace(hessian) * identity
         if eigh(unbiased + ridge, hessian + ridge, eigvals_only=True).min() < 0.25:
             unbiased = hessian  # so few samples do not separate it from its noise
         variance = self.target.variance[self._is_compared] + (0.5 * (a - b)) ** 2
         level = float((self._weight * variance).mean())
         # The prior standard error of each number is the width of its slider, which a number without effect keeps.
-        information = _positive_part(cross_product) + level * np.eye(len(cross_product))
-        scores = _positive_part((first * (self._weight**2 * variance)[:, None]).T @ second) + level**2 * np.eye(
-            len(cross_product)
-        )
+        information = _positive_part(cross_product) + level * identity
+        scores = _positive_part((first * (self._weight**2 * variance)[:, None]).T @ second) + level**2 * identity
         inverse = np.linalg.inv(information)
         covariance = inverse @ scores @ inverse
         return _LocalModel(weighted.T @ residual, hessian, unbiased, covariance, level)
@@ -353,8 +340,8 @@ class Search:
         high = np.minimum(self._inner[1] - unit, _MAX_STEP)
         return np.asarray(lsq_linear(root, target, (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls").x)
 
-    def _is_small(self, step: Floats, local: _LocalModel, errors: float) -> bool:
-        return bool(np.all(np.abs(step) < np.maximum(errors * np.sqrt(np.diag(local.covariance)), _NEGLIGIBLE)))
+    def _is_small(self, step: Floats, local: _LocalModel) -> bool:
+        return bool(np.all(np.abs(step) < np.maximum(np.sqrt(np.diag(local.covariance)), _NEGLIGIBLE)))
 
     def _slices(self) -> Iterator[tuple[Unknown, slice]]:
         """Yield each unknown with the slice of its numbers."""

@@ -54,10 +54,8 @@ class Target:
         completely; `covered` (H, W) is the alpha of a render. A look that can be seen through is compared everywhere,
         and in alpha. Raises LookdevError if too few blocks are left.
         """
-        color, variance = (
-            block_means(photo.color, block) / gain,
-            block_means(photo.noise**2, block) / (block * gain) ** 2,
-        )
+        color = block_means(photo.color, block) / gain
+        variance = block_means(photo.noise**2, block) / (block * gain) ** 2
         counts = _block_minima(photo.counts, block)
         if photo.alpha is not None and not see_through:
             counts = counts * (_block_minima(photo.alpha, block) >= 1.0 - 1e-4)

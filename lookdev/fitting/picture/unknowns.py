@@ -17,9 +17,7 @@ from lookdev.material.change import Constant, constant_named
 _LOGARITHMIC_END = 100.0
 """Numbers whose slider ends here or higher, such as exponents, are searched as the logarithm of 1 plus them."""
 
-_EXPOSURE = Constant(
-    "exposure", -1, ("exposure",), Parameter("exposure", "float", 0.0, (-10.0, 10.0), (-2.0, 2.0)), (0.0,)
-)
+_EXPOSURE = Parameter("exposure", "float", 0.0, (-10.0, 10.0), (-2.0, 2.0))
 _RANGED = re.compile(r"([^=]+)=(.+)\.\.(.+)")
 
 
@@ -63,6 +61,10 @@ class Unknown:
         scaled = np.log1p(value) if self._is_logarithmic else np.asarray(value, np.float64)
         return np.asarray(scaled / self._scale)
 
+    def units(self, number: float) -> Floats:
+        """Return the units (width,) of a number for all components."""
+        return np.repeat(self.unit(np.array(number)), self.width)
+
     def value(self, unit: Floats) -> Floats:
         """Return the values of units, clipped to the bounds."""
         scaled = unit * self._scale
@@ -73,9 +75,8 @@ class Unknown:
         return np.asarray(self._scale * (np.exp(unit * self._scale) if self._is_logarithmic else np.ones_like(unit)))
 
 
-def exposure_unknown() -> Unknown:
-    """Return the unknown that is the exposure of the picture, in stops."""
-    return Unknown(_EXPOSURE, *_EXPOSURE.parameter.hard, _EXPOSURE.parameter.soft)
+EXPOSURE = Unknown(Constant("exposure", -1, ("exposure",), _EXPOSURE, (0.0,)), *_EXPOSURE.hard, _EXPOSURE.soft)
+"""The unknown that is the exposure of the picture, in stops."""
 
 
 def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from lookdev.arrays import Floats
+from lookdev.space import CHROMATICITIES, adapt_white, chromaticity_xyz, rgb_to_xyz
 
 PATCHES: dict[str, tuple[float, float, float]] = {
     "dark skin": (37.54, 14.37, 14.92),
@@ -49,9 +50,7 @@ PATCHES: dict[str, tuple[float, float, float]] = {
 GREY = 0.18
 """The reflectance of the grey ball."""
 
-_D50, _D65 = np.array([0.34567, 0.35850]), np.array([0.31270, 0.32900])  # x, y
-_REC709 = np.array([[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]])  # ITU-R BT.709-6, item 1.3
-_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
+_D50 = 0.34567, 0.35850  # x, y
 
 
 def patch_colors() -> Floats:
@@ -65,19 +64,10 @@ def patch_xyz() -> Floats:
     y = (lightness + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     linear = 3.0 * (6.0 / 29.0) ** 2 * (f - 4.0 / 29.0)
-    return np.asarray(np.where(f > 6.0 / 29.0, f**3, linear) * _chromaticity_xyz(_D50))
+    return np.asarray(np.where(f > 6.0 / 29.0, f**3, linear) * chromaticity_xyz(_D50))
 
 
 def _to_rec709() -> Floats:
     """Return the matrix (3, 3) from X, Y, Z under D50 to linear Rec.709."""
-    cones = _BRADFORD @ np.stack([_chromaticity_xyz(_D50), _chromaticity_xyz(_D65)], axis=-1)
-    adapted = np.linalg.inv(_BRADFORD) @ np.diag(cones[:, 1] / cones[:, 0]) @ _BRADFORD
-    primaries = np.array([_chromaticity_xyz(chromaticity) for chromaticity in _REC709]).T
-    to_xyz = primaries * np.linalg.solve(primaries, _chromaticity_xyz(_D65))
-    return np.asarray(np.linalg.inv(to_xyz) @ adapted)
-
-
-def _chromaticity_xyz(chromaticity: Floats) -> Floats:
-    """Return X, Y, Z of a chromaticity x, y at Y = 1."""
-    x, y = chromaticity
-    return np.array([x / y, 1.0, (1.0 - x - y) / y])
+    rec709 = CHROMATICITIES["rec709"]
+    return np.asarray(np.linalg.inv(rgb_to_xyz(rec709)) @ adapt_white(_D50, rec709[6:8]))

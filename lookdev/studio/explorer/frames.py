@@ -12,7 +12,7 @@ from lookdev.asset import load_asset
 from lookdev.errors import WorkerError
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
-from lookdev.plotting.angles import Values
+from lookdev.plotting.figure import Values
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.results import Progress
 from lookdev.rendering.scene import scene_task

@@ -15,7 +15,7 @@ from lookdev.codegen.glsl.look import look_functions
 from lookdev.codegen.program.look import live_name
 from lookdev.light import load_environment, prepare_light
 from lookdev.material.textures import image_file
-from lookdev.plotting.angles import Values
+from lookdev.plotting.figure import Values
 from lookdev.studio.explorer.surfaces import Surfaces
 
 DOME = "studio"

@@ -20,7 +20,7 @@ from lookdev.errors import LookdevError
 from lookdev.material import Input, Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.plotting import Options, Subject, kind_named, read_subject
-from lookdev.plotting.angles import Values
+from lookdev.plotting.figure import Values
 from lookdev.plotting.subject import LOOK, read_parameters, split_label
 from lookdev.studio.roots import Roots
 

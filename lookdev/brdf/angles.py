@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lookdev.arrays import Floats
-
-Values = dict[str, NDArray[Any]]
-"""The numbers of one surface in a plot, by name."""
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Weights of the luminance of linear Rec.709."""
 
 
 def towards(theta: ArrayLike, phi: ArrayLike = 0.0) -> Floats:
     """Return the unit directions (..., 3) at an angle from the normal, `theta`, and an azimuth, `phi`."""
     theta, phi = np.broadcast_arrays(np.asarray(theta, np.float64), np.asarray(phi, np.float64))
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
+
+
+def at_cosine(cosine: Floats, phi: Floats) -> Floats:
+    """Return the unit directions (..., 3) above the horizon at a cosine to the normal and an azimuth, (...)."""
+    sine = np.sqrt(1.0 - cosine * cosine)
+    return np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
 
 
 # Rusinkiewicz 1998, with phi_h = 0.
