@@ -409,15 +409,18 @@ const BLUE_RED = (t) => {
   return a.map((x, i) => x + (b[i] - x) * bent);
 };
 
-/** Return the picture of differences up to a limit: blue below 0, red above. */
-const drawDifferences = (values, limit, columns, rows) => {
+/**
+ * Return a picture of values, whose first row is the lowest.
+ *
+ * `scale` maps a value to a number, which is clipped to [0, 1], and `colormap` that to a colour.
+ */
+const drawValues = (values, columns, rows, scale, colormap) => {
   const picture = new OffscreenCanvas(columns, rows),
     context = picture.getContext("2d"),
     pixels = context.createImageData(columns, rows);
   for (let y = 0; y < rows; y++)
     for (let x = 0; x < columns; x++) {
-      const t = 0.5 + (0.5 * values[(rows - 1 - y) * columns + x]) / limit,
-        color = BLUE_RED(Math.min(1, Math.max(0, t)));
+      const color = colormap(Math.min(1, Math.max(0, scale(values[(rows - 1 - y) * columns + x]))));
       pixels.data.set([...color, 255], 4 * (y * columns + x));
     }
   context.putImageData(pixels, 0, 0);
@@ -437,7 +440,8 @@ const difference = (c, items, width, height, look) => {
     sum += root[i] ** 2;
   }
   const limit = root.map(Math.abs).sort()[Math.floor(0.98 * (root.length - 1))] || 1;
-  const picture = drawDifferences(root, limit, columns, rows);
+  // Blue below 0, red above, up to the limit.
+  const picture = drawValues(root, columns, rows, (value) => 0.5 + (0.5 * value) / limit, BLUE_RED);
   const places = squares(3, width, height);
   items
     .slice(0, 2)
@@ -488,18 +492,15 @@ const viridis = (t) => {
   return VIRIDIS[k].map((x, i) => x + (VIRIDIS[k + 1][i] - x) * s);
 };
 
-const heat = (array, top, width, height) => {
-  const canvas = new OffscreenCanvas(width, height),
-    context = canvas.getContext("2d"),
-    pixels = context.createImageData(width, height);
-  for (let y = 0; y < height; y++)
-    for (let x = 0; x < width; x++) {
-      const v = Math.log10(Math.max(array[(height - 1 - y) * width + x] / top, 1e-6)) / 6 + 1;
-      pixels.data.set([...viridis(Math.min(1, Math.max(0, v))), 255], 4 * (y * width + x));
-    }
-  context.putImageData(pixels, 0, 0);
-  return canvas;
-};
+/** Return the picture of an array over six decades below `top`. */
+const heat = (array, top, width, height) =>
+  drawValues(
+    array,
+    width,
+    height,
+    (value) => Math.log10(Math.max(value / top, 1e-6)) / 6 + 1,
+    viridis,
+  );
 
 /** Draw numbers over the sphere of directions; return the rectangle that they fill. */
 const drawDirections = (c, { left, top, width, height }, numbers, peak, look) => {
