@@ -6,7 +6,7 @@ Shapes are in the docstrings of the functions that take them: the type checker d
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.generic]  # of any elements
+Elements = NDArray[np.generic]  # of any elements
 Floats = NDArray[np.float64]
 Floats32 = NDArray[np.float32]
 Reals = NDArray[np.float32] | NDArray[np.float64]

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from lookdev.errors import ContentError, OutputError
-from lookdev.text import has_text_path
+from lookdev.safe_text import has_text_path
 
 _CODE_SUFFIXES = {".py", ".h", ".osl", ".csv", ".json"}
 _notes: list[str] = []
@@ -171,7 +171,7 @@ class Content:
     suffix: str
 
     @classmethod
-    def written(cls, suffix: str, write: Callable[[Path], object]) -> Self:
+    def store_written(cls, suffix: str, write: Callable[[Path], object]) -> Self:
         """Store the file that `write` writes to the path it gets; raises OutputError where that fails."""
         folder = cache_dir("content")
         with _cache_write_errors(folder), _temporary_path(folder / f"new{suffix}") as temporary:
@@ -184,17 +184,17 @@ class Content:
         return content
 
     @classmethod
-    def holding(cls, data: bytes, suffix: str) -> Self:
+    def store_bytes(cls, data: bytes, suffix: str) -> Self:
         """Store data, unless the store has them; raises OutputError where that fails."""
         content = cls(hashlib.sha256(data).hexdigest(), suffix)
-        return content if content.is_whole() else cls.written(suffix, lambda path: path.write_bytes(data))
+        return content if content.is_whole() else cls.store_written(suffix, lambda path: path.write_bytes(data))
 
     @classmethod
-    def of(cls, file: Path) -> Self:
+    def store_copy(cls, file: Path) -> Self:
         """Store a copy of a file, unless the store has it; raises OSError where the file cannot be read."""
         content = cls(file.stem, file.suffix)
         is_stored = file == content._stored_file and content.is_whole()
-        return content if is_stored else cls.holding(file.read_bytes(), file.suffix)
+        return content if is_stored else cls.store_bytes(file.read_bytes(), file.suffix)
 
     @property
     def path(self) -> Path:
@@ -248,7 +248,7 @@ def cached_files(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -
 
 def cached_file(room: str, key: str, suffix: str, write: Callable[[Path], object]) -> Content:
     """Return the file of a key as `cached_files` does; `write` writes it to the path it gets where it is missing."""
-    (file,) = cached_files(room, key, lambda: (Content.written(suffix, write),))
+    (file,) = cached_files(room, key, lambda: (Content.store_written(suffix, write),))
     return file
 
 

@@ -1,7 +1,7 @@
 """Every error that `lookdev` raises on purpose.
 
     LookdevError
-    ├── TextError           a text file cannot be read or parsed (defined beside the reader, in lookdev.text)
+    ├── TextError           a text file cannot be read or parsed (defined beside the reader, in lookdev.safe_text)
     ├── JobError            a job file is wrong: carries all its Faults
     ├── LookError           a look (USD material) is wrong: carries all its Faults
     │   └── StageError      a USD file, of a look or an asset, cannot be opened or composed
@@ -13,8 +13,8 @@
     ├── ModelError          reflectance model parameters are unknown or outside their hard range
     ├── CodegenError        a model uses an operation that the symbolic arrays do not support
     ├── ContentError        the cache lacks a file that a render task names
-    ├── ReadingError        a file crashes its reader, or takes too much time or memory (defined in lookdev.guard)
-    ├── KilledError         the system killed the program (defined in lookdev.guard)
+    ├── ReadingError        a file crashes its reader, or takes too much time or memory (defined in lookdev.sandbox)
+    ├── KilledError         the system killed the program (defined in lookdev.sandbox)
     ├── OutputError         a frame, sheet or picture cannot be written or read
     ├── WorkerError         the render worker died, hung or sent no valid answer
     └── RenderError         Blender refused or failed to render a frame

@@ -21,8 +21,8 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.errors import LookdevError
-from lookdev.guard import reading
-from lookdev.text import stated_limit
+from lookdev.safe_text import stated_limit
+from lookdev.sandbox import reading
 
 if TYPE_CHECKING:  # the render worker, which does not read images here, starts sooner
     import OpenImageIO as oiio

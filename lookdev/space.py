@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike
 
 from lookdev.arrays import Floats
 
+Color = tuple[float, float, float]
+"""A linear colour: red, green and blue of a `Space`."""
+
 Space = Literal["rec709", "acescg"]
 
 REC709: Space = "rec709"

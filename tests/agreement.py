@@ -18,7 +18,7 @@ from stored_references import Arrays, StoredReference
 
 from lookdev.arrays import Floats, Ints
 from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
-from lookdev.checks.finding import Finding
+from lookdev.checks.finding import CheckFinding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.light import Dome, Light
 from lookdev.material import Layer
@@ -37,7 +37,7 @@ def scene_pixels(scene: Scene, pose: Pose, count: int, **options: int) -> Arrays
 
     The arrays are `pixels` (P, 2), column and row, and those of `Estimate`; `options` are those of `frame_pixels`.
     """
-    meshes = MeshScene(scene.asset, scene.looks, scene.lit_by, scene.grouped)
+    meshes = MeshScene(scene.asset, scene.looks, scene.slot_lights, scene.slot_groups)
     camera, size = scene.camera, scene.film.resolution
     pixels = choose_pixels(coverage(meshes, camera, pose, size), count, seed=1)
     return _arrays(pixels, frame_pixels(meshes, scene.lights, camera, pose, size, pixels, **options))
@@ -141,7 +141,7 @@ def check_scene(
     per_frame: int,
     stored: StoredReference = compute_live,
     **options: Any,
-) -> Finding:
+) -> CheckFinding:
     """Compare frames of a scene, `per_frame` samples of each pixel, with the reference; `options` of `scene_pixels`."""
     return _check_pixels(name, frames, per_frame, _scene_reference(name, scene, stored, options))
 
@@ -150,7 +150,7 @@ def _scene_reference(name: str, scene: Scene, stored: StoredReference, options: 
     return stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
 
 
-def _check_pixels(name: str, frames: Sequence[Rendered], per_frame: int, reference: Arrays) -> Finding:
+def _check_pixels(name: str, frames: Sequence[Rendered], per_frame: int, reference: Arrays) -> CheckFinding:
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     count = len(frames) * per_frame
     return check_frame(name, halves, frames[0].alpha, count, reference["pixels"], estimate_of(reference))
@@ -163,7 +163,7 @@ def assert_scene_agreement(
     per_frame: int,
     stored: StoredReference = compute_live,
     **options: Any,
-) -> Finding:
+) -> CheckFinding:
     """Assert that `check_scene` finds nothing."""
     reference = _scene_reference(name, scene, stored, options)
     finding = _check_pixels(name, frames, per_frame, reference)

@@ -14,11 +14,11 @@ from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.codegen.source import ShaderSource
 from lookdev.job import Job, parse_job
-from lookdev.lifetime import end_at_signals
 from lookdev.light import Dome
 from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.processes import end_at_signals
 from lookdev.rendering.task import SceneTask
 from lookdev.run.events import FrameDone
 from lookdev.run.render import RunResult, run_plan
@@ -79,7 +79,9 @@ def make_plan(job: Job) -> Plan:
         task = SceneTask(Content("a55e7", ".npz"), "exact", (source,), (0,), (light,), size, sampling, camera)
         setups += [Setup(look.name, ibl.name, shown, task, sampling, exposure=ibl.exposure) for ibl in job.ibl]
     turns = Turns(job.turntable, job.output, job.camera.azimuth)
-    plan = build_plan(setups, turns, read_header, labels={"job": str(job.file)}, beside=job.outputs.beside)
+    plan = build_plan(
+        setups, turns, read_header, labels={"job": str(job.file)}, frame_suffixes=job.outputs.frame_suffixes
+    )
     return replace(plan, skips=())
 
 

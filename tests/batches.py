@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lookdev.lifetime import end_with_parent
 from lookdev.output.exr import read_header
+from lookdev.processes import end_with_parent
 
 LOOK = """#usda 1.0
 ( defaultPrim = "Look" )

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.lifetime import end_with_parent
+from lookdev.processes import end_with_parent
 
 # What leads programs to folders outside of the home: each of them would be read, or written.
 ELSEWHERE = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "LOOKDEV_LIBRARY", "OCIO")

@@ -25,7 +25,7 @@ from lookdev.light import (
     prepare_light,
 )
 from lookdev.light.dome.local import LocalDome
-from lookdev.light.emission import Falloff, Link
+from lookdev.light.emission import Falloff, LightLink
 from lookdev.light.ies import load_profile
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
@@ -152,7 +152,7 @@ def row_of(placed: Mapping[str, Floats], lights: tuple[Light, ...], size: int) -
 def row_of_three(size: int) -> Scene:
     """Of three heads, one is mirrored and stretched; each light spares another, and a light in their row spares two."""
     casting = [
-        Link((("/", "expandPrims"), *((f"/{side}", "exclude") for side in sides)))
+        LightLink((("/", "expandPrims"), *((f"/{side}", "exclude") for side in sides)))
         for sides in (("Left",), ("Middle",), ("Left", "Right"))
     ]
     bright = (300.0, 200.0, 100.0)

@@ -58,11 +58,11 @@ def test_a_file_is_known_by_its_content(cache, tmp_path):
     files = [tmp_path / name for name in ("a.exr", "b.exr", "c.exr")]
     for file, text in zip(files, ("same", "same", "other"), strict=True):
         file.write_text(text)
-    first, same, other = map(Content.of, files)
+    first, same, other = map(Content.store_copy, files)
     assert first == same != other
     assert first.path == cache / "content" / f"{first.digest}.exr"
     assert first.path.read_text() == "same"
-    assert Content.of(first.path) == first
+    assert Content.store_copy(first.path) == first
     files[0].unlink()
     assert first.path.read_text() == "same"
 
@@ -72,7 +72,7 @@ def test_another_content_under_the_same_name_is_noticed(cache):
     for text in ("one", "other"):
         with atomic_path(file) as temporary:
             temporary.write_text(text)
-        assert Content.of(file).path.read_text() == text
+        assert Content.store_copy(file).path.read_text() == text
 
 
 def test_content_that_the_store_lacks_is_named(cache):
@@ -109,7 +109,7 @@ def test_what_is_damaged_is_made_again_with_a_note(cache, damage, room):
 
     def make() -> tuple[Content, ...]:
         calls.append(1)
-        return tuple(Content.holding(data, ".txt") for data in (b"one", b"other"))
+        return tuple(Content.store_bytes(data, ".txt") for data in (b"one", b"other"))
 
     files = cached_files("stuff", "key", make)
     assert cached_files("stuff", "key", make) == files
@@ -126,9 +126,9 @@ def test_what_is_damaged_is_made_again_with_a_note(cache, damage, room):
 
 
 def test_what_is_gone_is_made_again_without_a_note(cache):
-    (file,) = cached_files("stuff", "key", lambda: (Content.holding(b"one", ".txt"),))
+    (file,) = cached_files("stuff", "key", lambda: (Content.store_bytes(b"one", ".txt"),))
     file.path.unlink()
-    assert cached_files("stuff", "key", lambda: (Content.holding(b"one", ".txt"),)) == (file,)
+    assert cached_files("stuff", "key", lambda: (Content.store_bytes(b"one", ".txt"),)) == (file,)
     assert file.path.is_file()
     assert take_notes() == ()
 
@@ -177,7 +177,7 @@ def test_a_full_disk_is_named(cache, tmp_path):
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
     try:
         with pytest.raises(OutputError, match=f"the cache cannot be written: {cache}"):
-            Content.holding(bytes(2000), ".txt")
+            Content.store_bytes(bytes(2000), ".txt")
         with pytest.raises(OutputError, match=f"the cache cannot be written: {cache}/stuff/key.json"):
             store_cached("stuff", "key", "long" * 1000)
         with pytest.raises(OSError, match=f"'{tmp_path}/frame.png'"):

@@ -20,6 +20,7 @@ LIMITS = {
     "A parameter": 1,
     "A lobe's stand-in": 1,
     "A job option": 3,
+    "An option of both renderers": 4,
     "A light": 3,
     "A lamp": 2,
     "A backend": 2,
@@ -35,7 +36,7 @@ ALONE = "The names of frames"
 """The recipe that has a copy of its own, since it changes what others show."""
 
 IN_CYCLES, IN_CHROMIUM = "# in Cycles\n", "# in Chromium\n"
-HEAVY_IN_CYCLES = ("A light", "A lamp", "A model", "A parameter")
+HEAVY_IN_CYCLES = ("An option of both renderers", "A light", "A lamp", "A model", "A parameter")
 NEW_FILE = re.compile(r"(?:#|//) (lookdev/\S+)\n")
 
 

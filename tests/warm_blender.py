@@ -103,7 +103,7 @@ def main() -> None:
 if __name__ == "__main__":
     import bpy  # noqa: F401  (brings the modules of Cycles)
 
-    from lookdev.lifetime import end_with_parent, leaving
+    from lookdev.processes import end_with_parent, leaving
 
     end_with_parent()
     with leaving():

@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.normals import area_vectors, smooth_normals
-from lookdev.asset.revolve import Profile, revolve
+from lookdev.asset.revolve import RevolvedProfile, revolve
 from lookdev.asset.shaderball import make_shaderball
 from lookdev.asset.store import make_asset
 
@@ -36,7 +36,7 @@ def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
     """Return the unit sphere at the origin, with exact normals and tangents; u grows around z, v from -z to +z."""
     theta = np.pi * np.arange(rings + 1) / rings
     points = np.stack([np.sin(theta), -np.cos(theta)], axis=-1)
-    mesh = revolve("/sphere", Profile(points, points, theta / np.pi), segments)
+    mesh = revolve("/sphere", RevolvedProfile(points, points, theta / np.pi), segments)
     return make_asset("sphere", [mesh], [Instance(0, np.eye(4))], [Slot("/sphere")], convex=True, revolved=True)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats32, Indices
 from lookdev.asset.normals import blocks, concatenate, face_starts
-from lookdev.asset.shape import Attribute, Shape
+from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.tangents import mix_bits
 from lookdev.errors import AssetError
 
@@ -30,7 +30,7 @@ class Faces:
     concatenated points. `holes` (f,) marks valid faces that are holes of a control cage.
     """
 
-    shapes: Sequence[Shape]
+    shapes: Sequence[PolygonShape]
     all_points: Indices
     all_faces: Indices
     all_corners: Indices
@@ -43,7 +43,7 @@ class Faces:
     holes: Bools
 
     @classmethod
-    def collect(cls, shapes: Sequence[Shape]) -> Faces:
+    def collect(cls, shapes: Sequence[PolygonShape]) -> Faces:
         """Collect the valid faces of shapes; raises AssetError with a line for each shape that contradicts itself."""
         counts = np.array(
             [(len(shape.points), len(shape.face_sizes), len(shape.face_points)) for shape in shapes], np.intp
@@ -169,7 +169,7 @@ def first_in_each(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
     return list(zip(owners.tolist(), (positions[first] - begins[owners]).tolist(), strict=True))
 
 
-def _check_sizes(shapes: Sequence[Shape], sizes: Indices, face_begins: Indices) -> None:
+def _check_sizes(shapes: Sequence[PolygonShape], sizes: Indices, face_begins: Indices) -> None:
     total, has_faces = np.zeros(len(shapes), np.intp), np.diff(face_begins) > 0
     total[has_faces] = np.add.reduceat(sizes, face_begins[:-1][has_faces])
     corner_counts = np.array([len(shape.face_points) for shape in shapes])
@@ -183,7 +183,7 @@ def _check_sizes(shapes: Sequence[Shape], sizes: Indices, face_begins: Indices) 
 
 
 def _check_range(
-    shapes: Sequence[Shape], indices: Indices, lengths: Indices, limits: Indices, name: str, noun: str
+    shapes: Sequence[PolygonShape], indices: Indices, lengths: Indices, limits: Indices, name: str, noun: str
 ) -> None:
     smallest = limits.min()
     if len(indices) == 0 or (indices.min() >= 0 and indices.max() < smallest):
@@ -207,7 +207,7 @@ def raise_all(faults: Iterable[str]) -> None:
         raise AssetError(text)
 
 
-def _holes(shapes: Sequence[Shape], face_begins: Indices) -> Bools:
+def _holes(shapes: Sequence[PolygonShape], face_begins: Indices) -> Bools:
     """Return whether each face of all shapes (f,) is a hole."""
     holes_by_shape = [np.zeros(0, np.intp) if shape.holes is None else shape.holes for shape in shapes]
     lengths, limits = np.array([len(holes) for holes in holes_by_shape]), np.diff(face_begins)

@@ -15,13 +15,13 @@ from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.asset.faces import Faces, first_in_each, raise_all
 from lookdev.asset.mesh import Mesh, Subdivision
 from lookdev.asset.normals import area_vectors, batches, blocks, concatenate, face_starts, normalize_or, sum_by
-from lookdev.asset.shape import LARGEST, Attribute, Shape
+from lookdev.asset.shape import LARGEST, Attribute, PolygonShape
 from lookdev.errors import AssetError
 
 _Vectors = TypeVar("_Vectors", Floats, Floats32)
 
 
-def finish(shapes: Sequence[Shape], y_up: bool = False) -> list[Mesh | None]:
+def finish(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh | None]:
     """Return a mesh for each shape, None for a shape without a valid face; `face_slots` are the parts of the shape.
 
     With `y_up` the shapes' y axis becomes the meshes' z axis, and their z axis the -y axis. Normals of a shape that
@@ -44,7 +44,7 @@ def finish(shapes: Sequence[Shape], y_up: bool = False) -> list[Mesh | None]:
     return meshes
 
 
-def _shape_faults(shapes: Sequence[Shape], y_up: bool) -> Iterator[str]:
+def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
     """Yield the faults of shapes, finished one by one: in a batch, a fault of one can hide those of others."""
     for shape in shapes:
         try:
@@ -53,7 +53,7 @@ def _shape_faults(shapes: Sequence[Shape], y_up: bool) -> Iterator[str]:
             yield str(error)
 
 
-def _finish_batch(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
+def _finish_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]:
     faces = Faces.collect(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
@@ -121,7 +121,9 @@ def _to_z_up(vectors: _Vectors) -> _Vectors:
     return np.asarray(np.stack([vectors[:, 0], -vectors[:, 2], vectors[:, 1]], axis=-1))
 
 
-def _single_precision(points: Floats, shapes: Sequence[Shape], used_points: Indices, begins: Indices) -> Floats32:
+def _single_precision(
+    points: Floats, shapes: Sequence[PolygonShape], used_points: Indices, begins: Indices
+) -> Floats32:
     # NaN fails both comparisons.
     if not (points.max() <= LARGEST and points.min() >= -LARGEST):
         is_bounded = np.abs(points) <= LARGEST
@@ -132,7 +134,7 @@ def _single_precision(points: Floats, shapes: Sequence[Shape], used_points: Indi
     return points.astype(np.float32)
 
 
-def _corner_attributes(shapes: Sequence[Shape], faces: Faces) -> list[dict[str, Floats32]]:
+def _corner_attributes(shapes: Sequence[PolygonShape], faces: Faces) -> list[dict[str, Floats32]]:
     """Return the corner values of each shape's attributes, by name; attributes of one name and width form a batch."""
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[int, Attribute]]] = {}
     for number, shape in enumerate(shapes):
@@ -146,7 +148,7 @@ def _corner_attributes(shapes: Sequence[Shape], faces: Faces) -> list[dict[str, 
 
 
 def _corner_normals(
-    shapes: Sequence[Shape], faces: Faces, points: Floats, corner_points: Indices, y_up: bool
+    shapes: Sequence[PolygonShape], faces: Faces, points: Floats, corner_points: Indices, y_up: bool
 ) -> Floats32:
     """Return unit normals (m, 3): the shape's own, or those of its facets, or smooth ones."""
     smooth = np.array([shape.normals is None and not shape.flat for shape in shapes])
@@ -181,7 +183,7 @@ def _corner_normals(
     return normals
 
 
-def _uv_sets(shape: Shape, values: Mapping[str, Floats32]) -> dict[str, Floats32]:
+def _uv_sets(shape: PolygonShape, values: Mapping[str, Floats32]) -> dict[str, Floats32]:
     """Return the UV sets of a shape by name, the default set first."""
     names = sorted(
         (attribute.name for attribute in shape.attributes if attribute.is_uv), key=lambda name: name != shape.default_uv
@@ -189,7 +191,7 @@ def _uv_sets(shape: Shape, values: Mapping[str, Floats32]) -> dict[str, Floats32
     return {name: values[name] for name in names}
 
 
-def _renumber_rules(shape: Shape, rules: Subdivision, point_numbers: Indices, holes: Indices) -> Subdivision:
+def _renumber_rules(shape: PolygonShape, rules: Subdivision, point_numbers: Indices, holes: Indices) -> Subdivision:
     """Return the rules of a cage with new point numbers (n,), which are negative for points that no face uses."""
     edges, corners = point_numbers[rules.crease_edges], point_numbers[rules.corner_points]
     has_crease = (edges >= 0).all(axis=1) & (rules.crease_sharpness > 0.0)

@@ -11,7 +11,7 @@ from lookdev.asset.mesh import Mesh
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class RevolvedProfile:
     """A curve from the lower to the upper pole on the axis, with the outside on its right.
 
     points (k, 2): radius and height in metres, only the first and the last on the axis; normals (k, 2): unit, outward;
@@ -23,7 +23,7 @@ class Profile:
     v: Floats
 
 
-def revolve(name: str, profile: Profile, segments: int, slot: int = 0) -> Mesh:
+def revolve(name: str, profile: RevolvedProfile, segments: int, slot: int = 0) -> Mesh:
     """Revolve a profile about the z axis to a closed mesh with one UV set, ``st``.
 
     u grows around the axis from +x, counter-clockwise seen from above; the tangent is the exact direction around the

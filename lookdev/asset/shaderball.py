@@ -14,10 +14,10 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.asset.mesh import Asset, Instance, Slot
-from lookdev.asset.revolve import Profile, revolve
+from lookdev.asset.revolve import RevolvedProfile, revolve
 from lookdev.asset.store import make_asset
 
-Point = tuple[float, float]
+ProfilePoint = tuple[float, float]
 
 _BALL_HEIGHT = 1.2
 _OPENING_AZIMUTH = -60.0
@@ -37,10 +37,10 @@ def make_shaderball(segments: int = 256) -> Asset:
     return make_asset("shaderball", [ball, base], instances, [Slot("/shaderball/body"), Slot("/shaderball/base")])
 
 
-def _ball_profile() -> Profile:
+def _ball_profile() -> RevolvedProfile:
     """Return the ball's profile: unit sphere, groove, rim, recess and core, from the back to the core's centre."""
 
-    def at(latitude: float, radius: float = 1.0) -> Point:
+    def at(latitude: float, radius: float = 1.0) -> ProfilePoint:
         return radius * np.cos(np.radians(latitude)), radius * np.sin(np.radians(latitude))
 
     core_radius, core_height, floor = 0.34, 0.46, 0.38
@@ -62,7 +62,7 @@ def _ball_profile() -> Profile:
     )
 
 
-def _base_profile() -> Profile:
+def _base_profile() -> RevolvedProfile:
     """Return the base's profile: a foot with a step, a concave neck and a collar, closed inside the ball."""
     cove = _arc((0.63, 0.235), 0.12, -100.0, -255.0)
     foot, neck = cove[0].tolist(), cove[-1].tolist()
@@ -80,13 +80,13 @@ def _base_profile() -> Profile:
     )
 
 
-def _arc(center: Point, radius: float, start: float, stop: float) -> Floats:
+def _arc(center: ProfilePoint, radius: float, start: float, stop: float) -> Floats:
     """Return points (512, 2) along a circle, between angles in degrees."""
     angles = np.radians(np.linspace(start, stop, 512))
     return np.asarray(center + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1), np.float64)
 
 
-def _profile(pieces: Sequence[tuple[Floats, float]]) -> Profile:
+def _profile(pieces: Sequence[tuple[Floats, float]]) -> RevolvedProfile:
     """Return the profile of pieces joined end to end; a piece comes with the radius of the fillet at its end."""
     curves: list[Floats] = []
     head = 0.0
@@ -97,7 +97,7 @@ def _profile(pieces: Sequence[tuple[Floats, float]]) -> Profile:
     curves.append(_resample(pieces[-1][0], head, 0.0))
     points = np.vstack([piece[:-1] for piece in curves] + [curves[-1][-1:]])
     points[[0, -1], 0] = 0.0
-    return Profile(points, _curve_normals(points), _arc_lengths(points) / _arc_lengths(points)[-1])
+    return RevolvedProfile(points, _curve_normals(points), _arc_lengths(points) / _arc_lengths(points)[-1])
 
 
 def _arc_lengths(points: Floats) -> Floats:

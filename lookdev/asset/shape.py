@@ -26,7 +26,7 @@ class Attribute:
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class PolygonShape:
     """A polygon mesh or control cage in object space.
 
     points (n, 3) metres; face_sizes (f,); face_points (m,) index into points, counter-clockwise seen from outside, or

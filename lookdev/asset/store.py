@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.arrays import Array, Bytes, Ints
+from lookdev.arrays import Bytes, Elements, Ints
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.tangents import tangents_of
@@ -164,7 +164,7 @@ def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, object]:
     }
 
 
-def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, Array]]:
+def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, Elements]]:
     """Yield the name and the values of each stored array, contiguous."""
     yield "sizes", sizes
     yield "instance_meshes", np.array([instance.mesh for instance in asset.instances], np.int32)
@@ -177,7 +177,7 @@ def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, Array]]:
     yield "primvars", _concatenate(np.zeros(0, np.float32), primvars)
 
 
-def _concatenate(empty: Array, parts: Sequence[Array]) -> Array:
+def _concatenate(empty: Elements, parts: Sequence[Elements]) -> Elements:
     """Concatenate arrays of the type of `empty`; a single array is not copied."""
     if len(parts) == 1 and parts[0].dtype == empty.dtype:
         return np.ascontiguousarray(parts[0])

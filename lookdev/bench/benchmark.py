@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import lookdev
-from lookdev.bench.options import Options, restrictions
-from lookdev.bench.reference import RenderFrame, Report
+from lookdev.bench.options import BenchOptions, restrictions
+from lookdev.bench.reference import RenderFrame, ReportProgress
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.rendering.backends import blender_version
@@ -26,7 +26,7 @@ from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.threads import cores
 from lookdev.rendering.worker import open_renderer
-from lookdev.text import read_text
+from lookdev.safe_text import read_text
 
 T = TypeVar("T")
 
@@ -88,7 +88,7 @@ class Spread(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Table:
+class TextTable:
     """A table of text, in a section or a report; all columns but the first are numbers."""
 
     head: Sequence[str]
@@ -101,7 +101,7 @@ class Table:
         return "\n".join(f"| {' | '.join(map(str.ljust, row, widths))} |" for row in rows)
 
 
-def join_blocks(blocks: Iterable[str | Table], *, aligned: bool = False) -> str:
+def join_blocks(blocks: Iterable[str | TextTable], *, aligned: bool = False) -> str:
     """Return texts and tables as one text."""
     return "\n\n".join(block if isinstance(block, str) else block.text(aligned=aligned) for block in blocks)
 
@@ -139,7 +139,8 @@ def write_csv(file: Path, kind: type[Any], rows: Sequence[Any]) -> None:
 class Benchmark:
     """A kind of benchmark; an instance is a run, with what was measured so far.
 
-    A subclass measures step by step, and appends to the list that `ROWS` names. Its `DEFAULTS` are fields of `Options`.
+    A subclass measures step by step, and appends to the list that `ROWS` names. Its `DEFAULTS` are fields of
+    `BenchOptions`.
     """
 
     NAME: ClassVar[str]
@@ -147,8 +148,8 @@ class Benchmark:
     ROWS: ClassVar[str]
     DEFAULTS: ClassVar[Mapping[str, Any]] = {}
 
-    options: Options
-    report: Report
+    options: BenchOptions
+    report: ReportProgress
     open_process: OpenRenderer = open_process  # opens a renderer in a process of its own
     machine: Machine = field(default_factory=this_machine)
     failures: list[str] = field(default_factory=list)
@@ -162,7 +163,7 @@ class Benchmark:
         """Measure, and yield after each step, when files can be written."""
         raise NotImplementedError
 
-    def blocks(self) -> Iterator[str | Table]:
+    def blocks(self) -> Iterator[str | TextTable]:
         """Yield the text of the section and of the report, and its tables."""
         raise NotImplementedError
 
@@ -197,7 +198,7 @@ class Benchmark:
         return getattr(self, self.ROWS)  # type: ignore[no-any-return]
 
     @property
-    def restricted(self) -> tuple[str, ...]:
+    def restricting_options(self) -> tuple[str, ...]:
         """The options that make it a part of its kind of benchmark."""
         return restrictions(self.options, self.DEFAULTS)
 
@@ -222,7 +223,7 @@ class Benchmark:
             "complete": self.complete,
             "machine": asdict(self.machine),
             "options": asdict(self.options),
-            "restricted": self.restricted,
+            "restricted": self.restricting_options,
             "failures": self.failures,
             self.ROWS: [self.row_data(row) for row in self.rows],
         }
@@ -236,8 +237,8 @@ class Benchmark:
         yield f"{self.machine}."
         if settings:
             yield settings
-        if self.restricted:
-            yield f"A part of the {self.NAME}: {', '.join(self.restricted)} are not the defaults."
+        if self.restricting_options:
+            yield f"A part of the {self.NAME}: {', '.join(self.restricting_options)} are not the defaults."
         if not self.complete:
             yield "Not complete: this is what was measured until it ended."
 
@@ -246,7 +247,7 @@ class Benchmark:
         plots = (f"![{plot.stem}]({plot.name})" for plot in self.plots)
         return join_blocks((*self.blocks(), *plots))
 
-    def details(self) -> Iterator[str | Table]:
+    def details(self) -> Iterator[str | TextTable]:
         """Yield what the report has besides the blocks."""
         yield from ()
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lookdev.bench.benchmark import Benchmark, Table, write_csv
+from lookdev.bench.benchmark import Benchmark, TextTable, write_csv
 from lookdev.bench.options import Cell
 from lookdev.bench.reference import FIRST_SEED, Reference, obtain_reference, shooter
 from lookdev.bench.subjects import IBLS, LOOKS, bench_asset, bench_lights, bench_scene, picture_key
@@ -124,7 +124,7 @@ class DenoiseTrial(Benchmark):
         """Write a row for each frame."""
         write_csv(folder / self.FILE, Trial, self.trials)
 
-    def blocks(self) -> Iterator[str | Table]:
+    def blocks(self) -> Iterator[str | TextTable]:
         yield from self.header()
         yield summarize_trials(self.trials)
 

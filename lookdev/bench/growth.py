@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 from lookdev.bench.benchmark import OpenRenderer, render_in_turn
-from lookdev.bench.options import QUARTERS, Options
+from lookdev.bench.options import QUARTERS, BenchOptions
 from lookdev.bench.subjects import (
     LOOKS,
     MILLION,
@@ -19,7 +19,7 @@ from lookdev.bench.subjects import (
     bench_asset,
     bench_light,
     bench_scene,
-    layered,
+    layered_look,
     make_boulder,
     rectangles,
     scale_lights,
@@ -63,7 +63,7 @@ class Growth:
     rows: tuple[GrowthRow, ...]
 
 
-Rows = Iterator[GrowthRow]
+GrowthRows = Iterator[GrowthRow]
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Quantity:
     """What a frame's cost may grow with, how it is measured, and the backends that can show it."""
 
     help: str
-    measure: Callable[[str, Options, OpenRenderer], Rows]
+    measure: Callable[[str, BenchOptions, OpenRenderer], GrowthRows]
     can_show: Callable[[str], bool] = lambda backend: True
 
 
@@ -89,10 +89,12 @@ def _row(size: int, seconds: Sequence[float], last: Rendered) -> GrowthRow:
     return GrowthRow(size, statistics.median(seconds), min(seconds), max(seconds), last.memory)
 
 
-def _sizes(changes: Callable[[], Mapping[int, Mapping[str, Any]]]) -> Callable[[str, Options, OpenRenderer], Rows]:
+def _sizes(
+    changes: Callable[[], Mapping[int, Mapping[str, Any]]],
+) -> Callable[[str, BenchOptions, OpenRenderer], GrowthRows]:
     """Return a measurement of scenes by size, with arguments of `_scene`: interleaved, each in a separate process."""
 
-    def measure(backend: str, options: Options, opened: OpenRenderer) -> Rows:
+    def measure(backend: str, options: BenchOptions, opened: OpenRenderer) -> GrowthRows:
         scenes = {size: _scene(backend, **change) for size, change in changes().items()}
         frames = zip(*render_in_turn(list(scenes.values()), _task, _REPEATS, opened), strict=True)
         for size, repeats in zip(scenes, frames, strict=True):
@@ -101,7 +103,7 @@ def _sizes(changes: Callable[[], Mapping[int, Mapping[str, Any]]]) -> Callable[[
     return measure
 
 
-def _frames(backend: str, options: Options, opened: OpenRenderer) -> Rows:
+def _frames(backend: str, options: BenchOptions, opened: OpenRenderer) -> GrowthRows:
     """Measure a sequence of frames, by quarters: each is a whole turn, so that all have the same poses."""
     scene, count = _scene(backend), options.frames
     poses = [Pose(360.0 * QUARTERS * number / count % 360.0, 0.0) for number in range(count)]
@@ -112,7 +114,7 @@ def _frames(backend: str, options: Options, opened: OpenRenderer) -> Rows:
         yield _row(end, [frame.seconds for frame in frames[start:end]], frames[end - 1])
 
 
-def _looks(backend: str, options: Options, opened: OpenRenderer) -> Rows:
+def _looks(backend: str, options: BenchOptions, opened: OpenRenderer) -> GrowthRows:
     """Measure a frame of each of many looks in turn: the mean wall time, with the changes of scene, of the first n."""
     scenes = [_scene(backend, look=varied_look(number)) for number in range(max(LOOK_COUNTS))]
     means: dict[int, list[float]] = {count: [] for count in LOOK_COUNTS}
@@ -138,7 +140,7 @@ def _takes_lamps(backend: str) -> bool:
 
 
 def _takes_layers(backend: str) -> bool:
-    return BACKENDS[backend].cannot_show(layered(MOST_LAYERS)) is None
+    return BACKENDS[backend].cannot_show(layered_look(MOST_LAYERS)) is None
 
 
 def _keeps_scene(backend: str) -> bool:
@@ -153,7 +155,9 @@ QUANTITIES: dict[str, Quantity] = {
     "looks": Quantity("a frame in each of 1 to 32 looks, in turn", _looks),
     "lights": Quantity("1 to 100 rectangles", _sizes(lambda: {n: {"lights": _lamps(n)} for n in LIGHTS}), _takes_lamps),
     "layers": Quantity(
-        "1 to 8 layers, their masks textures", _sizes(lambda: {n: {"look": layered(n)} for n in LAYERS}), _takes_layers
+        "1 to 8 layers, their masks textures",
+        _sizes(lambda: {n: {"look": layered_look(n)} for n in LAYERS}),
+        _takes_layers,
     ),
     "triangles": Quantity(
         "boulders of 10,000 to a million triangles", _sizes(lambda: {n: {"asset": make_boulder(n)} for n in TRIANGLES})

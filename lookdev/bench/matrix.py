@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from lookdev.bench import report
-from lookdev.bench.benchmark import Benchmark, Table, bullets, open_process, write_csv
+from lookdev.bench.benchmark import Benchmark, TextTable, bullets, open_process, write_csv
 from lookdev.bench.growth import QUANTITIES, Growth
 from lookdev.bench.measure import Candidate, CellRun, Measurement, Series
 from lookdev.bench.mitsuba_worker import check_mitsuba
-from lookdev.bench.options import Cell, Options
+from lookdev.bench.options import BenchOptions, Cell
 from lookdev.bench.reference import shooter
 from lookdev.bench.subjects import LOOKS, SCENES, bench_asset, bench_lights, bench_scene, picture_key
 from lookdev.errors import LookdevError, RenderError
@@ -22,14 +22,14 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
-OpenCandidates = Callable[[Cell, Options], AbstractContextManager[list[Candidate]]]
+OpenCandidates = Callable[[Cell, BenchOptions], AbstractContextManager[list[Candidate]]]
 
 NEEDS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
 """Of a backend that is not on every machine: raises RenderError where it is not."""
 
 
 @contextmanager
-def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
+def open_candidates(cell: Cell, options: BenchOptions) -> Iterator[list[Candidate]]:
     """Start a process for each backend that can render the cell, and end them all."""
     look, lights = LOOKS[cell.look].make(), bench_lights(cell.ibl, bench_asset(cell.scene))
     with ExitStack() as stack:
@@ -46,7 +46,7 @@ def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
     """Return the skips of a scene, and why; none for backends that no job may name."""
     if not BACKENDS[scene.backend].in_jobs:
         return ()
-    looks = [LOOKS[cell.look].make()] * len(scene.worn)
+    looks = [LOOKS[cell.look].make()] * len(scene.slot_shaders)
     skips = scene_skips(scene, looks, Sampling(bounces=SCENES[cell.scene].bounces))
     return tuple(str(Skip(cell.look, cell.ibl, skipped, reason)) for skipped, reason in skips)
 
@@ -126,7 +126,7 @@ class MatrixBenchmark(Benchmark):
             "failures": row.failures,
         }
 
-    def blocks(self) -> Iterator[str | Table]:
+    def blocks(self) -> Iterator[str | TextTable]:
         options = self.options
         yield from self.header(
             f"{options.resolution} x {options.resolution} pixels, {options.samples[0]} to {options.samples[-1]} "
@@ -138,7 +138,7 @@ class MatrixBenchmark(Benchmark):
         if notes := [*self.failures, *report.bias_warnings(self.cells)]:
             yield bullets(notes)
 
-    def details(self) -> Iterator[str | Table]:
+    def details(self) -> Iterator[str | TextTable]:
         if self.cells:
             yield report.bias_and_memory(self.cells)
         yield from report.skip_lines(self.cells)

@@ -9,17 +9,17 @@ from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
-from lookdev.bench.options import MOST_REPEATS, SEEDS, Cell, Options
-from lookdev.bench.reference import FIRST_SEED, Reference, Render, Report, Shot, Verdict, obtain_reference
+from lookdev.bench.options import MOST_REPEATS, SEEDS, BenchOptions, Cell
+from lookdev.bench.reference import FIRST_SEED, Reference, RenderShot, ReportProgress, Shot, Verdict, obtain_reference
 from lookdev.errors import LookdevError
 
 EXACT = "exact"
 """The backend that others are compared with, and whose frames end at a target error."""
 
-Way = Literal["raw", "denoised", "aimed", "aimed, denoised"]
-"""How a picture is made; aimed: until its estimated relMSE is `Options.aim`."""
+PictureKind = Literal["raw", "denoised", "aimed", "aimed, denoised"]
+"""How a picture is made; aimed: until its estimated relMSE is `BenchOptions.aim`."""
 
-PICTURES: tuple[Way, ...] = ("raw", "denoised")
+PICTURES: tuple[PictureKind, ...] = ("raw", "denoised")
 """Those with as many samples as are asked for."""
 
 REACH = 4.0
@@ -34,7 +34,7 @@ class Series(NamedTuple):
     """What a curve is of."""
 
     backend: str
-    way: Way = "raw"
+    way: PictureKind = "raw"
 
     def __str__(self) -> str:
         return self.backend if self.way == "raw" else f"{self.backend}, {self.way}"
@@ -46,7 +46,7 @@ class Candidate:
 
     backend: str
     key: str  # of the picture, whatever its sampling
-    render: Render
+    render: RenderShot
     skips: tuple[str, ...] = ()  # work that is left out because no pixel differs, and why
     denoises: bool = False
 
@@ -59,7 +59,7 @@ class Measurement:
     ibl: str
     look: str
     backend: str
-    way: Way
+    way: PictureKind
     samples: int
     repeat: int
     seed: int
@@ -110,7 +110,7 @@ class Ratio(Times):
     """The time of ``exact`` over that of another backend to the same relMSE, made in the same way."""
 
     backend: str
-    way: Way
+    way: PictureKind
     target: float
     by_samples: Reached | None  # of the samples, times what one costs more in renders that followed each other
 
@@ -157,14 +157,14 @@ def ratio_of(one: Reached | None, other: Reached | None) -> Reached | None:
     return Reached(value, "~" if "~" in (one.mark, other.mark) else "")
 
 
-def schedule(options: Options) -> Iterator[tuple[int, int, int]]:
+def schedule(options: BenchOptions) -> Iterator[tuple[int, int, int]]:
     """Yield the repeat, the samples and the seed of every render in order; no two have the same seed."""
     for repeat in range(options.repeats):
         for number, samples in enumerate(options.samples):
             yield repeat, samples, _seed(options, repeat) + number
 
 
-def _seed(options: Options, repeat: int) -> int:
+def _seed(options: BenchOptions, repeat: int) -> int:
     """Return the first seed of a repeat, below those of references."""
     return (options.seed * MOST_REPEATS + repeat) * _SEEDS_PER_REPEAT
 
@@ -175,15 +175,15 @@ class CellRun:
 
     cell: Cell
     candidates: Sequence[Candidate]
-    options: Options
-    report: Report
+    options: BenchOptions
+    report: ReportProgress
     measurements: list[Measurement] = field(default_factory=list)
     curves: Mapping[Series, tuple[CurvePoint, ...]] = field(default_factory=dict)  # once `run` has ended
     references: dict[str, Reference] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)  # why a backend's measurements end
     _shots: dict[tuple[Series, int], list[Shot]] = field(default_factory=dict)
     _most: dict[str, int] = field(default_factory=dict)  # samples after which a backend's error is small enough
-    _out_of_reach: set[Way] = field(default_factory=set)  # not aimed at again
+    _out_of_reach: set[PictureKind] = field(default_factory=set)  # not aimed at again
 
     def run(self) -> None:
         """Render references, warm up, then measure; a backend that fails is left out from then on.
@@ -237,7 +237,7 @@ class CellRun:
     def _measure(self, candidate: Candidate, repeat: int, samples: int, seed: int) -> None:
         """Render once, which gives a measurement, or two of a picture that is denoised."""
         shot = self._render(candidate, samples, seed)
-        pictures: dict[Way, Shot] = {"raw": shot} if shot.raw is None else {"raw": shot.raw, "denoised": shot}
+        pictures: dict[PictureKind, Shot] = {"raw": shot} if shot.raw is None else {"raw": shot.raw, "denoised": shot}
         rows = []
         for way, picture in pictures.items():
             series = Series(candidate.backend, way)
@@ -251,7 +251,7 @@ class CellRun:
         aim = self.options.aim
         if aim is None or candidate.backend != EXACT:
             return
-        ways: dict[Way, str] = {"aimed": "off", "aimed, denoised": "measured"}
+        ways: dict[PictureKind, str] = {"aimed": "off", "aimed, denoised": "measured"}
         for number, (way, denoise) in enumerate(ways.items(), start=_SEEDS_PER_REPEAT - len(ways)):
             if way in self._out_of_reach or (denoise == "measured" and not self.options.denoise):
                 continue

@@ -24,10 +24,10 @@ from lookdev.asset import Asset, read_asset
 from lookdev.asset.triangles import triangulate
 from lookdev.codegen.source import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
-from lookdev.lifetime import end_with_parent
 from lookdev.light import native_images
+from lookdev.processes import end_with_parent
 from lookdev.rendering import wire
-from lookdev.rendering.answers import Answers
+from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.llvm import VARIABLE, find_llvm
@@ -51,9 +51,9 @@ _NOTHING = {
 
 def main() -> None:
     """Serve until the input ends."""
-    answers = Answers()
+    answers = AnswerStream()
     mi = load_mitsuba()
-    answers.ready(f"mitsuba {mi.__version__} {VARIANT}")
+    answers.send_ready(f"mitsuba {mi.__version__} {VARIANT}")
     built: tuple[FrameTask, Any] | None = None
     for line in sys.stdin:
         task = wire.decode(line)
@@ -63,7 +63,7 @@ def main() -> None:
             _render(mi, built[1], task, answers)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             built = None
-            answers.failed(task.digest, error)
+            answers.send_failure(task.digest, error)
 
 
 def load_mitsuba() -> Any:
@@ -88,7 +88,7 @@ def check_mitsuba() -> None:
         raise RenderError(f"Mitsuba does not render with {llvm}, which {VARIABLE} can replace by another: {last[:200]}")
 
 
-def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
+def principled_bsdf(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
     """Return Mitsuba's ``principled`` for Blender's sockets; raises RenderError for one without a counterpart."""
     bsdf: dict[str, Any] = {"type": "principled"}
     for name, value in inputs.items():
@@ -111,7 +111,7 @@ def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any
 def build_scene(mi: Any, task: FrameTask) -> Any:
     """Build a scene about the origin at the task's pose."""
     scene, pose = task.scene, task.pose
-    source, camera = scene.shaders[0], scene.camera.orbited(-pose.element)
+    source, camera = scene.shaders[0], scene.camera.orbit(-pose.element)
     if not isinstance(source, PrincipledSource):
         raise RenderError("Mitsuba renders principled scenes only")
     if gaps := BACKENDS["mitsuba-principled"].cannot_light(scene.lights):
@@ -131,7 +131,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     # Depth 1 is light seen directly, 2 is light reflected once.
     depths = {"max_depth": scene.sampling.bounces + 2, "rr_depth": 1000}
     film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba", "rfilter": {"type": "box"}}
-    bsdf = mi.load_dict(principled(source.inputs))
+    bsdf = mi.load_dict(principled_bsdf(source.inputs))
     meshes = {f"mesh{number}": _make_mesh(mi, bsdf, *mesh) for number, mesh in enumerate(corner_meshes(asset))}
     return mi.load_dict(
         {
@@ -182,7 +182,7 @@ def _make_mesh(mi: Any, bsdf: Any, positions: Floats32, normals: Floats32, uvs: 
     return mesh
 
 
-def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
+def _render(mi: Any, scene: Any, task: FrameTask, answers: AnswerStream) -> None:
     sampling = task.scene.sampling
     started = time.perf_counter()
     # The copy waits for the render.
@@ -197,7 +197,7 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
         smooth = make_denoiser(np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:])(image)
         taken = time.perf_counter() - started
         frame = RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, image, math.nan, seconds)
-    answers.rendered(task.digest, frame)
+    answers.send_frame(task.digest, frame)
 
 
 def _same(built: FrameTask, other: FrameTask) -> bool:

@@ -51,7 +51,7 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Options:
+class BenchOptions:
     """A choice of what is measured; the defaults take about ten minutes on two cores.
 
     Raises LookdevError for unknown names, and numbers out of their ranges.
@@ -103,8 +103,8 @@ def parse_options(
     defaults: Mapping[str, Any] = MappingProxyType({}),
     everything: bool = False,
     **numbers: int | None,
-) -> Options:
-    """Return the options of a command line; raises as `Options`.
+) -> BenchOptions:
+    """Return the options of a command line; raises as `BenchOptions`.
 
     `lists` are those of names and ``samples``, separated by commas, empty for the default; `numbers` are other fields,
     None for the default. `defaults` are those of the kind of benchmark; `everything` makes all names the default.
@@ -117,16 +117,16 @@ def parse_options(
             raise LookdevError(f"--samples: '{count}' is no whole number; it is like 4,16,64")
     samples = {"samples": tuple(map(int, counts))} if counts else {}
     present = {name: number for name, number in numbers.items() if number is not None}
-    return Options(**{**defaults, **names, **texts, **samples, **present})
+    return BenchOptions(**{**defaults, **names, **texts, **samples, **present})
 
 
-def restrictions(options: Options, defaults: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of the fields by which options restrict a benchmark to a part of it.
+def restrictions(options: BenchOptions, defaults: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the fields that restrict a benchmark to a part of it.
 
     Another seed, and more samples of references, restrict nothing.
     """
-    whole = replace(Options(**defaults), seed=options.seed, reference=options.reference)
-    compared = (option.name for option in fields(Options) if option.compare)
+    whole = replace(BenchOptions(**defaults), seed=options.seed, reference=options.reference)
+    compared = (option.name for option in fields(BenchOptions) if option.compare)
     return tuple(name for name in compared if getattr(options, name) != getattr(whole, name))
 
 

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from lookdev.bench.benchmark import Benchmark, Spread, Table, bullets, render_in_turn
+from lookdev.bench.benchmark import Benchmark, Spread, TextTable, bullets, render_in_turn
 from lookdev.bench.options import Cell
 from lookdev.bench.subjects import IBLS, LOOKS, POSE, bench_light, bench_scene
 from lookdev.codegen.osl.surface import generate_surface
@@ -135,7 +135,7 @@ class ProfileBenchmark(Benchmark):
         shares = {name: Spread.of((part / seconds[0]).tolist()) for name, part in zip(names, parts, strict=True)}
         return CellProfile(**asdict(cell), seconds=float(np.median(seconds[0])), parts=shares)
 
-    def blocks(self) -> Iterator[str | Table]:
+    def blocks(self) -> Iterator[str | TextTable]:
         options = self.options
         yield from self.header(
             f"{options.resolution} x {options.resolution} pixels, {options.samples[0]} samples, {options.repeats} "
@@ -147,7 +147,7 @@ class ProfileBenchmark(Benchmark):
         for part in PARTS:
             shares = [cell.parts.get(part) for cell in self.cells]
             rows.append([part, *("-" if share is None else share.text(_thousandths) for share in shares)])
-        yield Table(head, rows)
+        yield TextTable(head, rows)
         if self.failures:
             yield bullets(self.failures)
 

@@ -46,8 +46,8 @@ class Shot:
 
 
 RenderFrame = Callable[[FrameTask], Rendered]
-Report = Callable[[str], None]
-Render = Callable[..., Shot]
+ReportProgress = Callable[[str], None]
+RenderShot = Callable[..., Shot]
 """Renders with samples per pixel and a seed; keywords are other fields of a `Sampling`."""
 
 
@@ -65,7 +65,7 @@ def shot_of(rendered: Rendered) -> Shot:
     return shot((rendered.a + rendered.b) * np.float32(0.5), rendered.seconds, rendered.relmse, raw)
 
 
-def shooter(render: RenderFrame, scene: SceneTask, pose: Pose = POSE) -> Render:
+def shooter(render: RenderFrame, scene: SceneTask, pose: Pose = POSE) -> RenderShot:
     """Return a function that renders a scene, raw unless it is told otherwise."""
 
     def shoot(samples: int, seed: int, **sampling: Any) -> Shot:
@@ -185,7 +185,14 @@ class Reference:
 
 
 def obtain_reference(
-    key: str, samples: int, parts: int, render: Render, report: Report, *, enough: float = 0.0, fresh: bool = False
+    key: str,
+    samples: int,
+    parts: int,
+    render: RenderShot,
+    report: ReportProgress,
+    *,
+    enough: float = 0.0,
+    fresh: bool = False,
 ) -> Reference:
     """Return the reference of a picture from the cache, with a key of `picture_key`, and render what it lacks.
 

@@ -13,10 +13,10 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from lookdev.bench.benchmark import MEGABYTE, Spread, Table
+from lookdev.bench.benchmark import MEGABYTE, Spread, TextTable
 from lookdev.bench.growth import Growth
-from lookdev.bench.measure import EXACT, PICTURES, CellRun, CurvePoint, Measurement, Ratio, Reached, Series, Way
-from lookdev.bench.options import Options
+from lookdev.bench.measure import EXACT, PICTURES, CellRun, CurvePoint, Measurement, PictureKind, Ratio, Reached, Series
+from lookdev.bench.options import BenchOptions
 from lookdev.cache import atomic_path
 
 BIAS_LIMIT = 5.0
@@ -43,7 +43,7 @@ _LEGEND = (
 )
 
 
-def cell_blocks(cells: Sequence[CellRun], options: Options) -> Iterator[str | Table]:
+def cell_blocks(cells: Sequence[CellRun], options: BenchOptions) -> Iterator[str | TextTable]:
     """Yield the tables of times, of the most samples and of estimates, with their headings."""
     if not cells:
         return
@@ -55,9 +55,9 @@ def cell_blocks(cells: Sequence[CellRun], options: Options) -> Iterator[str | Ta
         for target in options.targets:
             if rows := list(_times(cells, others, way, target)):
                 yield f"#### {way.capitalize()}, to {target:g}"
-                yield Table(["", "exact, s", *(column for group in columns for column in group)], rows)
+                yield TextTable(["", "exact, s", *(column for group in columns for column in group)], rows)
     yield "#### At the most samples"
-    yield Table(
+    yield TextTable(
         ["", *(f"{series}: samples, s, relMSE" for series in every)],
         [[str(cell.cell), *(_point(cell.curves.get(series)) for series in every)] for cell in cells],
     )
@@ -69,10 +69,10 @@ def cell_blocks(cells: Sequence[CellRun], options: Options) -> Iterator[str | Ta
             f"{options.aim:g}, with at most {options.samples[-1]} samples: seconds, samples, true relMSE."
         )
         head = ("", "raw: estimate over truth", "denoised", "raw: s", "samples", "relMSE")
-        yield Table((*head, "denoised: s", "samples", "relMSE"), rows)
+        yield TextTable((*head, "denoised: s", "samples", "relMSE"), rows)
 
 
-def _times(cells: Sequence[CellRun], others: Sequence[str], way: Way, target: float) -> Iterator[list[str]]:
+def _times(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind, target: float) -> Iterator[list[str]]:
     """Yield a row for each cell, then geometric means for each scene, and of all."""
     cells = [cell for cell in cells if any(series.way == way for series in cell.curves)]
     for cell in cells:
@@ -123,14 +123,18 @@ def _point(curve: Sequence[CurvePoint] | None) -> str:
 
 def _estimates(cells: Sequence[CellRun]) -> Iterator[list[str]]:
     """Yield a row for each cell whose frames estimate their errors, then one of all."""
-    rows_of_all: Mapping[Way, list[Measurement]] = {way: [] for way in PICTURES}
+    rows_of_all: Mapping[PictureKind, list[Measurement]] = {way: [] for way in PICTURES}
     for cell in cells:
         if cell.of(Series(EXACT)):
             row = [str(cell.cell)]
             for way in PICTURES:
                 row.append(_estimate_over_truth(cell.of(Series(EXACT, way))))
                 rows_of_all[way].extend(cell.of(Series(EXACT, way)))
-            yield [*row, *_aimed(cell.of(Series(EXACT, "aimed"))), *_aimed(cell.of(Series(EXACT, "aimed, denoised")))]
+            yield [
+                *row,
+                *_aimed_cells(cell.of(Series(EXACT, "aimed"))),
+                *_aimed_cells(cell.of(Series(EXACT, "aimed, denoised"))),
+            ]
     if any(rows_of_all.values()):
         yield ["all", *map(_estimate_over_truth, rows_of_all.values()), *[""] * 6]
 
@@ -140,7 +144,7 @@ def _estimate_over_truth(rows: Sequence[Measurement]) -> str:
     return Spread.of(ratios).text() if ratios else "-"
 
 
-def _aimed(rows: Sequence[Measurement]) -> tuple[str, str, str]:
+def _aimed_cells(rows: Sequence[Measurement]) -> tuple[str, str, str]:
     if not rows:
         return "-", "-", "-"
     errors = [row.relmse for row in rows if row.relmse is not None]
@@ -149,7 +153,7 @@ def _aimed(rows: Sequence[Measurement]) -> tuple[str, str, str]:
     return Spread.of([row.seconds for row in rows]).text(_short), samples, error
 
 
-def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | Table]:
+def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | TextTable]:
     """Yield a table for each quantity, a row for each size, with its heading."""
     for name in dict.fromkeys(result.of for result in growth):
         group = [result for result in growth if result.of == name]
@@ -164,10 +168,10 @@ def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | Table]:
                 texts += [seconds, "-" if row is None else f"{row.memory / MEGABYTE:.0f}"]
         head = [name, *(column for result in group for column in (f"{result.backend}, s a frame", "MB"))]
         yield f"#### Growth with {name}"
-        yield Table(head, [[f"{size:,}", *texts] for size, texts in rows.items()])
+        yield TextTable(head, [[f"{size:,}", *texts] for size, texts in rows.items()])
 
 
-def bias_and_memory(cells: Sequence[CellRun]) -> Table:
+def bias_and_memory(cells: Sequence[CellRun]) -> TextTable:
     """Return a table of the bias at the most samples, and the memory, of each series of each cell."""
     rows = []
     for cell in cells:
@@ -176,7 +180,7 @@ def bias_and_memory(cells: Sequence[CellRun]) -> Table:
                 memory = max(row.memory for row in cell.of(series))
                 bias = f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}"
                 rows.append([f"{cell.cell}: {series}", bias, f"{memory / MEGABYTE:.0f}"])
-    return Table(("", "bias, %", "MB"), rows)
+    return TextTable(("", "bias, %", "MB"), rows)
 
 
 def bias_warnings(cells: Sequence[CellRun]) -> list[str]:

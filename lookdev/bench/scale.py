@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from lookdev.arrays import Floats
-from lookdev.bench.benchmark import MEGABYTE, Benchmark, Table
+from lookdev.bench.benchmark import MEGABYTE, Benchmark, TextTable
 from lookdev.errors import RenderError
 
-Way = Literal["lookdev", "blender"]
-WAYS: dict[Way, str] = {"lookdev": "lookdev.bench.scale_job", "blender": "lookdev.cycles.plain_import"}
+ImportProgram = Literal["lookdev", "blender"]
+WAYS: dict[ImportProgram, str] = {"lookdev": "lookdev.bench.scale_job", "blender": "lookdev.cycles.plain_import"}
 """The module that is a process of each way."""
 
 _SIDE, _LIGHT, _BOUNCES = 64, "studio", 2
@@ -138,7 +138,7 @@ class Start:
     """
 
     case: str
-    way: Way
+    way: ImportProgram
     planned: float
     sample: float
     memory: tuple[int, ...]
@@ -169,7 +169,7 @@ class ScaleBenchmark(Benchmark):
                 self.starts.append(_start(root, case, way))
                 yield
 
-    def medians(self, case: str, way: Way) -> tuple[float, float, int]:
+    def medians(self, case: str, way: ImportProgram) -> tuple[float, float, int]:
         """Return the median seconds until frames are planned, and until the first sample, and the largest memory."""
         starts = [start for start in self.starts if (start.case, start.way) == (case, way)]
         planned, sample = (
@@ -177,7 +177,7 @@ class ScaleBenchmark(Benchmark):
         )
         return planned, sample, max(sum(start.memory) for start in starts)
 
-    def blocks(self) -> Iterator[str | Table]:
+    def blocks(self) -> Iterator[str | TextTable]:
         yield from self.header()
         rows = []
         for case, way in dict.fromkeys((start.case, start.way) for start in self.starts):
@@ -187,10 +187,10 @@ class ScaleBenchmark(Benchmark):
                 _, ours, our_memory = self.medians(case, "lookdev")
                 row[-2:] = f"x{ours / sample:.2f}", f"x{our_memory / memory:.2f}"
             rows.append(row)
-        yield Table(("", "s to the plan", "s to the first sample", "MB", "lookdev takes", "of the memory"), rows)
+        yield TextTable(("", "s to the plan", "s to the first sample", "MB", "lookdev takes", "of the memory"), rows)
 
 
-def _start(root: Path, case: str, way: Way) -> Start:
+def _start(root: Path, case: str, way: ImportProgram) -> Start:
     cache, log = root / "cache", root / f"{way}.log"
     shutil.rmtree(cache / "assets", ignore_errors=True)
     for stored in cache.glob("content/*.asset"):

@@ -11,14 +11,14 @@ import sys
 from pathlib import Path
 
 from lookdev.errors import RenderError
-from lookdev.rendering.answers import Answers, peak_memory
+from lookdev.rendering.answers import AnswerStream, peak_memory
 from lookdev.run.events import FrameFailed, FrameProgressed, RunStarted
 from lookdev.run.render import render_job
 
 
 def main(job: Path) -> None:
     """Run the job, and leave it at the first sample."""
-    answers = Answers()
+    answers = AnswerStream()
 
     def report(event: object) -> None:
         match event:

@@ -26,7 +26,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lookdev.asset import BUILTINS, load_asset
-from lookdev.bench.benchmark import Table
+from lookdev.bench.benchmark import TextTable
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import CurvePoint, Series
 from lookdev.bench.options import LARGEST_SAMPLES
@@ -57,7 +57,7 @@ _LONGEST_STEP = 8.0  # the largest factor of one
 
 
 @dataclass(frozen=True)
-class Subject:
+class SequenceSubject:
     """A scene and a look under lights; the frame's side in pixels. Raises LookdevError without a plain script."""
 
     scene: str
@@ -96,7 +96,7 @@ class SequenceRun:
 class SequenceResult:
     """Frames a minute of the batch runner ("exact") and the plain script ("plain") at equal mean relMSE."""
 
-    subject: Subject
+    subject: SequenceSubject
     frames: int  # of all turntables, rendered or not
     samples: Mapping[str, int]
     relmse: Mapping[str, float]  # of frames of the timed runs
@@ -106,7 +106,7 @@ class SequenceResult:
     high: float
     skips: tuple[str, ...] = ()  # of the batch runner
 
-    def blocks(self) -> Iterator[str | Table]:
+    def blocks(self) -> Iterator[str | TextTable]:
         """Yield the ratio, a table of both, and the skips."""
         subject = self.subject
         yield (
@@ -117,7 +117,7 @@ class SequenceResult:
         for backend, samples in self.samples.items():
             speeds = ", ".join(f"{run.frames_per_minute:.2f}" for run in self.runs if run.backend == backend)
             rows.append((backend, str(samples), f"{self.relmse[backend]:.2e}", speeds))
-        yield Table(("", "samples", "relMSE", "frames a minute"), rows)
+        yield TextTable(("", "samples", "relMSE", "frames a minute"), rows)
         if self.skips:
             yield f"exact skips {', '.join(self.skips)}"
 
@@ -141,7 +141,7 @@ class SequenceBenchmark(MatrixBenchmark):
         options = self.options = replace(self.options, backends=("exact", "principled"))
         if len(options.scenes) != 1 or len(options.looks) != 1:
             raise LookdevError("the sequence is of one scene and one look: give --scenes and --looks one name each")
-        self.subject = Subject(*options.scenes, *options.looks, options.ibls, options.resolution)
+        self.subject = SequenceSubject(*options.scenes, *options.looks, options.ibls, options.resolution)
 
     def measure(self) -> Iterator[None]:
         yield from super().measure()
@@ -188,7 +188,7 @@ class SequenceBenchmark(MatrixBenchmark):
     def data(self) -> dict[str, Any]:
         return super().data() | {"sequence": asdict(self.result) if self.result else None}
 
-    def details(self) -> Iterator[str | Table]:
+    def details(self) -> Iterator[str | TextTable]:
         yield from super().details()
         if self.result:
             yield from self.result.blocks()
@@ -253,7 +253,7 @@ def error_at(curve: Sequence[tuple[float, float]], effort: float) -> float:
     return start[1] * math.exp(slope * math.log(effort / start[0]))
 
 
-def _mean_relmse(subject: Subject, folder: Path, probes: Path, frames: int) -> float:
+def _mean_relmse(subject: SequenceSubject, folder: Path, probes: Path, frames: int) -> float:
     """Return the mean relMSE of a folder's frames, from independent renders of some of them.
 
     `relmse_of_halves` is the error of the mean of two renders, half of that of each.
@@ -267,12 +267,14 @@ def _mean_relmse(subject: Subject, folder: Path, probes: Path, frames: int) -> f
     return statistics.fmean(errors)
 
 
-def producers_of(subject: Subject) -> dict[str, Produce]:
+def producers_of(subject: SequenceSubject) -> dict[str, Produce]:
     """Return the batch runner and the plain script."""
     return {"exact": partial(_render_job, subject), "plain": partial(_render_plainly, subject)}
 
 
-def _render_job(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> tuple[float, tuple[str, ...]]:
+def _render_job(
+    subject: SequenceSubject, folder: Path, samples: int, frames: int, seed: int
+) -> tuple[float, tuple[str, ...]]:
     """Render by the batch runner; all is read and generated anew, without caches in memory, as by a job."""
     turntables = tuple(JobTurntable(kind=kind, frames=frames) for kind in KINDS)
     started = time.perf_counter()
@@ -293,7 +295,7 @@ def _render_job(subject: Subject, folder: Path, samples: int, frames: int, seed:
 
 
 def _render_plainly(
-    subject: Subject, folder: Path, samples: int, frames: int, seed: int
+    subject: SequenceSubject, folder: Path, samples: int, frames: int, seed: int
 ) -> tuple[float, tuple[str, ...]]:
     """Render by the plain script."""
     folder.mkdir(parents=True)
@@ -309,7 +311,7 @@ def _render_plainly(
     return seconds, ()
 
 
-def _request(subject: Subject, folder: Path, frames: int) -> dict[str, Any]:
+def _request(subject: SequenceSubject, folder: Path, frames: int) -> dict[str, Any]:
     """Write the maps, and return what the plain script shows."""
     look, maps = LOOKS[subject.look].make(), {}
     for ibl in subject.ibls:

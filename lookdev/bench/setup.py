@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from lookdev.bench.benchmark import Benchmark, Spread, Table
+from lookdev.bench.benchmark import Benchmark, Spread, TextTable
 from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError
 from lookdev.export.examples import copy_example
@@ -31,10 +31,10 @@ _SAMPLES = 2  # of the frames whose set-up is measured
 
 
 @dataclass(frozen=True)
-class Taken:
+class StepTimes:
     """Wall seconds of something, in the order of the repeats, and CPU seconds where it is a command."""
 
-    what: str
+    step: str
     seconds: tuple[float, ...]
     cpu: tuple[float, ...] = ()
 
@@ -48,41 +48,41 @@ class SetupBenchmark(Benchmark):
     ROWS = "taken"
     DEFAULTS = {"repeats": 5}  # noqa: RUF012
 
-    taken: list[Taken] = field(default_factory=list)
+    taken: list[StepTimes] = field(default_factory=list)
 
     def measure(self) -> Iterator[None]:
         with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
             for taken in measure_setup(Path(scratch), self.options.repeats):
-                self.report(f"{taken.what}: {Spread.of(taken.seconds).text()} s")
+                self.report(f"{taken.step}: {Spread.of(taken.seconds).text()} s")
                 self.taken.append(taken)
                 yield
 
-    def blocks(self) -> Iterator[str | Table]:
+    def blocks(self) -> Iterator[str | TextTable]:
         yield from self.header()
         rows = [
-            (taken.what, *(Spread.of(seconds).text() if seconds else "" for seconds in (taken.seconds, taken.cpu)))
+            (taken.step, *(Spread.of(seconds).text() if seconds else "" for seconds in (taken.seconds, taken.cpu)))
             for taken in self.taken
         ]
-        yield Table(("", "seconds", "CPU seconds"), rows)
+        yield TextTable(("", "seconds", "CPU seconds"), rows)
 
 
-def measure_setup(scratch: Path, repeats: int) -> Iterator[Taken]:
+def measure_setup(scratch: Path, repeats: int) -> Iterator[StepTimes]:
     """Yield the times of all commands and frames."""
     jobs = {name: copy_example(name, scratch / name).job for name in JOBS}
     for name, job in jobs.items():
         wall, cpu = _run_command("render", str(job))
-        yield Taken(f"`lookdev render` of {name}, whole", (wall,), (cpu,))
+        yield StepTimes(f"`lookdev render` of {name}, whole", (wall,), (cpu,))
     commands: dict[str, tuple[str, ...]] = {"`lookdev --help`": ("--help",)}
     for name, job in jobs.items():
         commands[f"`lookdev plan` of {name}"] = ("plan", str(job))
         commands[f"`lookdev render` of {name}, all frames done"] = ("render", str(job))
     times = zip(*([_run_command(*command) for command in commands.values()] for _ in range(repeats)), strict=True)
     for command, pairs in zip(commands, times, strict=True):
-        yield Taken(command, *zip(*pairs, strict=True))
+        yield StepTimes(command, *zip(*pairs, strict=True))
     tasks = {name: _first_frames(job) for name, job in jobs.items()}
     starts, frames = zip(*(_time_first_frame(scratch, tasks[JOBS[0]][0]) for _ in range(repeats)), strict=True)
-    yield Taken("start of the worker", starts)
-    yield Taken(f"first frame of {JOBS[0]} in a worker that is up", frames)
+    yield StepTimes("start of the worker", starts)
+    yield StepTimes(f"first frame of {JOBS[0]} in a worker that is up", frames)
     for name in JOBS:
         yield from _time_changes(scratch, name, tasks[name])
 
@@ -116,7 +116,7 @@ def _time_first_frame(scratch: Path, task: FrameTask) -> tuple[float, float]:
         return up - started, time.perf_counter() - up
 
 
-def _time_changes(scratch: Path, name: str, tasks: Sequence[FrameTask]) -> Iterator[Taken]:
+def _time_changes(scratch: Path, name: str, tasks: Sequence[FrameTask]) -> Iterator[StepTimes]:
     """Yield the seconds of frames of few samples in new scenes, by whether the shader is compiled already."""
     compiled: set[object] = set()
     seconds: dict[str, list[float]] = {"another program": [], "a known program": []}
@@ -133,4 +133,4 @@ def _time_changes(scratch: Path, name: str, tasks: Sequence[FrameTask]) -> Itera
             compiled |= programs
     for program, values in seconds.items():
         if values:
-            yield Taken(f"next scene of {name}, {program}, with {_SAMPLES} samples", tuple(values))
+            yield StepTimes(f"next scene of {name}, {program}, with {_SAMPLES} samples", tuple(values))

@@ -48,7 +48,7 @@ _MASK_VERSION = 1  # the only digest of the file: increase it with any change
 
 
 @dataclass(frozen=True)
-class Entry(Generic[T]):
+class SubjectEntry(Generic[T]):
     """A description for the list of names, and the function that makes the object."""
 
     help: str
@@ -56,7 +56,7 @@ class Entry(Generic[T]):
 
 
 @dataclass(frozen=True)
-class BenchScene(Entry[Asset]):
+class BenchScene(SubjectEntry[Asset]):
     """An asset, and the bounces of its indirect light; a convex asset has none."""
 
     bounces: int = Sampling.bounces
@@ -92,7 +92,7 @@ SCENES: dict[str, BenchScene] = {
 }
 
 
-def layered(layers: int) -> Look:
+def layered_look(layers: int) -> Look:
     """Return a stack of Disney layers; masks above the base are textures, so that no layer folds away."""
     stack = [Layer("layer0", "disney", {"baseColor": (0.35, 0.06, 0.04), "roughness": 0.35, "clearcoat": 0.5})]
     for number in range(1, layers):
@@ -124,7 +124,7 @@ def cloudy_mask(number: int) -> Texture:
         levels = np.clip(0.5 + 0.25 * (clouds - clouds.mean()) / clouds.std(), 0.0, 1.0)
         write_frame(file, np.repeat(levels[..., None], 3, axis=-1), np.ones_like(levels), {})
 
-    (content,) = cached_files("bench", f"mask{number}.{_MASK_VERSION}", lambda: (Content.written(".exr", write),))
+    (content,) = cached_files("bench", f"mask{number}.{_MASK_VERSION}", lambda: (Content.store_written(".exr", write),))
     return Texture(content.path, "r", "raw")
 
 
@@ -138,28 +138,28 @@ def _transmitting() -> Look:
     return Look("pixar", (Layer("Body", "pixar", body), Layer("Varnish", "pixar", varnish, 1.0, "transmit")))
 
 
-LOOKS: dict[str, Entry[Look]] = {
-    "plastic": Entry(
+LOOKS: dict[str, SubjectEntry[Look]] = {
+    "plastic": SubjectEntry(
         "blue plastic, one Disney layer", _disney("plastic", "Plastic", baseColor=(0.1, 0.2, 0.5), roughness=0.3)
     ),
-    "car_paint": Entry(
+    "car_paint": SubjectEntry(
         "red paint under a clear coat, one Disney layer",
         _disney("car_paint", "Paint", baseColor=(0.46, 0.02, 0.02), roughness=0.4, clearcoat=1.0, clearcoatGloss=0.9),
     ),
-    "metal": Entry(
+    "metal": SubjectEntry(
         "anisotropic metal, one Disney layer",
         _disney("metal", "Metal", baseColor=(0.9, 0.75, 0.5), metallic=1.0, roughness=0.35, anisotropic=0.8),
     ),
-    "brushed_metal": Entry(
+    "brushed_metal": SubjectEntry(
         "aluminium, brushed strongly, one Disney layer",
         _disney("brushed_metal", "Brushed", baseColor=(0.91, 0.92, 0.92), metallic=1.0, roughness=0.3, anisotropic=0.9),
     ),
-    "copper": Entry(
+    "copper": SubjectEntry(
         "isotropic metal, smooth enough to see itself in its recesses, one Disney layer",
         _disney("copper", "Copper", baseColor=(0.95, 0.64, 0.54), metallic=1.0, roughness=0.25),
     ),
-    "stack": Entry("six Disney layers, their masks textures", partial(layered, 6)),
-    "pixar": Entry("two Pixar layers that transmit light, and each other's light", _transmitting),
+    "stack": SubjectEntry("six Disney layers, their masks textures", partial(layered_look, 6)),
+    "pixar": SubjectEntry("two Pixar layers that transmit light, and each other's light", _transmitting),
 }
 
 
@@ -202,11 +202,13 @@ IBLS: dict[str, str] = {
     "city": "a small and very bright sun",
     "forest": "light through leaves: many small bright spots",
 }
-RIGS: dict[str, Entry[tuple[Light, ...]]] = {
-    "studio+3": Entry("the studio, dimmed, with a rectangle, a disk and a sphere", partial(_three_lamps, "studio")),
-    "city+3": Entry("the city, dimmed, with a rectangle, a disk and a sphere", partial(_three_lamps, "city")),
-    "lamp": Entry("1 rectangles", partial(rectangles, 1)),
-    "100lamps": Entry("100 rectangles", partial(rectangles, 100)),
+RIGS: dict[str, SubjectEntry[tuple[Light, ...]]] = {
+    "studio+3": SubjectEntry(
+        "the studio, dimmed, with a rectangle, a disk and a sphere", partial(_three_lamps, "studio")
+    ),
+    "city+3": SubjectEntry("the city, dimmed, with a rectangle, a disk and a sphere", partial(_three_lamps, "city")),
+    "lamp": SubjectEntry("1 rectangles", partial(rectangles, 1)),
+    "100lamps": SubjectEntry("100 rectangles", partial(rectangles, 100)),
 }
 """Lights around an asset of radius 1 at the origin."""
 
@@ -231,7 +233,7 @@ def bench_light(ibl: str) -> Dome:
 
 def scale_lights(lights: Sequence[Light], asset: Asset) -> tuple[Light, ...]:
     """Return lights around a unit ball as lights around an asset."""
-    return tuple(light.scaled(asset.radius, asset.center) for light in lights)
+    return tuple(light.rescale(asset.radius, asset.center) for light in lights)
 
 
 def bench_lights(name: str, asset: Asset) -> tuple[Light, ...]:

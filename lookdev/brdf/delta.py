@@ -23,7 +23,7 @@ from lookdev.brdf.lobes import Bsdf, Delta
 from lookdev.brdf.metal import OF_INDICES, named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_name
-from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, scale, vector
+from lookdev.brdf.vectors import TINY, Array, BooleanArray, Parameters, Real, scale, vector
 
 _NORMAL = normal_parameter("normal", "Normal of the surface, as of a normal map; the shading normal by default.")
 
@@ -43,7 +43,7 @@ def _direction_above(frame: Frame, w: Array) -> Array:
 
 
 def _mirror(p: Parameters) -> Bsdf:
-    def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+    def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
         frame, x, y, cosine = _frame_and_view(p["normal"], wo)
         value = p["tint"] * conductor_fresnel(np.expand_dims(cosine, -1), p["eta"], p["k"])
         mirrored = vector(-x, -y, cosine)
@@ -53,7 +53,7 @@ def _mirror(p: Parameters) -> Bsdf:
 
 
 def _glass(p: Parameters) -> Bsdf:
-    def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+    def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
         frame, x, y, cosine = _frame_and_view(p["normal"], wo)
         eta_i, eta_t = (np.where(inside, p[a], p[b]) for a, b in (("eta", "externalIor"), ("externalIor", "eta")))
         n = eta_i / eta_t

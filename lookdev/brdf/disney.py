@@ -20,7 +20,7 @@ from lookdev.brdf import microfacet as mf
 from lookdev.brdf.film import film_reflectance, metal_film_reflectance
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
-from lookdev.brdf.lobes import Bsdf, Directions, Lobe
+from lookdev.brdf.lobes import Bsdf, DirectionPair, Lobe
 from lookdev.brdf.metal import is_exact, metal_fresnel, metal_parameters
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import PRESENCE, Parameter, normal_parameter, parameters_by_name, token_parameter
@@ -43,11 +43,11 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     dielectric = 1.0 - p["metallic"]
     sheen_color = scale(mix_color(np.ones(3), _tint(base_color), p["sheenTint"]), p["sheen"])
 
-    def sheen(d: Directions) -> Array:
+    def sheen(d: DirectionPair) -> Array:
         # Burley 2012, addenda, "Sheen details".
         return scale(sheen_color, schlick_weight(d.cos_theta_d))
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         fi, fo = schlick_weight(d.cos_theta_i), schlick_weight(d.cos_theta_o)
         # Burley 2012, section 5.3.
         retro = roughness * d.cos_theta_d * d.cos_theta_d
@@ -116,12 +116,12 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def distribution(wm: Array) -> Array:
         return mf.gtr2_aniso(wm, alpha_x, alpha_y) if ggx else mf.gtr_aniso(wm, alpha_x, alpha_y, p["gamma"])
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         # D F G / (4 cos_theta_i cos_theta_o), the denominator absorbed by both shadowing terms.
         g = shadowing(d.cos_theta_i, d.wi) * shadowing(d.cos_theta_o, d.wo)
         return scale(specular_fresnel(p, d.cos_theta_d), distribution(d.wm) * g)
 
-    def density(d: Directions) -> Array:
+    def density(d: DirectionPair) -> Array:
         if ggx:
             return mf.visible_ggx_pdf(d.wo, distribution(d.wm), alpha_x, alpha_y)
         return distribution(d.wm) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
@@ -153,7 +153,7 @@ def _clearcoat(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def fresnel(cos_theta: Array) -> Real:
         return mix(COAT_F0, 1.0, schlick_weight(cos_theta))
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         g = mf.smith_ggx(d.cos_theta_i, 0.25) * mf.smith_ggx(d.cos_theta_o, 0.25)
         f = weight * mf.gtr1(d.wm, alpha) * fresnel(d.cos_theta_d) * g
         return np.expand_dims(f, -1) * np.ones(3)
@@ -255,7 +255,7 @@ def _bsdf(parameters: Parameters) -> Bsdf:
             # Lobes with the same normal share a frame.
             shared = are_equal(parameters[normal], parameters["normal"])
             lobe_frame = frame if shared else frame_of(parameters[normal]).facing(wo)
-            return build(parameters, lobe_frame.to_local(wo), lobe_frame).blended(presence)
+            return build(parameters, lobe_frame.to_local(wo), lobe_frame).blend(presence)
 
         parts = (_diffuse, "normal"), (_specular, "specularNormal"), (_clearcoat, "clearcoatNormal")
         return tuple(lobe(build, normal) for build, normal in parts)

@@ -13,9 +13,9 @@ from typing import Literal
 import numpy as np
 
 from lookdev.brdf.frames import Frame, Leaning, Upright, mirror_across_surface
-from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, dot, scale, vector
+from lookdev.brdf.vectors import TINY, Array, BooleanArray, Parameters, Real, dot, scale, vector
 
-Group = Literal["diffuse", "specular", "clearcoat"]
+LobeGroup = Literal["diffuse", "specular", "clearcoat"]
 """The kind of a lobe's response; a lobe of any kind may transmit."""
 
 PartGroup = Literal["sheen"]
@@ -23,7 +23,7 @@ PartGroup = Literal["sheen"]
 
 
 @dataclass(frozen=True)
-class Directions:
+class DirectionPair:
     """A pair of unit directions (..., 3) in a lobe's frame, both above its horizon, with half vector and cosines (...).
 
     `cos_theta_d` is ``wi . wm``, the cosine between either direction and the half vector `wm`.
@@ -37,7 +37,7 @@ class Directions:
     cos_theta_d: Array
 
     @classmethod
-    def of(cls, wo: Array, wi: Array) -> Directions:
+    def of(cls, wo: Array, wi: Array) -> DirectionPair:
         """Derive the half vector and the cosines from `wo` and `wi`."""
         x, y, z = wo[..., 0] + wi[..., 0], wo[..., 1] + wi[..., 1], wo[..., 2] + wi[..., 2]
         # The floor is for opposite directions along the horizon: its square is still a normal float32.
@@ -56,9 +56,9 @@ class Lobe:
     share : (...)
         Unnormalised probability, at least 0, of selecting the lobe when a direction is sampled.
     evaluate
-        From `Directions` to f in 1/sr, cosine and `weight` excluded, (..., 3).
+        From `DirectionPair` to f in 1/sr, cosine and `weight` excluded, (..., 3).
     pdf
-        From `Directions` to the pdf (...) of `sample` over solid angle.
+        From `DirectionPair` to the pdf (...) of `sample` over solid angle.
     sample
         From two uniform numbers (...) to unit directions (..., 3) of the frame, which may be below the horizon.
     group
@@ -86,17 +86,17 @@ class Lobe:
     model: str
     name: str
     share: Real
-    evaluate: Callable[[Directions], Array]
-    pdf: Callable[[Directions], Array]
+    evaluate: Callable[[DirectionPair], Array]
+    pdf: Callable[[DirectionPair], Array]
     sample: Callable[[Array, Array], Array]
-    group: Group
+    group: LobeGroup
     frame: Frame = field(default_factory=Upright)
     transmits: bool = False
     own_side: bool = False
     broad: bool = False
     weight: Real = 1.0
     values: Parameters = field(default_factory=dict)
-    parts: Mapping[PartGroup, Callable[[Directions], Array]] = field(default_factory=dict)
+    parts: Mapping[PartGroup, Callable[[DirectionPair], Array]] = field(default_factory=dict)
 
     @property
     def leans(self) -> bool:
@@ -108,7 +108,7 @@ class Lobe:
         """Whether the lobe reflects to, or transmits from, both sides of the shading normal."""
         return self.leans and self.own_side
 
-    def blended(self, weight: Real) -> Lobe:
+    def blend(self, weight: Real) -> Lobe:
         """Return the lobe, its weight and share multiplied by a weight (...) in a blend."""
         return replace(self, share=self.share * weight, weight=self.weight * weight)
 
@@ -151,7 +151,7 @@ class Delta:
     value: Array
     transmits: bool = False
 
-    def blended(self, weight: Real) -> Delta:
+    def blend(self, weight: Real) -> Delta:
         """Return the term, its value multiplied by a weight (...) in a blend."""
         return replace(self, value=scale(self.value, weight))
 
@@ -172,14 +172,14 @@ class Bsdf:
     lobes: Callable[[Array], tuple[Lobe, ...]]
     presence: Real = 1.0
     two_sided: bool = False
-    deltas: Callable[[Array, Mask], tuple[Delta, ...]] = lambda wo, inside: ()
+    deltas: Callable[[Array, BooleanArray], tuple[Delta, ...]] = lambda wo, inside: ()
 
     def transmits(self, wo: Array) -> bool:
         """Return whether light passes through the surface for any of the views (..., 3)."""
         lobes = any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in self.lobes(wo))
         return lobes or any(delta.transmits for delta in self.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)))
 
-    def converted(self, matrix: Array) -> Bsdf:
+    def convert(self, matrix: Array) -> Bsdf:
         """Return a BSDF whose f is in the coordinates of another linear colour space.
 
         `matrix` (3, 3) converts from linear Rec.709 to that space; its rows sum to 1. Models are evaluated as
@@ -192,7 +192,7 @@ class Bsdf:
             r, g, b = color[..., 0], color[..., 1], color[..., 2]
             return vector(*(row[0] * r + row[1] * g + row[2] * b for row in rows))
 
-        def convert_values(evaluate: Callable[[Directions], Array]) -> Callable[[Directions], Array]:
+        def convert_values(evaluate: Callable[[DirectionPair], Array]) -> Callable[[DirectionPair], Array]:
             return lambda d: convert_color(evaluate(d))
 
         def lobes(wo: Array) -> tuple[Lobe, ...]:
@@ -205,7 +205,7 @@ class Bsdf:
                 for lobe in self.lobes(wo)
             )
 
-        def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+        def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
             return tuple(replace(delta, value=convert_color(delta.value)) for delta in self.deltas(wo, inside))
 
         return replace(self, lobes=lobes, deltas=deltas)

@@ -16,7 +16,7 @@ import numpy as np
 
 from lookdev.brdf.conductor import METALS
 from lookdev.brdf.fresnel import conductor_fresnel
-from lookdev.brdf.parameters import Parameter, Value, parameters_by_name, token_parameter
+from lookdev.brdf.parameters import Parameter, ParameterValue, parameters_by_name, token_parameter
 from lookdev.brdf.vectors import Array, Parameters
 
 INTERFACE = parameters_by_name(
@@ -68,7 +68,7 @@ def metal_table() -> dict[str, MetalEntry]:
     return table
 
 
-def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, Value]:
+def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, ParameterValue]:
     """Return eta and k of one of `METALS`, derived by one of `METAL_COLORS`."""
     entry = metal_table()[name]
     index = {"nearest": entry["nearest"], "bands": entry["bands"]}[color]
@@ -79,7 +79,7 @@ def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, Value]:
 def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
     """Return the parameters that select a metal by name; a metal expands to eta and k, and to `other_tokens`."""
 
-    def expand_tokens(tokens: Mapping[str, str]) -> Mapping[str, Value]:
+    def expand_tokens(tokens: Mapping[str, str]) -> Mapping[str, ParameterValue]:
         name = tokens["metal"]
         return {} if name == _NONE else {**other_tokens, **metal_index(name, tokens["metalColor"])}
 

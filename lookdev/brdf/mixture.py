@@ -15,15 +15,15 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.lobes import Bsdf, Directions, Lobe
-from lookdev.brdf.vectors import TINY, Array, Mask, Real, normalize, scale
+from lookdev.brdf.lobes import Bsdf, DirectionPair, Lobe
+from lookdev.brdf.vectors import TINY, Array, BooleanArray, Real, normalize, scale
 
 BELOW_ONE = 0.99999994
 """The largest float32 below 1, the upper limit of uniform numbers."""
 
 
 @dataclass(frozen=True)
-class Term:
+class LobeTerms:
     """The terms of one lobe in the mixture's sums, for a pair of directions.
 
     directions
@@ -38,8 +38,8 @@ class Term:
     """
 
     lobe: Lobe
-    directions: Directions
-    valid: Mask
+    directions: DirectionPair
+    valid: BooleanArray
     f: Array
     cosine: Array
     density: Array
@@ -51,7 +51,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Choice:
+class LobeChoice:
     """One lobe of the mixture, and its interval of the uniform numbers; each begins where the previous one ends.
 
     below : (...)
@@ -61,7 +61,7 @@ class Choice:
     """
 
     lobe: Lobe
-    below: Mask
+    below: BooleanArray
     stretched: Array
 
 
@@ -77,9 +77,9 @@ class Mixture:
         """Sum of the shares, (...)."""
         return functools.reduce(operator.add, (lobe.share for lobe in self.lobes), 0.0)
 
-    def terms(self, wi: Array) -> Iterator[Term]:
+    def terms(self, wi: Array) -> Iterator[LobeTerms]:
         """Yield the terms of each lobe for light from `wi`, (..., 3), unit."""
-        pairs: dict[tuple[int, bool], tuple[Directions, Mask]] = {}
+        pairs: dict[tuple[int, bool], tuple[DirectionPair, BooleanArray]] = {}
         for lobe in self.lobes:
             key = id(lobe.frame), lobe.transmits
             if key not in pairs:
@@ -89,18 +89,18 @@ class Mixture:
             # A single lobe has probability 1, unless its share is 0.
             share = lobe.share if len(self.lobes) > 1 else np.where(lobe.share > 0.0, 1.0, 0.0)
             density = np.where(valid, share * lobe.pdf(directions), 0.0)
-            yield Term(lobe, directions, valid, f, directions.cos_theta_i, density)
+            yield LobeTerms(lobe, directions, valid, f, directions.cos_theta_i, density)
 
-    def normalised(self, density: Array) -> Array:
+    def normalise(self, density: Array) -> Array:
         """Return the pdf (...) of the mixture from the sum of the densities of its terms."""
         if len(self.lobes) < 2:
             return density
         return density / np.where(self.total > 0.0, self.total, 1.0)
 
-    def choices(self, u: Array) -> Iterator[Choice]:
+    def choices(self, u: Array) -> Iterator[LobeChoice]:
         """Yield the lobes in the order of their intervals of the uniform numbers (...)."""
         if len(self.lobes) == 1:
-            yield Choice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
+            yield LobeChoice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
             return
         position = u * self.total
         rest, upper = position, 0.0
@@ -109,7 +109,7 @@ class Mixture:
             width = np.where(lobe.share > 0.0, lobe.share, 1.0)
             # Clipped before the division, which could overflow, and after it, as it may round to 1.
             stretched = np.minimum(np.clip(rest, 0.0, width) / width, BELOW_ONE)
-            yield Choice(lobe, position < upper, stretched)
+            yield LobeChoice(lobe, position < upper, stretched)
             rest = rest - lobe.share
 
     def response(self, wi: Array) -> tuple[Array, Array]:
@@ -118,12 +118,12 @@ class Mixture:
         density: Array = np.zeros(())
         for term in self.terms(wi):
             total, density = total + term.value, density + term.density
-        return total, self.normalised(density)
+        return total, self.normalise(density)
 
     def draw(self, u1: Array, u2: Array) -> Array:
         """Draw directions (..., 3) by uniform numbers (...); z is 0 where the selected lobe is 0 in the direction."""
         wi: Array = np.zeros(3)
-        remaining: Mask = np.ones((), np.bool_)
+        remaining: BooleanArray = np.ones((), np.bool_)
         # A number that float32 rounds to 1 would be in no interval.
         for choice in self.choices(np.minimum(u1, BELOW_ONE)):
             is_selected = remaining & choice.below
@@ -154,7 +154,7 @@ def mean_normal(mixture: Mixture) -> Array:
     return normalize(total)
 
 
-def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:
+def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[DirectionPair, BooleanArray]:
     """Return directions in the frame of a lobe, and the mask of valid ones; invalid directions become the normal."""
     local_o, local_i = lobe.pair(wo, wi)
     below, above = wi[..., 2] < 0.0, wi[..., 2] > 0.0
@@ -162,10 +162,10 @@ def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:
     if lobe.leans:
         valid = valid & (local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)
-    return Directions.of(np.where(mask, local_o, ZENITH), np.where(mask, local_i, ZENITH)), valid
+    return DirectionPair.of(np.where(mask, local_o, ZENITH), np.where(mask, local_i, ZENITH)), valid
 
 
-def _mixture_for_view(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, Mask]:
+def _mixture_for_view(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, BooleanArray]:
     """Return the mixture for views `wo`, lights `wi` flipped with the views from behind, and where f may be above 0."""
     if bsdf.two_sided:
         behind = wo[..., 2:] < 0.0
@@ -223,7 +223,7 @@ def pdf(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     density: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape)[:-1])
     for term in mixture.terms(light):
         density = density + np.where(above, term.density, 0.0)
-    return np.asarray(mixture.normalised(density))
+    return np.asarray(mixture.normalise(density))
 
 
 def sample(bsdf: Bsdf, wo: Floats, u: Floats) -> Floats:

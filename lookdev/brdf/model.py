@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.lobes import Bsdf
-from lookdev.brdf.parameters import Parameter, Value, complete
+from lookdev.brdf.parameters import Parameter, ParameterValue, complete
 from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix
 from lookdev.errors import ModelError
 
@@ -100,7 +100,7 @@ class Model:
     modes: tuple[Mode, ...] = ("over",)
     reflectance: Callable[[Parameters, Array], Real] | None = None
     two_sided: bool = False
-    probe: Mapping[str, Value] = field(default_factory=dict)
+    probe: Mapping[str, ParameterValue] = field(default_factory=dict)
     preview: Preview = field(default_factory=Preview)
     delta: bool = False
     quotes: Mapping[str, str] = field(default_factory=dict)
@@ -108,9 +108,9 @@ class Model:
 
     def stack(self, layers: Sequence[StackLayer]) -> Bsdf:
         """Combine layers of this model, base first, into one surface; raises ModelError for tokens that differ."""
-        return self.combine(layers) if self.combine else self.bsdf(self.blended(layers))
+        return self.combine(layers) if self.combine else self.bsdf(self.blend(layers))
 
-    def blended(self, layers: Sequence[StackLayer]) -> Parameters:
+    def blend(self, layers: Sequence[StackLayer]) -> Parameters:
         """Blend the parameters of layers, base first, by their masks (Burley 2012, section 5.7).
 
         The result is exactly the upper layer's value where its mask is 1, and exactly the value beneath where it is 0.

@@ -14,7 +14,7 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.errors import ModelError, nearest_hint
 
-Value = float | tuple[float, float, float] | str
+ParameterValue = float | tuple[float, float, float] | str
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Parameter:
 
     name: str
     kind: Literal["float", "color", "normal", "token"]
-    default: Value
+    default: ParameterValue
     hard: tuple[float, float] = (0.0, 1.0)
     soft: tuple[float, float] = (0.0, 1.0)
     choices: tuple[str, ...] = ()
@@ -46,7 +46,7 @@ class Parameter:
     follows: str = ""
     optional: bool = False
     among: Literal["alike", "apart", "own"] = "alike"
-    stands: Callable[[Mapping[str, str]], Mapping[str, Value]] | None = None
+    stands: Callable[[Mapping[str, str]], Mapping[str, ParameterValue]] | None = None
     file: Callable[[str], object] | None = None
 
 
@@ -60,7 +60,7 @@ def token_parameter(
     choices: tuple[str, ...],
     help: str,
     among: Literal["alike", "apart", "own"] = "alike",
-    stands: Callable[[Mapping[str, str]], Mapping[str, Value]] | None = None,
+    stands: Callable[[Mapping[str, str]], Mapping[str, ParameterValue]] | None = None,
 ) -> Parameter:
     """Return a parameter that is one of `choices`, by default the first."""
     return Parameter(name, "token", choices[0], choices=choices, help=help, among=among, stands=stands)
@@ -89,7 +89,9 @@ def add_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T])
     return dict(values) | {name: values[leader] for name, leader in following.items() if leader in values}
 
 
-def expand_tokens(owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T | Value]:
+def expand_tokens(
+    owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, _T]
+) -> dict[str, _T | ParameterValue]:
     """Replace tokens that are abbreviations among `values` by the values that they expand to.
 
     Raises ModelError where a token is not one of its choices, or where one of `values` contradicts an expansion.
@@ -101,7 +103,7 @@ def expand_tokens(owner: str, parameters: Mapping[str, Parameter], values: Mappi
     tokens |= {
         name: str(_check_value(f"{owner}.{name}", parameters[name], values[name])) for name in tokens if name in values
     }
-    expanded: dict[str, _T | Value] = {name: value for name, value in values.items() if name not in shorthands}
+    expanded: dict[str, _T | ParameterValue] = {name: value for name, value in values.items() if name not in shorthands}
     for name in shorthands:
         expand = parameters[name].stands
         for target, value in (expand(tokens) if expand else {}).items():
@@ -112,7 +114,7 @@ def expand_tokens(owner: str, parameters: Mapping[str, Parameter], values: Mappi
     return expanded
 
 
-def _equals(value: object, expected: Value) -> bool:
+def _equals(value: object, expected: ParameterValue) -> bool:
     numbers = as_numbers(value)
     return value == expected if numbers is None or isinstance(expected, str) else np.array_equal(numbers, expected)
 

@@ -7,22 +7,22 @@ from dataclasses import dataclass
 
 from lookdev.brdf.vectors import Real
 
-Rows = Sequence[Sequence[float]]
+Coefficients = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True)
 class Rational:
     """A quotient of two polynomials in x and y; each row has the coefficients of one power of x, by power of y."""
 
-    numerator: Rows
-    denominator: Rows
+    numerator: Coefficients
+    denominator: Coefficients
 
     def __call__(self, x: Real, y: Real = 0.0) -> Real:
         """Evaluate at x and y, (...), within the fitted domain."""
         return polynomial(self.numerator, x, y) / polynomial(self.denominator, x, y)
 
 
-def polynomial(rows: Rows, x: Real, y: Real) -> Real:
+def polynomial(rows: Coefficients, x: Real, y: Real) -> Real:
     """Evaluate the sum of ``rows[i][j] x^i y^j`` by Horner's rule."""
     total: Real = 0.0
     for row in reversed(rows):

@@ -13,7 +13,7 @@ from itertools import takewhile
 from lookdev.brdf.lobes import Bsdf, Delta, Lobe
 from lookdev.brdf.model import Mode, StackLayer
 from lookdev.brdf.models import MODELS, model_named
-from lookdev.brdf.vectors import Array, Mask, Real
+from lookdev.brdf.vectors import Array, BooleanArray, Real
 from lookdev.errors import ModelError
 
 
@@ -96,10 +96,10 @@ def reflectance(layer: StackLayer, wo: Array) -> Real:
 def _sum(below: Bsdf, weight_below: Callable[[Array], Real], above: Bsdf, weight: Real, presence: Real) -> Bsdf:
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         parts = (below, weight_below(wo)), (above, weight)
-        return tuple(lobe.blended(factor) for bsdf, factor in parts for lobe in bsdf.lobes(wo))
+        return tuple(lobe.blend(factor) for bsdf, factor in parts for lobe in bsdf.lobes(wo))
 
-    def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+    def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
         parts = (below, weight_below(wo)), (above, weight)
-        return tuple(delta.blended(factor) for bsdf, factor in parts for delta in bsdf.deltas(wo, inside))
+        return tuple(delta.blend(factor) for bsdf, factor in parts for delta in bsdf.deltas(wo, inside))
 
     return Bsdf(lobes, presence, below.two_sided or above.two_sided, deltas)

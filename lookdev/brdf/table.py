@@ -13,7 +13,7 @@ from lookdev.brdf.vectors import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class NumberTable:
     """Numbers (rows, columns), or colours (rows, columns, 3); generated code stores them in float32."""
 
     values: Floats
@@ -28,7 +28,7 @@ class Table:
         return self.digest
 
 
-def look_up(table: Table, row: Array | float, column: Array | float) -> Array:
+def look_up(table: NumberTable, row: Array | float, column: Array | float) -> Array:
     """Return a table's numbers (...), or colours (..., 3), in the cells of whole numbers `row` and `column` (...)."""
     for index in (row, column):
         if not isinstance(index, np.ndarray | np.generic | float):

@@ -14,7 +14,7 @@ from lookdev.errors import AssetError
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.material.usd.bound import BoundLook, read_bound_looks
 from lookdev.material.variants import expand_wildcards
-from lookdev.scene.dress import MeshAtPath, Part, asset_parts
+from lookdev.scene.parts import MeshAtPath, Part, asset_parts
 from lookdev.stage import Composed, Composition, compose, is_animated, variant_choices
 
 

@@ -20,7 +20,7 @@ from lookdev.job.parts import JobAssign, JobLook
 from lookdev.material import Layer, Look
 from lookdev.material.translate import display_color_look
 from lookdev.material.usd.bound import read_any_look
-from lookdev.scene.dress import Part, assign_to_parts, fit_patterns, path_hint
+from lookdev.scene.parts import Part, assign_to_parts, fit_patterns, path_hint
 
 NEUTRAL_LOOK = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
 _COLOR, _OPACITY = "displayColor", "displayOpacity"

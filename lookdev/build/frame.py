@@ -182,7 +182,7 @@ def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[A
     (width, height), box = strip.resolution, strip.box
     for start, sweep in arcs:
         for angle in np.linspace(start, start + sweep, 1 + math.ceil(abs(sweep) / _STEP)):
-            orbited = camera.orbited(-angle)
+            orbited = camera.orbit(-angle)
             right, up, back = ((points - orbited.position) @ orbited.frame.T).T
             depth = np.where(back < 0.0, -back, np.inf)
             x = 0.5 * width * (1.0 + right / depth / camera.reach - 2.0 * camera.shift[0])
@@ -190,7 +190,7 @@ def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[A
             across = x.max() > box.left and x.min() < box.left + box.width
             if across and y.max() > box.top and y.min() < box.top + box.height:
                 yield (
-                    f"[charts] hides a part of the asset at the {strip.place} edge of the frame, where the camera "
+                    f"[charts] hides a part of the asset at the {strip.side} edge of the frame, where the camera "
                     "of 'usd' leaves no room; another place or a smaller size would be right"
                 )
                 return

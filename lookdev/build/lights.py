@@ -9,10 +9,10 @@ from lookdev.asset import Asset
 from lookdev.build.faults import Findings
 from lookdev.build.wedges import Wedges, vary_rig
 from lookdev.job.schema import Job, JobIbl, JobRig
-from lookdev.job.wedge import Value
+from lookdev.job.wedge import WedgeInput
 from lookdev.light import Light
 from lookdev.light.dome.maps import load_dome
-from lookdev.light.rig import Rig, load_rig
+from lookdev.light.rig import LightRig, load_rig
 from lookdev.shipped import rig_file
 
 
@@ -24,7 +24,7 @@ class RigLights:
     lights: tuple[Light, ...]
     check_exposed: Callable[[float], None]
     notes: tuple[str, ...]
-    rig: Rig | None = None
+    rig: LightRig | None = None
 
     @property
     def is_fitted(self) -> bool:
@@ -36,11 +36,11 @@ class RigLights:
         if not self.is_fitted:
             return self.lights
         x, y, z = asset.center
-        return tuple(light.scaled(asset.radius, (x, y, z)) for light in self.lights)
+        return tuple(light.rescale(asset.radius, (x, y, z)) for light in self.lights)
 
     def link_notes(self, parts: Collection[str]) -> Iterator[str]:
         """Yield a note on each path that a light is linked to and that is neither a part nor an ancestor of one."""
-        for rig_light in self.rig.given if self.rig else ():
+        for rig_light in self.rig.rig_lights if self.rig else ():
             emission = rig_light.light.emission
             links = (emission.light_link, emission.shadow_link)
             for path in dict.fromkeys(path for link in links if link for path, _ in link.rules):
@@ -91,7 +91,7 @@ def vary_lights(
 
 
 def _read_table(
-    job: Job, table: JobIbl | JobRig, values: Mapping[str, Value] | None = None, *, sampled: bool
+    job: Job, table: JobIbl | JobRig, values: Mapping[str, WedgeInput] | None = None, *, sampled: bool
 ) -> RigLights:
     """Read the lights of a table of a job; `values` change those of a rig's lights."""
     space = job.render.space

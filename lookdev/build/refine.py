@@ -74,7 +74,7 @@ class Refiner:
         flags = {"convex": asset.convex, "sheet": asset.sheet, "revolved": asset.revolved}
         refined = make_asset(asset.name, meshes, asset.instances, asset.slots, **flags)
         if not shared:
-            file = Content.of(save_asset(refined))
+            file = Content.store_copy(save_asset(refined))
             store_cached(_ROOM, key, {"asset": [file.digest, file.suffix]})
         return replace(refined, unit=asset.unit, notes=asset.notes)
 

@@ -10,7 +10,7 @@ from itertools import product
 from lookdev.build.faults import Findings
 from lookdev.errors import ModelError, nearest_hint
 from lookdev.job.schema import Job, JobIbl, JobRig
-from lookdev.job.wedge import LIGHT_KEYS, JobAxis, JobWedge, Value, light_key_error
+from lookdev.job.wedge import LIGHT_KEYS, JobAxis, JobWedge, WedgeInput, light_key_error
 from lookdev.material import Look
 from lookdev.material.change import look_with_value
 
@@ -33,7 +33,7 @@ class Variation:
     """A look or a light that a wedge adds."""
 
     base: str  # the look or light of the job that it varies
-    changes: tuple[tuple[str, Value], ...]  # values by parameter
+    changes: tuple[tuple[str, WedgeInput], ...]  # values by parameter
     key: str  # of the wedge in the job
 
 
@@ -140,14 +140,14 @@ def _find_duplicates(wedge: JobWedge, wedge_key: str, findings: Findings) -> Non
         findings.add(f"{wedge_key}.by.parameter", "varies what the wedge varies already")
 
 
-def _label(value: Value) -> str:
+def _label(value: WedgeInput) -> str:
     """Return a value as a label."""
     if isinstance(value, tuple):
         return " ".join(f"{channel:.6g}" for channel in value)
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
-def _name_part(axis: JobAxis, value: Value) -> str:
+def _name_part(axis: JobAxis, value: WedgeInput) -> str:
     """Return a value as a part of a file's name; the number of the step if its text is not fit for a file's name."""
     text = value if isinstance(value, str) else _label(value).replace(" ", "_").replace("+", "")
     if re.fullmatch(r"[A-Za-z0-9._-]{1,40}", text):

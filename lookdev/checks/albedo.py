@@ -17,8 +17,8 @@ from lookdev.arrays import Floats
 from lookdev.asset import load_asset
 from lookdev.brdf.angles import towards
 from lookdev.brdf.frames import ZENITH
-from lookdev.checks.finding import Finding, Plot, Series
-from lookdev.checks.frames import Alter, Render, alter_shaders, keep_shader
+from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve
+from lookdev.checks.frames import Alter, RenderHalves, alter_shaders, keep_shader
 from lookdev.checks.samples import case_layer, constant_looks, constant_numbers, layer_tokens
 from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
@@ -67,14 +67,14 @@ class _Curves:
 
 def check_albedo(
     look: Look,
-    render: Render,
+    render: RenderHalves,
     *,
     points: int = 3,
     angles: tuple[float, ...] = ANGLES,
     seed: int = 0,
     backend: str = "exact",
     alter: Alter = keep_shader,
-) -> Finding:
+) -> CheckFinding:
     """Compare the albedo curves of a look by quadrature with those by sampling and by Cycles.
 
     Parameters
@@ -111,7 +111,7 @@ def check_albedo(
     point, estimator, view, side, _ = (int(index) for index in worst)
     point_text = f" of point {point}" if varies else ""
     points_text = f"{len(curves)} random point{'s' * (len(curves) > 1)}" if varies else "a constant look"
-    return Finding(
+    return CheckFinding(
         check="albedo",
         subject=look.name,
         passed=largest <= 1.0,
@@ -139,7 +139,7 @@ def check_albedo(
 
 
 def _measure(
-    look: Look, render: Render, angles: tuple[float, ...], rng: np.random.Generator, backend: str, alter: Alter
+    look: Look, render: RenderHalves, angles: tuple[float, ...], rng: np.random.Generator, backend: str, alter: Alter
 ) -> _Curves:
     azimuth = float(rng.uniform(0.0, 360.0))
     # In the card's frame: x right, y up, z towards its front.
@@ -160,7 +160,7 @@ def _stack_albedos(albedos: list[Albedo]) -> Albedo:
 
 
 def _render_albedo(
-    look: Look, render: Render, views: Floats, transmits: bool, seed: int, backend: str, alter: Alter
+    look: Look, render: RenderHalves, views: Floats, transmits: bool, seed: int, backend: str, alter: Alter
 ) -> Albedo:
     """Render the views. Pixels are scrambled independently, so their spread gives the error of their mean."""
     # Not marked as convex, so that the shader has bounces and shadow rays as for any asset.
@@ -245,20 +245,20 @@ def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Flo
     return json.dumps(case)
 
 
-def _plot_curves(curves: _Curves, angles: tuple[float, ...], suffix: str) -> tuple[Plot, Plot]:
+def _plot_curves(curves: _Curves, angles: tuple[float, ...], suffix: str) -> tuple[FindingPlot, FindingPlot]:
     """Return a plot of the curves and one of their differences, which are too small to see in the first."""
     x = np.array(angles)
     albedos, differences = [], []
     for side, name in enumerate(_SIDES[: 1 + curves.transmits]):
         exact = curves.quadrature.value[:, side].mean(axis=-1)
-        albedos.append(Series(f"{name}, quadrature", x, exact))
+        albedos.append(PlotCurve(f"{name}, quadrature", x, exact))
         for estimator, estimate in zip(_ESTIMATORS, (curves.sampled, curves.cycles), strict=True):
             y, band = estimate.value[:, side].mean(axis=-1), 3.0 * estimate.error[:, side].mean(axis=-1)
-            albedos.append(Series(f"{name}, {estimator}", x, y, y - band, y + band, "points"))
+            albedos.append(PlotCurve(f"{name}, {estimator}", x, y, y - band, y + band, "points"))
             y = y - exact
-            differences.append(Series(f"{name}, {estimator}", x, y, y - band, y + band))
+            differences.append(PlotCurve(f"{name}, {estimator}", x, y, y - band, y + band))
     x_label, note = "angle of view, degrees", "mean of the channels, three standard errors"
     return (
-        Plot(f"Albedo{suffix}: {note}", x_label, "albedo", tuple(albedos)),
-        Plot(f"Minus the quadrature{suffix}: {note}", x_label, "difference", tuple(differences)),
+        FindingPlot(f"Albedo{suffix}: {note}", x_label, "albedo", tuple(albedos)),
+        FindingPlot(f"Minus the quadrature{suffix}: {note}", x_label, "difference", tuple(differences)),
     )

@@ -21,7 +21,7 @@ from lookdev.reference.render import frame_pixels
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
-from lookdev.scene.charts.props import Box, Strip, asset_of_props, cropped
+from lookdev.scene.charts.props import Box, Strip, asset_of_props, crop_camera
 from lookdev.space import to_space
 
 _WHITE = Look("white", (Layer("White", "lambert", {"reflectance": (1.0, 1.0, 1.0)}),))
@@ -80,7 +80,7 @@ def _quantile(freedom: float) -> float:
 
 
 def check_charts(task: FrameTask, strip: Strip, rendered: Rendered) -> tuple[Reading, ...]:
-    """Measure and predict the readings of a frame of props, in the order of `Strip.measured`.
+    """Measure and predict the readings of a frame of props, in the order of `Strip.measured_boxes`.
 
     Channels whose reflectance is 0, as the red of cyan, are not compared.
     """
@@ -88,7 +88,7 @@ def check_charts(task: FrameTask, strip: Strip, rendered: Rendered) -> tuple[Rea
     colors = {"grey ball": np.full(3, GREY)} | dict(
         zip(PATCHES, to_space(patch_colors(), task.scene.space), strict=True)
     )
-    squares = {name: _inner_square(box) for name, box in strip.measured.items()}
+    squares = {name: _inner_square(box) for name, box in strip.measured_boxes.items()}
     light = _predict_white(task, strip, squares)
     readings = []
     for name, square in squares.items():
@@ -147,7 +147,7 @@ def _inner_square(box: Box) -> _Square:
 def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]) -> dict[str, tuple[Floats, Floats]]:
     """Return the exposed radiance (3,) of a white surface in place of each prop, and its standard error (3,)."""
     scene, gain = task.scene, 2.0**task.exposure
-    lights = scene.lights_of(scene.worn[-1])
+    lights = scene.lights_of(scene.slot_shaders[-1])
     is_far = all(light.far for light in lights)
     pixel, samples = np.zeros((1, 2), np.int64), _SAMPLES[not is_far]
     first = next(iter(PATCHES))
@@ -156,7 +156,7 @@ def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]
         surface = MeshScene(asset_of_props(strip, scene.camera, [prop]), [_WHITE])
         for number, name in enumerate(names):
             left, top, side = squares[name]
-            camera = cropped(scene.camera, scene.resolution, Box(left, top, side, side))
+            camera = crop_camera(scene.camera, scene.resolution, Box(left, top, side, side))
             estimate = frame_pixels(
                 surface, lights, camera, task.pose, (1, 1), pixel, samples=samples, scrambles=_SCRAMBLES, seed=number
             )

@@ -14,8 +14,8 @@ from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS
 from lookdev.build.expand import expand_material
 from lookdev.checks.albedo import ANGLES, check_albedo
-from lookdev.checks.finding import Finding
-from lookdev.checks.frames import Alter, Halves, Render, alter_shaders, keep_shader
+from lookdev.checks.finding import CheckFinding
+from lookdev.checks.frames import Alter, Halves, RenderHalves, alter_shaders, keep_shader
 from lookdev.checks.images import check_frame, check_gap, choose_pixels
 from lookdev.checks.points import check_points
 from lookdev.checks.stability import DepthName, stress
@@ -74,7 +74,7 @@ def check_file(
     variants: Mapping[str, str] | None = None,
     backend: str | None = None,
     alter: Alter = keep_shader,
-) -> Iterator[Finding]:
+) -> Iterator[CheckFinding]:
     """Check every look of a job, or one look.
 
     Parameters
@@ -149,7 +149,7 @@ class _Subject:
 
     setups: tuple[Setup, ...]
     turns: Turns
-    render: Render
+    render: RenderHalves
     depth: DepthName
     seed: int
     alter: Alter
@@ -167,16 +167,16 @@ class _Subject:
         return looks
 
 
-def _check_points(subject: _Subject) -> Iterator[Finding]:
+def _check_points(subject: _Subject) -> Iterator[CheckFinding]:
     for look in subject.looks():
         if subject.backend.source is not ShaderSource:
             reason = f"backend {subject.backend.name}: only OSL can be evaluated at points"
-            yield Finding("points", look.name, True, "", skipped=reason)
+            yield CheckFinding("points", look.name, True, "", skipped=reason)
             continue
         yield check_points(look, count=DEPTHS[subject.depth].cases, seed=subject.seed, alter=subject.alter)
 
 
-def _check_albedo(subject: _Subject) -> Iterator[Finding]:
+def _check_albedo(subject: _Subject) -> Iterator[CheckFinding]:
     depth = DEPTHS[subject.depth]
     for look in subject.looks():
         yield check_albedo(
@@ -190,7 +190,7 @@ def _check_albedo(subject: _Subject) -> Iterator[Finding]:
         )
 
 
-def _check_images(subject: _Subject) -> Iterator[Finding]:
+def _check_images(subject: _Subject) -> Iterator[CheckFinding]:
     """Check one frame of each look under each light, at a random pose in which light arrives."""
     rng = np.random.default_rng(subject.seed)
     for setup in subject.setups:
@@ -200,11 +200,11 @@ def _check_images(subject: _Subject) -> Iterator[Finding]:
             _check_image(subject, setup, poses[(first + n) % len(poses)]) for n in range(min(len(poses), _POSES))
         )
         reason = "no light arrives at the poses that were tried: nothing is compared"
-        dark = Finding("image", f"{setup.look}, {setup.ibl}", True, "", skipped=reason)
+        dark = CheckFinding("image", f"{setup.look}, {setup.ibl}", True, "", skipped=reason)
         yield next((finding for finding in findings if finding is not None), dark)
 
 
-def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
+def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> CheckFinding | None:
     """Check a frame; return None if it is black."""
     depth, task, name = DEPTHS[subject.depth], setup.task, f"{setup.look}, {setup.ibl}"
     shrink = min(1.0, depth.side / max(task.resolution))
@@ -226,7 +226,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
         return check_gap(name, _mean_halves(expected), _mean_halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
-        MeshScene(setup.scene.asset, setup.scene.looks, setup.scene.lit_by, setup.scene.grouped),
+        MeshScene(setup.scene.asset, setup.scene.looks, setup.scene.slot_lights, setup.scene.slot_groups),
         task.lights,
         task.camera,
         pose,
@@ -248,11 +248,11 @@ def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
     return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 
-def _check_stability(subject: _Subject) -> Iterator[Finding]:
+def _check_stability(subject: _Subject) -> Iterator[CheckFinding]:
     yield from stress(subject.looks() or list(CONTINUOUS), subject.render, seed=subject.seed, depth=subject.depth)
 
 
-CHECKS: dict[str, Callable[[_Subject], Iterator[Finding]]] = {
+CHECKS: dict[str, Callable[[_Subject], Iterator[CheckFinding]]] = {
     "points": _check_points,
     "albedo": _check_albedo,
     "image": _check_images,

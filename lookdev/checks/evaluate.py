@@ -25,9 +25,9 @@ from lookdev.codegen.points import PointLayer, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shorten
 from lookdev.material.expression import ExpressionError
 from lookdev.material.values import view_dependent_value
-from lookdev.text import TextError, parse_json
+from lookdev.safe_text import TextError, parse_json
 
-Backend = Literal["numpy", "cycles"]
+Evaluator = Literal["numpy", "cycles"]
 
 _UNIT_TOLERANCE = 1e-4
 _WORKER_PATIENCE = 600.0
@@ -69,7 +69,7 @@ def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[Mapping[str, Fl
     return stack_bsdf([layer.at(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
 
 
-def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
+def evaluate_lines(lines: Iterable[str], backend: Evaluator) -> Iterator[str]:
     """Evaluate JSON lines.
 
     Parameters
@@ -179,7 +179,7 @@ class _Reflectance:
     value: float
 
 
-def _parse_case(number: int, line: str, backend: Backend) -> _Case | _Reflectance | None:
+def _parse_case(number: int, line: str, backend: Evaluator) -> _Case | _Reflectance | None:
     if not line.strip():
         return None
     try:
@@ -207,7 +207,7 @@ def _parse_case(number: int, line: str, backend: Backend) -> _Case | _Reflectanc
         raise ModelError(f"line {number}: {error}") from error
 
 
-def _parse_fresnel(case: dict[str, object], backend: Backend) -> _Reflectance:
+def _parse_fresnel(case: dict[str, object], backend: Evaluator) -> _Reflectance:
     if backend != "numpy":
         raise ModelError(f"'{_FRESNEL}' is not a surface, so Cycles cannot render it; --backend numpy would be right")
     values: Parameters = complete(_FRESNEL, INTERFACE, _parse_object(case["params"]))

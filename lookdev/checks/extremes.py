@@ -132,12 +132,12 @@ def _round_within(values: Floats, low: float, high: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SceneCase:
-    """A degenerate scene. If `like` names another case, the picture is `gain` times that of the other case."""
+    """A degenerate scene. If `base_case` names another case, the picture is `gain` times that of the other case."""
 
     name: str
     asset: Asset
     light: EnvironmentMap
-    like: str = ""
+    base_case: str = ""
     gain: float = 1.0
 
     @property

@@ -8,7 +8,7 @@ from lookdev.arrays import Floats
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class PlotCurve:
     """One curve of a plot; arrays have the shape (N,), x of "bars" (N + 1,)."""
 
     name: str  # in the legend
@@ -20,7 +20,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class PlotImage:
     """One image of a plot: display-referred colours (H, W, 3) in [0, 1], or values (H, W) with a colour bar."""
 
     name: str  # the caption
@@ -30,19 +30,19 @@ class Picture:
 
 
 @dataclass(frozen=True, eq=False)
-class Plot:
+class FindingPlot:
     """A figure of the report: curves over one pair of axes, or images side by side."""
 
     title: str
     x_label: str = ""  # with its unit
     y_label: str = ""
-    series: tuple[Series, ...] = ()
-    pictures: tuple[Picture, ...] = ()
+    series: tuple[PlotCurve, ...] = ()
+    pictures: tuple[PlotImage, ...] = ()
     log_y: bool = False
 
 
 @dataclass(frozen=True, eq=False)
-class Finding:
+class CheckFinding:
     """The result of one check of one subject: a look, a model, or a look and a light."""
 
     check: str  # "points", "albedo", "image" or "stability"
@@ -51,7 +51,7 @@ class Finding:
     summary: str  # one line with the figures
     figures: dict[str, float] = field(default_factory=dict)
     details: tuple[str, ...] = ()  # the worst cases, one a line; `lookdev eval` reads those of points
-    plots: tuple[Plot, ...] = ()
+    plots: tuple[FindingPlot, ...] = ()
     skipped: str = ""  # the reason why the check, or a part of it, was not run
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from lookdev.arrays import Floats32
-from lookdev.codegen.source import ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.rendering.task import FrameTask, SceneTask
 
 Alter = Callable[[str], str]
@@ -27,7 +27,7 @@ class Halves(Protocol):
     def alpha(self) -> Floats32: ...
 
 
-Render = Callable[[FrameTask], Halves]
+RenderHalves = Callable[[FrameTask], Halves]
 """A function that renders a frame in the worker of its backend."""
 
 
@@ -39,7 +39,7 @@ def keep_shader(osl: str) -> str:
 def alter_shaders(scene: SceneTask, alter: Alter) -> SceneTask:
     """Return a scene with the texts of its OSL shaders altered."""
 
-    def alter_source(source: Source) -> Source:
+    def alter_source(source: GeneratedSource) -> GeneratedSource:
         return replace(source, osl=alter(source.osl)) if isinstance(source, ShaderSource) else source
 
     return replace(scene, shaders=tuple(map(alter_source, scene.shaders)))

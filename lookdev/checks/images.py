@@ -26,7 +26,7 @@ from scipy import stats
 from scipy.ndimage import binary_dilation
 
 from lookdev.arrays import Floats, Ints, Reals
-from lookdev.checks.finding import Finding, Picture, Plot, Series
+from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve, PlotImage
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
 from lookdev.reference.render import Estimate
@@ -97,7 +97,7 @@ def check_frame(
     pixels: Ints,
     reference: Estimate,
     converged: Reals | None = None,
-) -> Finding:
+) -> CheckFinding:
     """Check a frame against the reference; errors are those of `compare_pixels`.
 
     Parameters
@@ -120,7 +120,7 @@ def check_frame(
     if len(broken):
         details = tuple(f"pixel {column},{row}: not finite" for column, row in broken[:_WORST])
         summary = f"{len(broken)} of {len(pixels)} pixels are not finite"
-        return Finding("image", subject, False, summary, {"broken": float(len(broken))}, details)
+        return CheckFinding("image", subject, False, summary, {"broken": float(len(broken))}, details)
     agreement = compare_pixels(halves[:, rows, columns], samples, reference)
     tests = agreement.t.size
     # The probability of such a deviation by noise, for each channel, and the lowest that passes.
@@ -152,7 +152,7 @@ def check_frame(
         skipped = "FLIP: no converged frame to compare with"
     else:
         figures["flip"], flip_map = flip(halves.mean(axis=0), converged)
-        pictures.append(Picture("FLIP", flip_map, 0.0, 1.0))
+        pictures.append(PlotImage("FLIP", flip_map, 0.0, 1.0))
     passed = suspicious == 0 and beyond <= beyond_limit and bool((np.abs(bias) <= bias_limit).all())
     summary = (
         f"{len(pixels)} pixels: {suspicious} beyond noise (largest t {figures['largest_t']:.1f}), "
@@ -162,12 +162,12 @@ def check_frame(
     plots = (
         _plot_differences(agreement, reference),
         _plot_histogram(agreement),
-        Plot("The frame", pictures=tuple(pictures)),
+        FindingPlot("The frame", pictures=tuple(pictures)),
     )
     details = tuple(
         _describe_pixel(agreement, pixels, reference, index) for index in np.argsort(odds.min(axis=-1))[:_WORST]
     )
-    return Finding("image", subject, passed, summary, figures, details, plots, skipped)
+    return CheckFinding("image", subject, passed, summary, figures, details, plots, skipped)
 
 
 def flip(image: Reals, converged: Reals) -> tuple[float, Floats]:
@@ -204,15 +204,15 @@ def _describe_pixel(agreement: Agreement, pixels: Ints, reference: Estimate, ind
     )
 
 
-def _plot_differences(agreement: Agreement, reference: Estimate) -> Plot:
+def _plot_differences(agreement: Agreement, reference: Estimate) -> FindingPlot:
     x = reference.value.mean(axis=-1)
     scale = np.sqrt(x**2 + EPSILON)
     y, error = agreement.difference.mean(axis=-1) / scale, 2.0 * agreement.error.mean(axis=-1) / scale
-    series = Series("pixels, two standard errors", x, y, y - error, y + error, "points")
-    return Plot("Frame minus reference", "reference, mean of channels", "relative difference", (series,))
+    series = PlotCurve("pixels, two standard errors", x, y, y - error, y + error, "points")
+    return FindingPlot("Frame minus reference", "reference, mean of channels", "relative difference", (series,))
 
 
-def _plot_histogram(agreement: Agreement) -> Plot:
+def _plot_histogram(agreement: Agreement) -> FindingPlot:
     """Return a plot of t as normal deviates of equal probability, which do not depend on the degrees of freedom."""
     deviates = np.sign(agreement.t) * stats.norm.isf(
         np.maximum(stats.t.sf(np.abs(agreement.t), agreement.freedom), 1e-300)
@@ -220,19 +220,22 @@ def _plot_histogram(agreement: Agreement) -> Plot:
     edges = np.linspace(-6.0, 6.0, 49)
     density = np.histogram(np.clip(deviates, -6.0, 6.0), edges)[0] / (deviates.size * (edges[1] - edges[0]))
     noise = np.linspace(-6.0, 6.0, 121)
-    series = Series("channels of pixels", edges, density, style="bars"), Series("noise", noise, stats.norm.pdf(noise))
-    return Plot("Differences over their errors", "standard errors", "density", series)
+    series = (
+        PlotCurve("channels of pixels", edges, density, style="bars"),
+        PlotCurve("noise", noise, stats.norm.pdf(noise)),
+    )
+    return FindingPlot("Differences over their errors", "standard errors", "density", series)
 
 
-def frame_picture(name: str, image: Reals) -> Picture:
+def frame_picture(name: str, image: Reals) -> PlotImage:
     """Return a frame (H, W, 3) as a picture of the report."""
-    return Picture(name, np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
+    return PlotImage(name, np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
 
 
-def _difference_picture(agreement: Agreement, shape: tuple[int, ...], pixels: Ints) -> Picture:
+def _difference_picture(agreement: Agreement, shape: tuple[int, ...], pixels: Ints) -> PlotImage:
     canvas = np.full(shape, np.nan)
     canvas[pixels[:, 1], pixels[:, 0]] = agreement.t.mean(axis=-1)
-    return Picture("t of the pixels compared", canvas, -6.0, 6.0)
+    return PlotImage("t of the pixels compared", canvas, -6.0, 6.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +268,7 @@ def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: R
     )
 
 
-def check_gap(subject: str, exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> Finding:
+def check_gap(subject: str, exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> CheckFinding:
     """Check that the mean FLIP is at most `MOST_FLIP`; the parameters are those of `measure_gap`."""
     gap = measure_gap(exact, other, alpha)
     figures = {"flip": gap.flip, "flip_noise": gap.noise, "relmse": gap.relmse, "relmse_error": gap.relmse_error}
@@ -276,7 +279,7 @@ def check_gap(subject: str, exact: tuple[Reals, Reals], other: tuple[Reals, Real
     pictures = (
         frame_picture("nodes", (other[0] + other[1]) / 2.0),
         frame_picture("exact", (exact[0] + exact[1]) / 2.0),
-        Picture("FLIP", gap.seen, 0.0, 1.0),
+        PlotImage("FLIP", gap.seen, 0.0, 1.0),
     )
-    plot = Plot("The frame", pictures=pictures)
-    return Finding("image", subject, gap.flip <= MOST_FLIP, summary, figures, plots=(plot,))
+    plot = FindingPlot("The frame", pictures=pictures)
+    return CheckFinding("image", subject, gap.flip <= MOST_FLIP, summary, figures, plots=(plot,))

@@ -16,7 +16,7 @@ from lookdev.brdf import MODELS, Bsdf, sample
 from lookdev.brdf.angles import at_cosine
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns, round_to_float32
-from lookdev.checks.finding import Finding, Plot, Series
+from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve
 from lookdev.checks.samples import case_line, constant_numbers, point_layer, sample_layers, varying_numbers
 from lookdev.material import Look
 
@@ -40,7 +40,7 @@ def check_points(
     seed: int = 0,
     tolerance: float = TOLERANCE,
     alter: Callable[[str], str] = lambda osl: osl,
-) -> Finding:
+) -> CheckFinding:
     """Compare f and pdf of a look in `count` cases: random points and directions, drawn with `seed`.
 
     Textures are read. `tolerance` is the relative error allowed for values above `VISIBLE`; `alter` alters the text of
@@ -68,7 +68,7 @@ def check_points(
         f"{count} cases, {failed} beyond {tolerance:.0e}{extra}; "
         f"relative error at most {largest:.1e}, median {float(np.median(relative)) if relative.size else 0.0:.1e}"
     )
-    return Finding(
+    return CheckFinding(
         check="points",
         subject=look.name,
         passed=failed == 0,
@@ -186,14 +186,14 @@ def _describe_case(batch: Batch, index: int, got: Floats, expected: Floats, exce
     return case_line(batch, index, excess=float(excess[index].max()), f_and_pdf=values_of)
 
 
-def _plot_histogram(error: Floats, expected: Floats, tolerance: float) -> Plot:
+def _plot_histogram(error: Floats, expected: Floats, tolerance: float) -> FindingPlot:
     series = []
     for name, columns in (("f", slice(0, 3)), ("pdf", slice(3, 4))):
         visible = expected[:, columns] > VISIBLE
         relative = error[:, columns][visible] / expected[:, columns][visible]
         logarithm = np.log10(np.clip(relative, 10.0 ** _EDGES[0], 10.0 ** _EDGES[-1]))
         heights = np.histogram(logarithm, _EDGES)[0].astype(np.float64)
-        series.append(Series(name, _EDGES, heights, style="bars"))
+        series.append(PlotCurve(name, _EDGES, heights, style="bars"))
     top = max(float(curve.y.max(initial=1.0)) for curve in series)
-    limit = Series("tolerance", np.full(2, np.log10(tolerance)), np.array([0.5, max(top, 1.0)]))
-    return Plot("Relative error", "log10 of the relative error", "values", (*series, limit), log_y=True)
+    limit = PlotCurve("tolerance", np.full(2, np.log10(tolerance)), np.array([0.5, max(top, 1.0)]))
+    return FindingPlot("Relative error", "log10 of the relative error", "values", (*series, limit), log_y=True)

@@ -14,12 +14,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from lookdev.checks.finding import Finding, Picture, Plot, Series
+from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve, PlotImage
 from lookdev.errors import replace_controls
 from lookdev.html_page import write_html_page
 
 
-def print_findings(findings: Sequence[Finding], console: Console) -> None:
+def print_findings(findings: Sequence[CheckFinding], console: Console) -> None:
     """Print findings as a table, then the worst cases of those that disagree, each as an unbroken line."""
     table = Table(box=box.SIMPLE_HEAD)
     for column in ("check", "of", "", "figures"):
@@ -37,25 +37,25 @@ def print_findings(findings: Sequence[Finding], console: Console) -> None:
                 console.print(Text(replace_controls(line)), soft_wrap=True)
 
 
-def verdict(findings: Sequence[Finding]) -> str:
+def verdict(findings: Sequence[CheckFinding]) -> str:
     """Return one line with the result of all findings."""
     bad = sum(not finding.passed for finding in findings)
     return f"{bad} of {len(findings)} checks disagree" if bad else f"all {len(findings)} checks agree"
 
 
-def write_html(findings: Sequence[Finding], file: Path, title: str) -> None:
+def write_html(findings: Sequence[CheckFinding], file: Path, title: str) -> None:
     """Write an HTML page with all figures, worst cases and plots. It loads no files and runs no scripts."""
     template = Path(__file__).with_suffix(".html")
     write_html_page(file, template, title, findings=findings, verdict=verdict, summary=_summary, draw_svg=draw_svg)
 
 
-def _summary(finding: Finding) -> str:
+def _summary(finding: CheckFinding) -> str:
     if not finding.skipped:
         return finding.summary
     return f"{finding.summary}; skipped: {finding.skipped}" if finding.summary else f"skipped: {finding.skipped}"
 
 
-def draw_svg(plot: Plot) -> bytes:
+def draw_svg(plot: FindingPlot) -> bytes:
     """Draw a plot as an SVG document."""
     with mpl.rc_context({"svg.hashsalt": "lookdev", "font.size": 9.0}):
         figure = Figure(figsize=(7.2, 3.4), layout="constrained")
@@ -77,7 +77,7 @@ def _escape_dollars(text: str) -> str:
     return replace_controls(text).replace("$", r"\$")
 
 
-def _draw_picture(figure: Figure, axes: Any, picture: Picture) -> None:
+def _draw_picture(figure: Figure, axes: Any, picture: PlotImage) -> None:
     image = axes.imshow(picture.pixels, vmin=picture.low, vmax=picture.high, interpolation="nearest")
     axes.set_title(_escape_dollars(picture.name))
     axes.set_axis_off()
@@ -85,7 +85,7 @@ def _draw_picture(figure: Figure, axes: Any, picture: Picture) -> None:
         figure.colorbar(image, ax=axes, shrink=0.8)
 
 
-def _draw_series(axes: Any, plot: Plot) -> None:
+def _draw_series(axes: Any, plot: FindingPlot) -> None:
     for number, series in enumerate(plot.series):
         _draw_curve(axes, series, f"C{number}")
     axes.set_xlabel(_escape_dollars(plot.x_label))
@@ -97,7 +97,7 @@ def _draw_series(axes: Any, plot: Plot) -> None:
         axes.legend(frameon=False, fontsize=8.0)
 
 
-def _draw_curve(axes: Any, series: Series, color: str) -> None:
+def _draw_curve(axes: Any, series: PlotCurve, color: str) -> None:
     label = _escape_dollars(series.name)
     band = None if series.low is None or series.high is None else (series.low, series.high)
     if series.style == "bars":

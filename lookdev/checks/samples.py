@@ -13,10 +13,10 @@ from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
 from lookdev.codegen.points import PointLayer
-from lookdev.material import Formula, Input, Layer, Look, Primvar, Source, depends_on_view
-from lookdev.material.expression import Kind
+from lookdev.material import Formula, Input, InputSource, Layer, Look, Primvar, depends_on_view
+from lookdev.material.expression import ExpressionKind
 from lookdev.material.points import ImagePoints
-from lookdev.material.values import Values, look_layers
+from lookdev.material.values import SourceValues, look_layers
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class _RandomPoints(ImagePoints):
 
     rng: np.random.Generator
     count: int
-    _known: dict[object, Floats] = field(default_factory=dict)
+    _drawn_values: dict[object, Floats] = field(default_factory=dict)
 
     def uv(self, name: str) -> Floats:
         return self._draw_once(("uv", name), lambda: self.rng.random((self.count, 2)))
@@ -50,9 +50,9 @@ class _RandomPoints(ImagePoints):
         return self._draw_once("view", lambda: 1.0 - self.rng.random(self.count))
 
     def _draw_once(self, key: object, draw: Callable[[], Floats]) -> Floats:
-        if key not in self._known:
-            self._known[key] = draw()
-        return self._known[key]
+        if key not in self._drawn_values:
+            self._drawn_values[key] = draw()
+        return self._drawn_values[key]
 
 
 def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
@@ -130,12 +130,12 @@ class _RandomPoint:
             assert isinstance(mask, float | Formula), "masks are numbers"
             yield Layer(values.name, values.model, layer_tokens(values) | inputs, mask, values.mode)
 
-    def _fix_source(self, source: Source, kind: Kind) -> Source:
+    def _fix_source(self, source: InputSource, kind: ExpressionKind) -> InputSource:
         """Return the number of a source at this point or, if it depends on the view, an expression of just the view."""
         if depends_on_view(source):
             return self._fix_formula(source) if isinstance(source, Formula) else source
         color = kind == "color"
-        value = np.asarray(Values(self.points).read(source, color))
+        value = np.asarray(SourceValues(self.points).read(source, color))
         number = (value[self.index] if value.ndim > color else value).tolist()
         return tuple(number) if color else number
 

@@ -23,8 +23,8 @@ from lookdev.brdf import MODELS, StackLayer, evaluate_cosine, pdf, sample
 from lookdev.cache import Content
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
-from lookdev.checks.finding import Finding
-from lookdev.checks.frames import Halves, Render
+from lookdev.checks.finding import CheckFinding
+from lookdev.checks.frames import Halves, RenderHalves
 from lookdev.checks.samples import case_line, constant_numbers, point_layer, sample_layers
 from lookdev.codegen.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
@@ -63,8 +63,8 @@ _SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 
 
 def stress(
-    subjects: Sequence[str | Look], render: Render, *, seed: int = 0, depth: DepthName = "default"
-) -> Iterator[Finding]:
+    subjects: Sequence[str | Look], render: RenderHalves, *, seed: int = 0, depth: DepthName = "default"
+) -> Iterator[CheckFinding]:
     """Stress models and looks; yield a finding for each stack and scene.
 
     Models, by name, are stressed alone, with every choice of their tokens, and in stacks. Looks keep their constants;
@@ -115,7 +115,7 @@ def look_stack(look: Look) -> tuple[PointLayer, ...]:
     return tuple(point_layer(layer, round_constants(layer)) for layer in layers)
 
 
-def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> Finding:
+def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> CheckFinding:
     """Evaluate extreme cases of a stack in NumPy and inside Cycles; sample moderate cases in NumPy."""
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
@@ -132,7 +132,7 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
     limit, albedo = _energy_limit(layers), _largest_albedo(layers, rng, depth)
     failed = int(np.count_nonzero(excess > 1.0))
     worst = [index for index in np.argsort(-excess, kind="stable")[:_WORST].tolist() if excess[index] > 0.0]
-    return Finding(
+    return CheckFinding(
         check="stability",
         subject=name,
         passed=failed == 0 and albedo <= limit,
@@ -261,7 +261,7 @@ def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, dept
     return largest
 
 
-def check_scenes(look: Look, cases: Sequence[SceneCase], render: Render) -> Iterator[Finding]:
+def check_scenes(look: Look, cases: Sequence[SceneCase], render: RenderHalves) -> Iterator[CheckFinding]:
     """Render a look in degenerate scenes; check that pictures are finite, not negative, within bounds, and alike."""
     pictures: dict[str, Halves] = {}
     for case in cases:
@@ -269,15 +269,17 @@ def check_scenes(look: Look, cases: Sequence[SceneCase], render: Render) -> Iter
         try:
             halves = pictures[case.name] = render(_make_task(look, case))
         except (RenderError, WorkerError) as error:
-            yield Finding("stability", subject, passed=False, summary=f"no picture: {error}")
+            yield CheckFinding("stability", subject, passed=False, summary=f"no picture: {error}")
             continue
-        if case.like and case.like not in pictures:
-            yield Finding("stability", subject, passed=False, summary=f"nothing to compare with: no '{case.like}'")
+        if case.base_case and case.base_case not in pictures:
+            yield CheckFinding(
+                "stability", subject, passed=False, summary=f"nothing to compare with: no '{case.base_case}'"
+            )
         else:
-            yield _judge_picture(look, case, subject, halves, pictures.get(case.like))
+            yield _judge_picture(look, case, subject, halves, pictures.get(case.base_case))
 
 
-def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, reference: Halves | None) -> Finding:
+def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, reference: Halves | None) -> CheckFinding:
     a, b, alpha = (np.asarray(array, dtype=np.float64) for array in (halves.a, halves.b, halves.alpha))
     pixels = np.stack([a, b])
     covered = float(alpha.sum())
@@ -298,8 +300,8 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, re
         figures["difference"] = difference = _difference(case.gain, halves, reference)
         text += f", difference {difference:.2f} of {MAX_DIFFERENCE:g}"
         if not difference < MAX_DIFFERENCE:
-            faults.append(f"it is not like '{case.like}'")
-    return Finding("stability", subject, not faults, "; ".join([text, *faults]), figures)
+            faults.append(f"it is not like '{case.base_case}'")
+    return CheckFinding("stability", subject, not faults, "; ".join([text, *faults]), figures)
 
 
 def _difference(gain: float, halves: Halves, reference: Halves) -> float:
@@ -318,7 +320,7 @@ def _make_task(look: Look, case: SceneCase) -> FrameTask:
     uv_sets = [
         attribute.attribute for source in task.shaders for attribute in source.attributes if attribute.kind == "uv"
     ]
-    asset = Content.of(save_asset(_add_uv_sets(case.asset, uv_sets), directed=[0]))
+    asset = Content.store_copy(save_asset(_add_uv_sets(case.asset, uv_sets), directed=[0]))
     return frame_task(replace(task, asset=asset), Pose(30.0, 75.0), f"stress {look.name}, {case.name}")
 
 

@@ -19,8 +19,8 @@ from lookdev.cache import take_notes
 from lookdev.cli import checks, export, files, jobs, machine, materials, plots, studio
 from lookdev.cli.options import say, say_notes
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
-from lookdev.guard import KilledError, NativeCrash, run_supervised
-from lookdev.lifetime import end_at_signals
+from lookdev.processes import end_at_signals
+from lookdev.sandbox import KilledError, NativeCrash, run_supervised
 
 EX_SOFTWARE = 70
 """Exit code of a defect of the program (sysexits.h)."""
@@ -39,7 +39,7 @@ app.add_typer(export.app, name="export", rich_help_panel="Jobs")
 
 
 def main() -> None:
-    """Run the command line in a child process; a damaged file crashes at most the child (`lookdev.guard`)."""
+    """Run the command line in a child process; a damaged file crashes at most the child (`lookdev.sandbox`)."""
     _open_streams()
     try:
         code = run_supervised(run)

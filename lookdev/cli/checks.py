@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import typer
 from typer import Argument, Option
 
-from lookdev.cli.options import Prim, Variants, say
+from lookdev.cli.options import Prim, VariantOptions, say
 
 app = typer.Typer()
 _PANEL = "Accuracy and speed"
@@ -31,7 +31,7 @@ def check(
     depth: Annotated[Literal["quick", "default", "full"], Option(help="The number of cases to compare.")] = "default",
     seed: Annotated[int, Option(min=0, help="Seed of cases, positions and samples.")] = 0,
     prim: Prim = None,
-    variants: Variants = None,
+    variants: VariantOptions = None,
     backend: Annotated[
         str | None, Option(metavar="NAME", help="The backend that renders a look, as in a job; default: exact.")
     ] = None,
@@ -67,7 +67,7 @@ def evaluate(
     Lines of the model "fresnel" have cosTheta instead of wo and wi; the answers add F.
     """
     from lookdev.checks.evaluate import evaluate_lines
-    from lookdev.text import decode
+    from lookdev.safe_text import decode
 
     lines = (decode(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
     for line in evaluate_lines(lines, backend):

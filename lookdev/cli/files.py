@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from lookdev.cli.options import AsJson, Prim, Variants, say, say_json, stdout_to_stderr
+from lookdev.cli.options import AsJson, Prim, VariantOptions, say, say_json, stdout_to_stderr
 
 app = typer.Typer()
 
 
-class Purpose(StrEnum):
+class PurposeOption(StrEnum):
     """The purpose of geometry, as UsdGeom.Imageable defines it."""
 
     default = "default"
@@ -28,10 +28,10 @@ def inspect(
     asset: Annotated[Path, Argument(metavar="ASSET", help="A USD file with geometry or lights, or a built-in rig.")],
     prim: Annotated[str | None, Option(metavar="PATH", help="Only this prim and the prims under it.")] = None,
     layer: Annotated[Path | None, Option(metavar="USD", help="A layer composed over the asset.")] = None,
-    variants: Variants = None,
+    variants: VariantOptions = None,
     time: Annotated[float | None, Option(help="The time; default: the start of the asset.")] = None,
     purposes: Annotated[
-        list[Purpose] | None, Option("--purpose", help="Repeatable; default: default and render.")
+        list[PurposeOption] | None, Option("--purpose", help="Repeatable; default: default and render.")
     ] = None,
     png: Annotated[Path | None, Option(metavar="FILE", help="Render a picture with a colour for each part.")] = None,
     rig: Annotated[bool, Option("--rig", help="List the lights; default: only if the file has no geometry.")] = False,
@@ -71,7 +71,7 @@ def inspect(
 def validate(
     file: Annotated[Path, Argument(metavar="FILE", help="A USD or MaterialX file with looks.")],
     prim: Prim = None,
-    variants: Variants = None,
+    variants: VariantOptions = None,
     as_json: AsJson = False,
 ) -> None:
     """List all faults of the looks in a file, in all variants that --variants leaves open; exit code 1 for errors."""

@@ -209,7 +209,7 @@ def review(
             out, against, to, view, lambda done, total: progress.update(task, completed=done, total=total)
         )
     say_notes(notes)
-    say(f"{page}: {written.made} files made, {written.kept} kept, {written.size / 1e6:.1f} MB in all")
+    say(f"{page}: {written.new_files} files made, {written.unchanged_files} kept, {written.size / 1e6:.1f} MB in all")
 
 
 @app.command(rich_help_panel=_PANEL)

@@ -35,7 +35,7 @@ Folder = Annotated[
     ),
 ]
 MASK_HELP = "A number, IMAGE[:CHANNEL], primvar:NAME, or an expression."
-Inputs = Annotated[
+InputOptions = Annotated[
     list[str] | None,
     Option(
         "--input",
@@ -88,7 +88,7 @@ def add(
     look: LookFile,
     preset: PresetName,
     mask: Annotated[str, Option(help=MASK_HELP)] = "1",
-    inputs: Inputs = None,
+    inputs: InputOptions = None,
     mode: Annotated[
         Literal["over", "transmit"], Option(help="How the layer combines with the layers beneath.")
     ] = "over",
@@ -119,7 +119,7 @@ def mask(
     look: LookFile,
     layer: LayerName,
     mask: Annotated[str, Argument(metavar="MASK", help=MASK_HELP)],
-    inputs: Inputs = None,
+    inputs: InputOptions = None,
     prim: Prim = None,
 ) -> None:
     """Give a layer another mask."""

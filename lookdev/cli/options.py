@@ -19,7 +19,7 @@ from lookdev.errors import replace_controls
 JobFile = Annotated[Path, Argument(metavar="JOB", help="The job file, TOML.")]
 LookFile = Annotated[Path, Argument(metavar="LOOK", help="The look, a USD file.")]
 Prim = Annotated[str | None, Option(metavar="PATH", help="The material, if the file has several.")]
-Variants = Annotated[
+VariantOptions = Annotated[
     list[str] | None, Option(metavar="SET=VARIANT", help="The variant of a set; repeatable, once for each set.")
 ]
 AsJson = Annotated[bool, Option("--json", help="Write one JSON document instead of text.")]

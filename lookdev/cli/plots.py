@@ -24,7 +24,7 @@ Subjects = Annotated[
         "measured data (FILE); LABEL= before it names it in the legend.",
     ),
 ]
-Library = Annotated[Path | None, Option(metavar="DIR", help="A folder of presets.")]
+LibraryOption = Annotated[Path | None, Option(metavar="DIR", help="A folder of presets.")]
 
 
 @app.command(rich_help_panel="Looks")
@@ -49,13 +49,13 @@ def plot(
     chroma: Annotated[bool, Option("--chroma", help="Divide pictures by their largest channel.")] = False,
     cosine: Annotated[bool, Option("--cosine", help="Plot f times the cosine of the light.")] = False,
     size: Annotated[int, Option(help="Samples along an axis, or pixels; 0: the kind's default.")] = 0,
-    library: Library = None,
+    library: LibraryOption = None,
 ) -> None:
     """Plot reflectance: models, presets, looks and measured data, in one plot."""
-    from lookdev.plotting import Options, draw, kind_named, read_subject
+    from lookdev.plotting import PlotOptions, draw, kind_named, read_subject
     from lookdev.plotting.figure import check_suffix
 
-    options = Options(
+    options = PlotOptions(
         theta=theta, phi=phi, axis=axis, scale=scale, angles=angles, limit=limit, channels=channels,
         exposure=exposure, chroma=chroma, cosine=cosine, size=size,
     )  # fmt: skip
@@ -103,7 +103,7 @@ def fit(
         ),
     ] = None,
     as_json: AsJson = False,
-    library: Library = None,
+    library: LibraryOption = None,
     picture: Annotated[
         Path | None,
         _picture(
@@ -158,14 +158,14 @@ def fit(
         if output is not None:
             check_suffix(output)
         data, fixed = read_subject(source, library), read_model(model or "disney")
-        result = fit_model(data, *fixed, wanted=only or (), loss=loss or "log", starts=4 if starts is None else starts)
+        result = fit_model(data, *fixed, names=only or (), loss=loss or "log", starts=4 if starts is None else starts)
         say_json(result.data()) if as_json else say(format_fit(result))
         if output is not None:
             draw("difference", [data, result.subject]).write(output)
         if look is not None:
             model_look(look, result.model, result.values)
         return
-    from lookdev.fitting.picture.fit import Wish, fit_picture
+    from lookdev.fitting.picture.fit import PictureFitRequest, fit_picture
     from lookdev.fitting.picture.search import Settings
     from lookdev.run.progress import show_fit
 
@@ -173,7 +173,7 @@ def fit(
         raise LookdevError(f"--samples {samples}: a power of two would be right")
     if starts is not None and not 1 <= starts <= Settings.tried:
         raise LookdevError(f"--starts {starts}: 1 to {Settings.tried} would be right")
-    request = Wish(
+    request = PictureFitRequest(
         picture, Path(source), tuple(name for name in parameters.split(",") if name.strip()), frame,
         look or Path(f"{picture.stem}_fitted.usda"), output or Path(f"{picture.stem}_fit.html"), mask, exposure,
         look_named=look is not None, force=force, pixels=pixels,
@@ -183,4 +183,4 @@ def fit(
         fit_result = fit_picture(request, report)
     say_notes(fit_result.notes)
     say_json(fit_result.data()) if as_json else say(fit_result.text())
-    raise typer.Exit(130 if fit_result.found.interrupted else 0)
+    raise typer.Exit(130 if fit_result.result.interrupted else 0)

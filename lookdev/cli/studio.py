@@ -12,7 +12,7 @@ import typer
 from typer import Argument, Option
 
 from lookdev.cli.options import say
-from lookdev.cli.plots import Library
+from lookdev.cli.plots import LibraryOption
 
 if TYPE_CHECKING:
     from lookdev.studio import Address
@@ -22,7 +22,7 @@ _PANEL = "Looks"
 
 Port = Annotated[int | None, Option(min=0, max=65535, help="The port; default: 8421, or another that is free.")]
 Host = Annotated[str, Option(metavar="ADDRESS", help="Where to listen.")]
-Names = Annotated[
+HostNames = Annotated[
     list[str] | None, Option(metavar="HOST", help="A name by which browsers may call this machine. Repeatable.")
 ]
 Browser = Annotated[bool, Option("--browser/--no-browser", help="Open the page in the browser.")]
@@ -39,9 +39,9 @@ def explore(
     ] = None,
     port: Port = None,
     host: Host = "127.0.0.1",
-    name: Names = None,
+    name: HostNames = None,
     browser: Browser = True,
-    library: Library = None,
+    library: LibraryOption = None,
 ) -> None:
     """Explore reflectance in the browser: sliders, plots, lobes and spheres, side by side."""
     address = _address(host, port, name)
@@ -59,7 +59,7 @@ def design(
     ] = None,
     port: Port = None,
     host: Host = "127.0.0.1",
-    name: Names = None,
+    name: HostNames = None,
     browser: Browser = True,
 ) -> None:
     """Design looks in the browser: edit parameters live on the turning asset, and save them as USD."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 from lookdev.brdf import Array, Lobe
 from lookdev.brdf.vectors import scale
 from lookdev.closures import disney, pixar
-from lookdev.closures.closure import Closure, Kind, StandIn, closure_cosine
+from lookdev.closures.closure import Closure, ClosureKind, StandIn, closure_cosine
 from lookdev.errors import CodegenError
 
 
@@ -45,4 +45,4 @@ def lobe_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     return tuple(replace(closure, weight=scale(closure.weight, lobe.weight)) for closure in stand_in(lobe, wo))
 
 
-__all__ = ["STAND_INS", "Closure", "Kind", "closure_cosine", "lobe_closures"]
+__all__ = ["STAND_INS", "Closure", "ClosureKind", "closure_cosine", "lobe_closures"]

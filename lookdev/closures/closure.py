@@ -23,7 +23,7 @@ from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.microfacet import gtr2_aniso
 from lookdev.brdf.vectors import TINY, Array, Real, dot, mix_color, normalize, scale
 
-Kind = Literal[
+ClosureKind = Literal[
     "diffuse", "rough_diffuse", "translucent",
     "ggx", "beckmann", "metal", "conductor", "sheen", "ggx_refraction", "beckmann_refraction",
 ]  # fmt: skip
@@ -55,7 +55,7 @@ class Closure:
         Of a conductor, the index of refraction and the extinction.
     """
 
-    kind: Kind
+    kind: ClosureKind
     weight: Array
     alpha_x: Real = 1.0
     alpha_y: Real = 1.0

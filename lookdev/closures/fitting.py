@@ -22,7 +22,7 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf.disney import COAT_F0
 from lookdev.brdf.fresnel import schlick_weight
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import relative_cosine
@@ -47,8 +47,8 @@ from lookdev.closures.setups import (
     ONE,
     SHAPE_ANGLES,
     Albedos,
-    Grid,
-    Setup,
+    LobeGrid,
+    LobeSetup,
     coat_setups,
     disney_lobe,
     distance,
@@ -113,7 +113,7 @@ def cosine_goal(a: Albedos) -> Goal:
 
 
 def diffuse_goal(
-    grid: Grid, closure: Closure, base_color: float, roughness: Sequence[float], **parameters: float
+    grid: LobeGrid, closure: Closure, base_color: float, roughness: Sequence[float], **parameters: float
 ) -> Goal:
     """Return the goal for a closure's weight in Disney's diffuse lobe, over the cosine of the view and roughness."""
     wi, weight = hemisphere_grid(96)
@@ -124,7 +124,13 @@ def diffuse_goal(
         for level in roughness:
             lobe = disney_lobe("diffuse", wo, baseColor=base_color * ONE, roughness=level, **parameters)
             rows.append(
-                (angle, wo[2], level, closure_albedo, (lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2]) @ weight)
+                (
+                    angle,
+                    wo[2],
+                    level,
+                    closure_albedo,
+                    (lobe.evaluate(DirectionPair.of(wo, wi))[:, 0] * wi[:, 2]) @ weight,
+                )
             )
     angle, x, y, closure_albedo, albedo = np.array(rows).T
     floored = np.maximum(albedo, _FLOOR)
@@ -132,7 +138,7 @@ def diffuse_goal(
     return Goal(problem, lambda values: np.abs(values * closure_albedo - albedo) / floored, angle)
 
 
-def retro_goal(grid: Grid) -> Goal:
+def retro_goal(grid: LobeGrid) -> Goal:
     """Return the goal for the albedo of Oren and Nayar's rough term, over the cosine of the view."""
     x = np.cos(np.radians(grid.angles))
     target = np.asarray(oren_nayar_g(x))
@@ -148,7 +154,7 @@ def retro_shape() -> RetroShape:
     for angle, roughness in product((50.0, 65.0, 75.0, 83.0), (0.5, 0.75, 1.0)):
         wo = view_at(angle)
         lobe = disney_lobe("diffuse", wo, baseColor=0.5 * ONE, roughness=roughness)
-        energy = np.asarray(lobe.evaluate(Directions.of(wo, wi)))[:, 0] * wi[:, 2] * weight
+        energy = np.asarray(lobe.evaluate(DirectionPair.of(wo, wi)))[:, 0] * wi[:, 2] * weight
         lobes.append((wo, roughness, energy / energy.sum()))
 
     def distances(strength: float) -> list[float]:
@@ -217,7 +223,7 @@ def highlight_shape() -> HighlightShape:
 
 
 def _normalised_lobes(
-    setups: Sequence[Setup], closures: Callable[[float], Sequence[Closure]]
+    setups: Sequence[LobeSetup], closures: Callable[[float], Sequence[Closure]]
 ) -> list[tuple[Floats, Floats]]:
     """Return the energy by direction, normalised to 1, of each lobe, (n,), and of the closures of its alpha, (k, n)."""
     lobes = []
@@ -238,7 +244,7 @@ def make_shapes() -> MixShapes:
 
 
 def make_fits(
-    shapes: MixShapes, grid: Grid = FULL, load_fit: Callable[[str], Rational] | None = None
+    shapes: MixShapes, grid: LobeGrid = FULL, load_fit: Callable[[str], Rational] | None = None
 ) -> dict[str, tuple[Rational, Goal]]:
     """Return every fit for mixes of these shapes, with its goal; `load_fit` returns stored fits instead, by name."""
     fits: dict[str, tuple[Rational, Goal]] = {}
@@ -296,7 +302,7 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
         x, y = roughness**2 / aspect, roughness**2 * aspect
         whole = disney_lobe("specular", wo, metallic=1.0, baseColor=ONE, **parameters)
         weighted = disney_lobe("specular", wo, specular=0.0, **parameters)
-        albedos = measure([Setup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", ONE, x, y),))])
+        albedos = measure([LobeSetup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", ONE, x, y),))])
         cases.append(((x, y), wo, albedos.whole, albedos.weighted, albedos.mix))
 
     def errors(shape: AnisotropicShape) -> Floats:

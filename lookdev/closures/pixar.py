@@ -17,7 +17,7 @@ from lookdev.brdf.frames import Frame, Leaning
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.reflectance import relative_cosine
 from lookdev.brdf.vectors import Array, are_equal, dot, scale
-from lookdev.closures.closure import Closure, Kind, StandIn
+from lookdev.closures.closure import Closure, ClosureKind, StandIn
 from lookdev.closures.fits import HighlightShape, fit, table
 
 IOR = 1000.0
@@ -62,7 +62,7 @@ def highlight_mix(
     `shape` has `start` and `slope` of GGX's share over alpha, and the `width` of GGX relative to Beckmann.
     """
     share = ggx_share(alpha, shape)
-    kinds: tuple[Kind, Kind] = ("beckmann", "ggx")
+    kinds: tuple[ClosureKind, ClosureKind] = ("beckmann", "ggx")
     ior = 1.0
     if transmits:
         alpha = 2.0 * alpha * np.sqrt(view[..., 2])

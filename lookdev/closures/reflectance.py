@@ -17,12 +17,12 @@ from lookdev.brdf.reflectance import DATA, relative_cosine
 from lookdev.closures.fits import ClosureFit
 from lookdev.closures.fitting import fit_entry
 from lookdev.closures.rational import Degree, Problem, fit_rational
-from lookdev.closures.setups import FULL, Grid, measure, specular_setups
+from lookdev.closures.setups import FULL, LobeGrid, measure, specular_setups
 
 _TOLERANCE = 0.01
 
 
-def make_table(grid: Grid = FULL) -> dict[str, ClosureFit]:
+def make_table(grid: LobeGrid = FULL) -> dict[str, ClosureFit]:
     """Return the table: coefficients and residuals of both fits."""
     albedos = measure(specular_setups("2014", grid))
     inside = albedos.angle < 89.2  # beyond, both fits change faster than they matter

@@ -12,8 +12,8 @@ from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.disney import COAT_F0
 from lookdev.brdf.frames import Leaning, Upright, mirror_across_surface
 from lookdev.brdf.fresnel import schlick_weight
-from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, Term, partition_lobes
+from lookdev.brdf.lobes import DirectionPair, Lobe
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, PartitionLobe, partition_lobes
 from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.closures.closure import Closure, closure_cosine
 from lookdev.closures.disney import coat_mix
@@ -29,7 +29,7 @@ _CELLS = (48, 32)
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class LobeGrid:
     """Values at which lobes are integrated: views and cones in degrees; `bends` are indices of refraction minus 1."""
 
     angles: Floats
@@ -39,7 +39,7 @@ class Grid:
     bends: Floats
 
 
-FULL = Grid(
+FULL = LobeGrid(
     np.array([0, 10, 20, 28, 35, 42, 48, 54, 58, 62, 65, *range(68, 84, 2), 83.5, 85, 86, 87, 88, 89, 89.5, 89.97]),
     np.array([0.0, 0.05, 0.1, *np.linspace(0.15, 1.0, 18)]),
     np.linspace(0.0, 1.0, 11),
@@ -49,7 +49,7 @@ FULL = Grid(
 
 
 @dataclass(frozen=True, eq=False)
-class Setup:
+class LobeSetup:
     """A lobe at one view, and the closures that stand for it.
 
     angle : degrees from the normal to the view `wo`.
@@ -84,10 +84,10 @@ class Albedos:
     mix_weighted: Floats
 
 
-def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
+def specular_setups(variant: str, grid: LobeGrid = FULL) -> list[LobeSetup]:
     """Return setups of a variant of Disney's isotropic specular lobe."""
     return [
-        Setup(
+        LobeSetup(
             angle,
             wo := view_at(angle),
             wo,
@@ -102,7 +102,7 @@ def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
     ]
 
 
-def coat_setups(shape: CoatShape, grid: Grid = FULL) -> list[Setup]:
+def coat_setups(shape: CoatShape, grid: LobeGrid = FULL) -> list[LobeSetup]:
     """Return setups of the clearcoat."""
     setups = []
     for angle in grid.angles:
@@ -112,11 +112,11 @@ def coat_setups(shape: CoatShape, grid: Grid = FULL) -> list[Setup]:
             width = 0.1 + (0.001 - 0.1) * gloss
             mix = coat_mix(width, shape)
             closures = [Closure("metal", 0.25 * share * ONE, alpha, alpha, f0=COAT_F0 * ONE) for share, alpha in mix]
-            setups.append(Setup(angle, wo, wo, width, width, lobe, lobe, closures))
+            setups.append(LobeSetup(angle, wo, wo, width, width, lobe, lobe, closures))
     return setups
 
 
-def highlight_setups(shape: HighlightShape, bend: float | None = None, grid: Grid = FULL) -> list[Setup]:
+def highlight_setups(shape: HighlightShape, bend: float | None = None, grid: LobeGrid = FULL) -> list[LobeSetup]:
     """Return setups of Pixar's highlights: reflected, or transmitted with an index of refraction of 1 + `bend`."""
     setups = []
     for angle in grid.angles:
@@ -132,18 +132,18 @@ def highlight_setups(shape: HighlightShape, bend: float | None = None, grid: Gri
             closures = [replace(closure, weight=closure.weight * ONE) for closure in mix]
             # A refraction is narrower than the lobe in the plane of incidence.
             width = alpha if bend is None else alpha * float(np.sqrt(view[2]))
-            setups.append(Setup(angle, wo, view, width, alpha, whole, weighted, closures))
+            setups.append(LobeSetup(angle, wo, view, width, alpha, whole, weighted, closures))
     return setups
 
 
-def measure(setups: Sequence[Setup]) -> Albedos:
+def measure(setups: Sequence[LobeSetup]) -> Albedos:
     """Integrate the lobes and mixes of setups over the light."""
     rows = []
     for setup in setups:
         wi, weight = half_vector_grid(setup.view, setup.width, _CELLS)
         values = setup_values(setup, wi)
         whole, weighted, mix = values @ weight
-        mix_weighted = (values[2] * schlick_weight(Directions.of(setup.view, wi).cos_theta_d)) @ weight
+        mix_weighted = (values[2] * schlick_weight(DirectionPair.of(setup.view, wi).cos_theta_d)) @ weight
         if setup.whole.transmits:
             # A refraction is symmetric about its own normal, and twice as wide as half vectors.
             wi, weight = half_vector_grid(view_at(0.0), setup.width, _CELLS)
@@ -155,16 +155,16 @@ def measure(setups: Sequence[Setup]) -> Albedos:
     return Albedos(*np.array(rows).T)
 
 
-def distance(setup: Setup) -> float:
+def distance(setup: LobeSetup) -> float:
     """Return half the L1 distance of a mix from its lobe over the light, both normalised: 0 to 1."""
     wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
     whole, _, mix = setup_values(setup, wi) * weight
     return float(0.5 * np.abs(whole / whole.sum() - mix / mix.sum()).sum())
 
 
-def setup_values(setup: Setup, wi: Floats) -> Floats:
+def setup_values(setup: LobeSetup, wi: Floats) -> Floats:
     """Return the whole lobe, the weighted lobe and the mix, times the cosine, (3, n), for reflected `wi`, (n, 3)."""
-    directions = Directions.of(setup.wo, wi)
+    directions = DirectionPair.of(setup.wo, wi)
     light = np.asarray(mirror_across_surface(wi)) if setup.whole.transmits else wi
     mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix)
     lobes = (np.asarray(lobe.evaluate(directions))[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted))
@@ -184,6 +184,6 @@ def disney_lobe(name: str, wo: Floats, **parameters: object) -> Lobe:
 
 
 def _highlight(cone: float, bend: float | None, normal: float, wo: Floats) -> Lobe:
-    terms = dict.fromkeys((*FRONT, *THROUGH), Term(normal * ONE, ONE, cone, bend or 0.0))
+    terms = dict.fromkeys((*FRONT, *THROUGH), PartitionLobe(normal * ONE, ONE, cone, bend or 0.0))
     lobes = partition_lobes(Partition(wo, terms, {"diffuse": Upright(), "highlight": Upright()}, 1.0))
     return next(lobe for lobe in lobes if lobe.name == ("specular" if bend is None else "specularTransmission"))

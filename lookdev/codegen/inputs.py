@@ -18,7 +18,7 @@ from lookdev.material.textures import resolve_texture, udim_tiles
 
 
 @dataclass
-class Inputs:
+class SymbolicSurface:
     """The points of a surface at which code runs: a `lookdev.material.values.Surface` whose values are symbols.
 
     A texture that is read twice with the same addressing is one look-up. Only `look_up` opens images, so images that
@@ -69,7 +69,9 @@ class Inputs:
         return ImageBinding(name, uv, isinstance(source, Bump), texture.wrap_s, texture.wrap_t, transform, files)
 
     def _file(self, source: Texture | Bump, texture: Texture) -> Content:
-        return Content.of(self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture))
+        return Content.store_copy(
+            self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture)
+        )
 
     def uv(self, name: str) -> SymbolicArray:
         return self._symbols(self._uv_attribute(name), ("[0]", "[1]"))

@@ -67,7 +67,7 @@ class AttributeBinding:
     fallback: tuple[float, ...] | None = None
 
     @property
-    def stored(self) -> str:
+    def mesh_name(self) -> str:
         """The attribute's name on a mesh in Blender, where a UV set and a primvar cannot share a name."""
         if self.attribute in (TANGENT, HANDEDNESS):
             return self.attribute
@@ -95,7 +95,7 @@ def short_name(name: str) -> str:
 TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")
 
 
-class Source(Protocol):
+class GeneratedSource(Protocol):
     """A look generated for one backend, as it is assigned to a slot of an asset: a frozen dataclass of plain data.
 
     It reads `attributes` and `images`. `digest` depends on everything that affects the picture. A look `transmits` if
@@ -128,7 +128,7 @@ FIRST_LIGHT_PART = 2 + len(LOBE_GROUPS)
 
 @dataclass(frozen=True)
 class ShaderSource:
-    """A `Source` of OSL.
+    """A `GeneratedSource` of OSL.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, Shade
 
 
 @dataclass(frozen=True)
-class Operation:
+class ProgramOperation:
     """One step of a program. Operands are the numbers of earlier steps, whose results it reads.
 
     `op` is NumPy's name of a ufunc, ``"where"``, or one of these:
@@ -201,18 +201,18 @@ class Operation:
     ``"constant"``, ``"truth"``
         The number, or the truth, `value`.
     ``"uniform"``
-        The number at index `place` of the program's constants.
+        The number at `index` of the program's constants.
     ``"symbol"``
         The symbol `name`.
     ``"look_up"``
-        A cell of the table at index `place`; the operands are its row and column. `value` is the number of columns of
+        A cell of the table at `index`; the operands are its row and column. `value` is the number of columns of
         the table, `name` the channel that is read, or ``""`` if cells are numbers.
     """
 
     op: str
     operands: tuple[int, ...] = ()
     value: float = 0.0
-    place: int = 0
+    index: int = 0
     name: str = ""
 
 
@@ -236,7 +236,7 @@ class ImageBinding:
 
 @dataclass(frozen=True)
 class ProgramSource:
-    """A `Source` of operations on numbers, for renderers that trace programs themselves.
+    """A `GeneratedSource` of operations on numbers, for renderers that trace programs themselves.
 
     With `shadows`, rays are traced. A look is `glossy` if no lobe is broad or transmits light. `folded` is as in
     `ShaderSource`. `outputs` are the numbers of operations, by these names:
@@ -263,7 +263,7 @@ class ProgramSource:
     """
 
     name: str
-    operations: tuple[Operation, ...]
+    operations: tuple[ProgramOperation, ...]
     outputs: Mapping[str, tuple[int, ...]]
     constants: tuple[float, ...]
     look_ups: tuple[ImageBinding, ...]
@@ -316,7 +316,7 @@ SocketValue = float | tuple[float, ...] | str
 
 
 @dataclass(frozen=True)
-class Link:
+class NodeLink:
     """A link to an output of a node of the same tree: the node's name, and Blender's identifier of the socket."""
 
     node: str
@@ -330,17 +330,17 @@ class ShaderNode:
     `kind` is Blender's type without the prefix ``ShaderNode`` (``"Math"``), or ``"NodeGroupInput"``,
     ``"NodeGroupOutput"``. `properties` are attributes of the node (``{"operation": "ADD"}``), `inputs` the values of
     its sockets by identifier. A ``"Group"`` is an instance of the tree named `group`. A ``"TexImage"`` reads the file
-    `image`, without colour conversion. `place` is the upper left corner, in Blender's units.
+    `image`, without colour conversion. `position` is the upper left corner, in Blender's units.
     """
 
     name: str
     kind: str
     properties: Mapping[str, SocketValue | bool] = field(default_factory=dict)
-    inputs: Mapping[str, SocketValue | Link] = field(default_factory=dict)
+    inputs: Mapping[str, SocketValue | NodeLink] = field(default_factory=dict)
     label: str = ""
     group: str = ""
     image: Content | None = None
-    place: tuple[float, float] = (0.0, 0.0)
+    position: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -367,7 +367,7 @@ class NodeTree:
 
 @dataclass(frozen=True)
 class NodeSource:
-    """A `Source` of native shader nodes: groups, each after those that it contains, then the material's own tree.
+    """A `GeneratedSource` of native nodes: groups, each after those that it contains, then the material's own tree.
 
     If `exact`, the nodes send rays along one importance-sampled direction through a ray portal; else they are Cycles'
     closures.

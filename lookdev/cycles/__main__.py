@@ -3,8 +3,8 @@
 A scene task prepares a scene for later frames and has no answer. If the preparation fails, the first frame of the
 scene reports the error.
 
-Blender prints to standard output, so `Answers` duplicates the real one before Blender is loaded, and everything else
-goes to standard error. The process exits at once when its input ends, which it also does when the parent dies.
+Blender prints to standard output, so `AnswerStream` duplicates the real one before Blender is loaded, and everything
+else goes to standard error. The process exits at once when its input ends, which it also does when the parent dies.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from lookdev.lifetime import end_with_parent, leaving
-from lookdev.rendering.answers import Answers
+from lookdev.processes import end_with_parent, leaving
+from lookdev.rendering.answers import AnswerStream
 
 _MAX_LOG_GROWTH = 1 << 20
 """Bytes of Blender's log that frames without an error may add before they are cut off; a frame logs about 10 kB."""
 
 
-def _serve(answers: Answers) -> None:
+def _serve(answers: AnswerStream) -> None:
     from lookdev.cache import take_notes
     from lookdev.cycles import version
     from lookdev.cycles.progress import refine_progress
@@ -34,7 +34,7 @@ def _serve(answers: Answers) -> None:
     from lookdev.rendering.wire import Cancelled, Requests
 
     requests = Requests.from_input()
-    answers.ready(version.VERSION)
+    answers.send_ready(version.VERSION)
     scene: BlenderScene | None = None
     log_start = _log_size()
     while True:
@@ -50,7 +50,7 @@ def _serve(answers: Answers) -> None:
 
         def progress(samples: int, total: int, relmse: float | None, digest: str = task.digest) -> None:
             requests.check(digest)
-            answers.progress(digest, samples, total, relmse)
+            answers.send_progress(digest, samples, total, relmse)
 
         try:
             if scene is None or not scene.can_show(task.scene):
@@ -60,12 +60,12 @@ def _serve(answers: Answers) -> None:
                 frame = render_frame(scene, task, report)
             if _log_size() > log_start + _MAX_LOG_GROWTH:
                 os.ftruncate(2, log_start)
-            answers.rendered(task.digest, frame, take_notes())
+            answers.send_frame(task.digest, frame, take_notes())
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             if not isinstance(error, Cancelled):
                 scene = None
             log_start = _log_size()
-            answers.failed(task.digest, error)
+            answers.send_failure(task.digest, error)
 
 
 def _log_size() -> int:
@@ -75,7 +75,7 @@ def _log_size() -> int:
     return os.fstat(2).st_size
 
 
-def _run_command(arguments: list[str], answers: Answers) -> None:
+def _run_command(arguments: list[str], answers: AnswerStream) -> None:
     match arguments:
         case ["--self-test"]:
             from lookdev.cycles.points import run_self_test
@@ -96,7 +96,7 @@ def _run_command(arguments: list[str], answers: Answers) -> None:
 def main() -> None:
     """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` run one command."""
     end_with_parent()
-    answers = Answers()
+    answers = AnswerStream()
     with leaving():
         if arguments := sys.argv[1:]:
             # Blender does not remove its temporary folder; the parent removes that of `_serve`.

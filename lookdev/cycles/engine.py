@@ -23,7 +23,7 @@ MIN_SIDE = 4
 
 _LONGEST_TABLE = 8192  # most samples for which Cycles tabulates points; samples beyond repeat them, shuffled
 
-Box = tuple[int, int, int, int]
+PixelBounds = tuple[int, int, int, int]
 """A rectangle of pixels: left, bottom, right and top, from the lower left corner of the frame."""
 
 
@@ -52,7 +52,9 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
 bpy.utils.register_class(Capture)
 
 
-def render_passes(scene: bpy.types.Scene, samples: int, seed: int = 0, box: Box | None = None) -> dict[str, Floats32]:
+def render_passes(
+    scene: bpy.types.Scene, samples: int, seed: int = 0, box: PixelBounds | None = None
+) -> dict[str, Floats32]:
     """Render the scene with `samples` a pixel; return its passes by Blender's names, rows bottom-up.
 
     Cycles places sample 0 of every pixel at the pixel's centre, which would bias coverage by up to half a sample. So
@@ -116,7 +118,7 @@ def override(owner: object, values: Mapping[str, object]) -> Iterator[None]:
             setattr(owner, name, value)
 
 
-def _crop_render(render: bpy.types.RenderSettings, box: Box) -> AbstractContextManager[None]:
+def _crop_render(render: bpy.types.RenderSettings, box: PixelBounds) -> AbstractContextManager[None]:
     """Restrict renders to a box of the frame."""
     left, bottom, right, top = box
     if min(right - left, top - bottom) < MIN_SIDE:

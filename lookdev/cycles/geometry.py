@@ -14,13 +14,13 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from lookdev.arrays import Array, Floats, Floats32, Indices, Ints
+from lookdev.arrays import Elements, Floats, Floats32, Indices, Ints
 from lookdev.asset.gather import join_small_meshes, move_stretch_to_meshes
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import blocks, face_starts
 from lookdev.asset.tangents import handedness
 from lookdev.asset.triangles import triangulate
-from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding, Source, short_name
+from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding, GeneratedSource, short_name
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class AssetObjects:
 def add_asset(
     scene: bpy.types.Scene,
     asset: Asset,
-    sources: Sequence[Source],
+    sources: Sequence[GeneratedSource],
     slot_sources: Sequence[int],
     materials: Sequence[bpy.types.Material],
     *,
@@ -209,7 +209,12 @@ def _instancing_tree(prototypes: bpy.types.Collection) -> bpy.types.GeometryNode
 
 
 def _build_mesh(
-    mesh: Mesh, sources: Sequence[Source], slot_sources: Ints, materials: Sequence[bpy.types.Material], *, whole: bool
+    mesh: Mesh,
+    sources: Sequence[GeneratedSource],
+    slot_sources: Ints,
+    materials: Sequence[bpy.types.Material],
+    *,
+    whole: bool,
 ) -> bpy.types.Mesh:
     data = bpy.data.meshes.new(mesh.name)
     data.vertices.add(len(mesh.points))
@@ -278,9 +283,9 @@ def _read_attributes(
                 assert mesh.tangents is not None, "a scene task has the tangents that its sources read"
                 attributes[TANGENT] = mesh.tangents
             elif binding.attribute in mesh.primvars:
-                attributes[binding.stored] = mesh.primvars[binding.attribute]
+                attributes[binding.mesh_name] = mesh.primvars[binding.attribute]
             elif binding.fallback is not None:
-                lacking.setdefault(binding.stored, {})[number] = binding.fallback
+                lacking.setdefault(binding.mesh_name, {})[number] = binding.fallback
     for name, fallbacks in lacking.items():
         width = max(map(len, fallbacks.values()))
         at_faces = np.zeros((len(face_sources), width) if width > 1 else len(face_sources), np.float32)
@@ -302,7 +307,7 @@ Colours are vectors, too: no colour space applies to those.
 """
 
 
-def _add_attribute(data: bpy.types.Mesh, name: str, values: Array, domain: str = "CORNER") -> None:
+def _add_attribute(data: bpy.types.Mesh, name: str, values: Elements, domain: str = "CORNER") -> None:
     kind, field = _ATTRIBUTE_TYPES[values.dtype.kind, values.ndim]
     attribute = data.attributes.new(name, kind, domain)
     attribute.data.foreach_set(field, np.ascontiguousarray(values).ravel())

@@ -20,7 +20,7 @@ from lookdev.arrays import Floats
 from lookdev.cycles import version
 from lookdev.cycles.nodes import SocketInput, add_node, load_image
 from lookdev.errors import RenderError
-from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight, called
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight, light_label
 from lookdev.light.placement import Axes
 
 _SIDES = 256  # of a cylinder
@@ -73,7 +73,7 @@ def add_lights(
         if light.world_dome:
             continue  # it is part of the world
         if light.kind not in BUILDERS:
-            raise RenderError(f"{called(light, number)}: Blender has no light of its kind")
+            raise RenderError(f"{light_label(light, number)}: Blender has no light of its kind")
         name = light.emission.group or f"{light.kind} {number}"
         data = BUILDERS[light.kind](name, light, strength)
         item = bpy.data.objects.new(name, data)
@@ -156,7 +156,7 @@ def _build_sphere(name: str, light: SphereLight, strength: float) -> bpy.types.P
 
 def _build_distant(name: str, light: DistantLight, strength: float) -> bpy.types.SunLight:
     versine = light.versine
-    data = _add_data(name, "SUN", light.sent, math.pi * versine * (2.0 - versine) * strength)
+    data = _add_data(name, "SUN", light.emitted_radiance, math.pi * versine * (2.0 - versine) * strength)
     data.angle = 2.0 * math.acos(1.0 - versine) if versine > 1e-3 else 2.0 * math.sqrt(2.0 * versine)
     return data
 

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import bpy
 from bpy.types import NodeTreeInterface, NodeTreeInterfacePanel, ShaderNodeTree
 
-from lookdev.codegen.source import GroupSocket, Link, NodeSource, NodeTree, ShaderNode, SocketValue
+from lookdev.codegen.source import GroupSocket, NodeLink, NodeSource, NodeTree, ShaderNode, SocketValue
 from lookdev.cycles import version
 from lookdev.errors import ContentError, RenderError, nearest_hint
 
@@ -115,10 +115,10 @@ def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: ShaderNodeTree, gr
         except (ContentError, RenderError) as error:
             raise RenderError(f"{location}, '{node.name}': {error}") from error
     # Blender updates a whole tree whenever a property in it is set: so all locations at once, and only changed values.
-    node_tree.nodes.foreach_set("location", [x for node in tree.nodes for x in node.place])
+    node_tree.nodes.foreach_set("location", [x for node in tree.nodes for x in node.position])
     for node in tree.nodes:
         for identifier, value in node.inputs.items():
-            if not isinstance(value, Link):
+            if not isinstance(value, NodeLink):
                 continue
             if value.node not in nodes:
                 raise RenderError(
@@ -149,7 +149,7 @@ def _add_node(node: ShaderNode, node_tree: ShaderNodeTree, groups: Groups) -> bp
     for name, setting in node.properties.items():
         _set_property(built, name, setting)
     for identifier, value in node.inputs.items():
-        if not isinstance(value, Link):
+        if not isinstance(value, NodeLink):
             socket = _socket(built, "inputs", identifier)
             try:
                 _set_changed(socket, "default_value", _pad_color(value, socket.default_value))

@@ -173,7 +173,7 @@ def _render_surfaces(
     return albedo, {"object": objects, "material": materials, "asset": objects}
 
 
-def _covered_box(covered: Bools) -> engine.Box:
+def _covered_box(covered: Bools) -> engine.PixelBounds:
     """Return the smallest box with all covered pixels of an array, whose rows are top-down."""
     height, width = covered.shape
     ends = []

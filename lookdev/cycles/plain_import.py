@@ -15,8 +15,8 @@ from typing import TypedDict
 import bpy
 
 from lookdev.cycles.plain_sequence import add_environment_texture
-from lookdev.lifetime import leaving
-from lookdev.rendering.answers import Answers, peak_memory
+from lookdev.processes import leaving
+from lookdev.rendering.answers import AnswerStream, peak_memory
 
 
 class ImportRequest(TypedDict):
@@ -29,7 +29,7 @@ class ImportRequest(TypedDict):
     distance: float
 
 
-def render(request: ImportRequest, answers: Answers) -> None:
+def render(request: ImportRequest, answers: AnswerStream) -> None:
     """Import a file and render it with one sample."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=request["file"])
@@ -54,6 +54,6 @@ def render(request: ImportRequest, answers: Answers) -> None:
 
 
 if __name__ == "__main__":
-    channel = Answers()
+    channel = AnswerStream()
     with leaving():
         render(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")), channel)

@@ -25,7 +25,7 @@ from lookdev.codegen.source import PrincipledSource
 from lookdev.cycles import version
 from lookdev.cycles.nodes import add_node
 from lookdev.cycles.principled import build_principled_material
-from lookdev.lifetime import leaving
+from lookdev.processes import leaving
 
 
 class SequenceCamera(TypedDict):

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 
 import bpy
 
-from lookdev.rendering.frame import Progress
+from lookdev.rendering.frame import ReportSamples
 
 _SAMPLE = re.compile(r"\bSample (\d+)/\d+")
 
 
 @contextmanager
-def refine_progress(samples: int, report: Progress) -> Iterator[Progress]:
+def refine_progress(samples: int, report: ReportSamples) -> Iterator[ReportSamples]:
     """Yield a progress function for `render_frame` of `samples`; `report` gets its calls and others in between.
 
     Those in between come from Cycles, which updates its statistics about every half minute, so long frames report

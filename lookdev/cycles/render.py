@@ -24,8 +24,8 @@ from lookdev.rendering.catcher import catcher_pictures
 from lookdev.rendering.frame import (
     FEATURE_SAMPLES,
     Denoiser,
-    Progress,
     RenderedFrame,
+    ReportSamples,
     half_of_seed,
     plain_pictures,
     render_halves,
@@ -36,7 +36,7 @@ from lookdev.rendering.task import FrameTask
 from lookdev.scene import Sampling
 
 
-def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> RenderedFrame:
+def render_frame(scene: BlenderScene, task: FrameTask, progress: ReportSamples) -> RenderedFrame:
     """Render one frame of a scene."""
     started = time.perf_counter()
     scene.pose(task.scene.camera, task.pose)
@@ -60,7 +60,7 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: Progress) -> Re
 
 
 def _render_catcher_parts(
-    scene: BlenderScene, samples: int, seed: int, box: engine.Box | None
+    scene: BlenderScene, samples: int, seed: int, box: engine.PixelBounds | None
 ) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
     """Return colours and coverage as `_render_region` does, and the parts from which `catcher_pictures` makes a frame.
 
@@ -76,7 +76,7 @@ def _render_catcher_parts(
     return color, coverage, {"ground": pictures[GROUND][..., :3], "bare": pictures[BARE][..., :3], "covered": covered}
 
 
-def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Progress) -> RenderedFrame:
+def _render_principled(scene: BlenderScene, sampling: Sampling, progress: ReportSamples) -> RenderedFrame:
     """Render a frame as a user of Cycles would: in one render, denoised with Cycles' own features."""
     started = time.perf_counter()
     image = engine.render_whole(scene.scene, sampling.samples, sampling.seed)["Combined"][::-1]
@@ -120,7 +120,7 @@ def _render_region(
     # In reverse order, because the colours are those of the last render, which must be of the first batch. The last
     # bits of a path's positions encode its data, and the noise of later hits depends on those bits.
     for batch in reversed(batches or [()]):
-        if task.scene.sampling.recorded:
+        if task.scene.sampling.records_parts:
             scene.select_recorded_parts([number for _, number in batch])
         passes = engine.render_passes(scene.scene, region.samples, seed, box)
         parts |= read_recorded(batch, passes)

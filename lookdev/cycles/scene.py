@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.asset.bounds import center_asset
 from lookdev.asset.store import read_asset
-from lookdev.codegen.source import NodeSource, PrincipledSource, ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, NodeSource, PrincipledSource, ShaderSource
 from lookdev.cycles import engine
 from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights
@@ -20,7 +20,7 @@ from lookdev.cycles.shaders import CAUGHT, RECORD, build_surface_material, varyi
 from lookdev.cycles.streams import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
-from lookdev.light import Stand, coded
+from lookdev.light import RigOrigin, coded_light
 from lookdev.light.native import still_domes, varied_domes, world_domes
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Pose
@@ -142,11 +142,11 @@ class BlenderScene:
     def _add_materials(self) -> None:
         self._materials = [self._build_material(number, source) for number, source in enumerate(self.task.shaders)]
 
-    def _build_material(self, number: int, source: Source) -> bpy.types.Material:
+    def _build_material(self, number: int, source: GeneratedSource) -> bpy.types.Material:
         match source:
             case ShaderSource():
                 x, y, z = self._asset.center
-                stand = Stand((x, y, z), self.task.camera.pivot)
+                stand = RigOrigin((x, y, z), self.task.camera.pivot)
                 return build_surface_material(source, number, self.task.lights_of(number), stand)
             case NodeSource():
                 return build_material(source, self._groups)
@@ -160,10 +160,10 @@ class BlenderScene:
         asset = self._asset
         # Cycles computes in float32, which is too coarse far from the origin.
         self.origin = np.array(asset.center)
-        assigned = self.scene, center_asset(asset), task.shaders, task.worn, self._materials
+        assigned = self.scene, center_asset(asset), task.shaders, task.slot_shaders, self._materials
         added = add_asset(*assigned, groups=task.groups, separate=self._separate, add_uv=self.has_portals)
         self.root, self.objects = added.root, added.objects
-        if task.sampling.recorded:
+        if task.sampling.records_parts:
             # With recording closures, Cycles' own rays must not reflect to another point of the asset.
             for item in bpy.data.objects:
                 item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
@@ -230,10 +230,10 @@ class BlenderScene:
         do not turn with the rig by ``-lighting``. If the domes do not turn, that is unnecessary: only the asset is
         rotated, by ``element``, and the lamps that turn with the rig, by ``lighting``.
         """
-        camera = camera.moved(tuple(-self.origin))
+        camera = camera.move(tuple(-self.origin))
         frame = self._frame(pose)
         orbit, turn = (pose.element, 0.0) if self.is_osl else (frame, pose.element - frame)
-        _set_camera(self.camera, camera.orbited(-orbit))
+        _set_camera(self.camera, camera.orbit(-orbit))
         (x, y), angle = camera.pivot, math.radians(turn)
         sine, cosine = math.sin(angle), math.cos(angle)
         self.root.rotation_euler = (0.0, 0.0, angle)
@@ -246,7 +246,7 @@ class BlenderScene:
         return pose.element if self.is_osl else self._frame(pose)
 
     def _frame(self, pose: Pose) -> float:
-        """Return the degrees by which the scene is rotated backwards, so that its world stands still."""
+        """Return the angle, in degrees, of the scene's rotation backwards, so that its world stands still."""
         return 0.0 if still_domes(self.task.lights) else pose.lighting
 
     def select_catcher_part(self, part: int) -> None:
@@ -278,13 +278,13 @@ class BlenderScene:
 def _scene_key(task: SceneTask) -> tuple[object, ...]:
     """Return what a scene is built from and `show` cannot replace."""
     is_osl = isinstance(task.shaders[0], ShaderSource)
-    fixed = "OSL" if is_osl else (task.shaders, task.lights, task.lit, *_placement_key(task))
+    fixed = "OSL" if is_osl else (task.shaders, task.lights, task.shader_lights, *_placement_key(task))
     return fixed, task.resolution, task.sampling.bounces, task.sampling.passes, task.device
 
 
 def _asset_key(task: SceneTask) -> tuple[object, ...]:
     """Return what the objects of an asset are built from."""
-    return task.asset, task.worn, task.groups, task.prims
+    return task.asset, task.slot_shaders, task.groups, task.prims
 
 
 def _material_key(task: SceneTask) -> tuple[object, ...]:
@@ -299,7 +299,7 @@ def _placement_key(task: SceneTask) -> tuple[object, ...]:
 
     They are compiled into the shaders of a rig and are those of the objects of lamps.
     """
-    return () if coded(task.lights) else (task.asset, task.camera)
+    return () if coded_light(task.lights) else (task.asset, task.camera)
 
 
 def _set_camera(item: bpy.types.Object, camera: Camera) -> None:

@@ -19,9 +19,9 @@ from lookdev.cycles import version
 from lookdev.cycles.nodes import add_node
 from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
-from lookdev.light import Light, Stand, lights_code
+from lookdev.light import Light, RigOrigin, lights_code
 
-Array = Ints32 | Floats32
+AttributeNumbers = Ints32 | Floats32
 
 RECORD = "lookdev_record"
 """The property of objects with the numbers of the parts of light that shaders record."""
@@ -82,7 +82,7 @@ def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, 
 
 
 def build_surface_material(
-    source: ShaderSource, number: int, lights: Sequence[Light], stand: Stand
+    source: ShaderSource, number: int, lights: Sequence[Light], stand: RigOrigin
 ) -> bpy.types.Material:
     """Create the material of a look whose shader integrates the light.
 
@@ -101,7 +101,7 @@ def build_surface_material(
     script = add_script_node(tree, source, values, arrays)
     _link_attribute(tree, script, "shading_normal", "lookdev_normal", "vector")
     for attribute in source.attributes:
-        _link_attribute(tree, script, attribute.parameter, attribute.stored, attribute.kind)
+        _link_attribute(tree, script, attribute.parameter, attribute.mesh_name, attribute.kind)
     if source.recorded:
         _link_attribute(tree, script, "record", RECORD, "color", owner="INSTANCER")
     if source.catching:
@@ -145,7 +145,7 @@ def add_script_node(
     return script
 
 
-def array_text(values: Array) -> str:
+def array_text(values: AttributeNumbers) -> str:
     """Return an array as text of a compiled shader: type and size, a tab, the numbers."""
     listed = values.ravel().tolist()
     if values.dtype.kind == "i":

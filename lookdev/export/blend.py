@@ -29,7 +29,7 @@ from lookdev.rendering.worker import PATIENCE, kill_group, last_line
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
 
 
-class Answer(BaseModel):
+class ExportAnswer(BaseModel):
     """The answer of the exporting process: notes for the user, or the error."""
 
     notes: tuple[str, ...] = ()
@@ -115,7 +115,7 @@ def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *,
         ),
         images=tuple(images),
         pack=pack,
-        view=job.outputs.shown().view,
+        view=job.outputs.display_view().view,
         show_light=job.render.background == "ibl",
     )
 
@@ -135,7 +135,7 @@ def image_names(prepared: JobSetups) -> dict[Content, str]:
         texture, suffix = (source.height, "_slopes") if isinstance(source, Bump) else (source, "")
         with suppress(TextureError):  # `read_setups` ignores a missing image only if it affects no pixel
             for tile in udim_tiles(texture).values() or [texture]:
-                image = Content.of(image_file(Bump(tile) if isinstance(source, Bump) else tile))
+                image = Content.store_copy(image_file(Bump(tile) if isinstance(source, Bump) else tile))
                 originals[image] = re.sub(r"[^\w.-]", "_", tile.file.stem + suffix)[:100]
     for setup in prepared.setups:
         names |= {image: originals[image] for source in setup.task.shaders for image in source.images}
@@ -199,7 +199,7 @@ def _run_exporter(task: BlendTask, command: Sequence[str], patience: float) -> t
                     raise WorkerError(f"the exporter was silent for {seconds:g} s and was killed") from None
                 raise
         try:
-            answer = Answer.model_validate_json(output)
+            answer = ExportAnswer.model_validate_json(output)
         except ValidationError:
             line = last_line(log)
             raise WorkerError(f"the exporter ended with exit code {process.returncode}: {line}") from None

@@ -13,8 +13,8 @@ from lookdev.cache import output_errors, write_file
 from lookdev.errors import LookdevError, OutputError, nearest_hint
 from lookdev.job import load_job
 from lookdev.run.manifest import input_files
+from lookdev.safe_text import align_columns
 from lookdev.shipped import shipped_folder
-from lookdev.text import align_columns
 
 _TIME = re.compile(r"^# About (\d+) (s|min) on two cores\.$", re.MULTILINE)
 _SECONDS = {"s": 1, "min": 60}

@@ -16,7 +16,7 @@ from lookdev.codegen.source import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError
 from lookdev.export import Exported
 from lookdev.job.parts import JobLook
-from lookdev.light import Light, called
+from lookdev.light import Light, light_label
 from lookdev.light.dome.environment import read_exr, write_exr
 from lookdev.light.emission import Emission
 from lookdev.light.lamps import is_plain
@@ -89,12 +89,12 @@ def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementT
         shape = _add_plugin(root, "shape", "ply", filename=f"meshes/{name}")
         ElementTree.SubElement(shape, "ref", id="look")
     for number, light in enumerate(setup.task.lights, start=1):
-        _add_emitter(root, light, called(light, number), setup, pose, out / "lights")
+        _add_emitter(root, light, light_label(light, number), setup, pose, out / "lights")
     return root
 
 
 def _add_sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Floats) -> None:
-    camera = setup.scene.camera.orbited(-pose.element)
+    camera = setup.scene.camera.orbit(-pose.element)
     if camera.lens is not None or any(camera.shift):
         raise LookdevError("camera: depth of field and lens shift are not exported; 'lookdev render' shows them")
     right, up, back = camera.frame

@@ -23,7 +23,7 @@ from lookdev.errors import LookdevError
 from lookdev.export import Exported
 from lookdev.job import Job
 from lookdev.plan.chunks import MOST_CHUNKS, Division
-from lookdev.plan.costs import estimated
+from lookdev.plan.costs import estimate_costs
 from lookdev.plan.prepare import prepare_job
 from lookdev.run.manifest import input_files
 
@@ -66,7 +66,7 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
 
     prepared = prepare_job(path)
     job, tasks = prepared.job, [frame.task for frame in prepared.plan.frames]
-    costs = estimated(prepared.plan)
+    costs = estimate_costs(prepared.plan)
     division = chunks or Division(min(max(math.ceil(sum(costs.frames) / _CHUNK_SECONDS), 1), len(tasks)))
     if division.count > max(len(tasks), 1):
         raise LookdevError(f"--chunks: a job of {len(tasks)} frames has at most as many chunks, not {division.count}")

@@ -22,7 +22,7 @@ from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.fitting.data import LOSSES, Data, evaluate_pairs
 from lookdev.fitting.parameters import Free, free_parameters
-from lookdev.plotting import Subject, model_subject
+from lookdev.plotting import PlotSubject, model_subject
 
 _TRIALS = 128
 _COARSE = 4
@@ -49,7 +49,7 @@ class Fit:
     """
 
     model: Model
-    subject: Subject
+    subject: PlotSubject
     values: Mapping[str, object]
     unknown: tuple[str, ...]
     loss_name: str
@@ -87,11 +87,11 @@ def format_fit(result: Fit) -> str:
 
 
 def fit(
-    data: Subject,
+    data: PlotSubject,
     model: Model,
     fixed: Mapping[str, object] | None = None,
     *,
-    wanted: Sequence[str] = (),
+    names: Sequence[str] = (),
     loss: str = "log",
     starts: int = 4,
     seed: int = 0,
@@ -125,11 +125,11 @@ def fit(
         raise LookdevError(f"--starts {starts}: 1 to {_TRIALS} would be right")
     start_time = time.process_time()
     constant = model.complete(fixed or {})
-    free: Sequence[Free] = free_parameters(model, fixed or {}, wanted)
+    free: Sequence[Free] = free_parameters(model, fixed or {}, names)
     if not free:
         raise LookdevError(f"{model.name}: nothing is left to fit")
     measured = evaluate_pairs(data.bsdf, data.label)
-    free = free if wanted else _select_effective(model, constant, free, measured, loss)
+    free = free if names else _select_effective(model, constant, free, measured, loss)
     problem = _Problem(model, constant, free, measured, loss)
     unit, losses = problem.solve(starts, seed)
     values = {parameter.name: parameter.value(part) for parameter, part in problem.parts(unit)}

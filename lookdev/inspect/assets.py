@@ -17,8 +17,8 @@ from lookdev.inspect.rigs import InspectedRig, inspect_rig
 from lookdev.light.rig import holds_only_lights, read_rig
 from lookdev.material import Bump, Look, Texture, leaf_sources
 from lookdev.material.usd.bound import BoundLook, read_bound_looks
+from lookdev.safe_text import align_columns
 from lookdev.stage import Composition, compose
-from lookdev.text import align_columns
 
 MOST_LINES = 200
 """Parts that the text lists; ``--json`` has all."""

@@ -17,7 +17,7 @@ from importlib import import_module, metadata
 from lookdev.cache import cache_dir, write_file
 from lookdev.errors import OutputError, RenderError
 from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, gpu_fault
-from lookdev.text import align_columns
+from lookdev.safe_text import align_columns
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """The Blender of each Python: a bpy wheel fits exactly one (VFX Reference Platform CY2025 and CY2026)."""
@@ -51,7 +51,7 @@ IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
 
 
 @dataclass(frozen=True)
-class Finding:
+class DoctorFinding:
     """The result of one check: the subject, its state (`found`), whether that suffices, and otherwise a remedy."""
 
     subject: str
@@ -60,7 +60,7 @@ class Finding:
     remedy: str = ""
 
 
-def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST) -> Iterator[Finding]:
+def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST) -> Iterator[DoctorFinding]:
     """Check everything that a render needs, cheapest first. Tests replace the two commands, which load Blender."""
     yield _check_python()
     for distribution, module in MODULES.items():
@@ -74,10 +74,10 @@ def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = S
     if blender.good and cache.good:  # the self-test compiles a shader into the cache
         yield _check_osl(self_test)
     yield _check_mitsuba()
-    yield Finding("processor cores", str(os.cpu_count()), good=True)
+    yield DoctorFinding("processor cores", str(os.cpu_count()), good=True)
 
 
-def describe(findings: Sequence[Finding]) -> str:
+def describe(findings: Sequence[DoctorFinding]) -> str:
     """Return findings as aligned lines, each remedy on a separate line so that it can be copied."""
     rows = []
     for finding in findings:
@@ -87,27 +87,27 @@ def describe(findings: Sequence[Finding]) -> str:
     return "\n".join(align_columns(rows))
 
 
-def _check_python() -> Finding:
+def _check_python() -> DoctorFinding:
     version, good = sys.version_info[:2], sys.version_info[:2] in BLENDER_PYTHONS
     versions = ", ".join(f"{major}.{minor}" for major, minor in BLENDER_PYTHONS)
     remedy = "" if good else f"Blender's wheels exist for Python {versions}: make a venv with one"
-    return Finding("Python", f"{version[0]}.{version[1]}", good, remedy)
+    return DoctorFinding("Python", f"{version[0]}.{version[1]}", good, remedy)
 
 
-def _check_module(distribution: str, module: str) -> Finding:
+def _check_module(distribution: str, module: str) -> DoctorFinding:
     try:
         import_module(module)
-        return Finding(distribution, metadata.version(distribution), good=True)
+        return DoctorFinding(distribution, metadata.version(distribution), good=True)
     except (ImportError, metadata.PackageNotFoundError) as error:
-        return Finding(distribution, str(error), good=False, remedy=f"python -m pip install {distribution}")
+        return DoctorFinding(distribution, str(error), good=False, remedy=f"python -m pip install {distribution}")
 
 
-def _check_system_libraries(libraries: Mapping[str, str]) -> Finding:
+def _check_system_libraries(libraries: Mapping[str, str]) -> DoctorFinding:
     missing = [name for name in libraries if not _loads(name)]
     if not missing:
-        return Finding("system libraries", f"{len(libraries)} of {len(libraries)}", good=True)
+        return DoctorFinding("system libraries", f"{len(libraries)} of {len(libraries)}", good=True)
     remedy = f"sudo apt-get install {' '.join(sorted({libraries[name] for name in missing}))}"
-    return Finding("system libraries", f"lacks {', '.join(missing)}", good=False, remedy=remedy)
+    return DoctorFinding("system libraries", f"lacks {', '.join(missing)}", good=False, remedy=remedy)
 
 
 def _loads(library: str) -> bool:
@@ -118,7 +118,7 @@ def _loads(library: str) -> bool:
     return True
 
 
-def _check_blender(command: Sequence[str]) -> Finding:
+def _check_blender(command: Sequence[str]) -> DoctorFinding:
     """Import bpy in a separate process, because it may crash."""
     blender = BLENDER_PYTHONS.get(sys.version_info[:2])
     install = f"python -m pip install 'bpy=={blender}.*'" if blender else "another Python, see above"
@@ -126,47 +126,47 @@ def _check_blender(command: Sequence[str]) -> Finding:
     if code == 0:
         version = _last_line(output)
         good = blender is not None and version.startswith(blender)
-        return Finding("bpy (Blender)", version, good, "" if good else install)
+        return DoctorFinding("bpy (Blender)", version, good, "" if good else install)
     packages = [package for library, package in SYSTEM_LIBRARIES.items() if library in errors]
     remedy = f"sudo apt-get install {' '.join(packages)}" if packages else install
-    return Finding("bpy (Blender)", _last_line(errors) or f"exit code {code}", good=False, remedy=remedy)
+    return DoctorFinding("bpy (Blender)", _last_line(errors) or f"exit code {code}", good=False, remedy=remedy)
 
 
-def _check_osl(command: Sequence[str]) -> Finding:
+def _check_osl(command: Sequence[str]) -> DoctorFinding:
     code, output, errors = _run(command)
     line = _last_line(output)
     if code == 0:
         with suppress(json.JSONDecodeError):
             json.loads(line)
-            return Finding("OSL in Cycles", "renders", good=True)
+            return DoctorFinding("OSL in Cycles", "renders", good=True)
     answer = f"answered {line!r}" if code == 0 else _last_line(errors) or f"exit code {code}"
     remedy = "reinstall bpy, or see: python -m lookdev.cycles --self-test"
-    return Finding("OSL in Cycles", answer, good=False, remedy=remedy)
+    return DoctorFinding("OSL in Cycles", answer, good=False, remedy=remedy)
 
 
-def _check_mitsuba() -> Finding:
+def _check_mitsuba() -> DoctorFinding:
     """Check the requirements of the optional backend `mitsuba`."""
     if importlib.util.find_spec("mitsuba") is None:
-        return Finding("Mitsuba", "not installed; only backend 'mitsuba' needs it", good=True)
+        return DoctorFinding("Mitsuba", "not installed; only backend 'mitsuba' needs it", good=True)
     gpu = gpu_fault() or "an NVIDIA GPU is there"
     try:
         version = f"""{metadata.version("mitsuba")}, {find_llvm()}; device = "cuda": {gpu}"""
-        return Finding("Mitsuba", version, good=True)
+        return DoctorFinding("Mitsuba", version, good=True)
     except RenderError as error:
-        return Finding("Mitsuba", str(error), good=False, remedy=f"sudo apt-get install libllvm{NEWEST_DEBIAN}")
+        return DoctorFinding("Mitsuba", str(error), good=False, remedy=f"sudo apt-get install libllvm{NEWEST_DEBIAN}")
 
 
-def _check_cache() -> Finding:
+def _check_cache() -> DoctorFinding:
     try:
         folder = cache_dir()
         write_file(folder / "doctor.txt", "can be written")
         (folder / "doctor.txt").unlink()
         free = shutil.disk_usage(folder).free / 1e9
     except (OSError, OutputError) as error:
-        return Finding("cache folder", str(error), good=False, remedy="set LOOKDEV_CACHE to a writable folder")
+        return DoctorFinding("cache folder", str(error), good=False, remedy="set LOOKDEV_CACHE to a writable folder")
     good = free >= FREE_DISK
     remedy = "" if good else f"free {FREE_DISK:g} GB, or set LOOKDEV_CACHE to a folder on another disk"
-    return Finding("cache folder", f"{folder}, {free:.1f} GB free", good, remedy)
+    return DoctorFinding("cache folder", f"{folder}, {free:.1f} GB free", good, remedy)
 
 
 def _run(command: Sequence[str]) -> tuple[int, str, str]:

@@ -27,13 +27,14 @@ from lookdev.output.display import composite, to_display
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_legend, write_sheet
 from lookdev.plan import Setup, Turns, make_setup
-from lookdev.run.events import Report, SheetWritten
+from lookdev.run.events import ReportEvent, SheetWritten
 from lookdev.run.frames import RunResult
 from lookdev.run.render import render_setups
 from lookdev.scene import Film, Sampling, Scene, frame_fill
+from lookdev.space import Color
 
 _OUTPUTS = JobOutputs.model_validate({"ocio": SHIPPED, **dict.fromkeys(OUTPUTS, False)})
-_VIEW = _OUTPUTS.shown()
+_VIEW = _OUTPUTS.display_view()
 
 _PORTRAIT_SIZE = (768, 576)
 _PORTRAIT_SAMPLING = Sampling(samples=64, bounces=1)
@@ -46,10 +47,8 @@ _THUMBNAIL = 128  # pixels of a side
 _THUMBNAIL_SAMPLING = Sampling(samples=128, error=0.01)
 _THUMBNAIL_LIGHT = "studio"
 
-Color = tuple[float, float, float]
 
-
-def write_portrait(asset: Asset, picture: Path, report: Report = lambda event: None) -> RunResult:
+def write_portrait(asset: Asset, picture: Path, report: ReportEvent = lambda event: None) -> RunResult:
     """Refine and render an asset in uniform light, and write it as PNG with a legend of its parts.
 
     Parts have one colour for each group where there are many. The frame is stored in the cache. Raises LookdevError if
@@ -70,7 +69,7 @@ def write_portrait(asset: Asset, picture: Path, report: Report = lambda event: N
     return result
 
 
-def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report = lambda event: None) -> RunResult:
+def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: ReportEvent = lambda event: None) -> RunResult:
     """Render presets, at least one, and write a contact sheet as PNG unless a frame fails.
 
     The frames are stored in the cache. Raises LookdevError if a preset is wrong or the sheet cannot be written, and as
@@ -95,7 +94,7 @@ def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report =
 
 
 def _render(
-    setups: Sequence[Setup], start: float, output: Path, background: float, report: Report
+    setups: Sequence[Setup], start: float, output: Path, background: float, report: ReportEvent
 ) -> tuple[RunResult, list[Bytes]]:
     """Render setups at one angle; return their pictures over a linear grey, none where a frame fails."""
     turntables = (JobTurntable(kind="element", frames=1, start=start),)

@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from lookdev.light import Emission
-from lookdev.light.emission import Link
+from lookdev.light.emission import LightLink
 from lookdev.light.placement import Vector, vector
-from lookdev.light.rig import Rig, RigLight
-from lookdev.text import align_columns
+from lookdev.light.rig import LightRig, RigLight
+from lookdev.safe_text import align_columns
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class InspectedLight:
     `position` is None for an infinitely distant light. `shines` is the direction of its axis, None for a light that
     emits to all sides. `sizes` has the names of the lights' fields. `value` is the radiance in nits, or, if `unit` is
     ``"lux"``, the irradiance at right angles: linear Rec.709, times the mean of its image, without its shaping. Links
-    are the rules of `lookdev.light.emission.Link`.
+    are the rules of `lookdev.light.emission.LightLink`.
     """
 
     path: str
@@ -69,9 +69,9 @@ class InspectedRig:
         return "\n".join(lines)
 
 
-def inspect_rig(rig: Rig) -> InspectedRig:
+def inspect_rig(rig: LightRig) -> InspectedRig:
     """Return the inspection of a rig."""
-    return InspectedRig(rig.file, rig.fit, tuple(map(_inspect_light, rig.given)), rig.notes)
+    return InspectedRig(rig.file, rig.fit, tuple(map(_inspect_light, rig.rig_lights)), rig.notes)
 
 
 def _inspect_light(rig_light: RigLight) -> InspectedLight:
@@ -134,7 +134,7 @@ def _describe_falloff(emission: Emission) -> tuple[str, ...]:
     return tuple(phrases)
 
 
-def _link_rules(link: Link | None) -> tuple[tuple[str, str], ...]:
+def _link_rules(link: LightLink | None) -> tuple[tuple[str, str], ...]:
     return link.rules if link else ()
 
 

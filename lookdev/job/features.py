@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import AfterValidator, ValidationInfo
+
 from lookdev.job.keys import key_error
 from lookdev.rendering.backends import BACKENDS, Backend, job_backends
 
@@ -37,15 +39,12 @@ def _missing_passes(backend: Backend, passes: Any) -> str:
     return " and no ".join(name for name in passes if name not in backend.passes)
 
 
-_DIRECTIONS = BackendFeature(lambda backend, count: backend.directions, lambda backend, count: "does not use it")
 BACKEND_FEATURES: dict[str, BackendFeature] = {
     "device": BackendFeature(
         lambda backend, device: device in backend.devices,
         lambda backend, device: f"cannot run on '{device}': it is {backend.help}",
         lambda backend: (f"device = {_quote_names(backend.devices)}",),
     ),
-    "brdf_samples": _DIRECTIONS,
-    "ibl_samples": _DIRECTIONS,
     "denoise": BackendFeature(
         lambda backend, denoise: denoise == "off" or backend.features,
         lambda backend, denoise: "renders no albedos and normals to denoise by",
@@ -75,7 +74,22 @@ def check_feature(name: str, backend_name: str, value: Any) -> None:
 
     A backend that does not exist raises nothing here: the key of the backend reports it.
     """
-    feature, backend = BACKEND_FEATURES[name], BACKENDS.get(backend_name)
+    _check(BACKEND_FEATURES[name], backend_name, value)
+
+
+def used_if(is_used: Callable[[Backend], bool]) -> AfterValidator:
+    """Return the validator of a key that only some backends use; the key of the backend comes before it."""
+    feature = BackendFeature(lambda backend, value: is_used(backend), lambda backend, value: "does not use it")
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        _check(feature, info.data.get("backend", ""), value)
+        return value
+
+    return AfterValidator(check)
+
+
+def _check(feature: BackendFeature, backend_name: str, value: Any) -> None:
+    backend = BACKENDS.get(backend_name)
     if backend is None or feature.available(backend, value):
         return
     others = [name for name, other in job_backends().items() if feature.available(other, value)]

@@ -21,7 +21,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from lookdev.errors import nearest_hint
-from lookdev.job.mapping import mapped
+from lookdev.job.mapping import map_path
 from lookdev.output.color import BUILT_IN, SHIPPED
 
 # Names become folders and file names: they have no separator, and no leading dot, which marks temporary files.
@@ -65,7 +65,7 @@ def _resolve_path(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
     """Return a path of the job, absolute, after path mapping; a relative path is relative to the job file."""
     if not isinstance(value, str) or not value or "\0" in value:
         raise key_error("should be a path in quotes")
-    return Path(os.path.normpath(info.context["file"].parent / mapped(value, info.context.get("rules", ()))))
+    return Path(os.path.normpath(info.context["file"].parent / map_path(value, info.context.get("rules", ()))))
 
 
 def default_config() -> str:
@@ -120,7 +120,7 @@ PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
 MaterialPrim = Annotated[
     PrimPath | None, Field(description="The material's prim; default: the file's default prim, or its only material.")
 ]
-Name = Annotated[str, Field(pattern=NAME, max_length=100)]
+KeyName = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]
 Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
 Exposure = Annotated[float, Field(ge=-30.0, le=30.0)]
@@ -131,7 +131,7 @@ def key(default: T, description: str) -> T:
     return Field(default=default, description=description)
 
 
-class Table(BaseModel):
+class JobTable(BaseModel):
     """A table of the job file."""
 
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)

@@ -17,7 +17,7 @@ from lookdev.errors import Fault, JobError, nearest_hint
 from lookdev.job.keys import PATTERNS
 from lookdev.job.mapping import PathRules
 from lookdev.job.schema import LISTS, Job
-from lookdev.text import TextError, has_text_path, parse_toml, read_text
+from lookdev.safe_text import TextError, has_text_path, parse_toml, read_text
 
 KeyPath = tuple[str | int, ...]  # ("ibl", 1, "exposure")
 

@@ -11,7 +11,7 @@ from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from lookdev.errors import Fault, JobError
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.safe_text import TextError, parse_json, read_text
 
 _FORMATS: dict[str, type[PurePath]] = {"POSIX": PurePosixPath, "WINDOWS": PureWindowsPath}
 
@@ -62,6 +62,6 @@ def _parse_rule(file: Path, number: int, entry: Any) -> PathRule:
     raise JobError([Fault(str(file), f"path_mapping_rules[{number}]", problem)])
 
 
-def mapped(path: str, rules: PathRules) -> str:
+def map_path(path: str, rules: PathRules) -> str:
     """Return the path on this machine of a path of a job: by the first rule that has it, or unchanged."""
     return next((str(target) for rule in rules if (target := rule.map_path(path)) is not None), path)

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, ValidationInfo, create_model, field_validator
 
 from lookdev.errors import OutputError, nearest_hint
-from lookdev.job.keys import OcioConfig, Table, Text, default_config, key, key_error
+from lookdev.job.keys import JobTable, OcioConfig, Text, default_config, key, key_error
 from lookdev.output import OUTPUTS
 from lookdev.output.color import SHIPPED, DisplayView, default_display, default_view
 from lookdev.output.record import Output
 
 
-class OutputsTable(Table):
+class OutputsTable(JobTable):
     """The files that are written; `JobOutputs` adds the keys of `OUTPUTS`."""
 
     exr: bool = key(True, "Float EXR frames; always on, a run resumes by their headers.")
@@ -115,19 +115,19 @@ class OutputsTable(Table):
             raise key_error(f"needs the module '{module}', which is not installed", f"pip install 'lookdev[{extra}]'")
         return value
 
-    def shown(self, output: str = "") -> DisplayView:
+    def display_view(self, output: str = "") -> DisplayView:
         """Return the display and view of an output; `output` is its name."""
         return _display_view(self.__dict__, self.views.get(output, self.view), output)
 
     @property
-    def wanted(self) -> tuple[Output, ...]:
+    def enabled_outputs(self) -> tuple[Output, ...]:
         """The outputs that are on."""
         return tuple(output for name, output in OUTPUTS.items() if getattr(self, name))
 
     @property
-    def beside(self) -> tuple[str, ...]:
+    def frame_suffixes(self) -> tuple[str, ...]:
         """The suffixes of the files that are written beside the EXR of each frame."""
-        return tuple(output.suffix for output in self.wanted if output.of == "frame")
+        return tuple(output.suffix for output in self.enabled_outputs if output.of == "frame")
 
 
 def _display_view(keys: Mapping[str, Any], view: str | None, output: str = "") -> DisplayView:

@@ -8,12 +8,12 @@ from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
 from lookdev.asset import BUILTINS
 from lookdev.job.keys import (
+    JobTable,
+    KeyName,
     MaterialFile,
     MaterialPrim,
-    Name,
     OneOf,
     PrimPath,
-    Table,
     Text,
     UsdFile,
     instead_of,
@@ -39,7 +39,7 @@ def _check_variants(variants: dict[str, str]) -> dict[str, str]:
     return variants
 
 
-class JobAsset(Table):
+class JobAsset(JobTable):
     """The asset: a USD file or a built-in asset."""
 
     usd: UsdFile | None = key(None, "A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
@@ -75,7 +75,7 @@ class JobAsset(Table):
     _reject_star = field_validator("variants")(_check_variants)
 
 
-class JobAssign(Table):
+class JobAssign(JobTable):
     """A material, and the parts of the asset that it is assigned to."""
 
     prims: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(
@@ -91,10 +91,10 @@ class JobAssign(Table):
     _reject_star = field_validator("variants")(_check_variants)
 
 
-class JobLook(Table):
+class JobLook(JobTable):
     """One look: the materials of the asset's parts."""
 
-    name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
+    name: KeyName = Field(description="The look's name, unique; it becomes a folder of the output.")
     material: MaterialFile | None = key(
         None,
         "A USD or MaterialX file with a material, for every part that nothing is assigned to; "

@@ -14,16 +14,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, field_validator
 
-from lookdev.job.features import check_feature
+from lookdev.job.features import check_feature, used_if
 from lookdev.job.keys import (
     Degrees,
     Exposure,
     IblFile,
     JobFolder,
-    Name,
+    JobTable,
+    KeyName,
     OneOf,
     PrimPath,
-    Table,
     UsdFile,
     instead_of,
     key,
@@ -48,10 +48,11 @@ BuiltinRig = Annotated[str, OneOf(lambda: BUILTIN_RIGS)]
 BackendName = Annotated[str, OneOf(job_backends)]
 Device = Annotated[str, OneOf(lambda: {device: None for entry in job_backends().values() for device in entry.devices})]
 PassName = Annotated[str, OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
-Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
-Channel = Annotated[float, Field(ge=0.0, le=1e6)]
+PixelCount = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
+ChannelValue = Annotated[float, Field(ge=0.0, le=1e6)]
 Background = Annotated[
-    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
+    Annotated[Literal["black", "ibl"], Tag("name")]
+    | Annotated[tuple[ChannelValue, ChannelValue, ChannelValue], Tag("rgb")],
     Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
 ]
 
@@ -65,10 +66,10 @@ _EXPOSURE = "Exposure in stops: radiance is multiplied by 2^exposure."
 _ROTATION = "Degrees about the up axis, added to the lighting angle of every pose."
 
 
-class JobIbl(Table):
+class JobIbl(JobTable):
     """One image-based light: a lat-long file or a built-in environment."""
 
-    name: Name = Field(description="The light's name, unique; it becomes a folder of the output.")
+    name: KeyName = Field(description="The light's name, unique; it becomes a folder of the output.")
     file: IblFile | None = key(None, "A lat-long environment map, .exr or .hdr.")
     builtin: Annotated[BuiltinIbl | None, instead_of("file")] = Field(
         default=None, validate_default=True, description="A built-in environment, instead of a file."
@@ -77,10 +78,12 @@ class JobIbl(Table):
     rotation: Degrees = key(0.0, _ROTATION)
 
 
-class JobRig(Table):
+class JobRig(JobTable):
     """One rig: the lights of a USD file, or a built-in rig."""
 
-    name: Name = Field(description="The rig's name, unique among rigs and lights; it becomes a folder of the output.")
+    name: KeyName = Field(
+        description="The rig's name, unique among rigs and lights; it becomes a folder of the output."
+    )
     usd: UsdFile | None = key(None, "A USD file (.usd, .usda, .usdc, .usdz) with lights.")
     builtin: Annotated[BuiltinRig | None, instead_of("usd")] = Field(
         default=None, validate_default=True, description="A built-in rig, instead of a file."
@@ -92,11 +95,11 @@ class JobRig(Table):
     rotation: Degrees = key(0.0, _ROTATION)
 
 
-class JobTurntable(Table):
+class JobTurntable(JobTable):
     """One turntable: the asset turns under a still light, or the light about a still asset."""
 
     kind: Literal["element", "lighting"] = Field(description="What turns: the asset or the light.")
-    name: Name = Field(
+    name: KeyName = Field(
         default_factory=lambda data: data.get("kind", ""),
         description="The turntable's name, unique, the stem of its files; default: its kind.",
     )
@@ -105,7 +108,7 @@ class JobTurntable(Table):
     degrees: Degrees = key(360.0, "The whole turn, degrees: frame i of N stands at start + degrees i / N.")
 
 
-class JobCamera(Table):
+class JobCamera(JobTable):
     """A camera that frames the asset throughout its turn, or a camera of a USD file."""
 
     usd: PrimPath | None = key(
@@ -162,10 +165,13 @@ class JobCamera(Table):
         return math.degrees(2.0 * math.atan(self.sensor_width / (2.0 * focal_length)))
 
 
-class JobRender(Table):
+_INTEGRATOR = used_if(lambda backend: backend.directions)  # options of the light integrals of exact and mitsuba
+
+
+class JobRender(JobTable):
     """How frames are rendered."""
 
-    resolution: tuple[Pixels, Pixels] = key((512, 512), "Width and height, pixels.")
+    resolution: tuple[PixelCount, PixelCount] = key((512, 512), "Width and height, pixels.")
     backend: BackendName = key(
         "exact", ". ".join(f"{name}: {backend.help}" for name, backend in job_backends().items()) + "."
     )
@@ -180,10 +186,10 @@ class JobRender(Table):
     )
     bounces: Annotated[int, Field(ge=0, le=64)] = key(Sampling.bounces, "Indirect bounces; 0: only direct light.")
     # At least one: only directions of the BRDF sample narrow lobes and indirect light.
-    brdf_samples: Annotated[int, Field(ge=1, le=64)] | None = key(
+    brdf_samples: Annotated[int, Field(ge=1, le=64), _INTEGRATOR] | None = key(
         None, "Directions drawn from the BRDF per shading point, by the exact backend; default: by the look."
     )
-    ibl_samples: Annotated[int, Field(ge=0, le=64)] | None = key(
+    ibl_samples: Annotated[int, Field(ge=0, le=64), _INTEGRATOR] | None = key(
         None, "Directions drawn from the light per shading point, by the exact backend; default: by the look."
     )
     # It reaches the shader as a float32, times 64 for the rounds and halves of a frame, and must be exact.
@@ -206,7 +212,7 @@ class JobRender(Table):
     )
     background: Background = key("black", "Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b].")
 
-    @field_validator("device", "denoise", "space", "brdf_samples", "ibl_samples")
+    @field_validator("device", "denoise", "space")
     @classmethod
     def _check_backend_support(cls, value: object, info: ValidationInfo) -> object:
         check_feature(info.field_name or "", info.data.get("backend", ""), value)
@@ -226,7 +232,7 @@ class JobRender(Table):
         return Sampling(**{field.name: getattr(self, field.name) for field in fields(Sampling)})
 
 
-class Job(Table):
+class Job(JobTable):
     """A look-dev job: every look under every light, through every turntable."""
 
     model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in ("ibl", "rig")]})

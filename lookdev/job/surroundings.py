@@ -8,17 +8,17 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from lookdev.job.features import check_feature
-from lookdev.job.keys import MaterialFile, MaterialPrim, Table, Text, key, key_error, meaningless
-from lookdev.scene.charts.props import FOLDER, Place, Strip
+from lookdev.job.keys import JobTable, MaterialFile, MaterialPrim, Text, key, key_error, meaningless
+from lookdev.scene.charts.props import FOLDER, FrameSide, Strip
 
 _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
 """The passes that sum up to the beauty or to its alpha; a shadow catcher takes light and coverage away from both."""
 
 
-class JobCharts(Table):
+class JobCharts(JobTable):
     """A chrome ball, a grey ball and a colour chart beside the asset."""
 
-    place: Place = key("bottom", "The edge of the frame that they stand along.")
+    place: FrameSide = key("bottom", "The edge of the frame that they stand along.")
     size: Annotated[float, Field(ge=0.02, le=0.5)] = key(
         0.12, "The share of the frame's height that they take; at its left or right, of its width."
     )
@@ -37,7 +37,7 @@ class JobCharts(Table):
             raise key_error(f"a look of the job is called '{FOLDER}', the name of the frames of [charts]", "rename it")
 
 
-class JobGround(Table):
+class JobGround(JobTable):
     """The ground that the asset stands on."""
 
     kind: Literal["catcher", "plane"] = key(

@@ -7,22 +7,22 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 
-from lookdev.job.keys import Degrees, Exposure, Name, Table, Text, instead_of, key
+from lookdev.job.keys import Degrees, Exposure, JobTable, KeyName, Text, instead_of, key
 
-Number = Annotated[float, Field(ge=-1e18, le=1e18)]
+WedgeNumber = Annotated[float, Field(ge=-1e18, le=1e18)]
 WedgeValue = Annotated[
-    Annotated[Number, Tag("number")]
-    | Annotated[tuple[Number, Number, Number], Tag("rgb")]
+    Annotated[WedgeNumber, Tag("number")]
+    | Annotated[tuple[WedgeNumber, WedgeNumber, WedgeNumber], Tag("rgb")]
     | Annotated[Text, Tag("text")],
     Discriminator(lambda value: "text" if isinstance(value, str) else "rgb" if isinstance(value, tuple) else "number"),
 ]
-Value = float | tuple[float, float, float] | str
+WedgeInput = float | tuple[float, float, float] | str
 
 LIGHT_KEYS: dict[str, TypeAdapter[float]] = {"exposure": TypeAdapter(Exposure), "rotation": TypeAdapter(Degrees)}
 """The keys of a light of a job that a wedge may vary."""
 
 
-class JobAxis(Table):
+class JobAxis(JobTable):
     """A parameter and its values."""
 
     parameter: Text = Field(
@@ -33,14 +33,16 @@ class JobAxis(Table):
     values: Annotated[tuple[WedgeValue, ...], Field(min_length=1, max_length=1000)] | None = key(
         None, "Its values: numbers, linear colours [r, g, b], names, or expressions of a mask."
     )
-    range: Annotated[tuple[Number, Number, Annotated[int, Field(ge=2, le=1000)]] | None, instead_of("values")] = Field(
+    range: Annotated[
+        tuple[WedgeNumber, WedgeNumber, Annotated[int, Field(ge=2, le=1000)]] | None, instead_of("values")
+    ] = Field(
         default=None,
         validate_default=True,
         description="Instead of 'values': the first value, the last one, and how many there are, evenly spaced.",
     )
 
     @property
-    def steps(self) -> tuple[Value, ...]:
+    def steps(self) -> tuple[WedgeInput, ...]:
         """The values of the parameter; those of a range are rounded to 6 digits."""
         if self.range is None:
             return self.values or ()
@@ -65,9 +67,9 @@ class JobWedge(JobAxis):
         None,
         "A second parameter with its values: { parameter = 'metallic', range = [0, 1, 5] }; all pairs are rendered.",
     )
-    look: Name | None = key(None, "The look that is varied; default: each look of the job.")
-    rig: Name | None = key(None, "The light or rig; default: each of the job.")
-    name: Name | None = key(None, "The name of its sheets, unique; default: made of the parameters.")
+    look: KeyName | None = key(None, "The look that is varied; default: each look of the job.")
+    rig: KeyName | None = key(None, "The light or rig; default: each of the job.")
+    name: KeyName | None = key(None, "The name of its sheets, unique; default: made of the parameters.")
 
     @property
     def axes(self) -> tuple[JobAxis, ...]:
@@ -80,7 +82,7 @@ class JobWedge(JobAxis):
         return self.name or "_".join(axis.short for axis in self.axes)
 
 
-def light_key_error(key: str, value: Value) -> str:
+def light_key_error(key: str, value: WedgeInput) -> str:
     """Return the message about a bad value of one of `LIGHT_KEYS`; '' if the value is good."""
     try:
         LIGHT_KEYS[key].validate_python(value, strict=True)

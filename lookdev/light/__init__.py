@@ -10,27 +10,27 @@ from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
 from lookdev.cache import Content
 from lookdev.light import native
-from lookdev.light.base import CodedLight, Light, LightCode, Turned
+from lookdev.light.base import CodedLight, Light, LightCode, PosedLight
 from lookdev.light.cylinder import CylinderLight
 from lookdev.light.disk import DiskLight
 from lookdev.light.distant import DistantLight
 from lookdev.light.dome import Dome, prepare_light
 from lookdev.light.dome.environment import BUILTIN_LIGHTS, EnvironmentMap, load_environment, make_environment
 from lookdev.light.emission import Emission, Shadow, Shaping
-from lookdev.light.kinds import LIGHT_KINDS, called
-from lookdev.light.lamps import CodedRig, Stand, is_plain, rig_code
+from lookdev.light.kinds import LIGHT_KINDS, light_label
+from lookdev.light.lamps import CodedRig, RigOrigin, is_plain, rig_code
 from lookdev.light.rect import RectLight
 from lookdev.light.sphere import SphereLight
 
 
-def coded(lights: Sequence[Light]) -> CodedLight | None:
+def coded_light(lights: Sequence[Light]) -> CodedLight | None:
     """Return the only light of a scene if its kind has OSL of its own that renders it; None if the lights are a rig."""
     if len(lights) == 1 and LIGHT_KINDS[lights[0].kind].osl is not None and is_plain(lights[0]):
         return cast(CodedLight, lights[0])
     return None
 
 
-def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand()) -> LightCode:  # noqa: B008
+def lights_code(lights: Sequence[Light], *, sampled: bool, stand: RigOrigin = RigOrigin()) -> LightCode:  # noqa: B008
     """Return the values that the OSL of a scene's lights takes.
 
     Raises
@@ -38,7 +38,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand(
     EnvironmentMapError
         A light whose kind has OSL of its own is beside other lights.
     """
-    if light := coded(lights):
+    if light := coded_light(lights):
         return light.code(sampled=sampled)
     return rig_code(CodedRig.of(lights), sampled=sampled, stand=stand)
 
@@ -48,7 +48,7 @@ def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
     gaps = []
     for number, light in enumerate(lights, start=1):
         if gap := light.native_gap():
-            gaps.append(f"{called(light, number)}: it has {gap}, which Cycles' own lights lack")
+            gaps.append(f"{light_label(light, number)}: it has {gap}, which Cycles' own lights lack")
     if native.still_domes(lights) is None:
         gaps.append("some domes stand still while others turn with the rig: Cycles has one world for all of them")
     return tuple(gaps)
@@ -78,7 +78,7 @@ def _decode(value: object) -> Light:
 AnyLight = Annotated[Light, PlainValidator(_decode), PlainSerializer(_encode)]
 """A light of any kind as a field of plain data; JSON has its fields and the name of its kind."""
 
-__all__ = ["LIGHT_KINDS", "AnyLight", "Emission", "Light", "Shadow", "Shaping", "Stand", "Turned"]
+__all__ = ["LIGHT_KINDS", "AnyLight", "Emission", "Light", "PosedLight", "RigOrigin", "Shadow", "Shaping"]
 __all__ += ["CylinderLight", "DiskLight", "DistantLight", "Dome", "RectLight", "SphereLight"]
 __all__ += ["BUILTIN_LIGHTS", "EnvironmentMap", "load_environment", "make_environment", "prepare_light"]
-__all__ += ["called", "coded", "lights_code", "native_gaps", "native_images"]
+__all__ += ["coded_light", "light_label", "lights_code", "native_gaps", "native_images"]

@@ -18,11 +18,11 @@ import numpy as np
 
 from lookdev.arrays import Floats, Floats32
 from lookdev.cache import Content
-from lookdev.light.emission import Color, Emission
+from lookdev.light.emission import Emission
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import WORLD_AXES, Axes, Vector
-from lookdev.light.shape import Shape
-from lookdev.space import REC709, Space
+from lookdev.light.shape import LampShape
+from lookdev.space import REC709, Color, Space
 
 if TYPE_CHECKING:
     from lookdev.light.dome import Dome
@@ -96,8 +96,8 @@ class Light(Emitter):
     position: Vector | None = None
     """Its position in metres; None if it has none."""
 
-    shapes: ClassVar[Mapping[str, type[Shape]]] = {}
-    """The types of a lamp's `Shape`, by the names of their functions in generated code."""
+    shapes: ClassVar[Mapping[str, type[LampShape]]] = {}
+    """The types of a lamp's `LampShape`, by the names of their functions in generated code."""
 
     @property
     @abstractmethod
@@ -139,7 +139,7 @@ class Light(Emitter):
         return None
 
     @property
-    def sent(self) -> Color:
+    def emitted_radiance(self) -> Color:
         """Its radiance in nits, before texture, `Shaping` and `Falloff`."""
         return self.emission.color
 
@@ -167,7 +167,7 @@ class Light(Emitter):
         """Return the light with another emission."""
         return replace(self, emission=emission)  # type: ignore[type-var]
 
-    def scaled(self, scale: float, origin: Vector) -> Self:
+    def rescale(self, scale: float, origin: Vector) -> Self:
         """Return the light with lengths `scale` times as long, moved from the world's origin to `origin` in metres.
 
         A point that is scaled and moved alike receives the same radiance from it.
@@ -239,7 +239,7 @@ class LightKind:
 
 
 @dataclass(frozen=True)
-class Turned:
+class PosedLight:
     """An `Emitter` rotated by `degrees` about the vertical `axis` (x, y), counter-clockwise seen from above."""
 
     light: Emitter

@@ -16,8 +16,8 @@ import numpy as np
 from lookdev.arrays import Bools, Floats
 from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
-from lookdev.light.shape import FAR, Shape, cone_about
-from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, project_rectangle
+from lookdev.light.shape import FAR, LampShape, cone_about
+from lookdev.light.spherical_rectangle import RectanglePoint, SphericalRectangle, density, draw, project_rectangle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 _MARGIN = 1e-6  # part of the outline's width
@@ -26,7 +26,7 @@ _TINY = 1e-30
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The `Shape` of the side of a cylinder about x, which emits outwards."""
+    """The `LampShape` of the side of a cylinder about x, which emits outwards."""
 
     length: Floats | float
     radius: Floats | float
@@ -42,7 +42,7 @@ class Cylinder:
         x, y = depth_scale * local[..., 0], depth_scale * local[..., 1]
         s, t = (x - cover.x0) / cover.width, (y + cover.half) / (2 * cover.half)
         hits = in_front & (np.absolute(s - 0.5) <= 0.5) & (np.absolute(t - 0.5) <= 0.5)
-        target = Point(np.clip(s, 0, 1), np.clip(t, 0, 1), x, y)
+        target = RectanglePoint(np.clip(s, 0, 1), np.clip(t, 0, 1), x, y)
         return np.where(hits, density(cover.spherical_rectangle, target), 0)
 
     def sample(self, point: Floats, u: Floats) -> Floats:
@@ -68,7 +68,7 @@ class CylinderLight(PlacedLight):
     """A cylinder of `length` along its x and a `radius`, in metres, whose side emits outwards; it has no caps."""
 
     kind = "cylinder"
-    shapes: ClassVar[Mapping[str, type[Shape]]] = {"cylinder": Cylinder}
+    shapes: ClassVar[Mapping[str, type[LampShape]]] = {"cylinder": Cylinder}
     example_sizes: ClassVar[Mapping[str, float]] = {"length": 1.5, "radius": 0.2}
 
     length: float
@@ -123,7 +123,7 @@ class CoveringRectangle(NamedTuple):
         x, y, z = np.moveaxis(direction, -1, 0)
         return np.stack(np.broadcast_arrays(x, self.z * y - self.y * z, self.y * y + self.z * z), axis=-1)
 
-    def directions_to(self, point: Point) -> Floats:
+    def directions_to(self, point: RectanglePoint) -> Floats:
         """Return the unit directions (..., 3), in the cylinder's space, to points of the rectangle."""
         x, y, z = np.broadcast_arrays(point.x, point.y, self.away)
         local: Floats = np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)

@@ -16,15 +16,15 @@ from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real
 from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
-from lookdev.light.rect import Rectangle
-from lookdev.light.shape import FAR, Shape, cone_about
+from lookdev.light.rect import RectangleShape
+from lookdev.light.shape import FAR, LampShape, cone_about
 from lookdev.light.spherical_rectangle import meet_plane, plane_angle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
 @dataclass(frozen=True)
 class Ellipse:
-    """The `Shape` of an ellipse of radii along x and y."""
+    """The `LampShape` of an ellipse of radii along x and y."""
 
     x: Real
     y: Real
@@ -47,8 +47,8 @@ class Ellipse:
         return cone_about(point, np.maximum(self.x, self.y))
 
     @property
-    def _bounding_rectangle(self) -> Rectangle:
-        return Rectangle(2 * self.x, 2 * self.y)
+    def _bounding_rectangle(self) -> RectangleShape:
+        return RectangleShape(2 * self.x, 2 * self.y)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class DiskLight(PlacedLight):
 
     kind = "disk"
     one_sided = True
-    shapes: ClassVar[Mapping[str, type[Shape]]] = {"disk": Ellipse}
+    shapes: ClassVar[Mapping[str, type[LampShape]]] = {"disk": Ellipse}
     example_sizes: ClassVar[Mapping[str, tuple[float, float]]] = {"radii": (0.7, 0.5)}
 
     radii: tuple[float, float]

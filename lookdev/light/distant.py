@@ -15,18 +15,19 @@ from lookdev.brdf.vectors import dot
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import native
 from lookdev.light.base import LightKind
-from lookdev.light.emission import WHITE, Color, Emission, check_number
+from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, Lamp
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes
-from lookdev.light.shape import FAR, INFINITE, Shape, draw_uniform, uniform_density
+from lookdev.light.shape import FAR, INFINITE, LampShape, draw_uniform, uniform_density
 from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
+from lookdev.space import Color
 
 _NARROWEST = math.radians(0.005)  # least half angle that float32 distinguishes from 0
 
 
 @dataclass(frozen=True)
 class Cone:
-    """The `Shape` of a cone of directions about z; `versine` is 1 - cos of half its angle."""
+    """The `LampShape` of a cone of directions about z; `versine` is 1 - cos of half its angle."""
 
     versine: Floats | float
 
@@ -57,7 +58,7 @@ class DistantLight(Lamp):
 
     kind = "distant"
     one_sided = True
-    shapes: ClassVar[Mapping[str, type[Shape]]] = {"distant": Cone}
+    shapes: ClassVar[Mapping[str, type[LampShape]]] = {"distant": Cone}
 
     angle: float = 0.53
     axes: Axes = WORLD_AXES
@@ -104,7 +105,7 @@ class DistantLight(Lamp):
         return native.missing_features(self.emission, "shadow", first=gaps)
 
     @property
-    def sent(self) -> Color:
+    def emitted_radiance(self) -> Color:
         """The radiance in nits within the cone of `shape`, before `shaping`."""
         r, g, b = (self._radiance_scale * channel for channel in self.emission.color)
         return r, g, b

@@ -18,12 +18,10 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real
 from lookdev.errors import EnvironmentMapError
-from lookdev.light.ies import Profile
+from lookdev.light.ies import IesProfile
 from lookdev.light.placement import vector
 from lookdev.light.shape import FAR
-from lookdev.space import Space, to_space
-
-Color = tuple[float, float, float]
+from lookdev.space import Color, Space, to_space
 
 DEGREES = 180.0 / math.pi
 
@@ -114,7 +112,7 @@ class Shaping:
     cone_softness: float = 0.0
     focus: float = 0.0
     focus_tint: Color = (0.0, 0.0, 0.0)
-    profile: Profile | None = None
+    profile: IesProfile | None = None
 
     def __post_init__(self) -> None:
         check_number("cone angle", self.cone_angle, least=0.0)
@@ -158,7 +156,7 @@ class Shadow:
             check_number(f"shadow {name}", getattr(self, name))
         check_number("shadow falloff gamma", self.falloff_gamma, least=0.0)
 
-    def passed(self, distance: Floats) -> Floats:
+    def transmittance(self, distance: Floats) -> Floats:
         """Return the share (..., 3) of the light that passes occluders at distances (...)."""
         return shadow_passed(distance, *self.numbers, np.array(self.color))
 
@@ -227,11 +225,11 @@ MOST_GROUPS = 80
 
 
 @dataclass(frozen=True)
-class Link:
+class LightLink:
     """The parts of an asset that a light illuminates, or that cast its shadow.
 
     `rules` are sorted pairs of a path and a rule: ``"expandPrims"``, ``"explicitOnly"`` or ``"exclude"``, as in
-    `UsdCollectionMembershipQuery`. Paths are those of `lookdev.scene.dress.Part.path`.
+    `UsdCollectionMembershipQuery`. Paths are those of `lookdev.scene.parts.Part.path`.
     """
 
     rules: tuple[tuple[str, str], ...]
@@ -280,7 +278,7 @@ class Emission:
         The path of its prim, for messages; "" if it has no prim.
     light_link, shadow_link
         The parts of the asset that it illuminates, and those that cast its shadow; None for all parts.
-    spared
+    shadow_excluded
         The numbers of the groups of parts that its shadow excludes. `lookdev.scene.scene` computes them from
         `shadow_link`, and renderers read them.
     """
@@ -295,9 +293,9 @@ class Emission:
     camera: bool = False
     group: str = ""
     path: str = ""
-    light_link: Link | None = None
-    shadow_link: Link | None = None
-    spared: tuple[int, ...] = ()
+    light_link: LightLink | None = None
+    shadow_link: LightLink | None = None
+    shadow_excluded: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         check_color("colour times intensity", self.color)
@@ -306,7 +304,7 @@ class Emission:
 
     @property
     def without_names(self) -> Emission:
-        """The emission without the fields that pixels do not depend on: group, path and links; `spared` remains."""
+        """The emission without the fields that no pixel depends on: group, path, links; `shadow_excluded` remains."""
         return replace(self, group="", path="", light_link=None, shadow_link=None)
 
     def scale_lengths(self, scale: float) -> Emission:

@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import Array, Real
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
-from lookdev.text import read_bytes
+from lookdev.safe_text import read_bytes
 
 _LARGEST = 1 << 24  # bytes of a file
 _MOST_ANGLES = 3601
@@ -31,7 +31,7 @@ _HORIZONTAL = ((0.0, 0.0), (0.0, 90.0), (0.0, 180.0), (0.0, 360.0), (90.0, 270.0
 
 
 @dataclass(frozen=True)
-class Profile:
+class IesProfile:
     """An IES profile of `UsdLuxShapingAPI`, as a table.
 
     Parameters
@@ -79,21 +79,21 @@ class Profile:
 
     def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
         """Return the factor of the radiance at vertical and horizontal angles in degrees; horizontal from 0 to 360."""
-        table = Table(self.numbers[:, None])
+        table = NumberTable(self.numbers[:, None])
         factor = profile_factor(table, 0.0, self.steps, vertical, horizontal, self.scale, self.angle_scale)
         return np.asarray(factor, np.float64)
 
 
 def profile_factor(
-    table: Table, start: Real, steps: int, vertical: Floats, horizontal: Floats, scale: Real, angle_scale: Real
+    table: NumberTable, start: Real, steps: int, vertical: Floats, horizontal: Floats, scale: Real, angle_scale: Real
 ) -> Floats:
-    """Return `Profile.factor`; `table` is a column of numbers that has `Profile.numbers` from row `start` on.
+    """Return `IesProfile.factor`; `table` is a column of numbers that has `IesProfile.numbers` from row `start` on.
 
     An angle is found by `steps` bisections. Arrays may be symbolic.
     """
 
     def number(index: Array) -> Array:
-        """Return a number of `Profile.numbers`."""
+        """Return a number of `IesProfile.numbers`."""
         return look_up(table, start + index, 0.0)
 
     # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.
@@ -127,7 +127,7 @@ def profile_factor(
     return np.where(covered, scale * ((1.0 - t) * row_value(h) + t * row_value(h + 1)), 0.0)
 
 
-def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = False) -> Profile:
+def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = False) -> IesProfile:
     """Read a profile from an IES file; with `normalize` its scale is 1 over its `profile_power`.
 
     Raises
@@ -141,8 +141,8 @@ def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = Fals
     power = profile_power(table) if normalize else 1.0
     if not power > 0.0:
         raise EnvironmentMapError(f"{file}: sends no light, so its power cannot be normalized")
-    content = Content.written(".npy", lambda path: np.save(path, table.astype(np.float32)))
-    return Profile(content, 1.0 / power, angle_scale)
+    content = Content.store_written(".npy", lambda path: np.save(path, table.astype(np.float32)))
+    return IesProfile(content, 1.0 / power, angle_scale)
 
 
 def profile_power(table: Floats) -> float:
@@ -164,7 +164,7 @@ def profile_power(table: Floats) -> float:
 
 
 def parse_profile(text: str, where: str) -> Floats:
-    """Return the table of an IES file, (1 + H, 1 + V), as `Profile.table`; `where` is the file's name in messages."""
+    """Return the table of an IES file, (1 + H, 1 + V), as `IesProfile.table`; `where` names the file in messages."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if not lines[0].startswith(_HEADERS):
         raise _fault(where, 1, f"an IES file begins with {', '.join(_HEADERS)}")

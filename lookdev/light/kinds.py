@@ -15,6 +15,6 @@ LIGHT_KINDS: dict[str, LightKind] = {
 }
 
 
-def called(light: Light, number: int) -> str:
+def light_label(light: Light, number: int) -> str:
     """Return the name of a light in messages: the path of its prim, else its number, with its kind."""
     return f"light {light.emission.path or number} ({light.kind})"

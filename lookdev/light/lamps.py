@@ -19,13 +19,13 @@ from lookdev.errors import EnvironmentMapError
 from lookdev.light.base import Light, LightCode
 from lookdev.light.dome import Dome
 from lookdev.light.emission import Emission, Shadow, Shaping, beam_bound, falloff_factor
-from lookdev.light.kinds import LIGHT_KINDS, called
+from lookdev.light.kinds import LIGHT_KINDS, light_label
 from lookdev.light.picture import LEVELS
 from lookdev.light.placement import WORLD_AXES
 from lookdev.light.rect import RectLight
-from lookdev.light.shape import Shape, greatest_cosine
+from lookdev.light.shape import LampShape, greatest_cosine
 
-SHAPES: dict[str, type[Shape]] = {
+SHAPES: dict[str, type[LampShape]] = {
     name: shape for kind in LIGHT_KINDS.values() for name, shape in kind.type.shapes.items()
 }
 """Shapes of lamps, by their names in generated code; a shape's number in a row is its index here."""
@@ -45,7 +45,7 @@ FIELDS = (
     *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
     *("diffuse", "specular"),
     *("picture", "tree"),  # number of its texture, and start of its `flat_tree` in the array of tables
-    "spares",  # index of `Emission.spared` in `CodedRig.spared`
+    "spares",  # index of `Emission.shadow_excluded` in `CodedRig.shadow_excluded`
 )
 """The numbers of a lamp, in the order of a row."""
 
@@ -65,7 +65,7 @@ of the diffuse or specular response.
 
 
 def weight(
-    shape: Shape, beam: Sequence[Real] | None, falloff: Sequence[Real] | None, point: Floats, normal: Floats
+    shape: LampShape, beam: Sequence[Real] | None, falloff: Sequence[Real] | None, point: Floats, normal: Floats
 ) -> Array:
     """Return an estimate (...) of the irradiance at points (..., 3) with normals (..., 3) from a shape of radiance 1.
 
@@ -83,7 +83,7 @@ def weight(
 
 
 @dataclass(frozen=True)
-class Stand:
+class RigOrigin:
     """The placement of a shader's coordinates in the lights' world, in metres.
 
     `origin` is the world position of the shader's origin, `axis` the x and y of the vertical about which a rig turns.
@@ -129,9 +129,9 @@ class CodedRig:
         return any(map(CONTROLS[control], self.emissions))
 
     @property
-    def spared(self) -> tuple[tuple[int, ...], ...]:
-        """The distinct `Emission.spared` of its lights; () if no light's shadow excludes any parts."""
-        sets = tuple(dict.fromkeys(emission.spared for emission in self.emissions))
+    def shadow_excluded(self) -> tuple[tuple[int, ...], ...]:
+        """The distinct `Emission.shadow_excluded` of its lights; () if no light's shadow excludes any parts."""
+        sets = tuple(dict.fromkeys(emission.shadow_excluded for emission in self.emissions))
         return sets if any(sets) else ()
 
     @property
@@ -139,14 +139,14 @@ class CodedRig:
         """The lamps with a texture."""
         return tuple(lamp for lamp in self.lamps if isinstance(lamp, RectLight) and lamp.texture)
 
-    def rows(self, stand: Stand) -> Floats32:
-        """Return `Stand.offset`, then the row of each lamp and each dome, as one array."""
+    def rows(self, stand: RigOrigin) -> Floats32:
+        """Return `RigOrigin.offset`, then the row of each lamp and each dome, as one array."""
         starts = dict(zip(self._tables, np.cumsum([0, *map(len, self._tables.values())]).tolist(), strict=False))
         rows = [self._row(light, starts, stand) for light in (*self.lamps, *self.domes)]
         return np.array([*stand.offset, *(value for row in rows for value in row)], np.float32)
 
     def tables(self) -> Floats32:
-        """Return the numbers of profiles (`Profile.numbers`) and the trees of textures, as one array."""
+        """Return the numbers of profiles (`IesProfile.numbers`) and the trees of textures, as one array."""
         return np.asarray(np.concatenate([*self._tables.values(), np.zeros(1)]), np.float32)
 
     @cached_property
@@ -161,8 +161,8 @@ class CodedRig:
             tables[light.texture.digest] = light.means.values.ravel()
         return tables
 
-    def _row(self, light: Light, starts: dict[str, int], stand: Stand) -> list[float]:
-        emission, color = light.emission, light.sent
+    def _row(self, light: Light, starts: dict[str, int], stand: RigOrigin) -> list[float]:
+        emission, color = light.emission, light.emitted_radiance
         x, y, z = light.position or (*stand.axis, 0.0)
         brightest, texture, tree = 1.0, -1, -1
         if isinstance(light, RectLight) and light.texture and light.picture is not None:
@@ -193,22 +193,22 @@ class CodedRig:
             *emission.shadow.color,
             *(emission.diffuse, emission.specular),
             *(texture, tree),
-            self.spared.index(emission.spared) if self.spared else 0,
+            self.shadow_excluded.index(emission.shadow_excluded) if self.shadow_excluded else 0,
         ]
 
 
 def not_of_rigs(lights: Sequence[Light]) -> list[str]:
     """Return a sentence for each light that cannot be part of a rig, because it is neither a lamp nor a dome."""
     return [
-        f"{called(light, number)}: it is neither a lamp nor a dome"
+        f"{light_label(light, number)}: it is neither a lamp nor a dome"
         for number, light in enumerate(lights, start=1)
         if not light.shapes and light.map_dome is None
     ]
 
 
-def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
+def rig_code(rig: CodedRig, *, sampled: bool, stand: RigOrigin) -> LightCode:
     """Return the values for the shader of a rig."""
-    tables, excluded_sets = rig.tables(), rig.spared
+    tables, excluded_sets = rig.tables(), rig.shadow_excluded
     groups = 1 + max((group for excluded in excluded_sets for group in excluded), default=-1)
     counts = {
         "RIG_LAMPS": len(rig.lamps),

@@ -21,7 +21,7 @@ _FIELD_PHRASES = {
     "camera": "a light that the camera sees",
     "light_link": "light links",
     "shadow_link": "shadow links",
-    "spared": "shadow links",
+    "shadow_excluded": "shadow links",
 }
 _ALWAYS_SUPPORTED = ("color", "turns", "group", "path")
 

@@ -12,13 +12,13 @@ from __future__ import annotations
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.brdf.table import look_up as table_number
 from lookdev.brdf.vectors import Array, Real
 from lookdev.cache import Content
 from lookdev.light.dome.environment import EnvironmentMap, write_exr
 from lookdev.light.dome.warp import interpolate
-from lookdev.light.spherical_rectangle import Point, density, draw, seen_part
+from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, seen_part
 
 LEVELS = 5
 """Number of divisions of a texture, to 32 x 32 cells."""
@@ -31,7 +31,7 @@ _TINY = 1e-30
 
 def prepare_texture(image: EnvironmentMap) -> Content:
     """Write the texture of a `RectLight` to the cache, its top row first."""
-    return Content.written(".exr", lambda path: write_exr(path, "RGB", image.radiance))
+    return Content.store_written(".exr", lambda path: write_exr(path, "RGB", image.radiance))
 
 
 def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
@@ -73,7 +73,7 @@ def _coverage(texels: int, cells: int) -> Floats:
     return np.asarray(np.diff(tent, axis=0) * cells / texels)
 
 
-def draw_cell(means: Table, start: Real, point: Floats, width: Real, height: Real, u: Floats) -> Point:
+def draw_cell(means: NumberTable, start: Real, point: Floats, width: Real, height: Real, u: Floats) -> RectanglePoint:
     """Map points u (..., 2) of the unit square to points of the rectangle, for shading points (..., 3).
 
     `means` is a column of numbers that has a `flat_tree` from row `start` on.
@@ -93,7 +93,9 @@ def draw_cell(means: Table, start: Real, point: Floats, width: Real, height: Rea
     return target._replace(s=(column + target.s) * size, t=(row + target.t) * size)
 
 
-def cell_density(means: Table, start: Real, point: Floats, width: Real, height: Real, target: Point) -> Floats:
+def cell_density(
+    means: NumberTable, start: Real, point: Floats, width: Real, height: Real, target: RectanglePoint
+) -> Floats:
     """Return the pdf (...) per steradian with which `draw_cell` returns points."""
     cells = 2**LEVELS
     column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (target.s, target.t))
@@ -109,11 +111,11 @@ def cell_density(means: Table, start: Real, point: Floats, width: Real, height: 
     size = 1.0 / cells
     cell = seen_part(point, width, height, column * size, row * size, size)
     s, t = np.clip(target.s * cells - column, 0, 1), np.clip(target.t * cells - row, 0, 1)
-    return probability * density(cell, Point(s, t, target.x, target.y))
+    return probability * density(cell, RectanglePoint(s, t, target.x, target.y))
 
 
 def _weights(
-    means: Table, start: Real, level: int, point: Floats, width: Real, height: Real, row: Floats, column: Floats
+    means: NumberTable, start: Real, level: int, point: Floats, width: Real, height: Real, row: Floats, column: Floats
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return the weights (...) of a cell's quadrants, as (lower left, lower right), (upper left, upper right)."""
     side = 2**level

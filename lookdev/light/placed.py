@@ -19,7 +19,7 @@ from lookdev.light import native
 from lookdev.light.base import Light
 from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world, vector
-from lookdev.light.shape import FAR, Shape
+from lookdev.light.shape import FAR, LampShape
 
 EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
 EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
@@ -29,7 +29,7 @@ class Lamp(Light):
     """A light with a shape, rotated by `axes`; its methods are those of the shape."""
 
     @property
-    def shape(self) -> Shape:
+    def shape(self) -> LampShape:
         """Its shape, in its own space."""
         return self.shapes[self.shape_name](*self.shape_numbers)
 
@@ -101,7 +101,7 @@ class PlacedLight(Lamp):
         distance = self.shape.distance(self._to_own_space(point), to_local(self.axes, direction))
         return np.where(distance < FAR, distance, np.inf)
 
-    def scaled(self, scale: float, origin: Vector) -> Self:
+    def rescale(self, scale: float, origin: Vector) -> Self:
         position = vector(scale * np.array(self.position) + np.array(origin))
         return replace(self.resize(scale), position=position, emission=self.emission.scale_lengths(scale))
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.brdf.vectors import Real
 from lookdev.cache import Content
 from lookdev.light.base import LightKind
@@ -19,15 +19,15 @@ from lookdev.light.dome.environment import EnvironmentMap, map_in_space, read_ex
 from lookdev.light.emission import WHITE
 from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
 from lookdev.light.placed import PlacedLight
-from lookdev.light.shape import FAR, Shape, cone_about
+from lookdev.light.shape import FAR, LampShape, cone_about
 from lookdev.light.spherical_rectangle import density, draw, meet_plane, plane_angle, seen_part, towards_plane
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 from lookdev.space import Space
 
 
 @dataclass(frozen=True)
-class Rectangle:
-    """The `Shape` of a rectangle with sides along x and y."""
+class RectangleShape:
+    """The `LampShape` of a rectangle with sides along x and y."""
 
     width: Real
     height: Real
@@ -50,10 +50,10 @@ class Rectangle:
 
 
 @dataclass(frozen=True)
-class Picture(Rectangle):
-    """The `Shape` of a rectangle with a texture; `means` has its `flat_tree`, from row `start` on, for sampling."""
+class TexturedRectangle(RectangleShape):
+    """The `LampShape` of a rectangle with a texture; `means` has its `flat_tree`, from row `start` on, for sampling."""
 
-    means: Table
+    means: NumberTable
     start: Real = 0.0
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
@@ -75,7 +75,7 @@ class RectLight(PlacedLight):
 
     kind = "rect"
     one_sided = True
-    shapes: ClassVar[Mapping[str, type[Shape]]] = {"rect": Rectangle, "picture": Rectangle}
+    shapes: ClassVar[Mapping[str, type[LampShape]]] = {"rect": RectangleShape, "picture": RectangleShape}
     example_sizes: ClassVar[Mapping[str, float]] = {"width": 1.2, "height": 0.8}
 
     width: float
@@ -83,8 +83,8 @@ class RectLight(PlacedLight):
     texture: Content | None = None
 
     @property
-    def shape(self) -> Shape:
-        return super().shape if self.means is None else Picture(self.width, self.height, self.means)
+    def shape(self) -> LampShape:
+        return super().shape if self.means is None else TexturedRectangle(self.width, self.height, self.means)
 
     @property
     def shape_name(self) -> str:
@@ -119,9 +119,9 @@ class RectLight(PlacedLight):
         return None if self.texture is None else read_exr(self.texture.path, "RGB").astype(np.float64)
 
     @cached_property
-    def means(self) -> Table | None:
+    def means(self) -> NumberTable | None:
         """The `flat_tree` of the texture as a column, for sampling."""
-        return None if self.picture is None else Table(flat_tree(luminance_tree(self.picture))[:, None])
+        return None if self.picture is None else NumberTable(flat_tree(luminance_tree(self.picture))[:, None])
 
     def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:

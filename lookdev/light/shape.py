@@ -23,7 +23,7 @@ INFINITE = 1e20
 """The distance in metres to a light that is infinitely far."""
 
 
-class Shape(Protocol):
+class LampShape(Protocol):
     """The shape of a lamp as seen from shading points: a dataclass of at most two sizes."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[object]]]
@@ -47,7 +47,7 @@ class Shape(Protocol):
 
 
 def cone_about(point: Floats, reach: Real) -> tuple[Floats, Floats]:
-    """Return the cone (`Shape.cone`) of directions from points (..., 3) to a sphere about the origin."""
+    """Return the cone (`LampShape.cone`) of directions from points (..., 3) to a sphere about the origin."""
     squared = dot(point, point)
     away = np.expand_dims(squared > 0, -1)
     axis = np.where(away, -point, ZENITH) / np.expand_dims(np.sqrt(np.where(squared > 0, squared, 1)), -1)

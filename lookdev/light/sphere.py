@@ -13,13 +13,13 @@ from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real, cross, dot
 from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
-from lookdev.light.shape import FAR, Shape, cone_about, draw_uniform, orient_to_axis, uniform_density
+from lookdev.light.shape import FAR, LampShape, cone_about, draw_uniform, orient_to_axis, uniform_density
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """The `Shape` of a sphere, which emits outwards."""
+    """The `LampShape` of a sphere, which emits outwards."""
 
     radius: Real
 
@@ -47,7 +47,7 @@ class SphereLight(PlacedLight):
     """A sphere of a radius in metres that emits outwards; from inside it is dark, as UsdLux defines it."""
 
     kind = "sphere"
-    shapes: ClassVar[Mapping[str, type[Shape]]] = {"sphere": Sphere}
+    shapes: ClassVar[Mapping[str, type[LampShape]]] = {"sphere": Sphere}
     example_sizes: ClassVar[Mapping[str, float]] = {"radius": 0.5}
 
     radius: float

@@ -31,7 +31,7 @@ SEGMENTS = 4
 _TINY = 1e-30
 
 
-class Point(NamedTuple):
+class RectanglePoint(NamedTuple):
     """Points (...) of rectangles in the rectangle's own axes, in two forms.
 
     `x` and `y` are measured from the foot of the shading point's perpendicular, `s` and `t` are fractions of width and
@@ -86,7 +86,7 @@ def project_rectangle(
     return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
 
 
-def draw(rectangle: SphericalRectangle, u: Array) -> Point:
+def draw(rectangle: SphericalRectangle, u: Array) -> RectanglePoint:
     """Map points u (..., 2) of the unit square to points of the rectangles."""
     segments = len(rectangle.density)
     remaining = u[..., 0] * rectangle.mass * segments
@@ -106,10 +106,12 @@ def draw(rectangle: SphericalRectangle, u: Array) -> Point:
     x = np.where(near, rectangle.z * np.tan(azimuth), x)
     t, y = _point_at_sine(x * x + rectangle.z * rectangle.z, rectangle.y0, rectangle.height, u[..., 1])
     swapped = rectangle.swapped
-    return Point(np.where(swapped, t, s), np.where(swapped, s, t), np.where(swapped, y, x), np.where(swapped, x, y))
+    return RectanglePoint(
+        np.where(swapped, t, s), np.where(swapped, s, t), np.where(swapped, y, x), np.where(swapped, x, y)
+    )
 
 
-def density(rectangle: SphericalRectangle, point: Point) -> Floats:
+def density(rectangle: SphericalRectangle, point: RectanglePoint) -> Floats:
     """Return the pdf (...) per steradian with which `draw` returns points of the rectangles."""
     s, x = np.where(rectangle.swapped, point.t, point.s), np.where(rectangle.swapped, point.y, point.x)
     azimuth = np.arctan2(rectangle.width * s * rectangle.z, rectangle.z * rectangle.z + rectangle.x0 * x)
@@ -178,7 +180,7 @@ def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tup
 # A rectangle about the origin in the plane z = 0 that emits along -z, as seen from points with z < 0.
 
 
-def meet_plane(point: Floats, direction: Floats, width: Real, height: Real) -> tuple[Floats, Point]:
+def meet_plane(point: Floats, direction: Floats, width: Real, height: Real) -> tuple[Floats, RectanglePoint]:
     """Return the distance (...) along directions (..., 3) to the rectangle, and the point that the ray hits.
 
     The distance is `FAR` for misses and for rays from behind; the fractions s and t of these are clipped to [0, 1].
@@ -190,7 +192,7 @@ def meet_plane(point: Floats, direction: Floats, width: Real, height: Real) -> t
     dx, dy = along * wx, along * wy
     s, t = (x + dx) / width + 0.5, (y + dy) / height + 0.5
     inside = in_front & (np.abs(s - 0.5) <= 0.5) & (np.abs(t - 0.5) <= 0.5)
-    return np.where(inside, along, FAR), Point(np.clip(s, 0, 1), np.clip(t, 0, 1), dx, dy)
+    return np.where(inside, along, FAR), RectanglePoint(np.clip(s, 0, 1), np.clip(t, 0, 1), dx, dy)
 
 
 def seen_part(
@@ -216,7 +218,7 @@ def plane_angle(point: Floats, width: Real, height: Real, area: Real) -> Floats:
     return angle
 
 
-def towards_plane(point: Floats, target: Point) -> Floats:
+def towards_plane(point: Floats, target: RectanglePoint) -> Floats:
     """Return unit directions (..., 3) to points of the rectangle; +z at points that it does not illuminate."""
     z = point[..., 2]
     towards = np.stack([target.x, target.y, np.where(z < 0, -z, 1)], axis=-1)

@@ -16,7 +16,8 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Mode
-from lookdev.material.expression import Expression, Kind
+from lookdev.material.expression import Expression, ExpressionKind
+from lookdev.space import Color
 
 Wrap = Literal["black", "clamp", "repeat", "mirror"]
 WRAPS: dict[str, Wrap] = {wrap: wrap for wrap in get_args(Wrap)}
@@ -27,7 +28,6 @@ UNITS: tuple[Units, ...] = get_args(Units)
 """The units of heights of displacement."""
 
 Channel = Literal["r", "g", "b", "a", "rgb"]
-Color = tuple[float, float, float]
 
 Transform = tuple[float, float, float, float, float, float]
 """A 2 x 3 matrix M, row major, applied to texture coordinates: ``st' = M[:, :2] @ st + M[:, 2]``."""
@@ -95,7 +95,7 @@ class Coordinates:
 
 
 @dataclass(frozen=True)
-class View:
+class ViewCosine:
     """The cosine between the shading normal and the direction to the viewer, above 0, as an input of an expression.
 
     The normal is the mesh's, interpolated, displaced and on the viewer's side, without bumps, normal maps and leaning
@@ -104,7 +104,7 @@ class View:
 
 
 VIEW = "view"
-"""The name of a `View` in an expression, unless its node has another source of this name."""
+"""The name of a `ViewCosine` in an expression, unless its node has another source of this name."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +112,11 @@ class Formula:
     """A mask expression, its inputs by name, and the type of each input."""
 
     expression: Expression
-    inputs: dict[str, Source]
-    kinds: dict[str, Kind]
+    inputs: dict[str, InputSource]
+    kinds: dict[str, ExpressionKind]
 
 
-Source: TypeAlias = "float | Color | Texture | Primvar | Coordinates | View | Formula"
+InputSource: TypeAlias = "float | Color | Texture | Primvar | Coordinates | ViewCosine | Formula"
 """A value that an expression reads."""
 
 Varying = Texture | Primvar | Bump | Formula
@@ -131,7 +131,7 @@ A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.
 Mask = float | Texture | Primvar | Formula
 
 
-def leaf_sources(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
+def leaf_sources(sources: Iterable[InputSource | Input]) -> Iterator[InputSource | Input]:
     """Yield the sources that are not expressions, in order, and in place of an expression the sources that it reads.
 
     An expression that several sources read is expanded once.
@@ -146,9 +146,9 @@ def leaf_sources(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
             pending += [*source.inputs.values()][::-1]
 
 
-def depends_on_view(source: Source | Input) -> bool:
+def depends_on_view(source: InputSource | Input) -> bool:
     """Return whether the value of a source depends on the direction to the viewer."""
-    return any(isinstance(leaf, View) for leaf in leaf_sources([source]))
+    return any(isinstance(leaf, ViewCosine) for leaf in leaf_sources([source]))
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,17 @@ from typing import cast
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MASK
-from lookdev.brdf.parameters import Parameter, Value, complete
+from lookdev.brdf.parameters import Parameter, ParameterValue, complete
 from lookdev.errors import ModelError, nearest_hint
-from lookdev.material import VIEW, Color, Formula, Input, Layer, Look, Mask, Primvar, Source, View
+from lookdev.material import VIEW, Formula, Input, InputSource, Layer, Look, Mask, Primvar, ViewCosine
 from lookdev.material.expression import ExpressionError, parse
 from lookdev.material.translate import layer_parameters
+from lookdev.space import Color
 
 _LIVE = "lookdev:live:"
 
 
-def look_with_value(look: Look, parameter: str, value: Value) -> Look:
+def look_with_value(look: Look, parameter: str, value: ParameterValue) -> Look:
     """Return a look with another value of one of its `varied_names`.
 
     ``mask`` and the inputs of expressions may be an expression or a value of their kind. A name without its layer
@@ -73,7 +74,7 @@ def constant_named(look: Look, parameter: str) -> Constant:
     inputs_by_name, full_name = _find_input(look, parameter)
     layer, path = inputs_by_name[full_name]
     record = MASK if path[0] == "mask" else layer_parameters(layer.model)[path[0]]
-    source: Input | Source | None = _input_of(layer, path[0])
+    source: Input | InputSource | None = _input_of(layer, path[0])
     if len(path) > 1:
         formula = _formula_of(layer, path[0])
         record, source = Parameter(path[1], formula.kinds[path[1]], 0.0, (-1e18, 1e18)), formula.inputs[path[1]]
@@ -131,7 +132,7 @@ def _formula_of(layer: Layer, name: str) -> Formula:
     return formula
 
 
-def _with_operand(formula: Formula, name: str, source: Source) -> Formula:
+def _with_operand(formula: Formula, name: str, source: InputSource) -> Formula:
     return replace(formula, inputs={**formula.inputs, name: source})
 
 
@@ -164,7 +165,7 @@ def varied_names(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]
                     yield f"{layer.name}.{name}.{operand}", (layer, (name, operand))
 
 
-def _change_layer(layer: Layer, path: tuple[str, ...], value: Value, full_name: str, *, alone: bool) -> Layer:
+def _change_layer(layer: Layer, path: tuple[str, ...], value: ParameterValue, full_name: str, *, alone: bool) -> Layer:
     name, *inside = path
     parameter = MASK if name == "mask" else layer_parameters(layer.model)[name]
     new: Input
@@ -182,7 +183,9 @@ def _change_layer(layer: Layer, path: tuple[str, ...], value: Value, full_name: 
     return _with_input(layer, name, new)
 
 
-def _checked_constant(full_name: str, parameter: Parameter, value: Value) -> float | tuple[float, float, float] | str:
+def _checked_constant(
+    full_name: str, parameter: Parameter, value: ParameterValue
+) -> float | tuple[float, float, float] | str:
     """Return a checked constant as plain Python; one number is a grey where a colour is needed."""
     grey = parameter.kind == "color" and isinstance(value, float | int)
     prefix, _, name = full_name.rpartition(".")
@@ -195,7 +198,7 @@ def _checked_formula(full_name: str, parameter: Parameter, text: str, source: In
     """Return the expression of a text as a formula over the inputs that `source`, the present one, has."""
     inputs = dict(source.inputs) if isinstance(source, Formula) else {}
     kinds = dict(source.kinds) if isinstance(source, Formula) else {}
-    inputs.setdefault(VIEW, View())
+    inputs.setdefault(VIEW, ViewCosine())
     kinds.setdefault(VIEW, "float")
     try:
         expression = parse(text)

@@ -19,15 +19,15 @@ from lookdev.material import (
     Coordinates,
     Formula,
     Input,
+    InputSource,
     Layer,
     Look,
     Primvar,
-    Source,
     Texture,
     Varying,
-    View,
+    ViewCosine,
 )
-from lookdev.material.expression import ExpressionError, Kind, parse
+from lookdev.material.expression import ExpressionError, ExpressionKind, parse
 from lookdev.material.textures import texture_value
 from lookdev.material.translate import layer_parameters, translate_layer
 
@@ -51,7 +51,7 @@ class Surface(Protocol):
         """Return the direction in which v grows, (...): +1 along cross(normal, tangent), or -1."""
 
     def view(self) -> Array:
-        """Return the cosine between the shading normal and the direction to the viewer, (...); see `View`."""
+        """Return the cosine between the shading normal and the direction to the viewer, (...); see `ViewCosine`."""
 
 
 def look_bsdf(look: Look, surface: Surface) -> Bsdf:
@@ -72,7 +72,7 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
 
     Layers of its translation replace a layer of a foreign model. Raises as `look_bsdf`.
     """
-    values = Values(surface)
+    values = SourceValues(surface)
     stack = [
         StackLayer(
             layer.model, _complete_parameters(layer, values), values.of(layer.mask, MASK), layer.mode, layer.name
@@ -82,7 +82,7 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
     return [translated_layer for layer in stack for translated_layer in translate_layer(layer)]
 
 
-def _complete_parameters(layer: Layer, values: Values) -> Parameters:
+def _complete_parameters(layer: Layer, values: SourceValues) -> Parameters:
     records = layer_parameters(layer.model)
     inputs = expand_tokens(layer.model, records, layer.inputs)
     varying = {name: source for name, source in inputs.items() if isinstance(source, Varying)}
@@ -96,14 +96,14 @@ def _complete_parameters(layer: Layer, values: Values) -> Parameters:
 
 
 @dataclass(frozen=True)
-class Values:
+class SourceValues:
     """Values of sources at points of a surface."""
 
     surface: Surface
     # Keyed by identity: several inputs may share one formula. The formulas outlive this object.
     _formulas: dict[int, tuple[Array, bool]] = field(default_factory=dict)
 
-    def of(self, source: Source | Bump, parameter: Parameter) -> Real:
+    def of(self, source: InputSource | Bump, parameter: Parameter) -> Real:
         """Return the value of a parameter, clipped to its hard range: one number, or an array over the points."""
         if isinstance(source, Bump):
             return self.in_shading_frame(self._bump_normal(source))
@@ -120,7 +120,7 @@ class Values:
         ones = 1.0 + 0.0 * hand
         return normal * vector(ones, hand, ones)
 
-    def read(self, source: Source, color: bool) -> Array:
+    def read(self, source: InputSource, color: bool) -> Array:
         """Return the value of a source, not clipped. For a `color`, a float becomes three equal channels."""
         value: Array
         match source:
@@ -131,7 +131,7 @@ class Values:
             case Coordinates():
                 s, t = transform_uv(source.transform, self.surface.uv(source.st))
                 value, is_color = vector(s, t, 0.0 * s), True
-            case View():
+            case ViewCosine():
                 value, is_color = self.surface.view(), False
             case Formula():
                 if id(source) not in self._formulas:
@@ -164,7 +164,7 @@ def view_dependent_value(text: str, parameter: Parameter, view: Array) -> Array:
         The text is wrong, does not use the view, uses another name, or its result has another type.
     """
     expression = parse(text)
-    kinds: dict[str, Kind] = {VIEW: "float"}
+    kinds: dict[str, ExpressionKind] = {VIEW: "float"}
     kind = expression.check(kinds)
     if VIEW not in expression.names:
         raise ExpressionError(text, 0, "does not depend on the view", "a number would be right")

@@ -10,8 +10,8 @@ import time
 import traceback
 from typing import TYPE_CHECKING
 
-from lookdev.lifetime import end_with_parent, leaving
-from lookdev.rendering.answers import Answers
+from lookdev.processes import end_with_parent, leaving
+from lookdev.rendering.answers import AnswerStream
 
 if TYPE_CHECKING:
     from lookdev.mitsuba.render import MitsubaScene
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class _Scenes:
     """The scenes of the latest tasks: the next tasks mostly have the same."""
 
-    def __init__(self, answers: Answers, requests: Requests) -> None:
+    def __init__(self, answers: AnswerStream, requests: Requests) -> None:
         self._answers = answers
         self._requests = requests
         self.scene: MitsubaScene | None = None
@@ -38,13 +38,13 @@ class _Scenes:
 
         def progress(samples: int, planned: int, relmse: float | None) -> None:
             self._requests.check(task.digest)
-            self._answers.progress(task.digest, samples, planned, relmse)
+            self._answers.send_progress(task.digest, samples, planned, relmse)
 
         if self.scene is None:
             gc.freeze()  # imported objects stay: the collection after each frame need not traverse them
         if self.scene is None or not (self.scene.matches(task.scene) or self.scene.update(task.scene)):
             self.scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.scene)
-        self._answers.rendered(task.digest, self.scene.render(task, progress), take_notes())
+        self._answers.send_frame(task.digest, self.scene.render(task, progress), take_notes())
 
     def render_slopes(self, task: SlopeTask) -> None:
         """Render a picture with derivatives, and send the answer, without an estimate of its relMSE."""
@@ -55,26 +55,28 @@ class _Scenes:
         if self.slope_scene is None or self.slope_scene.task != task.scene:
             self.slope_scene = SlopeScene(load_mitsuba(task.scene.device), task.scene)
         halves = self.slope_scene.render(
-            task, lambda finished, planned: self._answers.progress(task.digest, finished, planned, None)
+            task, lambda finished, planned: self._answers.send_progress(task.digest, finished, planned, None)
         )
         seconds = time.perf_counter() - start
-        self._answers.done(task.digest, {"slopes": halves}, samples=2 * task.samples, seconds=seconds, relmse=0.0)
+        self._answers.send_arrays(
+            task.digest, {"slopes": halves}, samples=2 * task.samples, seconds=seconds, relmse=0.0
+        )
 
 
 def main() -> None:
     """Serve tasks until the input ends."""
     end_with_parent()
     with leaving():
-        _serve(Answers())
+        _serve(AnswerStream())
 
 
-def _serve(answers: Answers) -> None:
+def _serve(answers: AnswerStream) -> None:
     from lookdev.rendering.wire import Cancelled, Requests
 
     requests = Requests.from_input()
     from importlib.metadata import version
 
-    answers.ready(f"mitsuba {version('mitsuba')}")
+    answers.send_ready(f"mitsuba {version('mitsuba')}")
     from lookdev.errors import LookdevError, WorkerError
     from lookdev.rendering.slopes import SlopeTask
     from lookdev.rendering.task import FrameTask
@@ -91,11 +93,11 @@ def _serve(answers: Answers) -> None:
                 case _:
                     raise WorkerError("this worker takes no scenes ahead of their frames")
         except Cancelled as error:
-            answers.failed(getattr(task, "digest", ""), error)
+            answers.send_failure(getattr(task, "digest", ""), error)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scenes = _Scenes(answers, requests)
             traceback.print_exc()  # Dr.Jit's errors refer to earlier ones
-            answers.failed(getattr(task, "digest", ""), error)
+            answers.send_failure(getattr(task, "digest", ""), error)
 
 
 if __name__ == "__main__":

@@ -34,5 +34,5 @@ def where(mask: Bool, a: Dual) -> Dual:
 
 
 def path_weight(a: Dual) -> Float:
-    """Return the weight by which paths are selected: the mean of the colour, without derivatives."""
+    """Return the weight that selects paths: the mean of the colour, without derivatives."""
     return dr.mean(a[0])

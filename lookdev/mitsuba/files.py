@@ -9,7 +9,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from lookdev.arrays import Array, Floats32
+from lookdev.arrays import Elements, Floats32
 from lookdev.cache import Content
 from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import device_array
@@ -27,7 +27,7 @@ class FileArray:
 _arrays: WeakValueDictionary[tuple[type, Content], FileArray] = WeakValueDictionary()
 
 
-def file_array(kind: type[AnyArray], file: Content, read: Callable[[Path], Array]) -> FileArray:
+def file_array(kind: type[AnyArray], file: Content, read: Callable[[Path], Elements]) -> FileArray:
     """Return the numbers of a file as an array of a kind; calls `read` unless a scene in memory has the array."""
     stored = _arrays.get((kind, file))
     if stored is None:

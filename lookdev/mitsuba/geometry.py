@@ -8,7 +8,7 @@ from typing import Any
 import drjit as dr
 import numpy as np
 
-from lookdev.arrays import Array, Bools, Floats, Floats32, Ints
+from lookdev.arrays import Bools, Elements, Floats, Floats32, Ints
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -137,7 +137,7 @@ class Geometry:
             )
         return self._attributes[binding]
 
-    def _read_attribute(self, binding: AttributeBinding, body: Body, mesh: Mesh) -> Array:
+    def _read_attribute(self, binding: AttributeBinding, body: Body, mesh: Mesh) -> Elements:
         if binding.attribute == TANGENT:
             (tangents,) = tangents_of([mesh])
             return tangents @ body.matrix[:3, :3].T
@@ -150,7 +150,7 @@ class Geometry:
             raise AssetError(f"{mesh.name}: no UV set '{binding.attribute}'; it has: {', '.join(mesh.uvs)}")
         return np.broadcast_to(np.array(binding.fallback), (len(mesh.corner_points), len(binding.fallback)))
 
-    def _over_corners(self, read: Callable[[Body, Mesh], Array], width: int) -> Float:
+    def _over_corners(self, read: Callable[[Body, Mesh], Elements], width: int) -> Float:
         rows = [read(body, self.asset.meshes[body.mesh]) for body in self._bodies]
         return device_array(self._mi.Float, np.concatenate([row.reshape(-1, width) for row in rows]))
 
@@ -177,7 +177,7 @@ class Geometry:
     def first_uv(self) -> Float:
         """Return the first UV set of each mesh, at all corners; 0 where a mesh has none."""
 
-        def read(body: Body, mesh: Mesh) -> Array:
+        def read(body: Body, mesh: Mesh) -> Elements:
             return next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2), np.float32))
 
         return self._over_corners(read, 2)

@@ -17,10 +17,10 @@ from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dual import Dual, difference, path_weight, product, sum_of, where
-from lookdev.mitsuba.lights import Direction, Lighting, Lights
-from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
+from lookdev.mitsuba.lights import Direction, Lighting, SceneLights
+from lookdev.mitsuba.surface import Arriving, Response, SceneLooks, SurfacePoints
 from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Ray3f, UInt, Vector2f, Vector3f
-from lookdev.mitsuba.view import Rectangle, View
+from lookdev.mitsuba.view import FramePart, KernelView
 from lookdev.scene import Sampling
 
 # Russian roulette begins below this throughput: with 1, dielectrics had five times the error in equal time.
@@ -72,7 +72,7 @@ class Vertex:
 
     def __init__(
         self,
-        surface: Surface,
+        surface: SurfacePoints,
         lighting: Lighting,
         path: tuple[Dual, Bool, list[Color3f]],
         counts: tuple[UInt, UInt],
@@ -98,7 +98,7 @@ class Estimator:
 
     _resamples = True  # a single one of the directions from the light can be traced
 
-    def __init__(self, looks: Looks, light: Lights, sampling: Sampling, groups: Sequence[str] = ()) -> None:
+    def __init__(self, looks: SceneLooks, light: SceneLights, sampling: Sampling, groups: Sequence[str] = ()) -> None:
         self._mi, self._geometry, self._looks, self._light = looks.mi, looks.geometry, looks, light
         glossy = all(source.glossy for source in looks.sources)
         self._counts = direction_counts(sampling, light.sampled, glossy, self._resamples)
@@ -106,7 +106,9 @@ class Estimator:
         self._shadows = any(source.shadows for source in looks.sources)
         self._groups, self._direct = groups, "direct" in sampling.passes
 
-    def pixels(self, view: View, rectangle: Rectangle, lane: UInt, seed: UInt, first: UInt, shift: UInt) -> list[Float]:
+    def pixels(
+        self, view: KernelView, rectangle: FramePart, lane: UInt, seed: UInt, first: UInt, shift: UInt
+    ) -> list[Float]:
         """Return the channels of radiance, the coverage, and the channels of each part, of samples of pixels.
 
         `lane` has the numbers of the samples, from 0. The samples of a pixel are consecutive, and so are the pixels of
@@ -121,7 +123,7 @@ class Estimator:
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
     def _estimate(
-        self, view: View, rectangle: Rectangle, lane: UInt, seed: UInt, first: UInt, shift: UInt
+        self, view: KernelView, rectangle: FramePart, lane: UInt, seed: UInt, first: UInt, shift: UInt
     ) -> tuple[Dual, list[Float], list[Color3f]]:
         """Return the light of samples of pixels and its parts (`_reflect`), the coverage, and the light seen directly.
 
@@ -219,8 +221,8 @@ class Estimator:
             depth += 1
         return total, difference(whole, seen_background) if seen_background else whole
 
-    def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> Surface:
-        return Surface(self._looks, triangle, uv, viewer, active)
+    def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> SurfacePoints:
+        return SurfacePoints(self._looks, triangle, uv, viewer, active)
 
     def _constant(self, value: float) -> Dual:
         return [self._mi.Color3f(value)]
@@ -335,7 +337,7 @@ class Estimator:
             next_shares = dr.select(accepted & vertex.straight & ~straight_on, responses[0].shares(), next_shares)
         return (share, *next_path, next_through, next_shares), total, background
 
-    def _single_directions(self, surface: Surface) -> list[tuple[Vector3f, list[Response], bool]]:
+    def _single_directions(self, surface: SurfacePoints) -> list[tuple[Vector3f, list[Response], bool]]:
         """Return the single directions in world space, the responses to them, and whether they pass the surface."""
         black = self._mi.Color3f(0.0)
         singles: list[tuple[Vector3f, list[Response], bool]] = []
@@ -352,18 +354,18 @@ class Estimator:
             singles.append((-surface.viewer, absent, True))
         return singles
 
-    def _is_on_side(self, surface: Surface, wi: Vector3f, w: Vector3f) -> Bool:
+    def _is_on_side(self, surface: SurfacePoints, wi: Vector3f, w: Vector3f) -> Bool:
         """Return where a direction is on the same side of shading normal and facet, and on one that the looks allow."""
         height = dr.dot(w, surface.facet)
         if self._looks.transmits:
             return wi.z * height > 0.0
         return (wi.z > 0.0) & (height > 0.0)
 
-    def _ray(self, surface: Surface, w: Vector3f) -> Ray3f:
+    def _ray(self, surface: SurfacePoints, w: Vector3f) -> Ray3f:
         side = dr.select(dr.dot(w, surface.facet) < 0.0, -surface.lift, surface.lift)
         return self._mi.Ray3f(self._mi.Point3f(surface.point + side * surface.facet), w)
 
-    def _trace(self, surface: Surface, w: Vector3f, active: Bool) -> tuple[Bool, Float, UInt, UV]:
+    def _trace(self, surface: SurfacePoints, w: Vector3f, active: Bool) -> tuple[Bool, Float, UInt, UV]:
         """Return which directions hit the asset, the distances, and the triangles and coordinates of the hits."""
         if not self._shadows:
             return self._mi.Bool(False), self._mi.Float(FAR), surface.triangle, surface.uv
@@ -373,7 +375,7 @@ class Estimator:
         hit = intersection.is_valid()
         return hit, dr.select(hit, intersection.t, FAR), self._geometry.triangle_of(intersection), intersection.prim_uv
 
-    def _occluders(self, surface: Surface, w: Vector3f, occluder: Float, blocked: Bool) -> list[Float]:
+    def _occluders(self, surface: SurfacePoints, w: Vector3f, occluder: Float, blocked: Bool) -> list[Float]:
         """Return the distances of occluders for each set of `shadow_excluded`; `occluder` is that of any part."""
         distances = []
         for number, excluded in enumerate(self._light.shadow_excluded):
@@ -382,7 +384,7 @@ class Estimator:
         return distances
 
     def _unoccluded_shares(
-        self, surface: Surface, w: Vector3f, distance: Float, controls: tuple[Float, ...], active: Bool
+        self, surface: SurfacePoints, w: Vector3f, distance: Float, controls: tuple[Float, ...], active: Bool
     ) -> Arriving:
         """Return the shares of lights at a distance that occluders transmit."""
         occluders = [
@@ -391,7 +393,7 @@ class Estimator:
         ]
         return self._light.shadow_shares(controls, distance, occluders)
 
-    def _occluder(self, number: int, surface: Surface, w: Vector3f, distance: Float, active: Bool) -> Float:
+    def _occluder(self, number: int, surface: SurfacePoints, w: Vector3f, distance: Float, active: Bool) -> Float:
         """Return the distance of the first occluder for a set of `shadow_excluded`; `FAR` beyond `distance`."""
         mi = self._mi
         if not self._shadows:

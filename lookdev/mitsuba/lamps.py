@@ -17,7 +17,7 @@ from lookdev.mitsuba.types import AnyArray, Bool, Color3f, Float, Mitsuba, UInt,
 _NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
 
 
-class Rows:
+class LampRows:
     """Lights of a rig: `rows` (n, fields + 1) as in `CodedRig.rows`, with the numbers of the lights' groups appended.
 
     All points and vectors are in the rig's frame. `links` (looks, n) says which looks each light reaches; None means
@@ -78,7 +78,7 @@ class Rows:
         return Evaluation(program, value).values(name)
 
 
-class Lamps(Rows):
+class Lamps(LampRows):
     """The lamps of one kind in a rig; each lamp with a texture is a kind of its own."""
 
     def __init__(self, mi: Mitsuba, rig: CodedRig, kind: str, rows: Floats32, links: Bools | None) -> None:

@@ -17,9 +17,9 @@ from lookdev.light.lamps import CodedRig
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
-from lookdev.mitsuba.lamps import Rows
+from lookdev.mitsuba.lamps import LampRows
 from lookdev.mitsuba.programs import Evaluation, Program
-from lookdev.mitsuba.surface import Arriving, Surface
+from lookdev.mitsuba.surface import Arriving, SurfacePoints
 from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
 
 _SPLIT = ("diffuse", "specular")
@@ -32,9 +32,10 @@ class Direction:
     """Directions from which light arrives at a surface, of density `own_density`.
 
     Where `weighed` is 1, the density of directions drawn from the light is added. `occluders` has the distance of the
-    first part that casts shadows, for each set of `Lights.shadow_excluded`. Light that is `straight` is not reflected.
+    first part that casts shadows, for each set of `SceneLights.shadow_excluded`. Light that is `straight` is not
+    reflected.
 
-    Not a dataclass, as `Surface`.
+    Not a dataclass, as `SurfacePoints`.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Lighting(Protocol):
     """The light at points of a surface, from which a number of directions is drawn."""
 
     def arriving(self, direction: Direction) -> list[Arriving]:
-        """Return the sum over lights of unoccluded radiance over density, as `Lights.by_group`."""
+        """Return the sum over lights of unoccluded radiance over density, as `SceneLights.by_group`."""
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
         """Return direction `number` of sample `index`, its radiance, distance, the density of all directions, controls.
@@ -63,7 +64,7 @@ class Lighting(Protocol):
         """
 
 
-class Lights(ABC):
+class SceneLights(ABC):
     """All lights of a scene, and their shadow controls: excluded parts, colour, end, factors of lobes.
 
     Attributes
@@ -88,14 +89,18 @@ class Lights(ABC):
     def __init__(self, mi: Mitsuba, rig: CodedRig, groups: int = 0) -> None:
         self._mi = mi
         self.groups = groups
-        self.shadow_excluded = rig.spared or ((),)
+        self.shadow_excluded = rig.shadow_excluded or ((),)
         self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
-        self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * self.shadowed), *(_SPLIT * self.split))
+        self._names = (
+            *["spares"] * bool(rig.shadow_excluded),
+            *(SHADOW_FIELDS * self.shadowed),
+            *(_SPLIT * self.split),
+        )
         self._names += ("group",) * bool(groups)
         self._shadow_program = Program(*shadow_operations(), mi.Float)
 
     @abstractmethod
-    def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
+    def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         """Return the lighting of a surface; `count` directions are drawn from it, on `both_sides` or in front."""
 
     def camera_radiance(
@@ -104,7 +109,7 @@ class Lights(ABC):
         """Return the radiance of visible lights nearer than a distance (all, then by group), and where one is hit."""
         return [self._mi.Color3f(0.0)], self._mi.Bool(False)
 
-    def controls(self, rows: Rows, lamp: UInt) -> tuple[Float, ...]:
+    def controls(self, rows: LampRows, lamp: UInt) -> tuple[Float, ...]:
         """Return the controls of lamps, an argument of `shadow_shares`."""
         return tuple(rows.field(lamp, name) for name in self._names)
 
@@ -164,7 +169,7 @@ def rotate_z(v: Vector3f, angle: Float) -> Vector3f:
     return type(v)(c * v.x - s * v.y, s * v.x + c * v.y, v.z)
 
 
-class OneDome(Lights):
+class OneDome(SceneLights):
     """A dome in world axes. The directions of all samples are stratified over its slots."""
 
     def __init__(self, mi: Mitsuba, dome: Dome) -> None:
@@ -172,13 +177,13 @@ class OneDome(Lights):
         self._dome = DomeLight(mi, dome)
         self.sampled = self._dome.sampled
 
-    def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
+    def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         return _DomeLighting(self._mi, self._dome, surface, turns.x, count, both_sides and self.sampled)
 
 
 class _DomeLighting:
     def __init__(
-        self, mi: Mitsuba, dome: DomeLight, surface: Surface, turn: Float, drawn_count: UInt, both_sides: bool
+        self, mi: Mitsuba, dome: DomeLight, surface: SurfacePoints, turn: Float, drawn_count: UInt, both_sides: bool
     ) -> None:
         self._mi, self._dome, self._turn = mi, dome, turn
         self._bins: list[tuple[UInt, NormalBin]] = []

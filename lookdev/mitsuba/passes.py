@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from lookdev.arrays import Floats, Floats32, Ints
 from lookdev.light.mapping import rotate_z
 from lookdev.mitsuba import sobol
-from lookdev.mitsuba.surface import Looks, Surface
+from lookdev.mitsuba.surface import SceneLooks, SurfacePoints
 from lookdev.mitsuba.types import UV, AnyArray, Bool, Ray3f, UInt
-from lookdev.mitsuba.view import View
+from lookdev.mitsuba.view import KernelView
 from lookdev.rendering.cryptomatte import RANKS, matte_id, matte_samples, normalize_coverage
 from lookdev.rendering.frame import FEATURE_SAMPLES
 from lookdev.rendering.passes import MATTES
@@ -27,14 +27,14 @@ _MOST_SAMPLES = 1 << 22  # in a launch
 class Features:
     """The features of the surfaces that the camera sees, in one variant's arrays."""
 
-    def __init__(self, looks: Looks, bounces: int) -> None:
+    def __init__(self, looks: SceneLooks, bounces: int) -> None:
         self._mi, self._geometry, self._looks, self._bounces = looks.mi, looks.geometry, looks, bounces
 
-    def guides(self, view: View) -> tuple[Floats32, Floats32]:
+    def guides(self, view: KernelView) -> tuple[Floats32, Floats32]:
         """Return the mean albedos, premultiplied, and the mean normals of all pixels, (H, W, 3) each."""
         size = FEATURE_SAMPLES
         triangle, uv, ray, hit = self._first_hits(view, 0, view.width * view.height, size)
-        guides = [dr.select(hit, guide, 0.0) for guide in Surface(self._looks, triangle, uv, -ray.d, hit).guide()]
+        guides = [dr.select(hit, guide, 0.0) for guide in SurfacePoints(self._looks, triangle, uv, -ray.d, hit).guide()]
         dr.eval(guides)
         albedo, normal = (
             np.stack([np.array(dr.block_sum(component, size)) for component in guide], axis=-1) / size
@@ -43,14 +43,14 @@ class Features:
         shape = view.height, view.width, 3
         return albedo.astype(np.float32).reshape(shape), normal.astype(np.float32).reshape(shape)
 
-    def _first_hits(self, view: View, first: int, count: int, size: int) -> tuple[UInt, UV, Ray3f, Bool]:
+    def _first_hits(self, view: KernelView, first: int, count: int, size: int) -> tuple[UInt, UV, Ray3f, Bool]:
         """Return the triangles, coordinates, rays and hit masks of `size` samples of each of `count` pixels."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count * size)
         pixel = dr.opaque(mi.UInt32, first) + lane // size
         return view.first_hits(mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel))[:4]
 
-    def central(self, view: View, task: FrameTask) -> dict[str, Floats32]:
+    def central(self, view: KernelView, task: FrameTask) -> dict[str, Floats32]:
         """Return the passes at the hits of rays through the centres of pixels, (H, W, channels) by name."""
         mi, requested = self._mi, CENTRAL.intersection(task.scene.sampling.passes)
         pixel = dr.arange(mi.UInt32, view.width * view.height)
@@ -79,14 +79,14 @@ class Features:
             points = rotate_z(array(hit_point.point) + self._geometry.center - axis_of_turn, angle) + axis_of_turn
             arrays["position"] = np.where(covered, points, 0.0).astype(np.float32)
         if "normal" in requested:
-            _, bent = Surface(self._looks, triangle, uv, -ray.d, hit).guide()
+            _, bent = SurfacePoints(self._looks, triangle, uv, -ray.d, hit).guide()
             vectors = rotate_z(array(bent), angle)
             lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
             arrays["normal"] = (vectors / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
         return arrays
 
     def mattes(
-        self, view: View, task: FrameTask, alpha: Floats32, samples: int
+        self, view: KernelView, task: FrameTask, alpha: Floats32, samples: int
     ) -> tuple[dict[str, Floats32], dict[str, tuple[str, ...]]]:
         """Return the mattes of a frame, (H, W, channels) by name, and the names in each matte.
 
@@ -123,7 +123,9 @@ class Features:
         arrays = {MATTES[kind]: normalize_coverage(matte.reshape(shape), alpha) for kind, matte in mattes.items()}
         return arrays, {MATTES[kind]: tuple(sorted({*names})) for kind, names in names_of_kind.items()}
 
-    def _hits_in_depth(self, view: View, first: int, count: int, size: int) -> Iterator[tuple[Ints, Ints, Floats]]:
+    def _hits_in_depth(
+        self, view: KernelView, first: int, count: int, size: int
+    ) -> Iterator[tuple[Ints, Ints, Floats]]:
         """Yield the instances and the sources that samples of pixels hit, and their visible shares, hit by hit."""
         mi = self._mi
         triangle, uv, ray, hit = self._first_hits(view, first, count, size)
@@ -131,7 +133,7 @@ class Features:
         for depth in range(1 + self._bounces if self._looks.see_through else 1):
             presence = mi.Float(1.0)
             if self._looks.see_through:
-                surface = Surface(self._looks, triangle, uv, -ray.d, hit)
+                surface = SurfacePoints(self._looks, triangle, uv, -ray.d, hit)
                 presence = surface.presence()
             source, instance = self._geometry.look_of(triangle), self._geometry.instance(triangle)
             weight = remaining * presence

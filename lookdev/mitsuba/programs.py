@@ -8,7 +8,7 @@ from typing import Any
 
 import drjit as dr
 
-from lookdev.codegen.source import Operation
+from lookdev.codegen.source import ProgramOperation
 from lookdev.mitsuba.types import AnyArray, Float
 
 VARYING = frozenset(("wi_x", "wi_y", "wi_z", "u1", "u2"))
@@ -58,7 +58,7 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
 class Program:
     """A `ProgramSource`, with its constants and tables as arrays of `number`, a float type of Dr.Jit."""
 
-    operations: Sequence[Operation]
+    operations: Sequence[ProgramOperation]
     outputs: Mapping[str, tuple[int, ...]]
     number: type[Float]
     constants: Sequence[Float] = ()
@@ -76,7 +76,7 @@ class Program:
         object.__setattr__(self, "needs", needs)
 
 
-def _dependencies(operations: Sequence[Operation], roots: Sequence[int]) -> tuple[int, ...]:
+def _dependencies(operations: Sequence[ProgramOperation], roots: Sequence[int]) -> tuple[int, ...]:
     reached: set[int] = set()
     pending = list(roots)
     while pending:
@@ -115,7 +115,7 @@ class Evaluation:
                 if number not in self._program.varying and number not in self._values:
                     self._values[number] = self._compute(self._program.operations[number], {}, {})
 
-    def _compute(self, operation: Operation, local: Mapping[int, Any], inputs: Mapping[str, AnyArray]) -> object:
+    def _compute(self, operation: ProgramOperation, local: Mapping[int, Any], inputs: Mapping[str, AnyArray]) -> object:
         program = self._program
         match operation.op:
             case "constant":
@@ -123,7 +123,7 @@ class Evaluation:
             case "truth":
                 return dr.mask_t(program.number)(bool(operation.value))
             case "uniform":
-                return program.constants[operation.place]
+                return program.constants[operation.index]
             case "symbol":
                 return inputs[operation.name] if operation.name in inputs else self._symbol(operation.name)
         operands = [local[n] if n in local else self._values[n] for n in operation.operands]
@@ -133,4 +133,4 @@ class Evaluation:
         cell = whole(operands[0]) * int(operation.value) + whole(operands[1])
         if operation.name:
             cell = 3 * cell + int(operation.name)
-        return dr.gather(program.number, program.tables[operation.place], cell)
+        return dr.gather(program.number, program.tables[operation.index], cell)

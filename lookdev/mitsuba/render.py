@@ -20,11 +20,11 @@ from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Estimator
 from lookdev.mitsuba.passes import CENTRAL, Features
 from lookdev.mitsuba.rig import lights_of
-from lookdev.mitsuba.surface import Looks
+from lookdev.mitsuba.surface import SceneLooks
 from lookdev.mitsuba.types import Mitsuba
-from lookdev.mitsuba.view import Rectangle, View
+from lookdev.mitsuba.view import FramePart, KernelView
 from lookdev.rendering.adaptive import Region
-from lookdev.rendering.frame import Denoiser, Progress, RenderedFrame, render_halves
+from lookdev.rendering.frame import Denoiser, RenderedFrame, ReportSamples, render_halves
 from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask, SceneTask
 
@@ -49,8 +49,8 @@ class MitsubaScene:
             self._geometry: Geometry = previous._geometry
         else:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
-        self._geometry.assign_looks(task.worn, task.groups)
-        looks = self._looks = Looks(mi, task, self._geometry)
+        self._geometry.assign_looks(task.slot_shaders, task.groups)
+        looks = self._looks = SceneLooks(mi, task, self._geometry)
         # The last of a set of parts is the beauty minus the others.
         self._recorded = [name for parts in task.part_sets for name in parts[:-1]]
         light = lights_of(mi, task, self._geometry)
@@ -79,9 +79,9 @@ class MitsubaScene:
         self._task = replace(self._task, shaders=task.shaders)
         return True
 
-    def render(self, task: FrameTask, progress: Progress) -> RenderedFrame:
+    def render(self, task: FrameTask, progress: ReportSamples) -> RenderedFrame:
         """Render one frame; between launches, `progress` is called with the latest figures again."""
-        view = View.of(self._mi, task.scene.camera, task.pose, task.scene.resolution, self._geometry.center)
+        view = KernelView.of(self._mi, task.scene.camera, task.pose, task.scene.resolution, self._geometry.center)
         latest_report: tuple[int, int, float | None] = (0, task.scene.sampling.samples, None)
 
         def report(finished: int, planned: int, relmse: float | None) -> None:
@@ -112,7 +112,7 @@ class MitsubaScene:
         return {name: part.astype(np.float32) for name, part in parts.items()}
 
     def _passes(
-        self, task: FrameTask, view: View, frame: RenderedFrame
+        self, task: FrameTask, view: KernelView, frame: RenderedFrame
     ) -> tuple[dict[str, Floats32], Mapping[str, tuple[str, ...]]]:
         """Return the passes that are not parts of the light, and the names in mattes."""
         requested = {*task.scene.sampling.passes}
@@ -127,10 +127,10 @@ class MitsubaScene:
             passes |= mattes
         return passes, names
 
-    def _launches(self, view: View, seed: int, region: Region, total: int) -> Iterator[tuple[Floats, slice]]:
+    def _launches(self, view: KernelView, seed: int, region: Region, total: int) -> Iterator[tuple[Floats, slice]]:
         """Yield sums (n, 4 + 3 parts) over the samples of n pixels of a region, and the slice of these pixels."""
         mi, size = self._mi, region.samples
-        rectangle = Rectangle.of(mi, region)
+        rectangle = FramePart.of(mi, region)
         first = 0
         while first < total:
             limit = min(self._samples_per_second * LONGEST_LAUNCH, self._most_samples) / size
@@ -161,7 +161,7 @@ class MitsubaScene:
             yield np.stack(sums, axis=-1), slice(first, first + count)
             first += count
 
-    def _denoiser(self, view: View, samples: int) -> Denoiser:
+    def _denoiser(self, view: KernelView, samples: int) -> Denoiser:
         return make_denoiser(*self._features.guides(view), quick=samples <= _QUICK_FILTER_SAMPLES)
 
 

@@ -10,43 +10,43 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats, Floats32
 from lookdev.codegen.program.lamps import ball_operations
-from lookdev.light import Light, coded
+from lookdev.light import Light, coded_light
 from lookdev.light.dome import Dome
-from lookdev.light.lamps import FIELDS, CodedRig, Stand
+from lookdev.light.lamps import FIELDS, CodedRig, RigOrigin
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.lamps import Lamps, Rows, lamps_by_kind
-from lookdev.mitsuba.lights import Direction, Lighting, Lights, LightSample, OneDome, rotate_z, split_count
+from lookdev.mitsuba.lamps import LampRows, Lamps, lamps_by_kind
+from lookdev.mitsuba.lights import Direction, Lighting, LightSample, OneDome, SceneLights, rotate_z, split_count
 from lookdev.mitsuba.programs import Program
-from lookdev.mitsuba.surface import Arriving, Surface
+from lookdev.mitsuba.surface import Arriving, SurfacePoints
 from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
 from lookdev.rendering.task import SceneTask
 
 
-def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> Lights:
+def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> SceneLights:
     """Return the lights of a task about a geometry's centre, and create the scenes of their shadows.
 
     If the task has groups of lights, the light of all but the last is recorded separately.
     """
-    single = None if task.lit else coded(task.lights)
-    lights = OneDome(mi, single) if isinstance(single, Dome) else Rig(mi, task, geometry.center)
+    single = None if task.shader_lights else coded_light(task.lights)
+    lights = OneDome(mi, single) if isinstance(single, Dome) else RigSampler(mi, task, geometry.center)
     for excluded in lights.shadow_excluded:
         geometry.shadow_scene(excluded)  # created here, as kernels cannot create it
     return lights
 
 
-class Rig(Lights):
+class RigSampler(SceneLights):
     """Lamps and domes. Each direction selects a light in proportion to an estimate of the light's irradiance."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
-        lights, links = task.lights, task.lit
+        lights, links = task.lights, task.shader_lights
         groups = [task.names_of_light.index(name) for name in task.light_groups[: len(lights)]]
         rig = CodedRig.of(lights)
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
-        values = rig.rows(Stand((x, y, z), task.camera.pivot))
+        values = rig.rows(RigOrigin((x, y, z), task.camera.pivot))
         self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))
         order = [
             n for has_map in (False, True) for n, light in enumerate(lights) if (light.map_dome is not None) is has_map
@@ -65,7 +65,7 @@ class Rig(Lights):
         ]
         self.visible = any(lamp.emission.camera for lamp in rig.lamps)
 
-    def at(self, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
+    def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
         return _RigLighting(self._mi, self, surface, turns, count, both_sides)
 
     @dr.syntax
@@ -92,7 +92,7 @@ class Rig(Lights):
         return [(self._mi.Color3f(0.0), self._mi.Color3f(0.0)) for _ in range(1 + self.groups)]
 
 
-class _RigDome(Rows):
+class _RigDome(LampRows):
     """A dome of a rig: its map, axes, colour, and whether it turns. A local dome has a centre and a radius."""
 
     def __init__(self, mi: Mitsuba, dome: Light, rows: Floats32, links: Bools | None) -> None:
@@ -116,34 +116,36 @@ class _RigDome(Rows):
 class _LightFrames:
     """A point about the geometry's centre, in the frames of lights."""
 
-    def __init__(self, mi: Mitsuba, rig: Rig, point: Vector3f | Point3f, turns: Vector2f) -> None:
+    def __init__(self, mi: Mitsuba, rig: RigSampler, point: Vector3f | Point3f, turns: Vector2f) -> None:
         self._mi, self._turns = mi, turns
         from_axis = mi.Vector3f(point) + rig.offset
         self._in_turning, self._in_fixed = rotate_z(from_axis, -turns.x), rotate_z(from_axis, -turns.y)
 
-    def turn(self, lights: Rows, lamp: UInt) -> Float:
-        """Return the angle by which lights are rotated."""
+    def turn(self, lights: LampRows, lamp: UInt) -> Float:
+        """Return the rotation of the lights."""
         return dr.select(lights.turns(lamp), self._turns.x, self._turns.y)
 
-    def point(self, lights: Rows, lamp: UInt) -> Vector3f:
+    def point(self, lights: LampRows, lamp: UInt) -> Vector3f:
         """Return the point in the frame of lights."""
         return lights.to_local_point(lamp, dr.select(lights.turns(lamp), self._in_turning, self._in_fixed))
 
-    def into(self, lights: Rows, lamp: UInt, v: Vector3f) -> Vector3f:
+    def into(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return world vectors in the axes of lights."""
         return lights.to_local(lamp, rotate_z(v, -self.turn(lights, lamp)))
 
-    def out_of(self, lights: Rows, lamp: UInt, v: Vector3f) -> Vector3f:
+    def out_of(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return world vectors, from vectors in the axes of lights."""
         return rotate_z(lights.to_rig(lamp, v), self.turn(lights, lamp))
 
-    def to_frame(self, lights: Rows, lamp: UInt, v: Vector3f) -> tuple[Vector3f, Vector3f]:
+    def to_frame(self, lights: LampRows, lamp: UInt, v: Vector3f) -> tuple[Vector3f, Vector3f]:
         """Return the point, and world vectors, in the frame of lights."""
         return self.point(lights, lamp), self.into(lights, lamp, v)
 
 
 class _RigLighting:
-    def __init__(self, mi: Mitsuba, rig: Rig, surface: Surface, turns: Vector2f, count: UInt, both_sides: bool) -> None:
+    def __init__(
+        self, mi: Mitsuba, rig: RigSampler, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool
+    ) -> None:
         self._mi, self._rig = mi, rig
         self._surface = surface
         self._frames = _LightFrames(mi, rig, surface.point, turns)
@@ -232,10 +234,10 @@ class _RigLighting:
         distance, radiance_seen, density_seen = self._along_dome(number, local, direction.w, active)
         density = direction.own_density + (density_seen if direction.weighed else 0.0)
         light = dr.select(active, radiance_seen / density, 0.0)
-        return self._unoccluded(dome, dome.first, direction, light, distance)
+        return self._unoccluded_light(dome, dome.first, direction, light, distance)
 
-    def _unoccluded(
-        self, lights: Rows, lamp: UInt, direction: Direction, light: Color3f, distance: Float
+    def _unoccluded_light(
+        self, lights: LampRows, lamp: UInt, direction: Direction, light: Color3f, distance: Float
     ) -> list[Arriving]:
         """Return the parts of the light of lamps at a distance that reach the surface."""
         light = light * lights.link_of(lamp, self._surface.source)
@@ -265,7 +267,7 @@ class _RigLighting:
             distance, pdf = lamps.meet(lamp, p, local)
             density = direction.own_density + direction.weighed * self._lamp_density(lamps, lamp, pdf)
             light = dr.select(distance < FAR, lamps.radiance(lamp, p, local) / density, 0.0)
-            total = _add_arriving(total, self._unoccluded(lamps, lamp, direction, light, distance))
+            total = _add_arriving(total, self._unoccluded_light(lamps, lamp, direction, light, distance))
             lamp += 1
         return total
 

@@ -22,12 +22,12 @@ from lookdev.codegen.program.look import slope_name
 from lookdev.mitsuba.dual import Dual, product, where
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Estimator, Vertex
-from lookdev.mitsuba.lights import Lights
+from lookdev.mitsuba.lights import SceneLights
 from lookdev.mitsuba.programs import Evaluation
 from lookdev.mitsuba.rig import lights_of
-from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
+from lookdev.mitsuba.surface import Arriving, Response, SceneLooks, SurfacePoints
 from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
-from lookdev.mitsuba.view import Rectangle, View
+from lookdev.mitsuba.view import FramePart, KernelView
 from lookdev.rendering.adaptive import Region
 from lookdev.rendering.slopes import SlopeTask
 from lookdev.rendering.task import SceneTask
@@ -43,7 +43,7 @@ class SlopeScene:
         self.task = task
         self._mi = mi
         self._geometry = Geometry(mi, read_asset(task.asset.path))
-        self._geometry.assign_looks(task.worn, task.groups)
+        self._geometry.assign_looks(task.slot_shaders, task.groups)
         self._light = lights_of(mi, task, self._geometry)
 
     def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> Floats32:
@@ -51,11 +51,11 @@ class SlopeScene:
         mi, geometry = self._mi, self._geometry
         inputs = {name: (mi.Vector3f if len(value) == 3 else mi.Float)(*value) for name, value in task.values.items()}
         dr.make_opaque(inputs)
-        looks = Looks(mi, task.scene, geometry, inputs)
+        looks = SceneLooks(mi, task.scene, geometry, inputs)
         estimator = SlopeEstimator(looks, self._light, task.scene.sampling, task.symbols)
         width, height = task.scene.resolution
-        view = View.of(mi, task.scene.camera, task.pose, (width, height), geometry.center)
-        rectangle = Rectangle.of(mi, Region(slice(0, height), slice(0, width), task.samples))
+        view = KernelView.of(mi, task.scene.camera, task.pose, (width, height), geometry.center)
+        rectangle = FramePart.of(mi, Region(slice(0, height), slice(0, width), task.samples))
         rows: list[list[Floats32]] = []
         step = max(1, _LAUNCH // (task.samples * (1 + len(task.symbols))))
         starts = range(0, width * height, step)
@@ -73,11 +73,11 @@ class SlopeScene:
         return np.stack([np.moveaxis(half.reshape(shape), 2, 0) for half in halves])
 
 
-class LiveSurface(Surface):
+class LiveSurface(SurfacePoints):
     """A surface whose looks have derivatives by some symbols."""
 
     def __init__(
-        self, looks: Looks, symbols: Sequence[str], split: bool, *position: *tuple[UInt, UV, Vector3f, Bool]
+        self, looks: SceneLooks, symbols: Sequence[str], split: bool, *position: *tuple[UInt, UV, Vector3f, Bool]
     ) -> None:
         super().__init__(looks, *position)
         self._symbols, self._split = symbols, split
@@ -134,11 +134,13 @@ class SlopeEstimator(Estimator):
 
     _resamples = False
 
-    def __init__(self, looks: Looks, light: Lights, sampling: Sampling, symbols: Sequence[str]) -> None:
+    def __init__(self, looks: SceneLooks, light: SceneLights, sampling: Sampling, symbols: Sequence[str]) -> None:
         super().__init__(looks, light, sampling)
         self._symbols = symbols
 
-    def duals(self, view: View, rectangle: Rectangle, count: int, seed: UInt, first: UInt, shift: UInt) -> list[Float]:
+    def duals(
+        self, view: KernelView, rectangle: FramePart, count: int, seed: UInt, first: UInt, shift: UInt
+    ) -> list[Float]:
         """Return radiance and coverage, then the derivatives of these four channels by each symbol; as `pixels`."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
@@ -146,7 +148,7 @@ class SlopeEstimator(Estimator):
         whole = dr.zeros(mi.Float, count)  # makes arrays of channels that are 0 everywhere, which are single numbers
         return [part + whole for color, alpha in zip(radiance, cover, strict=True) for part in (*color, alpha)]
 
-    def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> Surface:
+    def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> SurfacePoints:
         return LiveSurface(self._looks, self._symbols, self._light.split, triangle, uv, viewer, active)
 
     def _constant(self, value: float) -> Dual:

@@ -25,7 +25,7 @@ Arriving = tuple[Color3f, Color3f]
 _Result = TypeVar("_Result")
 
 
-class Looks:
+class SceneLooks:
     """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which serve for other values, too.
 
     `inputs` are values of attributes that are equal everywhere, by the attributes' parameters.
@@ -104,18 +104,18 @@ class Response:
 
     def to(self, arriving: Arriving) -> Color3f:
         """Return the reflected light."""
-        return self._reflected((self.value, self.diffuse), arriving)
+        return self._reflect_light((self.value, self.diffuse), arriving)
 
     def parts_to(self, arriving: Arriving) -> list[Color3f]:
         """Return the light that each group of lobes reflects."""
-        return [self._reflected(part, arriving) for part in self._parts]
+        return [self._reflect_light(part, arriving) for part in self._parts]
 
     def shares(self) -> list[Color3f]:
         """Return the shares of the groups in the value, by channel."""
         safe = dr.select(self.value > 0.0, self.value, 1.0)
         return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
 
-    def _reflected(self, part: tuple[Color3f, Color3f], arriving: Arriving) -> Color3f:
+    def _reflect_light(self, part: tuple[Color3f, Color3f], arriving: Arriving) -> Color3f:
         value, diffuse = part
         specular_light, diffuse_light = arriving
         if not self._split:
@@ -123,13 +123,13 @@ class Response:
         return value * specular_light + diffuse * (diffuse_light - specular_light)
 
 
-class Surface:
+class SurfacePoints:
     """Points of triangles, seen from `viewer`; its axes are those of `lookdev.scene.shading`, in world space.
 
     Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a surface.
     """
 
-    def __init__(self, looks: Looks, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> None:
+    def __init__(self, looks: SceneLooks, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> None:
         hit = looks.geometry.at(triangle, uv, active)
         self.looks, self.triangle, self.uv, self.viewer, self.active = looks, triangle, uv, viewer, active
         self.point, self.lift = hit.point, hit.lift
@@ -154,7 +154,7 @@ class Surface:
 
     @property
     def source(self) -> UInt:
-        """The number of the source of the triangle's slot, by which lights are linked."""
+        """The number of the source of the triangle's slot; lights are linked with such numbers."""
         return self.looks.geometry.look_of(self.triangle)
 
     def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
@@ -244,7 +244,7 @@ class Surface:
 class _Symbols:
     """The values of a program's symbols at points of a surface."""
 
-    def __init__(self, looks: Looks, number: int, hit: Hit, viewer: Vector3f) -> None:
+    def __init__(self, looks: SceneLooks, number: int, hit: Hit, viewer: Vector3f) -> None:
         self.wo: Vector3f | None = None
         self._hit = hit
         self._viewer = viewer

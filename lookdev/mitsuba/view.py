@@ -16,7 +16,7 @@ from lookdev.scene import Camera, Pose
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class KernelView:
     """A camera about the centre of the geometry, and the rotations of the lights in radians, as inputs of a kernel.
 
     The first of `turns` rotates lights that turn with the rig, the second those that do not.
@@ -34,12 +34,12 @@ class View:
     near: float
 
     @classmethod
-    def of(cls, mi: Mitsuba, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Floats) -> View:
+    def of(cls, mi: Mitsuba, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Floats) -> KernelView:
         """Return the view of a pose: the camera orbits, the lights turn, the asset is fixed (`lookdev.scene.Pose`).
 
         `right` and `up` span half the frame at depth 1, and `back` is shifted with it.
         """
-        orbited = camera.orbited(-pose.element)
+        orbited = camera.orbit(-pose.element)
         right, up, back = orbited.frame
         width, height = resolution
         across, along = camera.reach * right, camera.reach * up
@@ -85,7 +85,7 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
-class Rectangle:
+class FramePart:
     """A part of the frame: its upper left pixel and its width, as inputs of a kernel."""
 
     left: UInt
@@ -93,6 +93,6 @@ class Rectangle:
     width: UInt
 
     @classmethod
-    def of(cls, mi: Mitsuba, region: Region) -> Rectangle:
+    def of(cls, mi: Mitsuba, region: Region) -> FramePart:
         left, right = region.columns.start, region.columns.stop
         return cls(*(dr.opaque(mi.UInt32, number) for number in (left, region.rows.start, right - left)))

@@ -13,7 +13,7 @@ from xml.parsers import expat
 import MaterialX as mx
 
 from lookdev.errors import Fault, LookError
-from lookdev.text import TextError, decode
+from lookdev.safe_text import TextError, decode
 
 # 1.38 is the first version with a disney_principled node.
 _FIRST, _LAST = (1, 38), tuple(mx.getVersionIntegers()[:2])

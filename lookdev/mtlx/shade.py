@@ -24,7 +24,7 @@ from pxr import Ar, Sdf, Tf
 from lookdev.cache import Content
 from lookdev.errors import Fault, LookError
 from lookdev.mtlx.document import library_inputs, read_document
-from lookdev.text import TextError, read_bytes
+from lookdev.safe_text import TextError, read_bytes
 
 NOTES = "lookdev:notes"
 """Key of a layer's customLayerData: what the layer lacks of the document, as lines of file, place, text and hint."""
@@ -76,7 +76,7 @@ def document_layer(path: str) -> Path:
     except TextError as error:
         raise LookError(error.faults) from None
     text = _Writer(data, path).layer_text()
-    return Content.holding(text.encode(), ".usda").path
+    return Content.store_bytes(text.encode(), ".usda").path
 
 
 class _Writer:

@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.light import Light, Turned
+from lookdev.light import Light, PosedLight
 from lookdev.light.native import world_domes
 from lookdev.rendering.task import FrameTask
 from lookdev.scene import Camera, camera_rays
@@ -58,7 +58,7 @@ def _mean_radiance(task: FrameTask, lights: Sequence[Light], *, edge: int = 0, l
         u = None if lens_samples is None else np.broadcast_to(lens_samples[number], (*rows.shape, 2))
         origin, direction = camera_rays(camera, pose, (width, height), columns + dx, rows + dy, u)
         for light, degrees in zip(lights, angles, strict=True):
-            total += Turned(light, degrees, camera.pivot).radiance(origin, direction)
+            total += PosedLight(light, degrees, camera.pivot).radiance(origin, direction)
     return total / grid**2
 
 

@@ -102,8 +102,8 @@ def _config(name: str) -> ocio.Config:
         config = ocio.Config.CreateFromFile(str(FILE) if name == SHIPPED else name)
         config.validate()
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
-        known = ", ".join(BUILT_IN + entry[0] for entry in ocio.BuiltinConfigRegistry().getBuiltinConfigs())
-        also = f"; built-in ones are {known}" if name.startswith(BUILT_IN) else ""
+        builtin_names = ", ".join(BUILT_IN + entry[0] for entry in ocio.BuiltinConfigRegistry().getBuiltinConfigs())
+        also = f"; built-in ones are {builtin_names}" if name.startswith(BUILT_IN) else ""
         raise OutputError(f"OpenColorIO cannot read the config {name}: {_first_line(error)}{also}") from error
     return config
 

@@ -21,14 +21,14 @@ from typing import Any, Literal
 
 from lookdev.cache import atomic_path, file_digest
 from lookdev.errors import OutputError
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.safe_text import TextError, parse_json, read_text
 
 NAME = "manifest.json"
 FORMAT = 1
 STATE_FOLDER = ".lookdev"
 """Folder inside the output for runs, claims, logs, ledgers and temporary files."""
 
-State = Literal["missing", "changed", "unlisted"]
+FileState = Literal["missing", "changed", "unlisted"]
 _LARGEST = 1 << 30  # bytes: 250000 frames of 2 KiB fit
 
 
@@ -37,7 +37,7 @@ class Deviation:
     """A file that differs from its entry in a manifest; ``unlisted`` is an EXR in the output without an entry."""
 
     file: Path
-    state: State
+    state: FileState
     kind: str  # "frame", "picture" or "input"
 
     @property
@@ -98,7 +98,7 @@ def deviations(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Deviation]
             file = folder / entry["file"]
             listed.add(file)
             try:
-                state: State | None = None if file_digest(file) == entry["sha256"] else "changed"
+                state: FileState | None = None if file_digest(file) == entry["sha256"] else "changed"
             except OSError:
                 state = "missing"
             if state is not None:

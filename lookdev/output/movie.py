@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from lookdev.arrays import Bytes, Floats32
 from lookdev.cache import atomic_path
 from lookdev.errors import OutputError
-from lookdev.output.record import Frames
+from lookdev.output.record import FrameSequence
 from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet_page
 from lookdev.output.slate import draw_slate
 
@@ -58,7 +58,7 @@ _VP9 = {"crf": "12", "b": "0", "auto-alt-ref": "0", "cpu-used": "2"}
 VP9 = Codec("libvpx-vp9", "webm", "yuva420p", 8, True, True, _VP9, _EXACT)
 
 
-def _write_reel(path: Path, frames: Frames, codec: Codec) -> None:
+def _write_reel(path: Path, frames: FrameSequence, codec: Codec) -> None:
     """Write a turntable, with alpha where the codec has it, otherwise over its background."""
     _write(path, frames, frames.codes(alpha=codec.alpha), codec)
 
@@ -66,17 +66,17 @@ def _write_reel(path: Path, frames: Frames, codec: Codec) -> None:
 write_h264, write_prores, write_vp9 = (partial(_write_reel, codec=codec) for codec in (H264, PRORES, VP9))
 
 
-def write_grid(path: Path, frames: Frames) -> None:
+def write_grid(path: Path, frames: FrameSequence) -> None:
     """Write all looks in step, side by side with their names, as H.264; the frames are in the order of time."""
     _write(path, frames, _grid_pages(frames), H264)
 
 
-def _write(path: Path, frames: Frames, pictures: Iterable[Floats32], codec: Codec) -> None:
+def _write(path: Path, frames: FrameSequence, pictures: Iterable[Floats32], codec: Codec) -> None:
     rate, options = frame_rate(frames.options["fps"]), frames.options
     write_movie(path, _movie_pictures(frames, pictures, round(options["slate"] * rate)), codec, rate)
 
 
-def _movie_pictures(frames: Frames, pictures: Iterable[Floats32], slate_frames: int) -> Iterator[Floats32]:
+def _movie_pictures(frames: FrameSequence, pictures: Iterable[Floats32], slate_frames: int) -> Iterator[Floats32]:
     """Yield the slate `slate_frames` times, and then the pictures as often as the option ``movie_turns`` says."""
     turns = frames.options["movie_turns"]
     turn: list[Floats32] = []
@@ -92,7 +92,7 @@ def _movie_pictures(frames: Frames, pictures: Iterable[Floats32], slate_frames: 
         yield from turn
 
 
-def _grid_pages(frames: Frames) -> Iterator[Floats32]:
+def _grid_pages(frames: FrameSequence) -> Iterator[Floats32]:
     looks = len(frames.labels)
     cells = frames.pictures(SOURCE_SIZE)
     most = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))

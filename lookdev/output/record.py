@@ -18,7 +18,7 @@ from lookdev.output.slate import burn_in
 
 
 @dataclass(frozen=True)
-class Frames:
+class FrameSequence:
     """The finished frames that go into one file, in their order, at least one.
 
     files, labels
@@ -95,14 +95,14 @@ class Output:
     help: str
     of: Literal["frame", "turntable", "looks", "step", "wedge"]
     suffix: str
-    write: Callable[[Path, Frames], None]
+    write: Callable[[Path, FrameSequence], None]
     default: bool = False
     options: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     extra: tuple[str, str] | None = None
     burns: bool = False
 
 
-def write_picture(path: Path, frames: Frames) -> None:
+def write_picture(path: Path, frames: FrameSequence) -> None:
     """Write the only frame as PNG."""
     write_pixels(path, *frames.pictures())
 

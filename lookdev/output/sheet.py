@@ -13,7 +13,7 @@ from lookdev.arrays import Bytes
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 from lookdev.output.display import to_display, write_pixels
-from lookdev.output.record import Frames
+from lookdev.output.record import FrameSequence
 from lookdev.output.slate import write_text
 
 PAGE = 46  # sRGB code values: a dark neutral grey
@@ -31,12 +31,12 @@ OVERVIEW_CELLS = (128, 256)
 _LEGEND_WIDTH = 320  # pixels
 
 
-def write_page(path: Path, frames: Frames) -> None:
+def write_page(path: Path, frames: FrameSequence) -> None:
     """Write the contact sheet of a turntable or a wedge; errors are those of `write_sheet`."""
     write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
 
 
-def write_overview(path: Path, frames: Frames) -> None:
+def write_overview(path: Path, frames: FrameSequence) -> None:
     """Write the sheet of looks side by side; errors are those of `write_sheet`."""
     pictures, (least, most) = list(frames.pictures(SOURCE_SIZE)), OVERVIEW_CELLS
     cell = min(max(least, *(side for picture in pictures for side in picture.shape[:2])), most)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import fmean
 
-from lookdev.codegen.source import ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.plan.chunks import Costs
 from lookdev.plan.plan import Plan
 from lookdev.rendering.task import SceneTask
@@ -24,13 +24,13 @@ START = 4.0
 """Seconds from the start of a process to its first frame, without those that prepare the scene."""
 
 
-def estimated(plan: Plan) -> Costs:
+def estimate_costs(plan: Plan) -> Costs:
     """Return the costs of a plan's frames, estimated from the job alone; files on disk do not count."""
     scenes = [frame.task.scene for frame in plan.frames]
     return Costs(tuple(frame_costs(scenes, [None] * len(scenes))), SCENE, START)
 
 
-def measured(plan: Plan) -> Costs:
+def measure_costs(plan: Plan) -> Costs:
     """Return the costs of a plan's frames, measured where possible.
 
     A frame on disk costs the time in its header, and another frame of its scene the mean of these times. A frame of a
@@ -62,7 +62,7 @@ def estimate(scene: SceneTask) -> float:
     return _FRAME + _SAMPLE * width * height * samples * (1.0 + _BOUNCE * sampling.bounces) * look
 
 
-def _look_cost(source: Source) -> float:
+def _look_cost(source: GeneratedSource) -> float:
     """Return the cost of a sample of a look, relative to that of a usual look."""
     cost = 1.0
     if isinstance(source, ShaderSource):

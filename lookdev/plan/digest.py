@@ -49,8 +49,8 @@ def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
         render["space"] = scene.space
     return {
         "asset": scene.asset.digest,
-        "look": _digest([[source.digest for source in scene.shaders], scene.worn]),
-        "ibl": _digest([*(light.digest for light in scene.lights), *scene.lit, *scene.groups, exposure]),
+        "look": _digest([[source.digest for source in scene.shaders], scene.slot_shaders]),
+        "ibl": _digest([*(light.digest for light in scene.lights), *scene.shader_lights, *scene.groups, exposure]),
         "camera": _digest(asdict(scene.camera)),
         "render": _digest(render),
     }

@@ -23,7 +23,7 @@ from lookdev.rendering.task import FrameTask
 from lookdev.scene import Pose
 from lookdev.scene.charts.props import STRIP, Strip
 
-State = Literal["done", "stale", "new"]
+FrameState = Literal["done", "stale", "new"]
 DAMAGED = "damaged"
 """The reason of a stale file that cannot be read, or that was changed after it was written."""
 
@@ -43,7 +43,7 @@ class PlannedFile:
     """
 
     path: Path
-    state: State
+    state: FrameState
     reason: str
     seconds: float | None = None
 
@@ -96,14 +96,14 @@ class Charts:
 class Plan:
     """Every frame of some setups, in the order of the setups.
 
-    `beside` has the suffixes of the files that each frame has beside its EXR. `charts` has, for each file of a look,
-    the file of the reference props that are composited over it; the frames of the props come first in `frames`.
+    `frame_suffixes` has the suffixes of the files that each frame has beside its EXR. `charts` has, for each file of a
+    look, the file of the reference props that are composited over it; the frames of the props come first in `frames`.
     """
 
     frames: tuple[PlannedFrame, ...]
     reels: tuple[Reel, ...]
     output: Path  # the folder of all files
-    beside: tuple[str, ...] = ()
+    frame_suffixes: tuple[str, ...] = ()
     skips: tuple[Skip, ...] = ()
     sheets: tuple[WedgeSheet, ...] = ()
     charts: Mapping[Path, Path] = field(default_factory=dict)
@@ -118,7 +118,7 @@ class Plan:
         return digest.hexdigest()
 
     @property
-    def counts(self) -> dict[State, int]:
+    def counts(self) -> dict[FrameState, int]:
         """How many files are in each state."""
         counter = Counter(file.state for frame in self.frames for file in frame.files)
         return {"done": counter["done"], "stale": counter["stale"], "new": counter["new"]}
@@ -129,7 +129,7 @@ class Plan:
 
         They are missing or older than the EXR, or `copies` makes their EXR.
         """
-        return tuple(_due_pictures(self.frames, self.beside))
+        return tuple(_due_pictures(self.frames, self.frame_suffixes))
 
     def pending(self) -> tuple[FrameTask, ...]:
         """Return the tasks to render, scene by scene; `copies` has the other files of a frame with a done file."""
@@ -152,13 +152,13 @@ def build_plan(
     read_header: HeaderReader,
     *,
     labels: Mapping[str, str] | None = None,
-    beside: Sequence[str] = (),
+    frame_suffixes: Sequence[str] = (),
     charts: Charts | None = None,
 ) -> Plan:
     """Plan the frames of setups: one for each distinct pose of a setup, however many turntables show it.
 
     Poses that differ only by a turn of what looks the same all around are one pose. `labels` are entries of the header
-    of every frame; `beside` has the suffixes of the files that every frame has beside its EXR.
+    of every frame; `frame_suffixes` has the suffixes of the files that every frame has beside its EXR.
     """
     labels = labels or {}
     pose_labels = cache(_pose_labels)  # shared by the looks
@@ -181,7 +181,7 @@ def build_plan(
     for setup, setup_reels in zip(setups, reels, strict=True):
         add_frames(setup, setup_reels, labels)
     skips = tuple(find_skips(setups, turns))
-    return Plan(tuple(frames), all_reels, turns.output, tuple(beside), skips, charts=chart_files)
+    return Plan(tuple(frames), all_reels, turns.output, tuple(frame_suffixes), skips, charts=chart_files)
 
 
 def _reels(setup: Setup, turns: Turns) -> tuple[Reel, ...]:
@@ -287,12 +287,12 @@ def _done_path(files: tuple[PlannedFile, ...]) -> Path | None:
     return next((file.path for file in files if file.state == "done"), None)
 
 
-def _due_pictures(frames: tuple[PlannedFrame, ...], beside: Sequence[str]) -> Iterator[Path]:
+def _due_pictures(frames: tuple[PlannedFrame, ...], suffixes: Sequence[str]) -> Iterator[Path]:
     """Yield the pictures of frames with a done file that are missing or out of date."""
     for frame in frames:
         if _done_path(frame.files) is not None:
             for file in frame.files:
-                pictures = (file.path.with_suffix(suffix) for suffix in beside)
+                pictures = (file.path.with_suffix(suffix) for suffix in suffixes)
                 yield from (picture for picture in pictures if file.state != "done" or _is_due(picture, file.path))
 
 

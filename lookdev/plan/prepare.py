@@ -84,7 +84,12 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
     charts = Charts(job_setups.charts, job.charts.strip(job.render.resolution)) if job.charts else None
     plan = build_plan(
-        job_setups.setups, job_setups.turns, read_header, labels=labels, beside=job.outputs.beside, charts=charts
+        job_setups.setups,
+        job_setups.turns,
+        read_header,
+        labels=labels,
+        frame_suffixes=job.outputs.frame_suffixes,
+        charts=charts,
     )
     plan = replace(plan, sheets=job_setups.sheets)
     return Prepared(job, job_setups.setups, job_setups.notes, job_setups.sheets, job_setups.charts, plan=plan)

@@ -89,7 +89,7 @@ def _attribute_faults(scene: Scene, task: SceneTask) -> Iterator[Fault]:
     has_readers = any(source.attributes for source in task.shaders)
     for mesh in scene.asset.meshes if has_readers else ():
         for slot in np.unique(mesh.face_slots):
-            source = task.shaders[task.worn[slot]]
+            source = task.shaders[task.slot_shaders[slot]]
             for binding in source.attributes:
                 if fault := _attribute_fault(mesh, binding):
                     paths_of_faults.setdefault((source.name, *fault), []).append(scene.asset.slots[slot].path)

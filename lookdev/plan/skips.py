@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from lookdev.codegen.source import NodeSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, NodeSource, ProgramSource, ShaderSource
 from lookdev.material import Bump, Look, Texture, leaf_sources
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
@@ -24,7 +24,7 @@ class Skip:
         return f"{self.what} ({self.why})"
 
 
-def is_rotation_invariant(shaders: Iterable[Source]) -> bool:
+def is_rotation_invariant(shaders: Iterable[GeneratedSource]) -> bool:
     """Return whether a surface of revolution with these shaders looks the same after any turn about its axis.
 
     It does if the shaders read no image and no attribute: a shader that depends on a direction along the surface reads
@@ -58,11 +58,11 @@ def scene_skips(
             yield "BRDF samples", "every lobe is broad"
     if folded := sum(shader.folded for shader in scene.shaders if isinstance(shader, ShaderSource | ProgramSource)):
         yield ("1 lobe", "is 0 by constants") if folded == 1 else (f"{folded} lobes", "are 0 by constants")
-    if unread := _count_unread_textures(looks, [scene.shaders[number] for number in scene.worn]):
+    if unread := _count_unread_textures(looks, [scene.shaders[number] for number in scene.slot_shaders]):
         yield ("1 texture", "reaches no pixel") if unread == 1 else (f"{unread} textures", "reach no pixel")
 
 
-def _count_unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> int:
+def _count_unread_textures(looks: Sequence[Look], shaders: Sequence[GeneratedSource]) -> int:
     """Return the number of texture look-ups of looks that their shaders lack; slots with one look share its shader."""
     unread = 0
     for look, shader in {id(look): (look, shader) for look, shader in zip(looks, shaders, strict=True)}.values():

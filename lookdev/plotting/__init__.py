@@ -6,7 +6,17 @@ a matplotlib figure and its numbers, which `Plot.write` writes. All numbers come
 
 from lookdev.plotting.figure import SUFFIXES, Plot
 from lookdev.plotting.kinds import KINDS, draw, kind_named
-from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject, model_subject, read_subject
+from lookdev.plotting.options import PlotOptions
+from lookdev.plotting.subject import PlotSubject, model_subject, read_subject
 
-__all__ = ["KINDS", "SUFFIXES", "Options", "Plot", "Subject", "draw", "kind_named", "model_subject", "read_subject"]
+__all__ = [
+    "KINDS",
+    "SUFFIXES",
+    "Plot",
+    "PlotOptions",
+    "PlotSubject",
+    "draw",
+    "kind_named",
+    "model_subject",
+    "read_subject",
+]

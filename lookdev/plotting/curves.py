@@ -14,9 +14,17 @@ from lookdev.brdf.angles import half_difference, towards
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.codegen.program.arrays import PART, run_in_parts
 from lookdev.errors import LookdevError
-from lookdev.plotting.figure import Plot, Values, create_figure, draw_curves, draw_legend, scale_values, split_channels
-from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject
+from lookdev.plotting.figure import (
+    Plot,
+    PlotValues,
+    create_figure,
+    draw_curves,
+    draw_legend,
+    scale_values,
+    split_channels,
+)
+from lookdev.plotting.options import PlotOptions
+from lookdev.plotting.subject import PlotSubject
 from lookdev.reference.albedo import CELLS, integrate_albedo
 
 _AXIS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
@@ -30,7 +38,7 @@ FRESNEL_RANGE = (-0.5, 8.0)
 """Range of the axis of offset and scaled responses."""
 
 
-def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
+def cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f against theta_h at fixed theta_d, theta_d at fixed theta_h, or theta_i at a view (Burley 2012, figure 9).
 
     theta_i is in the plane of incidence, negative on the viewer's side.
@@ -47,7 +55,7 @@ def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, {f"{options.axis} (degrees)": values["x"], **columns})
 
 
-def cartesian_values(subject: Subject, options: Options) -> Values:
+def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are a degree above the horizon."""
     count = options.size or 721
     low = -options.limit if options.axis == "theta_i" else 0.0
@@ -64,7 +72,7 @@ def cartesian_values(subject: Subject, options: Options) -> Values:
     return {"x": degrees, "f": evaluate_f(subject, wo, wi, options.cosine), "inner": inner}
 
 
-def retro(subjects: Sequence[Subject], options: Options) -> Plot:
+def retro(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
     figure, ax, (*_, values), columns = _draw_subjects(subjects, options, retro_values)
     ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
@@ -73,14 +81,14 @@ def retro(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, {"theta (degrees)": values["x"], **columns})
 
 
-def retro_values(subject: Subject, options: Options) -> Values:
+def retro_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return values as `cartesian_values` does."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     w = towards(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
     return {"x": degrees, "f": evaluate_f(subject, w, w, options.cosine), "inner": w[:, 2] > _GRAZING}
 
 
-def polar(subjects: Sequence[Subject], options: Options) -> Plot:
+def polar(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f in the plane of incidence as the radius of a curve; the log scale shows four decades.
 
     The view is a line on the left, the mirrored view a line on the right.
@@ -111,7 +119,7 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, {"theta_i (degrees)": surface_values[0]["x"], **columns})
 
 
-def polar_values(subject: Subject, options: Options) -> Values:
+def polar_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return f (n, 3) at degrees `x`, (n,), negative on the viewer's side."""
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, options.size or 1441)
     wo = towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
@@ -119,7 +127,7 @@ def polar_values(subject: Subject, options: Options) -> Values:
     return {"x": np.degrees(theta), "f": evaluate_f(subject, np.broadcast_to(wo, wi.shape), wi, options.cosine)}
 
 
-def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
+def fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the rise of reflectance with theta_d.
 
     For surfaces that scatter along single directions, it is the reflectance itself. For other surfaces it is f as in
@@ -146,7 +154,7 @@ def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, {"theta_d (degrees)": degrees, **columns})
 
 
-def fresnel_values(subject: Subject, options: Options) -> Values:
+def fresnel_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return the reflectance (n, 3), or f, offset and scaled, (n, 3), and `schlick` (n,), at degrees `x`, (n,)."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     theta = np.radians(np.minimum(degrees, 90.0 - _EDGE))
@@ -157,7 +165,7 @@ def fresnel_values(subject: Subject, options: Options) -> Values:
     return {"x": degrees, "f": scaled, "schlick": schlick}
 
 
-def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
+def albedo(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the directional albedo, for light from both sides, against the angle of the view, with its error.
 
     The band is the error of the quadrature (`lookdev.reference.albedo.integrate_albedo`). Mostly it is too thin to see;
@@ -178,7 +186,7 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, {"theta_o (degrees)": degrees, **columns}, (f"integration error at most {worst:.2g}",))
 
 
-def albedo_values(subject: Subject, options: Options, draft: bool = False) -> Values:
+def albedo_values(subject: PlotSubject, options: PlotOptions, draft: bool = False) -> PlotValues:
     """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3); a draft is coarser."""
     degrees = np.linspace(
         0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
@@ -190,8 +198,11 @@ def albedo_values(subject: Subject, options: Options, draft: bool = False) -> Va
 
 
 def _draw_subjects(
-    subjects: Sequence[Subject], options: Options, values: Callable[[Subject, Options], Values], marker: str = "None"
-) -> tuple[Figure, Axes, list[Values], dict[str, Floats]]:
+    subjects: Sequence[PlotSubject],
+    options: PlotOptions,
+    values: Callable[[PlotSubject, PlotOptions], PlotValues],
+    marker: str = "None",
+) -> tuple[Figure, Axes, list[PlotValues], dict[str, Floats]]:
     """Draw the curves of surfaces; return the figure, its axes, the values of each surface, and the columns."""
     figure, axes = create_figure()
     surface_values = [values(subject, options) for subject in subjects]
@@ -200,7 +211,7 @@ def _draw_subjects(
     return figure, axes[0, 0], surface_values, columns
 
 
-def evaluate_f(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
+def evaluate_f(subject: PlotSubject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
     """Return f (..., 3), or f times the light's cosine; raises LookdevError for a surface without f."""
     if subject.is_delta:
         raise LookdevError(
@@ -227,11 +238,11 @@ def _evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     return f.reshape(wo.shape)
 
 
-def _f_label(options: Options) -> str:
+def _f_label(options: PlotOptions) -> str:
     return "f cos θi (1/sr)" if options.cosine else "f (1/sr)"
 
 
-def _scale_note(options: Options) -> str:
+def _scale_note(options: PlotOptions) -> str:
     return {"linear": "", "sqrt": ", square root", "log": f", log, {_DECADES:g} decades"}[options.scale]
 
 
@@ -243,7 +254,7 @@ def _reflectance(bsdf: Bsdf, wo: Floats) -> Floats:
     return total
 
 
-def _mean_over_theta_h(subject: Subject, theta_d: Floats, phi_d: float) -> Floats:
+def _mean_over_theta_h(subject: PlotSubject, theta_d: Floats, phi_d: float) -> Floats:
     """Return the mean of f (n, 3) over theta_h from 1 to 4 degrees."""
     theta_h = np.radians(np.linspace(1.0, 4.0, 25))[:, None]
     wo, wi = half_difference(theta_h, theta_d[None, :], phi_d)

@@ -14,13 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lookdev.arrays import Array, Bools, Floats
+from lookdev.arrays import Bools, Elements, Floats
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
-from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject
+from lookdev.plotting.options import PlotOptions
+from lookdev.plotting.subject import PlotSubject
 
-Values = dict[str, NDArray[Any]]
+PlotValues = dict[str, NDArray[Any]]
 """The numbers of one surface in a plot, by name."""
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -51,7 +51,7 @@ class Plot:
     """
 
     figure: Figure
-    columns: Mapping[str, Array]
+    columns: Mapping[str, Elements]
     notes: tuple[str, ...] = ()
 
     def write(self, file: Path, dpi: float = 120.0) -> None:
@@ -95,7 +95,7 @@ def legend_label(label: str) -> str:
     return label.replace("$", r"\$")
 
 
-def unique_labels(subjects: Sequence[Subject]) -> list[str]:
+def unique_labels(subjects: Sequence[PlotSubject]) -> list[str]:
     """Return labels of surfaces that differ: repetitions have a number appended."""
     labels = [subject.label for subject in subjects]
     return [
@@ -109,7 +109,7 @@ def rgb_columns(label: str, colors: Floats) -> dict[str, Floats]:
     return {f"{label}.{name}": colors[..., channel].ravel() for channel, name in enumerate("rgb")}
 
 
-def split_channels(values: Floats, options: Options) -> dict[str, Floats]:
+def split_channels(values: Floats, options: PlotOptions) -> dict[str, Floats]:
     """Return the curves to draw of colours (..., 3), by the suffix of their label."""
     if options.channels == "rgb":
         return {f".{name}": values[..., index] for index, name in enumerate("rgb")}
@@ -119,9 +119,9 @@ def split_channels(values: Floats, options: Options) -> dict[str, Floats]:
 def draw_curves(
     axes: Axes,
     x: Floats,
-    subjects: Sequence[Subject],
+    subjects: Sequence[PlotSubject],
     colors: Sequence[Floats],
-    options: Options,
+    options: PlotOptions,
     marker: str = "None",
     height: Callable[[Floats], Floats] = lambda values: values,
 ) -> dict[str, Floats]:
@@ -137,7 +137,7 @@ def draw_curves(
     return columns
 
 
-def scale_values(axes: Axes, options: Options, inner: Bools) -> None:
+def scale_values(axes: Axes, options: PlotOptions, inner: Bools) -> None:
     """Set the scales and limits of axes, by the values of curves where `inner`, (n,), is true.
 
     Near the horizon some models grow without bound. A log axis shows at most eight decades.
@@ -165,7 +165,7 @@ def draw_legend(axes: Axes) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), frameon=False, fontsize=8)
 
 
-def picture(values: Floats, options: Options) -> Floats:
+def picture(values: Floats, options: PlotOptions) -> Floats:
     """Convert values (..., 3) in linear Rec.709 to sRGB in [0, 1] (IEC 61966-2-1)."""
     if options.chroma:
         values = values / np.maximum(values.max(axis=-1, keepdims=True), 1e-300)

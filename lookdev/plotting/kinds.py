@@ -8,13 +8,13 @@ from functools import partial
 
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.plotting import curves, maps, sampling, solid
-from lookdev.plotting.figure import Plot, Values
-from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject
+from lookdev.plotting.figure import Plot, PlotValues
+from lookdev.plotting.options import PlotOptions
+from lookdev.plotting.subject import PlotSubject
 
 
 @dataclass(frozen=True)
-class Kind:
+class PlotKind:
     """A kind of plot: a description, the function that draws it, the options that it uses, and its most surfaces.
 
     `values` returns the numbers of one surface, for other ways to draw them; for a difference, of each surface. `draft`
@@ -22,59 +22,59 @@ class Kind:
     """
 
     text: str
-    draw: Callable[[Sequence[Subject], Options], Plot]
-    values: Callable[[Subject, Options], Values]
+    draw: Callable[[Sequence[PlotSubject], PlotOptions], Plot]
+    values: Callable[[PlotSubject, PlotOptions], PlotValues]
     uses: tuple[str, ...]
     most: int = 8
-    draft: Callable[[Subject, Options], Values] | None = None
+    draft: Callable[[PlotSubject, PlotOptions], PlotValues] | None = None
 
 
 _PICTURE = ("exposure", "chroma", "size")
 _CURVE = ("scale", "angles", "limit", "channels", "size")
 
-KINDS: dict[str, Kind] = {
-    "slice": Kind(
+KINDS: dict[str, PlotKind] = {
+    "slice": PlotKind(
         "f over theta_h and theta_d, as a picture",
         maps.slice_,
         maps.slice_values,
         ("phi", "cosine", *_PICTURE),
         most=12,
     ),
-    "polar": Kind(
+    "polar": PlotKind(
         "lobes in the plane of incidence",
         curves.polar,
         curves.polar_values,
         ("theta", "phi", "scale", "channels", "cosine", "size"),
     ),
-    "lobe3d": Kind(
+    "lobe3d": PlotKind(
         "the lobe as a surface", solid.lobe3d, solid.lobe_values, ("theta", "phi", "scale", "cosine", "size")
     ),
-    "cartesian": Kind(
+    "cartesian": PlotKind(
         "f against theta_h, theta_d or theta_i",
         curves.cartesian,
         curves.cartesian_values,
         ("theta", "phi", "axis", "cosine", *_CURVE),
     ),
-    "albedo": Kind(
+    "albedo": PlotKind(
         "directional albedo, with its error",
         curves.albedo,
         curves.albedo_values,
         ("phi", "scale", "limit", "channels", "size"),
         draft=partial(curves.albedo_values, draft=True),
     ),
-    "sphere": Kind(
+    "sphere": PlotKind(
         "spheres under a point light and a dome",
         solid.sphere,
         solid.sphere_values,
         ("theta", "phi", *_PICTURE),
         most=12,
     ),
-    "retro": Kind("f where light and view coincide", curves.retro, curves.retro_values, ("phi", "cosine", *_CURVE)),
-    "fresnel": Kind("how reflectance rises with theta_d", curves.fresnel, curves.fresnel_values, ("phi", *_CURVE)),
-    "difference": Kind(
+    "retro": PlotKind("f where light and view coincide", curves.retro, curves.retro_values, ("phi", "cosine", *_CURVE)),
+    "fresnel": PlotKind("how reflectance rises with theta_d", curves.fresnel, curves.fresnel_values, ("phi", *_CURVE)),
+    "difference": PlotKind(
         "slices of two, and their difference", maps.difference, maps.slice_values, ("phi", "cosine", *_PICTURE), most=2
     ),
-    "sampling": Kind(
+    "sampling": PlotKind(
         "pdf, weights of samples and chi-square",
         sampling.sampling,
         sampling.sampling_values,
@@ -86,14 +86,14 @@ KINDS: dict[str, Kind] = {
 """Every kind of plot by its name."""
 
 
-def kind_named(name: str) -> Kind:
+def kind_named(name: str) -> PlotKind:
     """Return a kind; an unknown name raises LookdevError."""
     if name not in KINDS:
         raise LookdevError(f"unknown plot '{name}' ({nearest_hint(name, list(KINDS))})")
     return KINDS[name]
 
 
-def draw(name: str, subjects: Sequence[Subject], options: Options = Options()) -> Plot:  # noqa: B008
+def draw(name: str, subjects: Sequence[PlotSubject], options: PlotOptions = PlotOptions()) -> Plot:  # noqa: B008
     """Return a plot of some surfaces.
 
     Raises
@@ -103,7 +103,7 @@ def draw(name: str, subjects: Sequence[Subject], options: Options = Options()) -
         the surfaces.
     """
     kind = kind_named(name)
-    if unused := [option for option in options.given() if option not in kind.uses]:
+    if unused := [option for option in options.changed_options() if option not in kind.uses]:
         raise LookdevError(
             f"{name} has no --{unused[0]}; its options: {', '.join(f'--{option}' for option in kind.uses)}"
         )

@@ -15,15 +15,15 @@ from lookdev.plotting.curves import evaluate_f
 from lookdev.plotting.figure import (
     LUMINANCE,
     Plot,
-    Values,
+    PlotValues,
     create_figure,
     legend_label,
     picture,
     rgb_columns,
     unique_labels,
 )
-from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject
+from lookdev.plotting.options import PlotOptions
+from lookdev.plotting.subject import PlotSubject
 
 _PIXELS = 256
 _MARKS = (
@@ -35,7 +35,7 @@ _MARKS = (
 )
 
 
-def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
+def slice_(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot image slices: f over theta_h, to the right, and theta_d, upwards, at a phi_d (Burley 2012, figures 3 and 4).
 
     The first slice has the marks of figure 3, and the isolines of theta_i = 60 degrees and theta_o = 60 degrees, which
@@ -54,13 +54,13 @@ def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, columns)
 
 
-def slice_values(subject: Subject, options: Options) -> Values:
+def slice_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return f (n, n, 3): rows are theta_d, columns theta_h, from 0 to 90 degrees, at the centres of pixels."""
     _, wo, wi = slice_grid(options)
     return {"f": evaluate_f(subject, wo, wi, options.cosine)}
 
 
-def difference(subjects: Sequence[Subject], options: Options) -> Plot:
+def difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the slices of two surfaces, and the difference of the cube roots of their luminance, second less first.
 
     Differences of cube roots are about proportional to visible ones; Ngan et al. 2005, section 3.2, use them as a loss.
@@ -93,7 +93,7 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
     )
 
 
-def slice_grid(options: Options) -> tuple[Floats, Floats, Floats]:
+def slice_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
     """Return the angles (n,) of the columns and rows of a slice in degrees, and wo and wi (n, n, 3)."""
     return _cached_grid(options.size or _PIXELS, options.phi)
 
@@ -117,7 +117,7 @@ def _relative_difference(first: Floats, second: Floats) -> float:
     return float(np.abs(first - second).max() / max(first.max(), second.max(), 1e-300))
 
 
-def _draw_image(ax: Axes, f: Floats, label: str, options: Options) -> None:
+def _draw_image(ax: Axes, f: Floats, label: str, options: PlotOptions) -> None:
     ax.set_title(legend_label(label), fontsize=9)
     ax.imshow(picture(f, options), origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
     ax.set(xlabel="θh (degrees)", ylabel="θd (degrees)", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
@@ -135,6 +135,6 @@ def _annotate(ax: Axes, wo: Floats, wi: Floats) -> None:
     ax.text(60, 20, "θi, θo = 60°", fontsize=6, color="white", ha="left")
 
 
-def _title(options: Options) -> str:
+def _title(options: PlotOptions) -> str:
     parts = [f"φd = {options.phi:g}°", f"exposure {options.exposure:+g}"]
     return ", ".join(parts + ["chroma"] * options.chroma + ["times cos θi"] * options.cosine)

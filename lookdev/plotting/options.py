@@ -12,8 +12,8 @@ CHANNELS = ("luminance", "rgb")
 
 
 @dataclass(frozen=True)
-class Options:
-    """Options of a plot; each kind uses some of them (`lookdev.plotting.kinds.Kind.uses`).
+class PlotOptions:
+    """Options of a plot; each kind uses some of them (`lookdev.plotting.kinds.PlotKind.uses`).
 
     theta
         Degrees from the normal: of the view, or the fixed angle of a cartesian plot.
@@ -62,6 +62,6 @@ class Options:
         if 0 < self.size < 4:
             raise LookdevError(f"--size {self.size}: 4 to 2048 would be right")
 
-    def given(self) -> dict[str, str | float]:
+    def changed_options(self) -> dict[str, str | float]:
         """Return the options that are not at their defaults, by name."""
-        return {name: value for name, value in vars(self).items() if value != getattr(Options, name)}
+        return {name: value for name, value in vars(self).items() if value != getattr(PlotOptions, name)}

@@ -12,9 +12,9 @@ from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
 from lookdev.brdf.angles import towards
 from lookdev.errors import LookdevError
-from lookdev.plotting.figure import LUMINANCE, Plot, Values, create_figure, legend_label, unique_labels
-from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject
+from lookdev.plotting.figure import LUMINANCE, Plot, PlotValues, create_figure, legend_label, unique_labels
+from lookdev.plotting.options import PlotOptions
+from lookdev.plotting.subject import PlotSubject
 
 _SAMPLES = 1 << 18
 _CELLS = 32, 64  # along the cosine, of both sides, and along the azimuth
@@ -43,7 +43,7 @@ class ChiSquare:
         return f"χ² {self.statistic:.0f} of {self.freedom}, p = {self.p:.2g}"
 
 
-def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
+def sampling(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot, for each surface, the pdf and f times the cosine over the sphere, and the weights of samples."""
     figure, axes = create_figure(3, len(subjects), size=(4.0, 3.0))
     columns: dict[str, Floats] = {}
@@ -74,7 +74,7 @@ def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, columns, tuple(notes))
 
 
-def sampling_values(subject: Subject, options: Options, draft: bool = False) -> Values:
+def sampling_values(subject: PlotSubject, options: PlotOptions, draft: bool = False) -> PlotValues:
     """Return `pdf` and `value`, f times the cosine, (n, 2n), at cosines `cos` (n,) and azimuths `phi` (2n,).
 
     `counts` (k,) and `edges` (k + 1,) are the histogram of the samples' weights. `test` has the mean of the weights,
@@ -103,7 +103,7 @@ def sampling_values(subject: Subject, options: Options, draft: bool = False) -> 
     }  # fmt: skip
 
 
-def sampling_note(values: Values) -> str:
+def sampling_note(values: PlotValues) -> str:
     """Return a summary of the result of `sampling_values` as text."""
     mean, standard_error, most, statistic, freedom, p, resolved = values["test"].tolist()
     test = ChiSquare(statistic, int(freedom), p, bool(resolved))

@@ -16,15 +16,15 @@ from lookdev.plotting.curves import evaluate_f
 from lookdev.plotting.figure import (
     LUMINANCE,
     Plot,
-    Values,
+    PlotValues,
     create_figure,
     legend_label,
     picture,
     rgb_columns,
     unique_labels,
 )
-from lookdev.plotting.options import Options
-from lookdev.plotting.subject import Subject
+from lookdev.plotting.options import PlotOptions
+from lookdev.plotting.subject import PlotSubject
 
 _DECADES = 4.0
 _PIXELS = 160
@@ -34,7 +34,7 @@ _ROOT = 1.1673039782614187
 """Positive root of x^5 = x + 1; its powers are the steps of the recurrence in four dimensions (Roberts 2018)."""
 
 
-def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
+def lobe3d(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f for one view and all lights above the horizon as the radius of a surface; the view is a line."""
     theta, phi, view = lobe_grid(options)
     figure, axes = create_figure(len(subjects), size=(4.6, 4.4), projection="3d")
@@ -49,7 +49,7 @@ def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
         else:
             radius = np.sqrt(luminance / peak) if options.scale == "sqrt" else luminance / peak
         x, y, z = np.moveaxis(wi * radius[..., None], -1, 0)
-        colors = picture(f / np.maximum(f.max(axis=-1, keepdims=True), 1e-300), Options())
+        colors = picture(f / np.maximum(f.max(axis=-1, keepdims=True), 1e-300), PlotOptions())
         shade = 0.55 + 0.45 * Normalize(0.0, 1.0)(radius)[..., None]
         ax.plot_surface(x, y, z, facecolors=np.clip(colors * shade, 0.0, 1.0), rcount=200, ccount=200, shade=False)
         ax.plot(*(np.array([[0.0, 0.0, 0.0], view]).T), color="black", linewidth=1.2)
@@ -63,7 +63,7 @@ def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, columns)
 
 
-def lobe_grid(options: Options) -> tuple[Floats, Floats, Floats]:
+def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
     """Return theta (n,) and phi (2n,) of lights, denser near the mirrored view, where lobes are narrow; the view."""
     count = options.size or 96
     theta = _graded_grid(0.0, 0.5 * np.pi, np.radians(options.theta), count)
@@ -71,14 +71,14 @@ def lobe_grid(options: Options) -> tuple[Floats, Floats, Floats]:
     return theta, phi, towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
 
 
-def lobe_values(subject: Subject, options: Options) -> Values:
+def lobe_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return `wi` and f, (theta, phi, 3), of the lights of `lobe_grid`."""
     theta, phi, view = lobe_grid(options)
     wi = towards(theta[:, None], phi[None, :])
     return {"wi": wi, "f": evaluate_f(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
 
 
-def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
+def sphere(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot spheres as seen from far away: above, lit by a distant point light; below, by the built-in studio dome.
 
     The light is `options.theta` degrees from the view, at an azimuth of `options.phi`, with an irradiance of pi. The
@@ -103,7 +103,7 @@ def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, columns)
 
 
-def sphere_values(subject: Subject, options: Options) -> Values:
+def sphere_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return radiances (k, 3) under the `point` light and the `dome`, of the k pixels inside, numbered row by row.
 
     The first row is the lowest.
@@ -125,7 +125,7 @@ def sphere_values(subject: Subject, options: Options) -> Values:
     return {"pixel": np.flatnonzero(inside.ravel()), "point": point, "dome": _radiance_under_dome(subject, wo, frame)}
 
 
-def _radiance_under_dome(subject: Subject, wo: Floats, frame: Floats) -> Floats:
+def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Floats:
     """Return the radiance (n, 3) towards views, by samples of the surface and of the dome.
 
     The uniform numbers are an additive recurrence with a random shift for each pixel.

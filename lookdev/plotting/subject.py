@@ -18,7 +18,7 @@ from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Array, Bsdf, Model, Real, complete_parameters, model_named, stack_bsdf
 from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.model import StackLayer
-from lookdev.brdf.parameters import Value
+from lookdev.brdf.parameters import ParameterValue
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, LookError, ModelError, nearest_hint
 from lookdev.material import Look, depends_on_view
@@ -36,7 +36,7 @@ LOOK = re.compile(
 
 
 @dataclass(frozen=True, eq=False)
-class Subject:
+class PlotSubject:
     """A surface to plot: a label, its BSDF, and its layers, base first, with their parameters for a view from above.
 
     `seen_alike` is whether the parameters are the same for every view. `faster` computes the same f as the BSDF for
@@ -72,7 +72,7 @@ Locate = Callable[[str], Path]
 """Function that returns the path of a file named in words; raises LookdevError if it must not be read."""
 
 
-def read_subject(words: str, library: Path | None = None, locate: Locate = Path) -> Subject:
+def read_subject(words: str, library: Path | None = None, locate: Locate = Path) -> PlotSubject:
     """Return the subject that words of the command line describe.
 
     Raises
@@ -96,7 +96,7 @@ def split_label(words: str, locate: Locate = Path) -> tuple[str, str]:
     return match[1].strip(), rest
 
 
-def _read_unlabelled(words: str, library: Path | None, locate: Locate) -> Subject:
+def _read_unlabelled(words: str, library: Path | None, locate: Locate) -> PlotSubject:
     if look := LOOK.fullmatch(words):
         return _look_subject(words, look["file"], locate(look["file"]), look["prim"], look["layer"], look["uv"])
     name, _, rest = words.partition(":")
@@ -117,22 +117,22 @@ def _is_file(words: str, locate: Locate, folders: bool = False) -> bool:
         return False
 
 
-def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, Value]]:
+def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, ParameterValue]]:
     """Return the model and the given parameters of words such as ``disney:sheen=0``; raises as `read_subject` does."""
     name, _, rest = words.partition(":")
     model = model_named(name)
     return model, read_parameters(words, model, rest, locate)
 
 
-def model_subject(model: Model, constants: Mapping[str, object], label: str) -> Subject:
+def model_subject(model: Model, constants: Mapping[str, object], label: str) -> PlotSubject:
     """Return the subject of a model with some of its parameters; raises ModelError if one is wrong."""
     parameters = model.complete(constants)
-    return Subject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
+    return PlotSubject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
 
 
-def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) -> dict[str, Value]:
+def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) -> dict[str, ParameterValue]:
     """Parse a model's parameters from text such as ``roughness=.3,baseColor=.8/.2/.1``; `words` are for messages."""
-    parameters: dict[str, Value] = {}
+    parameters: dict[str, ParameterValue] = {}
     for pair in filter(None, text.split(",")):
         name, equals, value = pair.partition("=")
         name = name.strip()
@@ -147,7 +147,7 @@ def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) 
     return parameters
 
 
-def _parse_value(words: str, kind: str, name: str, text: str) -> Value:
+def _parse_value(words: str, kind: str, name: str, text: str) -> ParameterValue:
     if kind == "token":
         return text
     try:
@@ -164,7 +164,7 @@ def _parse_value(words: str, kind: str, name: str, text: str) -> Value:
     raise ModelError(f"{words}: {name} is '{text}'; {right} would be right")
 
 
-def _preset_subject(words: str, name: str, rest: str, library: Path | None) -> Subject:
+def _preset_subject(words: str, name: str, rest: str, library: Path | None) -> PlotSubject:
     try:
         preset = find_preset(name, library)
     except LookError:
@@ -176,12 +176,12 @@ def _preset_subject(words: str, name: str, rest: str, library: Path | None) -> S
         key: complete_parameters(layer.model, {key: value})[key]
         for key, value in read_parameters(words, model_named(layer.model), rest).items()
     }
-    return Subject(words, model_named(layer.model).bsdf(parameters), (replace(layer, parameters=parameters),))
+    return PlotSubject(words, model_named(layer.model).bsdf(parameters), (replace(layer, parameters=parameters),))
 
 
 def _look_subject(
     words: str, file_text: str, file: Path, prim: str | None, layer: str | None, uv_text: str | None
-) -> Subject:
+) -> PlotSubject:
     look = read_look(file, prim)
     uv = _parse_uv(words, uv_text)
     label = words.replace(file_text, file.stem, 1)
@@ -204,8 +204,8 @@ def _look_subject(
 
         upright_bsdf = bsdf_for_view(np.array([[0.0, 0.0, 1.0]]))
         bsdf = replace(upright_bsdf, lobes=lambda wo: bsdf_for_view(wo).lobes(wo))
-        return Subject(label, bsdf, tuple(layers), seen_alike=False)
-    return Subject(label, stack_bsdf(layers), tuple(layers))
+        return PlotSubject(label, bsdf, tuple(layers), seen_alike=False)
+    return PlotSubject(label, stack_bsdf(layers), tuple(layers))
 
 
 def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed: bool = True) -> list[StackLayer]:

@@ -14,7 +14,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from lookdev.arrays import Array, Bools, Floats, Floats32, Ints, Records
+from lookdev.arrays import Bools, Elements, Floats, Floats32, Ints, Records
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -25,7 +25,7 @@ from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_bsdf
 from lookdev.scene.shading import shading_frame
 
-Places = Records
+MeshHits = Records
 
 _HIT = np.dtype([("triangle", np.int64), ("weights", np.float64, (3,))])
 _LIFT = 3e-7  # relative to the asset's size: above the rounding to float32 of a hit and of its triangle
@@ -96,13 +96,13 @@ class MeshScene:
             (): _Occluder.build(self._normalize(self._positions), np.arange(len(self._positions)))
         }
 
-    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Places]:
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, MeshHits]:
         origins = np.broadcast_to(origin, ray.shape)
         return self._trace(self._occluders[()], origins, self._normalize(origins), ray, np.full(len(ray), -1))
 
     def trace_onward(
-        self, hits: Places, direction: Floats, excluded_groups: tuple[int, ...] = ()
-    ) -> tuple[Bools, Places]:
+        self, hits: MeshHits, direction: Floats, excluded_groups: tuple[int, ...] = ()
+    ) -> tuple[Bools, MeshHits]:
         if not self._shadows:
             return np.zeros(len(hits), np.bool_), hits.copy()
         origin, facet = self.points(hits), self._facets[hits["triangle"]]
@@ -115,28 +115,28 @@ class MeshScene:
             self._occluders[excluded_groups], origin, lifted.astype(np.float32), direction, hits["triangle"]
         )
 
-    def points(self, hits: Places) -> Floats:
+    def points(self, hits: MeshHits) -> Floats:
         return self._interpolate_corners(self._positions[hits["triangle"]], hits)
 
-    def is_lit_by(self, hits: Places, light: int) -> Bools | None:
+    def is_lit_by(self, hits: MeshHits, light: int) -> Bools | None:
         """Return a mask (N,) of the hits that a light lights, by its number; None if it lights all."""
         if self._lit_by is None:
             return None
         is_slot_lit: Bools = np.array([light in lights for lights in self._lit_by])
         return np.asarray(is_slot_lit[self._slots[hits["triangle"]]])
 
-    def is_inside(self, hits: Places, wo: Floats) -> Bools:
+    def is_inside(self, hits: MeshHits, wo: Floats) -> Bools:
         facet = self._facets[hits["triangle"]]
         against = _dot(self._normals_at(hits), facet) * _dot(facet, wo)
         return np.asarray(against[:, 0] < 0.0)
 
-    def _normals_at(self, hits: Places) -> Floats:
+    def _normals_at(self, hits: MeshHits) -> Floats:
         """Return the interpolated normals (N, 3), of any length."""
         triangle = hits["triangle"]
         normals = self._interpolate_corners(self._normals[self._corners[triangle]], hits)
         return np.asarray(np.einsum("nji,nj->ni", self._inverse[self._owners[triangle]], normals))
 
-    def frame(self, hits: Places, wo: Floats) -> tuple[Floats, Floats]:
+    def frame(self, hits: MeshHits, wo: Floats) -> tuple[Floats, Floats]:
         triangle = hits["triangle"]
         owner, corners = self._owners[triangle], self._corners[triangle]
         n = self._normals_at(hits)
@@ -147,7 +147,7 @@ class MeshScene:
         axes = (frame.tangent, frame.bitangent, frame.normal)
         return np.stack([np.asarray(axis) for axis in axes], axis=1), np.asarray(frame.facet)
 
-    def bsdfs(self, hits: Places, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
+    def bsdfs(self, hits: MeshHits, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
         """Yield the indices of the hits of each look, and its BSDF there; see `ReferenceScene`.
 
         Raises
@@ -163,7 +163,7 @@ class MeshScene:
             yield index, look_bsdf(self._looks[number], MeshPoints(self, hits[index], view[index]))
 
     def interpolate(
-        self, hits: Places, key: object, label: str, read: Callable[[Mesh], Array | None], width: int
+        self, hits: MeshHits, key: object, label: str, read: Callable[[Mesh], Elements | None], width: int
     ) -> Floats:
         """Interpolate an attribute of corners, (N, width).
 
@@ -186,7 +186,7 @@ class MeshScene:
             raise AssetError(f"{mesh.name}: no {label}; it has: {', '.join(mesh.uvs)}")
         return value
 
-    def _interpolate_corners(self, corners: Floats, hits: Places) -> Floats:
+    def _interpolate_corners(self, corners: Floats, hits: MeshHits) -> Floats:
         return np.asarray(np.einsum("nk,nkj->nj", hits["weights"], corners))
 
     def _normalize(self, points: Floats) -> Floats32:
@@ -195,7 +195,7 @@ class MeshScene:
 
     def _trace(
         self, occluder: _Occluder, origin: Floats, start: Floats32, direction: Floats, leaving: Ints
-    ) -> tuple[Bools, Places]:
+    ) -> tuple[Bools, MeshHits]:
         """Trace rays to the first triangle other than `leaving`, -1 for none; `start` is their origin in float32."""
         along, step = direction.astype(np.float32), _LIFT
         triangle, distance = occluder.trace(start, along)
@@ -248,23 +248,23 @@ class MeshPoints(ImagePoints):
     """Hits of a scene as a `lookdev.material.values.Surface`."""
 
     scene: MeshScene
-    place: Places
+    hits: MeshHits
     cosine: Floats
 
     def uv(self, name: str) -> Floats:
-        return self.scene.interpolate(self.place, name, f"UV set '{name}'", lambda mesh: mesh.uvs.get(name), 2)
+        return self.scene.interpolate(self.hits, name, f"UV set '{name}'", lambda mesh: mesh.uvs.get(name), 2)
 
     def primvar(self, primvar: Primvar) -> Floats:
         fallback = np.atleast_1d(np.asarray(primvar.fallback, np.float64))
 
-        def read(mesh: Mesh) -> Array:
+        def read(mesh: Mesh) -> Elements:
             return mesh.primvars.get(primvar.name, np.broadcast_to(fallback, (len(mesh.corner_points), len(fallback))))
 
-        value = self.scene.interpolate(self.place, primvar, f"primvar '{primvar.name}'", read, len(fallback))
+        value = self.scene.interpolate(self.hits, primvar, f"primvar '{primvar.name}'", read, len(fallback))
         return value if isinstance(primvar.fallback, tuple) else value[:, 0]
 
     def handedness(self) -> Floats:
-        return self.scene.interpolate(self.place, handedness, "handedness", handedness, 1)[:, 0]
+        return self.scene.interpolate(self.hits, handedness, "handedness", handedness, 1)[:, 0]
 
     def view(self) -> Floats:
         return self.cosine

@@ -23,10 +23,10 @@ from scipy.stats import qmc
 from lookdev.arrays import Bools, Floats, Ints, Records
 from lookdev.brdf import Bsdf, Delta, bsdf_for_views, evaluate_cosine, evaluate_diffuse, pdf, sample
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import Light, Shadow, Turned
+from lookdev.light import Light, PosedLight, Shadow
 from lookdev.scene import Camera, Pose, camera_rays
 
-Places = Records
+Hits = Records
 """Hits of rays on a surface, one a row; the scene defines the content of a row."""
 
 _BLOCK = 2**14  # rays at a time: enough to outweigh the cost of calls, few enough for the processor's cache
@@ -48,33 +48,31 @@ class Estimate:
 class ReferenceScene(Protocol):
     """Surfaces for ray tracing. All directions are unit vectors (N, 3) in world space, one for each hit."""
 
-    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Places]:
+    def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Hits]:
         """Return a mask (N,) of the rays from `origin`, (3,) or (N, 3), that hit the scene, and the first hits."""
 
-    def trace_onward(
-        self, hits: Places, direction: Floats, excluded_groups: tuple[int, ...] = ()
-    ) -> tuple[Bools, Places]:
+    def trace_onward(self, hits: Hits, direction: Floats, excluded_groups: tuple[int, ...] = ()) -> tuple[Bools, Hits]:
         """Return a mask (N,) of the rays leaving `hits` that hit the scene again, and the new hits.
 
-        Rays pass through parts of `excluded_groups`, which are the `spared` of `lookdev.light.Emission`.
+        Rays pass through parts of `excluded_groups`, which are `Emission.shadow_excluded`.
         """
 
-    def points(self, hits: Places) -> Floats:
+    def points(self, hits: Hits) -> Floats:
         """Return hits in world space, (N, 3) metres."""
 
-    def frame(self, hits: Places, wo: Floats) -> tuple[Floats, Floats]:
+    def frame(self, hits: Hits, wo: Floats) -> tuple[Floats, Floats]:
         """Return the shading frames (N, 3, 3) and the geometric normals (N, 3), both on the viewer's side.
 
         The rows of a frame are tangent, bitangent and normal; `wo` is the direction to the viewer.
         """
 
-    def is_inside(self, hits: Places, wo: Floats) -> Bools:
+    def is_inside(self, hits: Hits, wo: Floats) -> Bools:
         """Return a mask (N,) of the hits seen from inside: their normals point away from the viewer."""
 
-    def is_lit_by(self, hits: Places, light: int) -> Bools | None:
+    def is_lit_by(self, hits: Hits, light: int) -> Bools | None:
         """Return a mask (N,) of the hits that a light lights, by its number; None if it lights all."""
 
-    def bsdfs(self, hits: Places, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
+    def bsdfs(self, hits: Hits, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
         """Yield a partition of the hits, by index, and the BSDF of each part.
 
         `view` (N,) are the cosines between the shading normals and the directions to the viewer.
@@ -154,17 +152,17 @@ class _Lamp:
     """A light in the pose of a frame."""
 
     number: int
-    light: Turned
+    light: PosedLight
     shadow: Shadow
-    spared: tuple[int, ...]
+    shadow_excluded: tuple[int, ...]
     diffuse: float
     specular: float
 
     @classmethod
     def in_pose(cls, number: int, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
         emission = light.emission
-        posed = Turned(light, (pose.lighting if emission.turns else 0.0) - pose.element, axis)
-        return cls(number, posed, emission.shadow, emission.spared, emission.diffuse, emission.specular)
+        posed = PosedLight(light, (pose.lighting if emission.turns else 0.0) - pose.element, axis)
+        return cls(number, posed, emission.shadow, emission.shadow_excluded, emission.diffuse, emission.specular)
 
     @property
     def has_multipliers(self) -> bool:
@@ -178,10 +176,10 @@ class _Lamp:
     def transmittance(self, point: Floats, direction: Floats, occluder: Floats) -> Floats:
         """Return the share of light (N, 3) at points (N, 3), occluded by the scene at distances (N,), inf for never."""
         occluded = occluder < self.light.distance(point, direction)
-        return np.where(occluded[:, None], self.shadow.passed(np.where(occluded, occluder, 0.0)), 1.0)
+        return np.where(occluded[:, None], self.shadow.transmittance(np.where(occluded, occluder, 0.0)), 1.0)
 
 
-def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Places, ray: Floats, u: Floats) -> Floats:
+def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray: Floats, u: Floats) -> Floats:
     """Return the radiance (N, 3) scattered back along rays (N, 3) with hits on the scene."""
     total = np.zeros(ray.shape)
     path = np.arange(len(ray))  # the indices in `total` and `u` of paths that have not ended
@@ -206,8 +204,10 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Places, ra
         absent = 1.0 - surface.presence
         has_beyond, beyond_hits = np.zeros(len(ray), np.bool_), hits.copy()
         if len(holes := np.flatnonzero(absent > 0.0)):
-            if any(lamp.spared for lamp in lamps):
-                raise EnvironmentMapError("a part that can be seen through is lit by a light that spares some parts")
+            if any(lamp.shadow_excluded for lamp in lamps):
+                raise EnvironmentMapError(
+                    "a part that can be seen through is lit by a light whose shadow excludes some parts"
+                )
             has_beyond[holes], beyond_hits[holes] = scene.trace_onward(hits[holes], ray[holes])
             exits = holes[bounced[holes]]
             point = surface.point[exits]
@@ -215,7 +215,7 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Places, ra
             beyond_points = scene.points(beyond_hits[exits])
             occluder = np.where(has_beyond[exits], np.linalg.norm(beyond_points - point, axis=-1), np.inf)
             for lamp, share in zip(lamps, shadowed, strict=True):
-                share[exits] *= 1.0 - lamp.shadow.passed(travelled)
+                share[exits] *= 1.0 - lamp.shadow.transmittance(travelled)
                 reaching = share[exits] * lamp.transmittance(point, ray[exits], occluder)
                 reaching *= lamp.light.radiance(point, ray[exits])
                 total[path[exits]] += absent[exits, None] * throughput[exits] * reaching
@@ -236,14 +236,14 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Places, ra
         ray = np.where(is_straight[:, None], ray[continuing], onward.direction[continuing])
         start = np.where(is_straight[:, None], start[continuing], surface.point[continuing])
         shadowed = np.where(is_straight[:, None], shadowed[:, continuing], 1.0)
-        hits = onward.place[continuing]
+        hits = onward.hits[continuing]
         hits[is_straight] = beyond_hits[continuing[is_straight]]
     return total
 
 
 @dataclass(frozen=True)
 class _TracedRays:
-    """Rays traced along directions (N, 3): the light from there, and the next hits, `place`, of those `blocked` (N,).
+    """Rays traced along directions (N, 3): the light from there, and the next `hits` of those `blocked` (N,).
 
     `direct` (N, 3) is the lights' part of the estimator, by the balance heuristic. `weight` (N, 3) is f times the
     cosine over the density of the BSDF's samples. Rays without weight are not traced.
@@ -252,7 +252,7 @@ class _TracedRays:
     direction: Floats
     direct: Floats
     blocked: Bools
-    place: Places
+    hits: Hits
     weight: Floats
 
 
@@ -266,19 +266,19 @@ def _choose_rays(alternatives: Sequence[_TracedRays], u: Floats) -> _TracedRays:
     scale = np.divide(total, share, out=np.zeros_like(total), where=share > 0.0)
     names = [field.name for field in fields(_TracedRays)]
     picked = {name: np.stack([getattr(rays, name) for rays in alternatives])[number, rows] for name in names}
-    chosen = _TracedRays(**picked)
-    return replace(chosen, blocked=chosen.blocked & (share > 0.0), weight=chosen.weight * scale[:, None])
+    rays = _TracedRays(**picked)
+    return replace(rays, blocked=rays.blocked & (share > 0.0), weight=rays.weight * scale[:, None])
 
 
 @dataclass(frozen=True)
 class _Surface:
-    """Hits of a scene, `place`, seen along `wo` (N, 3), and their points (N, 3) in world space. Directions are local.
+    """`hits` of a scene, seen along `wo` (N, 3), and their points (N, 3) in world space. Directions are local.
 
     `parts` has for each look the indices of its hits, its BSDF, and the terms that scatter along single directions.
     """
 
     scene: ReferenceScene
-    place: Places
+    hits: Hits
     point: Floats
     frame: Floats
     facet: Floats
@@ -286,7 +286,7 @@ class _Surface:
     parts: tuple[tuple[Ints, Bsdf, tuple[Delta, ...]], ...]
 
     @classmethod
-    def build(cls, scene: ReferenceScene, hits: Places, viewer: Floats) -> _Surface:
+    def build(cls, scene: ReferenceScene, hits: Hits, viewer: Floats) -> _Surface:
         """Return hits seen from directions (N, 3) of the world."""
         frame, facet = scene.frame(hits, viewer)
         wo, is_inside = _to_local(frame, viewer), scene.is_inside(hits, viewer)
@@ -336,22 +336,22 @@ class _Surface:
         opaque = self._compute_parts(lambda bsdf, part: np.full(len(part), not bsdf.transmits(self.wo[part])), ()) > 0.0
         value[(wi[:, 2] * height <= 0.0) | (opaque & (height < 0.0))] = 0.0
         traced = np.flatnonzero((value > 0.0).any(axis=-1))
-        blocked, hits = np.zeros(len(wi), np.bool_), self.place.copy()
-        blocked[traced], hits[traced] = self.scene.trace_onward(self.place[traced], direction[traced])
+        blocked, hits = np.zeros(len(wi), np.bool_), self.hits.copy()
+        blocked[traced], hits[traced] = self.scene.trace_onward(self.hits[traced], direction[traced])
         point, towards = self.point[traced], direction[traced]
         occluders: dict[tuple[int, ...], Floats] = {}
-        for groups in {(), *(lamp.spared for lamp in lamps)}:
+        for groups in {(), *(lamp.shadow_excluded for lamp in lamps)}:
             is_hit, next_hits = blocked[traced], hits[traced]
             if groups:
-                is_hit, next_hits = self.scene.trace_onward(self.place[traced], towards, groups)
+                is_hit, next_hits = self.scene.trace_onward(self.hits[traced], towards, groups)
             distance = np.linalg.norm(self.scene.points(next_hits) - point, axis=-1)
             occluders[groups] = np.where(is_hit, distance, np.inf)
         direct = np.zeros(direction.shape)
         if diffuse is not None:
             diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
-            passed = lamp.transmittance(point, towards, occluders[lamp.spared])
-            if (is_linked := self.scene.is_lit_by(self.place[traced], lamp.number)) is not None:
+            passed = lamp.transmittance(point, towards, occluders[lamp.shadow_excluded])
+            if (is_linked := self.scene.is_lit_by(self.hits[traced], lamp.number)) is not None:
                 passed[~is_linked] = 0.0
             lit_rows = np.flatnonzero(passed.any(axis=-1))
             arriving = passed[lit_rows] * lamp.light.radiance(point[lit_rows], towards[lit_rows])

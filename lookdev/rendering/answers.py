@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lookdev.arrays import Array
+from lookdev.arrays import Elements
 from lookdev.cache import output_errors
 from lookdev.errors import OutputError
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from lookdev.rendering.frame import RenderedFrame
 
 
-class Answers:
+class AnswerStream:
     """Standard output, reserved for answers: from construction on, other output goes to standard error."""
 
     def __init__(self) -> None:
@@ -33,17 +33,17 @@ class Answers:
         """Send one message."""
         os.write(self._channel, (json.dumps(message) + "\n").encode())
 
-    def ready(self, renderer: str) -> None:
+    def send_ready(self, renderer: str) -> None:
         """Report the name and version of the renderer, and that the worker takes tasks."""
         self.send(type="ready", blender=renderer)
 
-    def progress(self, digest: str, samples: int, planned: int, relmse: float | None) -> None:
+    def send_progress(self, digest: str, samples: int, planned: int, relmse: float | None) -> None:
         """Report the samples rendered, the samples planned, and the relMSE so far of a frame, by its digest."""
         self.send(type="progress", digest=digest, samples=samples, of=planned, relmse=relmse)
 
-    def rendered(self, digest: str, frame: RenderedFrame, notes: Sequence[str] = ()) -> None:
-        """Report a frame, with notes for the user; raises as `done`."""
-        arrays: dict[str, Array] = {"a": frame.a, "b": frame.b, "alpha": frame.alpha}
+    def send_frame(self, digest: str, frame: RenderedFrame, notes: Sequence[str] = ()) -> None:
+        """Report a frame, with notes for the user; raises as `send_arrays`."""
+        arrays: dict[str, Elements] = {"a": frame.a, "b": frame.b, "alpha": frame.alpha}
         arrays |= {f"pass {name}": pixels for name, pixels in frame.passes.items()}
         figures = {"samples": frame.samples, "seconds": frame.seconds, "relmse": frame.relmse, "notes": notes}
         if frame.raw is not None:
@@ -51,16 +51,16 @@ class Answers:
             figures |= {"raw_relmse": frame.raw_relmse, "raw_seconds": frame.raw_seconds}
         if frame.names:
             arrays["names"] = np.frombuffer(json.dumps(dict(frame.names)).encode(), np.uint8)
-        self.done(digest, arrays, **figures)
+        self.send_arrays(digest, arrays, **figures)
 
-    def done(self, digest: str, arrays: Mapping[str, Array], **figures: object) -> None:
+    def send_arrays(self, digest: str, arrays: Mapping[str, Elements], **figures: object) -> None:
         """Save arrays in ``TMPDIR``, whose files the parent removes, and report them, figures, and the peak memory.
 
         Raises OutputError where the file cannot be written, and leaves no part of it.
         """
         self.send(type="done", digest=digest, arrays=save_arrays(arrays), memory=peak_memory(), **figures)
 
-    def failed(self, digest: str, error: Exception) -> None:
+    def send_failure(self, digest: str, error: Exception) -> None:
         """Report why a frame cannot be rendered; an OutputError concerns all frames."""
         if isinstance(error, OutputError):
             self.send(type="failed", digest=digest, message=str(error), unwritable=True)
@@ -68,8 +68,8 @@ class Answers:
             self.send(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
 
 
-def save_arrays(arrays: Mapping[str, Array]) -> str:
-    """Save arrays by name to a file in ``TMPDIR``, and return its path; raises as `Answers.done`."""
+def save_arrays(arrays: Mapping[str, Elements]) -> str:
+    """Save arrays by name to a file in ``TMPDIR``, and return its path; raises as `AnswerStream.send_arrays`."""
     folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
     with output_errors(Path(folder), "a rendered frame cannot be written"):
         handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)

@@ -10,9 +10,9 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, NodeSource, PrincipledSource, ProgramSource, ShaderSource
 from lookdev.errors import CodegenError, RenderError
-from lookdev.light import Light, called, native_gaps
+from lookdev.light import Light, light_label, native_gaps
 from lookdev.light.lamps import is_plain, not_of_rigs
 from lookdev.rendering.llvm import check_device
 from lookdev.rendering.passes import PASSES
@@ -61,8 +61,8 @@ class Backend:
 
     name: str
     help: str
-    source: type[Source]
-    generate: Callable[[Look, SourceSetting], Source]  # raises CodegenError
+    source: type[GeneratedSource]
+    generate: Callable[[Look, SourceSetting], GeneratedSource]  # raises CodegenError
     command: tuple[str, ...] = WORKER_COMMAND  # the worker's program and arguments
     devices: tuple[str, ...] = ("cpu",)  # the default first
     cannot_show: Callable[[Look], str | None] = lambda look: None  # returns why, before a source is generated
@@ -82,25 +82,25 @@ class Backend:
 
 
 # Workers read this registry to decode tasks, and do not generate sources: so generators are imported where they run.
-def _generate_exact(look: Look, setting: SourceSetting) -> Source:
+def _generate_exact(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.osl.surface import generate_surface
 
     return generate_surface(look, setting)
 
 
-def _generate_nodes(look: Look, setting: SourceSetting) -> Source:
+def _generate_nodes(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.nodes.look import generate_nodes
 
     return generate_nodes(look, setting.image_file)
 
 
-def _generate_nodes_exact(look: Look, setting: SourceSetting) -> Source:
+def _generate_nodes_exact(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.nodes.exact import generate_nodes_exact
 
     return generate_nodes_exact(look, setting.image_file, bounces=setting.sampling.bounces)
 
 
-def _generate_program(look: Look, setting: SourceSetting) -> Source:
+def _generate_program(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.program.look import generate_program
 
     return generate_program(
@@ -112,7 +112,7 @@ def _generate_program(look: Look, setting: SourceSetting) -> Source:
     )
 
 
-def _generate_principled(look: Look, setting: SourceSetting) -> Source:
+def _generate_principled(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.principled import generate_principled
 
     return generate_principled(look)
@@ -121,7 +121,7 @@ def _generate_principled(look: Look, setting: SourceSetting) -> Source:
 def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
     """Return the gaps: every lamp, as directions sampled from a model pass lamps, which then count as portals."""
     lamps = [
-        f"{called(light, number)}: the rays of this backend find no lamps, only domes"
+        f"{light_label(light, number)}: the rays of this backend find no lamps, only domes"
         for number, light in enumerate(lights, start=1)
         if light.kind != "dome"
     ]

@@ -54,7 +54,7 @@ def half_of_seed(seed: int) -> int:
     return seed % 2
 
 
-Progress = Callable[[int, int, float | None], None]
+ReportSamples = Callable[[int, int, float | None], None]
 """Called with the samples done, the samples planned, and the relMSE so far."""
 
 Renderer = Callable[[int, Region], tuple[Floats32, Floats32] | tuple[Floats32, Floats32, Mapping[str, Floats32]]]
@@ -63,7 +63,7 @@ Renderer = Callable[[int, Region], tuple[Floats32, Floats32] | tuple[Floats32, F
 Denoiser = Callable[[Floats32], Floats32]
 
 
-Pictures = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
+CombineHalves = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
 """Returns the colours of both halves, and the alpha of the frame."""
 
 
@@ -76,8 +76,8 @@ def render_halves(
     task: FrameTask,
     render: Renderer,
     denoiser: Callable[[], Denoiser],
-    progress: Progress,
-    pictures: Pictures = plain_pictures,
+    progress: ReportSamples,
+    pictures: CombineHalves = plain_pictures,
 ) -> RenderedFrame:
     """Render the halves of a frame with different seeds, so that their difference measures the error of their mean.
 

@@ -1,4 +1,4 @@
-"""The libraries by which Dr.Jit compiles Mitsuba's kernels: LLVM for the CPU, the driver of an NVIDIA GPU."""
+"""The libraries with which Dr.Jit compiles Mitsuba's kernels: LLVM for the CPU, the driver of an NVIDIA GPU."""
 
 from __future__ import annotations
 

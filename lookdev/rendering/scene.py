@@ -10,14 +10,14 @@ import numpy as np
 from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import TANGENT, Catching, Source
+from lookdev.codegen.source import TANGENT, Catching, GeneratedSource
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
 from lookdev.light.emission import MOST_GROUPS, WHITE
 from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, Backend
-from lookdev.rendering.kept import cached_source
 from lookdev.rendering.passes import LIGHTS, light_groups
+from lookdev.rendering.source_cache import cached_source
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling, Scene
 
@@ -34,7 +34,7 @@ class SceneTasks:
         self._backend = BACKENDS[backend]
         self._device = device
         # The look is stored beside its source, so that its id stays in use and no other look gets it.
-        self._sources: dict[tuple[object, ...], tuple[Source, Look]] = {}
+        self._sources: dict[tuple[object, ...], tuple[GeneratedSource, Look]] = {}
 
     def task(self, scene: Scene, sampling: Sampling) -> SceneTask:
         """Generate the sources of a scene, and return its task.
@@ -63,7 +63,7 @@ class SceneTasks:
             for numbers_of_lights, reaching in lights.items()
         }
 
-        def generate(sampling: Sampling, shadows: bool) -> list[Source]:
+        def generate(sampling: Sampling, shadows: bool) -> list[GeneratedSource]:
             sources = []
             for surface in surfaces:
                 group_numbers = tuple(numbers[number] for number in surface.lights) if numbers else ()
@@ -89,13 +89,15 @@ class SceneTasks:
         order = {key: number for number, key in enumerate(sources_by_key)}
         shaders, slots = tuple(sources_by_key.values()), tuple(order[keys[surface]] for surface in surface_of_slot)
         return SceneTask(
-            asset=Content.of(save_asset(asset, _meshes_with_tangents(asset, [shaders[number] for number in slots]))),
+            asset=Content.store_copy(
+                save_asset(asset, _meshes_with_tangents(asset, [shaders[number] for number in slots]))
+            ),
             backend=self._backend.name,
             shaders=shaders,
-            worn=slots,
+            slot_shaders=slots,
             lights=scene.lights,
-            lit=tuple(lights for _, _, lights in sources_by_key) if scene.lit else (),
-            groups=scene.grouped if scene.groups else (),
+            shader_lights=tuple(lights for _, _, lights in sources_by_key) if scene.lights_of_slot else (),
+            groups=scene.slot_groups if scene.groups else (),
             resolution=scene.film.resolution,
             space=scene.film.space,
             sampling=effective,
@@ -116,13 +118,13 @@ class SceneTasks:
         if not backend.any_light and (gaps := backend.cannot_light(scene.lights)):
             lines = (f"{gap}: backend 'exact' renders it, '{backend.name}' does not" for gap in gaps)
             raise EnvironmentMapError("\n".join(lines))
-        if (groups := max(scene.grouped)) > MOST_GROUPS:
+        if (groups := max(scene.slot_groups)) > MOST_GROUPS:
             raise EnvironmentMapError(
                 f"shadow links divide the parts into {groups + 1} groups that cast the shadows of different lights; at "
                 f"most {MOST_GROUPS + 1} would be right"
             )
 
-    def _source(self, look: Look, setting: SourceSetting, code: tuple[object, ...]) -> Source:
+    def _source(self, look: Look, setting: SourceSetting, code: tuple[object, ...]) -> GeneratedSource:
         """Return the source of a look; `code` is all that the source depends on of the lights."""
         settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
         key = (id(look), *code, *settings)
@@ -142,9 +144,9 @@ class _Surface:
 
 def _surfaces(scene: Scene) -> tuple[list[_Surface], list[int]]:
     """Return the different surfaces of a scene, and the number of each slot's surface."""
-    catching_looks = {id(scene.wears[path]) for path in scene.catchers}
+    catching_looks = {id(scene.look_of_slot[path]) for path in scene.catchers}
     surfaces: dict[tuple[int, tuple[int, ...]], _Surface] = {}
-    keys = [(id(look), lights) for look, lights in zip(scene.looks, scene.lit_by, strict=True)]
+    keys = [(id(look), lights) for look, lights in zip(scene.looks, scene.slot_lights, strict=True)]
     for key, look in zip(keys, scene.looks, strict=True):
         catching: Catching = "" if not catching_looks else "ground" if key[0] in catching_looks else "asset"
         surfaces[key] = _Surface(look, key[1], catching)
@@ -161,17 +163,19 @@ def _light_code(lights: Sequence[Light], backend: Backend, sampling: Sampling) -
     return kinds, lights_code(lights, sampled=sampled).constants
 
 
-def _check_shadows(source: Source, lights: Sequence[Light]) -> None:
+def _check_shadows(source: GeneratedSource, lights: Sequence[Light]) -> None:
     """Raise CodegenError where a look can be seen through and a light casts other shadows than plain black ones."""
     emissions = [light.emission for light in lights]
-    if source.see_through and any(emission.shadow != WHITE.shadow or emission.spared for emission in emissions):
+    if source.see_through and any(
+        emission.shadow != WHITE.shadow or emission.shadow_excluded for emission in emissions
+    ):
         raise CodegenError(
             f"look '{source.name}': can be seen through, so lights whose shadows have a colour or an end, or that "
             "cast none or only those of some parts, cannot light it; black shadows of all lights would be right"
         )
 
 
-def _meshes_with_tangents(asset: Asset, sources: Sequence[Source]) -> Iterator[int]:
+def _meshes_with_tangents(asset: Asset, sources: Sequence[GeneratedSource]) -> Iterator[int]:
     """Yield the numbers of the meshes that need tangents: `sources`, by slot, reads them on one of their slots."""
     reads_tangents = np.array(
         [any(attribute.attribute == TANGENT for attribute in source.attributes) for source in sources]

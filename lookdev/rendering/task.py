@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import PlainValidator, TypeAdapter, ValidationInfo
 
 from lookdev.cache import Content
-from lookdev.codegen.source import LOBE_GROUPS, ProgramSource, ShaderSource, Source
+from lookdev.codegen.source import LOBE_GROUPS, GeneratedSource, ProgramSource, ShaderSource
 from lookdev.light import AnyLight, Light
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.passes import CATCHER, LIGHTS, PASSES, channels_of_passes, light_layer, light_parts
@@ -24,11 +24,11 @@ _Real = TypeVar("_Real", np.float32, np.float64)
 
 
 @cache
-def _adapter(kind: type[Source]) -> TypeAdapter[Source]:
+def _adapter(kind: type[GeneratedSource]) -> TypeAdapter[GeneratedSource]:
     return TypeAdapter(kind)
 
 
-def _read_sources(values: list[object], info: ValidationInfo) -> tuple[Source, ...]:
+def _read_sources(values: list[object], info: ValidationInfo) -> tuple[GeneratedSource, ...]:
     name = info.data.get("backend")
     if name not in BACKENDS:
         raise ValueError(f"no backend '{name}' is registered here")
@@ -36,29 +36,31 @@ def _read_sources(values: list[object], info: ValidationInfo) -> tuple[Source, .
 
 
 # JSON has no types: the backend determines the type of the sources.
-Sources = Annotated[tuple[Source, ...], PlainValidator(_read_sources)]
+LookSources = Annotated[tuple[GeneratedSource, ...], PlainValidator(_read_sources)]
 
 
 @dataclass(frozen=True)
 class SceneTask:
     """All that stays the same over a sequence: geometry, sources, lights, resolution.
 
-    `shaders` has each source once; `worn` has the number of the source of each slot. The sources may have
+    `shaders` has each source once; `slot_shaders` has the number of the source of each slot. The sources may have
     `brdf_samples` and `ibl_samples` of the sampling built in. Raises ValueError where there is no source, where one is
-    not of the backend's type, and where a number of `worn` is not that of a source.
+    not of the backend's type, and where a number of `slot_shaders` is not that of a source.
     """
 
     asset: Content
     backend: str
-    shaders: Sources
-    worn: tuple[int, ...]
+    shaders: LookSources
+    slot_shaders: tuple[int, ...]
     lights: tuple[AnyLight, ...]
     resolution: tuple[int, int]
     sampling: Sampling
     camera: Camera
     device: str = "cpu"
-    lit: tuple[tuple[int, ...], ...] = ()  # the numbers of the lights of each source; (): all lights, for each
-    groups: tuple[int, ...] = ()  # the group of each slot, as in `Emission.spared`; (): 0, for each
+    shader_lights: tuple[
+        tuple[int, ...], ...
+    ] = ()  # the numbers of the lights of each source; (): all lights, for each
+    groups: tuple[int, ...] = ()  # the group of each slot, as in `Emission.shadow_excluded`; (): 0, for each
     prims: tuple[str, ...] = ()  # the path of each instance, if a pass needs them
     space: Space = REC709  # the colour space of the light
     # The group of each light, if a pass needs them; after these, the groups of lights that reach nothing.
@@ -78,14 +80,17 @@ class SceneTask:
             raise ValueError(
                 f"backend '{self.backend}' takes a {record.source.__name__} for every slot, found: {names}"
             )
-        if not self.worn or min(self.worn) < 0 or max(self.worn) >= len(self.shaders):
+        if not self.slot_shaders or min(self.slot_shaders) < 0 or max(self.slot_shaders) >= len(self.shaders):
             raise ValueError(
-                f"sources of slots are numbers from 0 to {len(self.shaders) - 1}, found: {sorted(set(self.worn))}"
+                f"sources of slots are numbers from 0 to {len(self.shaders) - 1}, "
+                f"found: {sorted(set(self.slot_shaders))}"
             )
 
     def lights_of(self, shader: int) -> tuple[Light, ...]:
         """Return the lights that reach the slots of a source, by the number of the source."""
-        return tuple(self.lights[number] for number in self.lit[shader]) if self.lit else self.lights
+        return (
+            tuple(self.lights[number] for number in self.shader_lights[shader]) if self.shader_lights else self.lights
+        )
 
     @property
     def catches(self) -> bool:

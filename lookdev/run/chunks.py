@@ -18,9 +18,9 @@ from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
 from lookdev.plan.chunks import Chunk, Costs, Division, part_of, split
-from lookdev.plan.costs import estimated, measured
+from lookdev.plan.costs import estimate_costs, measure_costs
 from lookdev.run.runs import Runs
-from lookdev.text import TextError, align_columns, parse_json, read_text
+from lookdev.safe_text import TextError, align_columns, parse_json, read_text
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ def store_measured_chunks(plan: Plan, division: Division) -> None:
     for run in Runs(file.parent).alive():
         if run.part.endswith(f"/{division}"):
             raise OutputError(f"{plan.output}: {run} renders chunk {run.part} of the division that would be replaced")
-    write_file(file, json.dumps(_divide_plan(plan, division, measured(plan))))
+    write_file(file, json.dumps(_divide_plan(plan, division, measure_costs(plan))))
 
 
 def chunk_summaries(plan: Plan, division: Division) -> list[ChunkSummary]:
     """Return the chunks of a plan; their times are estimated from the frames on disk, where there are some."""
-    costs = measured(plan)
+    costs = measure_costs(plan)
     summaries, first = [], 0
     for number, end in enumerate(_chunk_ends(plan, division), start=1):
         frames = plan.frames[first:end]
@@ -106,7 +106,7 @@ def _division_file(plan: Plan, division: Division) -> Path:
 
 def _chunk_ends(plan: Plan, division: Division) -> tuple[int, ...]:
     """Return the index after the last frame of each chunk."""
-    return _stored_ends(plan, division) or _divide_plan(plan, division, estimated(plan))
+    return _stored_ends(plan, division) or _divide_plan(plan, division, estimate_costs(plan))
 
 
 def _stored_ends(plan: Plan, division: Division) -> tuple[int, ...] | None:

@@ -116,4 +116,4 @@ class SheetWritten:
 
 
 Event = Noted | RunJoined | RunStarted | RunEnded | FrameEvent | SheetWritten
-Report = Callable[[Event], None]
+ReportEvent = Callable[[Event], None]

@@ -19,7 +19,7 @@ from lookdev.rendering.executors.protocol import Executor, Happening, Stored
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.run import events
-from lookdev.run.events import Report
+from lookdev.run.events import ReportEvent
 from lookdev.run.frame_file import exposed_beauty, store
 from lookdev.run.pictures import PictureFile, PictureWriter
 from lookdev.run.runs import Run
@@ -75,7 +75,7 @@ class RunResult:
 class RunFrames:
     """The frames of a plan, of which a run updates, renders and writes those that it claims."""
 
-    def __init__(self, plan: Plan, pictures: PictureWriter, run: Run, report: Report, force: bool) -> None:
+    def __init__(self, plan: Plan, pictures: PictureWriter, run: Run, report: ReportEvent, force: bool) -> None:
         self._plan = plan
         self._run = run
         self._report = report

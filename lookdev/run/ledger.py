@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import TextIO
 
 from lookdev.cache import file_digest, write_file
-from lookdev.text import read_json_object
+from lookdev.safe_text import read_json_object
 
 _LARGEST = 1 << 30  # bytes
 
-Entry = tuple[str, str]
+LedgerEntry = tuple[str, str]
 """A key and a digest."""
 
 
@@ -32,7 +32,7 @@ class Ledger:
         self._merged = _read_merged(self._file)
         self._entries = {name: {entry} for name, entry in self._merged.items()}
         self._offsets: dict[Path, int] = {}  # of what is not read yet, in files of runs
-        self._latest: dict[str, Entry] = {}
+        self._latest: dict[str, LedgerEntry] = {}
         self._read_runs()
 
     @property
@@ -88,7 +88,7 @@ class Ledger:
                         name, key, digest = parts
                         self._add_entry(name, (key, digest))
 
-    def _add_entry(self, name: str, entry: Entry) -> None:
+    def _add_entry(self, name: str, entry: LedgerEntry) -> None:
         self._latest[name] = entry
         self._entries.setdefault(name, set()).add(entry)
 
@@ -103,7 +103,7 @@ def _parse_line(line: bytes) -> list[str] | None:
     return parts if is_entry else None
 
 
-def _read_merged(file: Path) -> dict[str, Entry]:
+def _read_merged(file: Path) -> dict[str, LedgerEntry]:
     """Return the entries of ended runs; without the file, every picture is made again."""
     return {
         name: (entry[0], entry[1])

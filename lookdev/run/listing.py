@@ -10,13 +10,13 @@ from pathlib import Path
 from lookdev.codegen.source import ShaderSource
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan, PlannedFile
-from lookdev.text import align_columns
+from lookdev.safe_text import align_columns
 
 LINKED = "shown by another frame that is done: linked, not rendered"
 
 
 @dataclass(frozen=True)
-class Range:
+class FrameRange:
     """Consecutive frames of a turntable that are in the same state for the same reason."""
 
     turntable: str  # look/ibl/turntable
@@ -27,7 +27,7 @@ class Range:
     reason: str
 
 
-def plan_ranges(plan: Plan) -> Iterator[Range]:
+def plan_ranges(plan: Plan) -> Iterator[FrameRange]:
     """Yield the files of a plan in ranges, turntable by turntable in the plan's order."""
     linked = {copy.target for copy in plan.copies()}
     turntables: dict[str, list[PlannedFile]] = {}
@@ -41,7 +41,7 @@ def plan_ranges(plan: Plan) -> Iterator[Range]:
     for turntable, files in turntables.items():
         for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=state_and_reason):
             numbers = [FrameName.of(file.path).digits for file in group]
-            yield Range(turntable, numbers[0], numbers[-1], len(numbers), state, reason)
+            yield FrameRange(turntable, numbers[0], numbers[-1], len(numbers), state, reason)
 
 
 def plan_text(plan: Plan) -> str:

@@ -22,8 +22,8 @@ from lookdev.output.exr import read_header
 from lookdev.output.manifest import NAME, STATE_FOLDER, Deviation, deviations, read_manifest, write_manifest
 from lookdev.plan import Plan
 from lookdev.run.ledger import Ledger
+from lookdev.safe_text import read_json_object
 from lookdev.stage import dependencies
-from lookdev.text import read_json_object
 
 _STATE = f"{STATE_FOLDER}/digests.json"
 
@@ -74,7 +74,7 @@ def record_run(job: Job, plan: Plan) -> Path:
         "job": str(job.file),
         "command": render,
         "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
-        "view": asdict(job.outputs.shown("png")),
+        "view": asdict(job.outputs.display_view("png")),
         "settings": job.model_dump(mode="json", include={"render", "outputs", *optional}),
         "inputs": (digests.entry(file, str(file)) for file in input_files(job) if file.is_file()),
         "planned": len(planned),

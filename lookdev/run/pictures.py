@@ -21,12 +21,12 @@ from lookdev.job import JobOutputs
 from lookdev.output.display import composite, laid_over
 from lookdev.output.exr import read_shown, shown_light
 from lookdev.output.frame_name import FrameName
-from lookdev.output.record import Frames, Output
+from lookdev.output.record import FrameSequence, Output
 from lookdev.plan import Plan, Reel
 from lookdev.rendering.task import FrameTask
 from lookdev.run.ledger import Ledger
 
-Background = Callable[[FrameTask], Reals]
+RenderBackground = Callable[[FrameTask], Reals]
 """Returns the linear light behind a frame, with exposure applied: (H, W, 3), or (3,) for a uniform colour."""
 
 
@@ -55,7 +55,9 @@ class PictureWriter:
         The record of files that earlier runs and other runs have made; the caller closes it.
     """
 
-    def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background, ledger: Ledger) -> None:
+    def __init__(
+        self, plan: Plan, outputs: JobOutputs, background: object, light: RenderBackground, ledger: Ledger
+    ) -> None:
         self._plan = plan
         self._outputs = outputs
         self._background_light = light
@@ -65,7 +67,7 @@ class PictureWriter:
         self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
         self._sheets: list[PictureFile] = []
         self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
-        for output in outputs.wanted:
+        for output in outputs.enabled_outputs:
             for file in _files(plan, output):
                 (self._files_of_frame[next(iter(file.frames))] if output.of == "frame" else self._sheets).append(file)
 
@@ -119,7 +121,7 @@ class PictureWriter:
         def light(frame: Path) -> Floats32:
             return composite(*layers(frame), self._background_light(file.frames[frame]))
 
-        frames = Frames(
+        frames = FrameSequence(
             tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
         )
         file.output.write(paths[0], frames)
@@ -144,7 +146,7 @@ class PictureWriter:
     def _options(self, output: Output) -> dict[str, object]:
         options = {name: getattr(self._outputs, name) for name in output.options}
         burn_in = {"burn_in": True} if output.name in self._outputs.burn_in else {}
-        return {"view": self._outputs.shown(output.name), **burn_in, **options}
+        return {"view": self._outputs.display_view(output.name), **burn_in, **options}
 
     def _is_current(self, path: Path, key: str) -> bool:
         return path.is_file() and self._ledger.has(self._name(path), key, path)

@@ -21,17 +21,17 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn
 
 from lookdev.errors import replace_controls
 from lookdev.run import events
-from lookdev.run.events import Event, LogFormat, Report
+from lookdev.run.events import Event, LogFormat, ReportEvent
 
 if TYPE_CHECKING:
-    from lookdev.fitting.picture.search import Point
+    from lookdev.fitting.picture.search import LossPoint
 
 _MAX_BARS = 8  # of frames
 _LEVELS: dict[type[Event], str] = {events.FrameFailed: "error", events.FrameRetried: "warning"}
 
 
 @contextmanager
-def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[Report]:
+def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[ReportEvent]:
     """Yield a report that writes to `stream`: as text, a live display in a terminal, else a line for each event."""
     if form is LogFormat.JSON:
         yield JsonReport(stream)
@@ -46,12 +46,12 @@ def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[
 
 
 @contextmanager
-def show_fit(stream: TextIO) -> Iterator[Callable[[Point], None]]:
+def show_fit(stream: TextIO) -> Iterator[Callable[[LossPoint], None]]:
     """Yield a report of the renders that a fit tries: a line that is updated in a terminal, else nothing."""
     counts: Counter[str] = Counter()
     with Console(file=stream).status("reading") if stream.isatty() else nullcontext() as status:
 
-        def report(point: Point) -> None:
+        def report(point: LossPoint) -> None:
             counts[point.stage] += 1
             if status is not None:
                 renders = ", ".join(f"{count} {stage}" for stage, count in counts.items())

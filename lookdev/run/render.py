@@ -12,21 +12,21 @@ import numpy as np
 
 from lookdev.errors import LookdevError, OutputError
 from lookdev.job import Job, JobOutputs, load_job
-from lookdev.job.mapping import PathRules, mapped
+from lookdev.job.mapping import PathRules, map_path
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.executors.choice import LOCAL, Choice, open_executor
-from lookdev.rendering.executors.protocol import Executor, Place
+from lookdev.rendering.executors.choice import LOCAL, ExecutorOptions, open_executor
+from lookdev.rendering.executors.protocol import Executor, WorkerFiles
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import PATIENCE
 from lookdev.run.chunks import plan_of_chunk, remove_divisions
-from lookdev.run.events import Noted, Report, RunJoined
+from lookdev.run.events import Noted, ReportEvent, RunJoined
 from lookdev.run.frame_file import store
 from lookdev.run.frames import RunFrames, RunResult
 from lookdev.run.ledger import Ledger
-from lookdev.run.pictures import Background, PictureWriter
+from lookdev.run.pictures import PictureWriter, RenderBackground
 from lookdev.run.runs import Run
 from lookdev.run.status import record_plan, remove_failures
 
@@ -55,8 +55,8 @@ def render_job(
     only: Sequence[str] = (),
     chunk: Chunk | None = None,
     outputs_only: bool = False,
-    choice: Choice = LOCAL,
-    report: Report = lambda event: None,
+    choice: ExecutorOptions = LOCAL,
+    report: ReportEvent = lambda event: None,
 ) -> RunResult:
     """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
 
@@ -134,7 +134,7 @@ def mapped_files(rules: PathRules) -> AbstractContextManager[None]:
         return nullcontext()
     from lookdev.stage import map_asset_paths  # not at the top: reading USD files takes long to import
 
-    return map_asset_paths(lambda asset: mapped(asset, rules))
+    return map_asset_paths(lambda asset: map_path(asset, rules))
 
 
 def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
@@ -168,7 +168,7 @@ def _lacks_frames(job: Job) -> bool:
     return False
 
 
-def _join(run: Run, plan: Plan, report: Report) -> None:
+def _join(run: Run, plan: Plan, report: ReportEvent) -> None:
     """Announce the plan of a run, and report other runs of the plan; raises OutputError where a run has another."""
     others = run.announce_plan(plan.digest)
     report(RunJoined(run.info.id, run.info.part, plan.digest))
@@ -193,11 +193,13 @@ def _output_errors(output: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _open_executor(choice: Choice, run: Run, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Executor]:
+def _open_executor(
+    choice: ExecutorOptions, run: Run, command: Sequence[str], patience: float = PATIENCE
+) -> Iterator[Executor]:
     """Yield an executor for a run, with its logs and temporary files in the state folder, and close it."""
     with (
         run.scratch_folder() as scratch,
-        open_executor(choice, Place(scratch, run.log_file, tuple(command), patience), store) as executor,
+        open_executor(choice, WorkerFiles(scratch, run.log_file, tuple(command), patience), store) as executor,
     ):
         yield executor
 
@@ -208,11 +210,11 @@ def render_setups(
     outputs: JobOutputs,
     background: Backdrop = "black",
     *,
-    report: Report = lambda event: None,
+    report: ReportEvent = lambda event: None,
 ) -> tuple[Plan, RunResult]:
     """Render scenes in memory: join the runs of the output, plan, run the plan. Raises the errors of `render_job`."""
     with Run(turns.output) as run:
-        plan = build_plan(setups, turns, read_header, beside=outputs.beside)
+        plan = build_plan(setups, turns, read_header, frame_suffixes=outputs.frame_suffixes)
         _join(run, plan, report)
         return plan, run_plan(plan, outputs, background, run=run, report=report)
 
@@ -225,12 +227,12 @@ def run_plan(
     force: bool = False,
     only: Sequence[str] = (),
     outputs_only: bool = False,
-    behind: Background | None = None,
+    behind: RenderBackground | None = None,
     run: Run | None = None,
     executor: Executor | None = None,
     worker_command: Sequence[str] | None = None,
     patience: float = PATIENCE,
-    report: Report = lambda event: None,
+    report: ReportEvent = lambda event: None,
 ) -> RunResult:
     """Render pending frames, and make the pictures and sheets that are missing or out of date.
 
@@ -287,7 +289,7 @@ def run_plan(
                     if worker_command is None:
                         backend.check_device(scene.device)
                     command = worker_command or backend.command
-                    executor = stack.enter_context(_open_executor(Choice(workers=1), run, command, patience))
+                    executor = stack.enter_context(_open_executor(ExecutorOptions(workers=1), run, command, patience))
                 frames.render(tasks, executor)
             frames.wait_for_sheets()
         except KeyboardInterrupt:
@@ -305,7 +307,7 @@ def _open_ledger(run: Run) -> Iterator[Ledger]:
             ledger.close([other.id for other in run.others()])
 
 
-def background_light(background: Backdrop) -> Background:
+def background_light(background: Backdrop) -> RenderBackground:
     """Return a function of a frame that returns the light behind it."""
     if background == "ibl":
         from lookdev.output.background import environment_background

@@ -32,7 +32,7 @@ from typing import Self
 from lookdev.cache import output_errors, process_name, write_file
 from lookdev.errors import OutputError, WorkerError
 from lookdev.output.manifest import STATE_FOLDER
-from lookdev.text import read_json_object, stated_limit
+from lookdev.safe_text import read_json_object, stated_limit
 
 LEASE_VARIABLE = "LOOKDEV_LEASE"
 """Environment variable: seconds without a heartbeat after which a run counts as dead."""

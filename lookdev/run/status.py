@@ -25,9 +25,9 @@ from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
-from lookdev.plan.costs import estimated
+from lookdev.plan.costs import estimate_costs
 from lookdev.run.runs import Run, RunInfo, Runs, claim_key, lease, read_claims
-from lookdev.text import align_columns, read_json_object
+from lookdev.safe_text import align_columns, read_json_object
 
 _PLAN, _FAILED = "plan.json", "failed"
 _LARGEST = 1 << 28  # bytes of a plan
@@ -83,7 +83,7 @@ def record_plan(run: Run, job: Path, plan: Plan) -> None:
     file = run.state / _PLAN
     if _read_plan(file).get("plan") == plan.digest:
         return
-    costs = estimated(plan).frames
+    costs = estimate_costs(plan).frames
     frames = {
         str(FrameName.of(frame.task.files[0])): [frame.task.digest, cost]
         for frame, cost in zip(plan.frames, costs, strict=True)

@@ -85,7 +85,7 @@ class Camera:
         """The point of view, (3,)."""
         return np.asarray(np.array(self.target) + self.distance * self.frame[2])
 
-    def orbited(self, degrees: float) -> Self:
+    def orbit(self, degrees: float) -> Self:
         """Return the camera after it has orbited its axis, counter-clockwise seen from above."""
         (x, y), turn = self.pivot, math.radians(degrees)
         dx, dy = self.target[0] - x, self.target[1] - y
@@ -93,7 +93,7 @@ class Camera:
         target = (x + cosine * dx - sine * dy, y + sine * dx + cosine * dy, self.target[2])
         return replace(self, target=target, axis=(x, y), azimuth=self.azimuth + degrees)
 
-    def moved(self, offset: tuple[float, float, float]) -> Self:
+    def move(self, offset: tuple[float, float, float]) -> Self:
         """Return the camera moved, with its axis, by an offset."""
         (x, y), (dx, dy, dz) = self.pivot, offset
         target = (self.target[0] + dx, self.target[1] + dy, self.target[2] + dz)
@@ -108,7 +108,7 @@ def camera_rays(
     For a thin lens, u (..., 2), uniform in the unit square, is mapped to the point where a ray leaves the lens. Without
     u, and for a pinhole, all rays have one origin, (3,).
     """
-    orbited = camera.orbited(-pose.element)
+    orbited = camera.orbit(-pose.element)
     right, up, back = orbited.frame
     width, height = resolution
     shift_x, shift_y = camera.shift

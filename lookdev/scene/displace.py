@@ -20,7 +20,7 @@ from lookdev.asset.tangents import handedness
 from lookdev.errors import AssetError
 from lookdev.material import Displacement, Look, Primvar
 from lookdev.material.points import ImagePoints
-from lookdev.material.values import Values
+from lookdev.material.values import SourceValues
 
 _NORMALS = "lookdev:normals"
 
@@ -45,7 +45,7 @@ def as_cage(mesh: Mesh) -> Mesh:
 
 
 def displace(asset: Asset, look_of_part: Mapping[str, Look]) -> Asset:
-    """Displace the refined meshes of an asset; `look_of_part` maps slots' paths to looks, as `Scene.wears`.
+    """Displace the refined meshes of an asset; `look_of_part` maps slots' paths to looks, as `Scene.look_of_slot`.
 
     A height h moves a point by ``(h - midlevel) scale`` along its normal: in the object's own space and the units of
     the asset's file, or in the world, in metres, after the instance's matrix. In the world, instances of one mesh that
@@ -103,7 +103,7 @@ def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Fl
     """Return the displacement of each corner (m,), in metres: in object space, and in the world."""
     corner_slots = np.repeat(mesh.face_slots, mesh.face_sizes)
     object_heights, world_heights = np.zeros((2, len(corner_slots)))
-    points = Corners(mesh)
+    points = CornerPoints(mesh)
     for slot in np.unique(mesh.face_slots):
         displacement = looks[slot].displacement
         if displacement is None:
@@ -120,9 +120,9 @@ def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Fl
     return object_heights, world_heights
 
 
-def _height(points: Corners, displacement: Displacement) -> Floats:
+def _height(points: CornerPoints, displacement: Displacement) -> Floats:
     with np.errstate(all="ignore"):  # the caller reports values that are not finite
-        height = np.asarray(Values(points).read(displacement.height, color=False), np.float64)
+        height = np.asarray(SourceValues(points).read(displacement.height, color=False), np.float64)
         offset = (height - displacement.midlevel) * displacement.scale
     return np.broadcast_to(offset, (len(points.mesh.corner_points),))
 
@@ -163,7 +163,7 @@ def _rotate_normals(normals: Floats, before: Floats, after: Floats) -> Floats:
 
 
 @dataclass(frozen=True)
-class Corners(ImagePoints):
+class CornerPoints(ImagePoints):
     """The corners of a mesh as a `lookdev.material.values.Surface`."""
 
     mesh: Mesh

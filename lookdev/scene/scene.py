@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import starmap
 from typing import Literal, Self
 
@@ -12,12 +12,15 @@ from lookdev.asset import Asset
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.scene.camera import Camera
-from lookdev.scene.dress import Part, asset_parts, assign_to_parts
 from lookdev.scene.framing import frame_camera
+from lookdev.scene.parts import Part, asset_parts, assign_to_parts
 from lookdev.space import REC709, Space
 
 SAMPLE_CAP = 4096
 """The default limit of samples per pixel for a frame with a target error."""
+
+CONSTANT = "constant"
+"""In the metadata of a field of `Sampling`: its name among the constants of generated shaders."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Sampling:
     error: float | None = None
     brdf_samples: int | None = None
     ibl_samples: int | None = None
-    bounces: int = 2  # indirect
+    bounces: int = field(default=2, metadata={CONSTANT: "BOUNCES"})  # indirect
     seed: int = 0
     denoise: Literal["off", "measured"] = "off"  # "measured": denoise, and measure the error again
     passes: tuple[str, ...] = ()  # of `lookdev.rendering.passes`, in addition to the beauty pass
@@ -43,7 +46,14 @@ class Sampling:
         return self.denoise != "off" or bool(self.passes)
 
     @property
-    def recorded(self) -> bool:
+    def shader_constants(self) -> dict[str, object]:
+        """The constants of generated shaders, by name."""
+        return {
+            field.metadata[CONSTANT]: getattr(self, field.name) for field in fields(self) if CONSTANT in field.metadata
+        }
+
+    @property
+    def records_parts(self) -> bool:
         """Whether shaders record parts of their light."""
         return not {"lobes", "direct", "lights"}.isdisjoint(self.passes)
 
@@ -64,27 +74,27 @@ class Scene:
     ----------
     asset, lights, camera, film
         The asset, the lights, the camera and the film.
-    wears
+    look_of_slot
         The look of each slot of the asset, by the slot's path; ValueError if a slot has none.
-    lit
+    lights_of_slot
         The numbers of the lights that illuminate a slot, by its path. All lights illuminate a slot that it lacks.
     groups
-        The shadow group of a slot, by its path, 0 for a slot that it lacks. `Emission.spared` has numbers of groups.
+        The shadow group of a slot, by its path, 0 for a slot that it lacks. `Emission.shadow_excluded` has such groups.
     catchers
         The paths of slots that are shadow catchers: the frame shows only the effect of the other slots on their light.
     """
 
     asset: Asset
-    wears: Mapping[str, Look]
+    look_of_slot: Mapping[str, Look]
     lights: tuple[Light, ...]
     camera: Camera
     film: Film
-    lit: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    lights_of_slot: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     groups: Mapping[str, int] = field(default_factory=dict)
     catchers: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        bare = [slot.path for slot in self.asset.slots if slot.path not in self.wears]
+        bare = [slot.path for slot in self.asset.slots if slot.path not in self.look_of_slot]
         if bare:
             raise ValueError(f"{self.asset.name}: no look for {', '.join(bare)}")
 
@@ -99,13 +109,13 @@ class Scene:
     @property
     def looks(self) -> tuple[Look, ...]:
         """The look of each slot of the asset, in the order of the slots."""
-        return tuple(self.wears[slot.path] for slot in self.asset.slots)
+        return tuple(self.look_of_slot[slot.path] for slot in self.asset.slots)
 
     @property
-    def lit_by(self) -> tuple[tuple[int, ...], ...]:
+    def slot_lights(self) -> tuple[tuple[int, ...], ...]:
         """The numbers of the lights of each slot of the asset, in the order of the slots."""
         every = tuple(range(len(self.lights)))
-        return tuple(self.lit.get(slot.path, every) for slot in self.asset.slots)
+        return tuple(self.lights_of_slot.get(slot.path, every) for slot in self.asset.slots)
 
     def without_idle_lights(self) -> Scene:
         """Return the scene without lights that are invisible and reach no part in any pose; each part keeps a light."""
@@ -115,19 +125,19 @@ class Scene:
         radius = 1.001 * (self.asset.radius + math.dist((x, y), self.asset.center[:2]))
         reaching = {number for number, light in enumerate(self.lights) if light.may_reach(center, radius)}
         remaining = {number for number, light in enumerate(self.lights) if light.emission.camera}
-        for numbers in self.lit_by:
+        for numbers in self.slot_lights:
             remaining |= reaching.intersection(numbers) or set(numbers[:1])
         if len(remaining) == len(self.lights):
             return self
         new_numbers = {number: k for k, number in enumerate(sorted(remaining))}
-        lit = {
+        lights_of_slot = {
             path: tuple(new_numbers[number] for number in numbers if number in new_numbers)
-            for path, numbers in self.lit.items()
+            for path, numbers in self.lights_of_slot.items()
         }
-        return replace(self, lights=tuple(self.lights[number] for number in new_numbers), lit=lit)
+        return replace(self, lights=tuple(self.lights[number] for number in new_numbers), lights_of_slot=lights_of_slot)
 
     @property
-    def grouped(self) -> tuple[int, ...]:
+    def slot_groups(self) -> tuple[int, ...]:
         """The group of each slot of the asset, in the order of the slots."""
         return tuple(self.groups.get(slot.path, 0) for slot in self.asset.slots)
 
@@ -135,11 +145,11 @@ class Scene:
 def link_lights(scene: Scene) -> Scene:
     """Return a scene each of whose slots has one set of lights, and casts the shadows of one set of lights.
 
-    Meshes whose instances have different links are split; without links, the scene is the same. `Scene.lit`,
-    `Scene.groups` and `Emission.spared` are set. The slots of a group cast the shadows of the same lights; group 0
-    casts all shadows.
+    Meshes whose instances have different links are split; without links, the scene is the same. `Scene.lights_of_slot`,
+    `Scene.groups` and `Emission.shadow_excluded` are set. The slots of a group cast the shadows of the same lights;
+    group 0 casts all shadows.
     """
-    asset, look_of_part, lights = scene.asset, scene.wears, scene.lights
+    asset, look_of_part, lights = scene.asset, scene.look_of_slot, scene.lights
     light_links = [light.emission.light_link for light in lights]
     shadow_links = [light.emission.shadow_link for light in lights]
     if not any(light_links) and not any(shadow_links):
@@ -162,13 +172,15 @@ def link_lights(scene: Scene) -> Scene:
     def spare(number: int, light: Light) -> Light:
         """Return a light with the groups that its shadow excludes."""
         excluded = tuple(group for shadow_numbers, group in groups.items() if number not in shadow_numbers)
-        return light.with_emission(replace(light.emission, spared=excluded))
+        return light.with_emission(replace(light.emission, shadow_excluded=excluded))
 
     return replace(
         scene,
         asset=split,
-        wears={path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
+        look_of_slot={path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
         lights=tuple(starmap(spare, enumerate(lights))),
-        lit={path: light_numbers for path, (_, light_numbers, _) in link_choices.items()} if any(light_links) else {},
+        lights_of_slot={path: light_numbers for path, (_, light_numbers, _) in link_choices.items()}
+        if any(light_links)
+        else {},
         groups=grouped if any(grouped.values()) else {},
     )

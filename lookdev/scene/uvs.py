@@ -27,7 +27,7 @@ def with_uvs(
 ) -> tuple[Asset, tuple[str, ...]]:
     """Return the asset with the UV sets that its looks read, and notes on replaced sets.
 
-    `look_of_part` maps slots' paths to looks, as `Scene.wears`; `bound` are the paths of slots whose look is the
+    `look_of_part` maps slots' paths to looks, as `Scene.look_of_slot`; `bound` are the paths of slots whose look is the
     asset's own. If only bound looks read UV sets of a mesh that has none, they read (0, 0), as USD's own readers do.
     """
     looks = [look_of_part[slot.path] for slot in asset.slots]

@@ -1,8 +1,8 @@
 """Opening and composing of USD files: a message of USD becomes a `StageError`, nothing goes to stderr.
 
 `open_stage` and `compose` check every layer before USD reads it (`files`). A damaged binary layer can nevertheless
-crash the process, and the references of a layer can be endless, so every read is announced to `lookdev.guard`. `clips`
-checks value clips, which USD does not check.
+crash the process, and the references of a layer can be endless, so every read is announced to `lookdev.sandbox`.
+`clips` checks value clips, which USD does not check.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from typing import Literal
 
 from pxr import Ar, Sdf, Tf, Usd, UsdLux, UsdUtils
 
-from lookdev import guard
+from lookdev import sandbox
 from lookdev.errors import Fault, LookError, StageError, close_hint, nearest_hint, shorten
 from lookdev.mtlx import document_layer, is_document, redirect_documents
+from lookdev.safe_text import has_text_path
 from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
-from lookdev.text import has_text_path
 
 _MOST_NAMES = 16  # that a hint lists
 _LONGEST_VALUE = 60  # characters that a message quotes of a value
@@ -39,7 +39,7 @@ def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     warnings: list[str] = []
     try:
-        with guard.reading(file):
+        with sandbox.reading(file):
             yield warnings
     except Tf.ErrorException as error:
         raise StageError([Fault(str(file), "", f"USD cannot open it: {error_words(error)}")]) from error
@@ -352,7 +352,7 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
     while pending:
         path = pending.pop()
         outer_file = Path(Ar.SplitPackageRelativePathOuter(path)[0])
-        guard.opened(outer_file)
+        sandbox.report_opened(outer_file)
         if problem := layer_problem(outer_file):
             faults.append(Fault(root, "", problem if path == root else f"its layer {path} {problem}"))
             continue

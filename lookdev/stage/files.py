@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from lookdev.text import stated_limit
+from lookdev.safe_text import stated_limit
 
 BYTES_VARIABLE = "LOOKDEV_LAYER_BYTES"
 """Environment variable: the largest number of bytes of a text layer. Binary layers, which USD maps, have no limit."""

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from lookdev.arrays import Array
+from lookdev.arrays import Elements
 
 _LARGEST = float(np.finfo(np.float32).max)
 
 
-def packet(header: Mapping[str, object], arrays: Mapping[str, Array]) -> bytes:
+def packet(header: Mapping[str, object], arrays: Mapping[str, Elements]) -> bytes:
     """Return a message of a header and arrays, little-endian.
 
     The message is the length of the header as uint32, the header, padded to 4 bytes, and the arrays. ``arrays`` in the

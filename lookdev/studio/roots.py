@@ -31,24 +31,24 @@ class Roots:
     """
 
     uploads: Path
-    named: dict[str, Path] = field(default_factory=dict)
+    paths: dict[str, Path] = field(default_factory=dict)
     _size: int = 0
 
     def __post_init__(self) -> None:
-        self.named[UPLOADS] = self.uploads
+        self.paths[UPLOADS] = self.uploads
 
     def add(self, path: Path) -> str:
         """Add a folder or a file, and return its name; raise LookdevError if the path does not exist."""
         absolute = path.absolute()
         if not absolute.exists():
             raise LookdevError(f"{path}: no such file or folder")
-        for name, root in self.named.items():
+        for name, root in self.paths.items():
             if root == absolute:
                 return name
         plain = _UNSAFE.sub("_", absolute.name) or "root"
         names = [plain, *(f"{number}_{plain}" for number in range(2, 1000))]
-        name = next(candidate for candidate in names if candidate not in self.named)
-        self.named[name] = absolute
+        name = next(candidate for candidate in names if candidate not in self.paths)
+        self.paths[name] = absolute
         return name
 
     def locate(self, name: str) -> Path:
@@ -58,9 +58,9 @@ class Roots:
         """
         parts = PurePosixPath(name).parts
         error = LookdevError(f"'{shorten(name, 80)}' is not among the files of this server; start it with --root")
-        if not parts or "\0" in name or parts[0] not in self.named:
+        if not parts or "\0" in name or parts[0] not in self.paths:
             raise error
-        root = self.named[parts[0]]
+        root = self.paths[parts[0]]
         file = root.joinpath(*parts[1:])
         try:
             inside = file.resolve().is_relative_to(root.resolve())
@@ -72,13 +72,13 @@ class Roots:
 
     def path_words(self, words: str) -> str:
         """Return the words of a surface for a command line: names of files become paths."""
-        for name in sorted(self.named, key=len, reverse=True):
-            words = re.sub(rf"(^|[=]){re.escape(name)}(?=$|[/:@#,])", lambda m: f"{m[1]}{self.named[name]}", words)  # noqa: B023
+        for name in sorted(self.paths, key=len, reverse=True):
+            words = re.sub(rf"(^|[=]){re.escape(name)}(?=$|[/:@#,])", lambda m: f"{m[1]}{self.paths[name]}", words)  # noqa: B023
         return words
 
     def list_files(self, suffixes: Sequence[str]) -> Iterator[str]:
         """Yield the names of single files, and of files in folders by `suffixes`, up to `_MOST_LISTED` of a folder."""
-        for name, root in self.named.items():
+        for name, root in self.paths.items():
             if root.is_file():
                 yield name
                 continue

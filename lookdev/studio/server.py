@@ -32,17 +32,17 @@ _LOCAL = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
-class Bound:
-    """A socket that listens, its URL, the values of `Host` that it allows, and whether its port is the one `wanted`."""
+class BoundSocket:
+    """A socket that listens, its URL, the values of `Host` that it allows, and the port that was requested."""
 
     socket: socket.socket
     url: str
     allowed: frozenset[str]
-    wanted: int
-    as_wanted: bool
+    requested_port: int
+    is_requested_port: bool
 
 
-def bind(address: Address) -> Bound:
+def bind(address: Address) -> BoundSocket:
     """Listen at an address; if it has no port and the default port is taken, listen at a free port.
 
     Raises LookdevError if the address is not one of this machine, or its port is taken.
@@ -64,7 +64,7 @@ def bind(address: Address) -> Bound:
     port = listener.getsockname()[1]
     names = (*_LOCAL, *address.names) if _is_local(address.host) else (address.host, *_LOCAL, *address.names)
     display_host = f"[{address.host}]" if ":" in address.host else address.host
-    return Bound(
+    return BoundSocket(
         listener,
         f"http://{display_host}:{port}/",
         authorities(names, port),
@@ -106,8 +106,8 @@ def serve_page(
     `app` makes the application, after the server has begun to listen. Raises what `bind` raises.
     """
     bound = bind(address)
-    if not bound.as_wanted:
-        say(f"port {bound.wanted} is taken by another program, so this is another one:")
+    if not bound.is_requested_port:
+        say(f"port {bound.requested_port} is taken by another program, so this is another one:")
 
     def announce() -> None:
         say(f"{bound.url}  (Ctrl-C ends it)")
@@ -124,7 +124,9 @@ class _Server(uvicorn.Server):
         yield
 
 
-def serve(app: ASGIApp, bound: Bound, uploads: Sequence[str] = (), on_start: Callable[[], None] = lambda: None) -> None:
+def serve(
+    app: ASGIApp, bound: BoundSocket, uploads: Sequence[str] = (), on_start: Callable[[], None] = lambda: None
+) -> None:
     """Serve an application until SIGINT or SIGTERM, and call `on_start` when it answers.
 
     These signals end a server normally, so they raise nothing here. Open connections have a second to close.

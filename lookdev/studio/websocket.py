@@ -18,11 +18,11 @@ from lookdev.errors import FaultsError, LookdevError, shorten
 
 log = logging.getLogger("lookdev.studio")
 
-Answer = bytes | Mapping[str, Any]
+SocketMessage = bytes | Mapping[str, Any]
 """A packet of arrays (`lookdev.studio.packets`), or a mapping that is sent as JSON."""
 
 
-class Cancelled(LookdevError):
+class ComputationCancelled(LookdevError):
     """The page has cancelled the computation."""
 
 
@@ -35,7 +35,7 @@ class Ticket:
     def check(self) -> None:
         """Raise Cancelled if the ticket is cancelled."""
         if self.cancelled.is_set():
-            raise Cancelled("cancelled")
+            raise ComputationCancelled("cancelled")
 
 
 class PageSocket:
@@ -80,13 +80,15 @@ class PageSocket:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def answer(self, request: Mapping[str, Any], compute: Callable[[], Answer | None], threads: Executor) -> None:
+    async def answer(
+        self, request: Mapping[str, Any], compute: Callable[[], SocketMessage | None], threads: Executor
+    ) -> None:
         """Compute the answer to a request in a thread and send it; if that fails, send the reason."""
         reply = {"id": request["id"]}
-        answer: Answer | None
+        answer: SocketMessage | None
         try:
             answer = await asyncio.get_running_loop().run_in_executor(threads, compute)
-        except Cancelled:
+        except ComputationCancelled:
             answer = {**reply, "cancelled": True}
         except FaultsError as error:
             answer = {**reply, "error": "; ".join(str(fault) for fault in error.faults)}
@@ -98,7 +100,7 @@ class PageSocket:
         if answer is not None:
             await self.send(answer)
 
-    async def send(self, answer: Answer) -> None:
+    async def send(self, answer: SocketMessage) -> None:
         """Send an answer, if the page is still there."""
         with suppress(WebSocketDisconnect, RuntimeError):
             async with self._sending:

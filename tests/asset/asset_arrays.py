@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.normals import area_vectors
-from lookdev.asset.shape import Attribute, Shape
+from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.tangents import tangents_of
 
 
@@ -18,39 +18,39 @@ def affine(offset: ArrayLike, linear: ArrayLike = 1.0) -> Floats:
     return matrix
 
 
-def corners(surface: Mesh | Shape) -> Floats:
+def corners(surface: Mesh | PolygonShape) -> Floats:
     """Return the points at the corners, (m, 3)."""
     numbers = surface.corner_points if isinstance(surface, Mesh) else surface.face_points
     return surface.points[numbers].astype(np.float64)
 
 
-def face_areas(surface: Mesh | Shape) -> Floats:
+def face_areas(surface: Mesh | PolygonShape) -> Floats:
     """Return each face's area times its unit normal, (f, 3)."""
     return area_vectors(corners(surface), surface.face_sizes)
 
 
-def area(surface: Mesh | Shape) -> float:
+def area(surface: Mesh | PolygonShape) -> float:
     return float(np.linalg.norm(face_areas(surface), axis=1).sum())
 
 
-def volume(surface: Mesh | Shape) -> float:
+def volume(surface: Mesh | PolygonShape) -> float:
     """Return the volume inside, positive where faces wind counter-clockwise seen from outside."""
     first = np.cumsum(surface.face_sizes) - surface.face_sizes
     return float((face_areas(surface) * corners(surface)[first]).sum() / 3.0)
 
 
-def facets(surface: Mesh | Shape) -> Floats:
+def facets(surface: Mesh | PolygonShape) -> Floats:
     """Return the unit normal of each corner's face, (m, 3)."""
     areas = face_areas(surface)
     return np.repeat(areas / np.linalg.norm(areas, axis=1, keepdims=True), surface.face_sizes, axis=0)
 
 
-def at_corners(shape: Shape, attribute: Attribute) -> Floats:
+def at_corners(shape: PolygonShape, attribute: Attribute) -> Floats:
     """Return the values of an attribute by point or corner, at the corners."""
     return attribute.values if attribute.interpolation == "faceVarying" else attribute.values[shape.face_points]
 
 
-def corner_st(shape: Shape) -> Floats:
+def corner_st(shape: PolygonShape) -> Floats:
     (st,) = (attribute for attribute in shape.attributes if attribute.name == "st")
     assert st.is_uv
     return at_corners(shape, st)

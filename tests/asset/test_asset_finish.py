@@ -8,7 +8,7 @@ from asset_arrays import check_mesh
 
 from lookdev.asset.finish import finish
 from lookdev.asset.mesh import Mesh, Subdivision
-from lookdev.asset.shape import Attribute, Shape
+from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.tangents import tangents_of
 from lookdev.errors import AssetError
 
@@ -16,7 +16,7 @@ ARRAYS = ("points", "corner_points", "face_sizes", "face_slots", "normals")
 INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
 
 
-def random_shape(rng: np.random.Generator, name: str) -> Shape:
+def random_shape(rng: np.random.Generator, name: str) -> PolygonShape:
     """Return a shape of random polygons, some degenerate, with attributes of random interpolations."""
     points = rng.normal(size=(int(rng.integers(4, 12)), 3)) + rng.normal(size=3) * 100.0
     sizes = rng.integers(0, 6, int(rng.integers(0, 12)))
@@ -34,7 +34,7 @@ def random_shape(rng: np.random.Generator, name: str) -> Shape:
     if rng.random() < 0.5:
         attributes += [attribute("map1", 2, True), attribute("st", 2, True)]
     is_cage = rng.random() < 0.3
-    return Shape(
+    return PolygonShape(
         name,
         points,
         sizes,
@@ -81,14 +81,14 @@ def test_shapes_are_finished_together_as_alone(seed: int, y_up: bool, monkeypatc
             check_mesh(mesh)
 
 
-def square(**changes: object) -> Shape:
+def square(**changes: object) -> PolygonShape:
     """Return two squares side by side in the plane z = 0."""
     points = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)], np.float64)
-    shape = Shape("/Square", points, np.array([4, 4]), np.array([0, 1, 4, 3, 1, 2, 5, 4]))
+    shape = PolygonShape("/Square", points, np.array([4, 4]), np.array([0, 1, 4, 3, 1, 2, 5, 4]))
     return replace(shape, **changes)  # type: ignore[arg-type]
 
 
-def finish_one(shape: Shape) -> Mesh:
+def finish_one(shape: PolygonShape) -> Mesh:
     (mesh,) = finish([shape])
     assert mesh is not None
     check_mesh(mesh)
@@ -118,7 +118,11 @@ def test_a_face_is_no_copy_of_one_that_has_the_first_point_twice() -> None:
 def test_an_edge_of_three_faces_is_no_fault() -> None:
     points = np.array([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], np.float64)
     assert (
-        len(finish_one(Shape("/Fan", points, np.array([3, 3, 3]), np.array([0, 1, 2, 0, 1, 3, 0, 1, 4]))).face_sizes)
+        len(
+            finish_one(
+                PolygonShape("/Fan", points, np.array([3, 3, 3]), np.array([0, 1, 2, 0, 1, 3, 0, 1, 4]))
+            ).face_sizes
+        )
         == 3
     )
 

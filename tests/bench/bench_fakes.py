@@ -11,7 +11,7 @@ import pytest
 from lookdev.asset import Asset
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import Candidate
-from lookdev.bench.options import Cell, Options
+from lookdev.bench.options import BenchOptions, Cell
 from lookdev.bench.reference import Shot
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
@@ -117,7 +117,7 @@ class FakeBackends:
         }
 
     @contextmanager
-    def __call__(self, cell: Cell, options: Options) -> Iterator[list[Candidate]]:
+    def __call__(self, cell: Cell, options: BenchOptions) -> Iterator[list[Candidate]]:
         try:
             skips = ("bounces (convex asset)", *(["light samples (for show)"] if cell.ibl == "city" else []))
             yield [
@@ -128,7 +128,7 @@ class FakeBackends:
             self.closed += 1
 
 
-def run_matrix(options: Options, folder: Path, backends: object = None) -> MatrixBenchmark:
+def run_matrix(options: BenchOptions, folder: Path, backends: object = None) -> MatrixBenchmark:
     """Measure a matrix by fakes."""
     benchmark = MatrixBenchmark(options=options, report=quiet, open_candidates=backends or FakeBackends())
     benchmark.run(folder)

@@ -20,7 +20,7 @@ from lookdev.bench.denoise_trial import (
     draw_cell,
     summarize_trials,
 )  # fmt: skip
-from lookdev.bench.options import Options
+from lookdev.bench.options import BenchOptions
 from lookdev.bench.reference import FIRST_SEED
 from lookdev.cli import app
 from lookdev.metrics import EPSILON
@@ -67,7 +67,7 @@ def _one_cell(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run_trial(frames: int, folder: Path, renderer: Renderer) -> list[Trial]:
-    trial = DenoiseTrial(options=Options(frames=frames, resolution=SIDE), report=quiet, open_process=renderer)
+    trial = DenoiseTrial(options=BenchOptions(frames=frames, resolution=SIDE), report=quiet, open_process=renderer)
     trial.run(folder)
     return trial.trials
 
@@ -136,5 +136,5 @@ def test_a_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     line = ["bench", "--denoise-trial", "--frames", "12", "--seed", "3", "--out", str(tmp_path)]
     assert CliRunner().invoke(app, line).exit_code == 130
     CliRunner().invoke(app, [*line, "--resolution", "160"])
-    options = Options(frames=12, seed=3, reference=8, resolution=96)
+    options = BenchOptions(frames=12, seed=3, reference=8, resolution=96)
     assert [trial.options for trial in runs] == [options, replace(options, resolution=160)]

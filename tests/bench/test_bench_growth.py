@@ -11,7 +11,7 @@ from lookdev.asset import read_asset
 from lookdev.bench import growth
 from lookdev.bench.growth import GrowthRow
 from lookdev.bench.matrix import TableBenchmark
-from lookdev.bench.options import Options
+from lookdev.bench.options import BenchOptions
 from lookdev.bench.subjects import make_boulder, varied_look
 from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS
@@ -30,7 +30,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(growth, name, value)
 
 
-OPTIONS = Options(frames=10)
+OPTIONS = BenchOptions(frames=10)
 
 
 def measure_growth(fakes: FakeProcesses, *backends: str) -> TableBenchmark:

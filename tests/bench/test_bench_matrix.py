@@ -8,7 +8,7 @@ from bench_fakes import triangle_count
 
 from lookdev.bench.kinds import KINDS
 from lookdev.bench.matrix import skips_of
-from lookdev.bench.options import Cell, Options, list_names, parse_options, restrictions
+from lookdev.bench.options import BenchOptions, Cell, list_names, parse_options, restrictions
 from lookdev.bench.subjects import (
     IBLS,
     LOOKS,
@@ -18,7 +18,7 @@ from lookdev.bench.subjects import (
     bench_light,
     bench_lights,
     bench_scene,
-    layered,
+    layered_look,
     make_boulder,
     picture_key,
 )  # fmt: skip
@@ -75,8 +75,8 @@ def test_skips_are_those_of_the_scene() -> None:
 
 
 def test_every_layer_adds_to_the_shader() -> None:
-    assert len(layered(MOST_LAYERS).layers) == MOST_LAYERS
-    assert len({layer.mask.file for layer in layered(MOST_LAYERS).layers[1:]}) == MOST_LAYERS - 1
+    assert len(layered_look(MOST_LAYERS).layers) == MOST_LAYERS
+    assert len({layer.mask.file for layer in layered_look(MOST_LAYERS).layers[1:]}) == MOST_LAYERS - 1
 
 
 def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:
@@ -107,7 +107,7 @@ def test_rigs_light_the_asset_as_they_light_a_ball_of_radius_1() -> None:
 
 def test_cells_and_their_backends() -> None:
     ibls, looks = ("city", "studio"), ("plastic", "pixar")
-    options = Options(scenes=("sphere",), ibls=ibls, looks=looks)
+    options = BenchOptions(scenes=("sphere",), ibls=ibls, looks=looks)
     assert list(options.cells()) == [Cell("sphere", ibl, look) for ibl in ibls for look in looks]
     assert options.backends_of(Cell("sphere", "city", "plastic")) == ("exact", "principled")
     assert options.backends_of(Cell("sphere", "city", "pixar")) == ("exact",)
@@ -141,7 +141,7 @@ def test_the_list_names_everything() -> None:
 )
 def test_wrong_options_are_refused(fields: dict[str, object], message: str) -> None:
     with pytest.raises(LookdevError) as caught:
-        Options(**fields)  # type: ignore[arg-type]
+        BenchOptions(**fields)  # type: ignore[arg-type]
     assert message in str(caught.value)
 
 

@@ -10,15 +10,15 @@ from bench_fakes import FakeBackends, FakeRenderer, measured, quiet, run_matrix
 
 from lookdev.bench import matrix
 from lookdev.bench.measure import Candidate, CellRun, Series, schedule
-from lookdev.bench.options import MOST_REPEATS, SEEDS, Cell, Options
+from lookdev.bench.options import MOST_REPEATS, SEEDS, BenchOptions, Cell
 from lookdev.bench.reference import FIRST_SEED, Shot
 from lookdev.errors import LookdevError, RenderError
 
 CELL = Cell("sphere", "city", "plastic")
-SMALL = Options(scenes=("sphere",), ibls=("city",), samples=(4, 16, 64), repeats=3)
+SMALL = BenchOptions(scenes=("sphere",), ibls=("city",), samples=(4, 16, 64), repeats=3)
 
 
-def run_cell(options: Options = SMALL, *renderers: FakeRenderer) -> CellRun:
+def run_cell(options: BenchOptions = SMALL, *renderers: FakeRenderer) -> CellRun:
     candidates = [Candidate(renderer.name, renderer.name, renderer, (), True) for renderer in renderers]
     run = CellRun(CELL, candidates, options, quiet)
     run.run()
@@ -41,7 +41,7 @@ def test_backends_take_turns_and_are_warm_before_the_first_measurement() -> None
 
 def test_no_two_renders_share_a_seed_and_none_is_a_references() -> None:
     samples = tuple(1 << exponent for exponent in range(1, 15))
-    options = [Options(samples=samples, repeats=MOST_REPEATS, seed=seed) for seed in (0, 1, SEEDS - 1)]
+    options = [BenchOptions(samples=samples, repeats=MOST_REPEATS, seed=seed) for seed in (0, 1, SEEDS - 1)]
     seeds = [seed for choice in options for _, _, seed in schedule(choice)]
     assert len(set(seeds)) == len(seeds) == 3 * MOST_REPEATS * len(samples)
     assert max(seeds) < FIRST_SEED
@@ -74,7 +74,7 @@ def test_a_times_median_and_an_errors_mean_make_a_point() -> None:
             return replace(shot, seconds=100.0) if slow else shot
 
     renderer = Irregular()
-    result = run_cell(Options(samples=(4,), repeats=3), renderer)
+    result = run_cell(BenchOptions(samples=(4,), repeats=3), renderer)
     (point,) = result.curves[Series("exact")]
     assert point.seconds == pytest.approx(renderer.fixed + 4 * renderer.rate)
     assert point.relmse == pytest.approx(sum(row.relmse for row in result.measurements) / 3)
@@ -110,9 +110,9 @@ def test_a_backend_that_fails_is_left_out_of_its_cell(tmp_path: Path) -> None:
 
 def test_a_cell_that_fails_leaves_the_others(tmp_path: Path) -> None:
     backends = FakeBackends()
-    options = Options(scenes=("suzanne", "sphere"), ibls=("city",), samples=(4, 16), repeats=1)
+    options = BenchOptions(scenes=("suzanne", "sphere"), ibls=("city",), samples=(4, 16), repeats=1)
 
-    def failing(cell: Cell, options: Options):
+    def failing(cell: Cell, options: BenchOptions):
         if cell.scene == "suzanne":
             raise RenderError("no suzanne today")
         return backends(cell, options)

@@ -7,7 +7,7 @@ import pytest
 
 from lookdev.asset import Asset, load_asset
 from lookdev.bench import mitsuba_worker
-from lookdev.bench.mitsuba_worker import check_mitsuba, corner_meshes, principled
+from lookdev.bench.mitsuba_worker import check_mitsuba, corner_meshes, principled_bsdf
 from lookdev.bench.subjects import LOOKS, make_boulder
 from lookdev.codegen.principled import generate_principled
 from lookdev.errors import RenderError
@@ -20,7 +20,7 @@ unlike_principled = BACKENDS["mitsuba-principled"].cannot_show
 def test_every_look_has_something_like_it(look: str) -> None:
     surface = LOOKS[look].make()
     inputs = surface.layers[0].inputs
-    bsdf = principled(generate_principled(surface).inputs)
+    bsdf = principled_bsdf(generate_principled(surface).inputs)
     assert bsdf["type"] == "principled"
     assert bsdf["roughness"] == inputs["roughness"]
     assert bsdf["base_color"]["value"] == list(inputs["baseColor"])
@@ -31,7 +31,7 @@ def test_every_look_has_something_like_it(look: str) -> None:
 
 def test_a_socket_without_a_counterpart_is_refused() -> None:
     with pytest.raises(RenderError, match=r"'Sheen Weight' = 1\.0"):
-        principled({"Sheen Weight": 1.0})
+        principled_bsdf({"Sheen Weight": 1.0})
 
 
 @pytest.mark.parametrize("asset", [make_boulder(2000), load_asset(builtin="suzanne")], ids=lambda asset: asset.name)

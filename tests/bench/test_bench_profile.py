@@ -8,7 +8,7 @@ import pytest
 from bench_fakes import FakeProcesses, quiet
 
 from lookdev.bench.benchmark import END, marker
-from lookdev.bench.options import Cell, Options, parse_options
+from lookdev.bench.options import BenchOptions, Cell, parse_options
 from lookdev.bench.profile import FEW, PARTS, ProfileBenchmark, stages_of
 from lookdev.bench.reference import shot_of
 from lookdev.bench.subjects import POSE
@@ -28,7 +28,7 @@ def seconds_of(task: FrameTask) -> float:
     return FIXED + task.scene.sampling.samples * (FILM + (0.0 if empty else cost))
 
 
-def options(**lists: str) -> Options:
+def options(**lists: str) -> BenchOptions:
     return parse_options({"scenes": "shaderball", "looks": "metal", **lists}, defaults=DEFAULTS, repeats=2)
 
 
@@ -39,7 +39,7 @@ def document(tmp_path: Path) -> Path:
     return file
 
 
-def run(document: Path, options: Options, processes: FakeProcesses | None = None) -> ProfileBenchmark:
+def run(document: Path, options: BenchOptions, processes: FakeProcesses | None = None) -> ProfileBenchmark:
     opened = processes or FakeProcesses(seconds_of)
     benchmark = ProfileBenchmark(options=options, report=quiet, open_process=opened)
     benchmark.run(document.parent / "out", document)

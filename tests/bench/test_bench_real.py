@@ -10,10 +10,10 @@ from lookdev.bench import growth, sequence
 from lookdev.bench.benchmark import END, marker
 from lookdev.bench.matrix import MatrixBenchmark, TableBenchmark, open_candidates
 from lookdev.bench.measure import PICTURES, Series
-from lookdev.bench.options import Cell, Options, parse_options
+from lookdev.bench.options import BenchOptions, Cell, parse_options
 from lookdev.bench.profile import ProfileBenchmark
 from lookdev.bench.scale import ScaleBenchmark, write_instances, write_meshes, write_quads
-from lookdev.bench.sequence import SequenceBenchmark, Subject, producers_of
+from lookdev.bench.sequence import SequenceBenchmark, SequenceSubject, producers_of
 from lookdev.output.exr import read_frame
 
 # Not `cycles` too: what measures time is in no other selection.
@@ -46,7 +46,7 @@ def test_a_small_matrix(tmp_path: Path) -> None:
 
 
 def test_all_backends_show_the_same_scene() -> None:
-    options = Options(backends=BACKENDS, resolution=64)
+    options = BenchOptions(backends=BACKENDS, resolution=64)
     with open_candidates(Cell("suzanne", "city", "metal"), options) as candidates:
         shots = {candidate.backend: candidate.render(64, 1) for candidate in candidates}
     exact = shots.pop("exact")
@@ -57,7 +57,7 @@ def test_all_backends_show_the_same_scene() -> None:
 
 
 def test_the_plain_script_shows_what_the_batch_runner_does(tmp_path: Path) -> None:
-    producers = producers_of(Subject("suzanne", "plastic", ("city",), 64))
+    producers = producers_of(SequenceSubject("suzanne", "plastic", ("city",), 64))
     for name, produce in producers.items():
         assert produce(tmp_path / name, 64, 3, 1)[0] > 0.0
     for kind in sequence.KINDS:
@@ -72,7 +72,7 @@ def test_the_plain_script_shows_what_the_batch_runner_does(tmp_path: Path) -> No
 def test_a_small_sequence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 3)
     monkeypatch.setattr(sequence, "TARGET", 2e-2)
-    options = Options(scenes=("suzanne",), ibls=("city",), samples=(4, 16), resolution=48, repeats=1)
+    options = BenchOptions(scenes=("suzanne",), ibls=("city",), samples=(4, 16), resolution=48, repeats=1)
     benchmark = SequenceBenchmark(options=options, report=quiet)
     benchmark.run(tmp_path)
     assert benchmark.complete
@@ -129,7 +129,7 @@ def test_a_small_scale(tmp_path: Path) -> None:
         "instances": lambda file: write_instances(file, 3, 4),
         "meshes": lambda file: write_meshes(file, 100),
     }
-    results = ScaleBenchmark(options=Options(repeats=1), report=quiet, cases=cases)
+    results = ScaleBenchmark(options=BenchOptions(repeats=1), report=quiet, cases=cases)
     results.run(tmp_path)
     assert len(results.starts) == 6
     for start in results.starts:

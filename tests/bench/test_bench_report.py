@@ -12,10 +12,12 @@ from lookdev.bench import report
 from lookdev.bench.growth import Growth, GrowthRow
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import Candidate, CellRun, Measurement, Ratio, Reached, Series
-from lookdev.bench.options import Cell, Options
-from lookdev.bench.sequence import SequenceBenchmark, SequenceResult, SequenceRun, Subject
+from lookdev.bench.options import BenchOptions, Cell
+from lookdev.bench.sequence import SequenceBenchmark, SequenceResult, SequenceRun, SequenceSubject
 
-OPTIONS = Options(scenes=("sphere",), ibls=("city", "studio"), looks=("plastic", "stack"), samples=(4, 16), repeats=2)
+OPTIONS = BenchOptions(
+    scenes=("sphere",), ibls=("city", "studio"), looks=("plastic", "stack"), samples=(4, 16), repeats=2
+)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +139,7 @@ def test_sequence_and_growth_are_printed(results: MatrixBenchmark) -> None:
     runs = (SequenceRun("exact", 0, 60.0, 144.0), SequenceRun("plain", 0, 240.0, 36.0))
     samples, relmse = {"exact": 64, "plain": 150}, {"exact": 9.5e-4, "plain": 9.7e-4}
     skips = ("23 of 47 frames (same all around)", "bounces (convex asset)")
-    subject = Subject("shaderball", "plastic", ("city", "studio"), 256)
+    subject = SequenceSubject("shaderball", "plastic", ("city", "studio"), 256)
     sequence = SequenceResult(subject, 144, samples, relmse, runs, 4.0, 4.0, 4.0, skips)
     rows = GrowthRow(4096, 0.1, 0.09, 0.12, 400_000_000), GrowthRow(16384, 0.4, 0.4, 0.5, 410_000_000)
     growth = [Growth("pixels", "exact", rows)]

@@ -10,7 +10,7 @@ from bench_fakes import quiet
 
 from lookdev.asset import load_asset
 from lookdev.bench import scale
-from lookdev.bench.options import Options
+from lookdev.bench.options import BenchOptions
 from lookdev.bench.scale import ScaleBenchmark, Start, write_instances, write_meshes, write_quads
 from lookdev.errors import RenderError
 from lookdev.plan.prepare import prepare_job
@@ -60,7 +60,7 @@ def processes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]
 
 def benchmark(*cases: str, repeats: int = 1) -> ScaleBenchmark:
     files = {case: lambda file: write_quads(file, 2) for case in cases}
-    return ScaleBenchmark(options=Options(repeats=repeats), report=quiet, cases=files)
+    return ScaleBenchmark(options=BenchOptions(repeats=repeats), report=quiet, cases=files)
 
 
 def test_both_ways_alternate_after_one_start_to_warm_up(processes: list[list[str]], tmp_path: Path) -> None:

@@ -15,12 +15,12 @@ from bench_fakes import quiet, truth
 from lookdev.asset import read_asset
 from lookdev.bench import sequence
 from lookdev.bench.measure import CurvePoint
-from lookdev.bench.options import Options
+from lookdev.bench.options import BenchOptions
 from lookdev.bench.sequence import (
     Produce,
     SequenceBenchmark,
     SequenceResult,
-    Subject,
+    SequenceSubject,
     choose_samples,
     meet_error,
     producers_of,
@@ -32,7 +32,7 @@ from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.plan import Plan, Setup, Turns, build_plan
 
 GREY = 0.5
-SUBJECT = Subject("suzanne", "plastic", ("city", "studio"), 64)
+SUBJECT = SequenceSubject("suzanne", "plastic", ("city", "studio"), 64)
 
 
 def curve(scale: float, exponent: float = 1.0) -> list[CurvePoint]:
@@ -61,7 +61,7 @@ class FakeProducer:
 
 def time_producers(fakes: dict[str, Produce], samples: int, guess: int, **options: int) -> SequenceResult:
     subject = {"scenes": (SUBJECT.scene,), "ibls": SUBJECT.ibls, "resolution": SUBJECT.resolution}
-    benchmark = SequenceBenchmark(options=Options(**subject, **options), report=quiet, producers=fakes)
+    benchmark = SequenceBenchmark(options=BenchOptions(**subject, **options), report=quiet, producers=fakes)
     benchmark.check()
     benchmark.time_producers(samples, guess)
     assert benchmark.result is not None
@@ -133,7 +133,7 @@ def test_the_measured_error_is_that_of_one_frame(monkeypatch: pytest.MonkeyPatch
 
 def test_what_the_script_cannot_show_is_refused() -> None:
     with pytest.raises(LookdevError, match="no plain script of pixar on suzanne"):
-        Subject("suzanne", "pixar", ("city",), 64)
+        SequenceSubject("suzanne", "pixar", ("city",), 64)
 
 
 def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -149,7 +149,7 @@ def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
     monkeypatch.setattr(sequence, "render_setups", render)
     monkeypatch.setattr(sequence.subprocess, "run", run)
-    produce = producers_of(Subject("suzanne", "plastic", ("white",), 64))
+    produce = producers_of(SequenceSubject("suzanne", "plastic", ("white",), 64))
     assert "light from behind (nothing transmits)" in produce["exact"](tmp_path / "a", 16, 3, 7)[1]
     assert produce["plain"](tmp_path / "b", 20, 3, 7)[0] >= 0.0
     (plan,), (request,) = plans, requests
@@ -172,6 +172,6 @@ def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
 def test_a_script_that_fails_reports_its_last_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sequence, "PLAIN_COMMAND", ("sh", "-c", "echo no Blender here >&2; exit 3"))
-    subject = Subject("suzanne", "plastic", ("white",), 64)
+    subject = SequenceSubject("suzanne", "plastic", ("white",), 64)
     with pytest.raises(RenderError, match="exit code 3: no Blender here"):
         producers_of(subject)["plain"](tmp_path / "b", 20, 3, 7)

@@ -13,7 +13,7 @@ from lookdev.bench import growth, matrix
 from lookdev.bench.benchmark import END, marker, split_document, write_section
 from lookdev.bench.matrix import TableBenchmark
 from lookdev.bench.measure import Series
-from lookdev.bench.options import Options, parse_options
+from lookdev.bench.options import BenchOptions, parse_options
 from lookdev.errors import LookdevError, RenderError
 
 DEFAULTS = TableBenchmark.DEFAULTS
@@ -21,7 +21,7 @@ BEFORE, AFTER = "# Speed\n\nText before.\n\n", "\n\nText after.\n"
 LOOKS = ("plastic", "metal")
 
 
-def small(**fields: object) -> Options:
+def small(**fields: object) -> BenchOptions:
     """Return the options of a table that takes a second."""
     defaults = {"scenes": ("sphere",), "looks": LOOKS, "repeats": 2, "frames": 4}
     return replace(parse_options({}, defaults=DEFAULTS), **(defaults | fields))
@@ -55,7 +55,7 @@ def measuring(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Me
     for backend in matrix.NEEDS:
         monkeypatch.setitem(matrix.NEEDS, backend, lambda: None)
 
-    def measure(options: Options | None = None, backends: FakeBackends | None = None) -> Measured:
+    def measure(options: BenchOptions | None = None, backends: FakeBackends | None = None) -> Measured:
         fakes = {"open_candidates": backends or FakeBackends(), "open_process": processes()}
         table = TableBenchmark(options=options or small(), report=quiet, **fakes)
         table.run(folder / "out", document)

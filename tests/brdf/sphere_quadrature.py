@@ -12,7 +12,7 @@ import numpy as np
 
 from lookdev.arrays import Floats, Indices
 from lookdev.brdf import Lobe
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 
 # Half the smallest alpha that the models allow, squared.
 _T0 = 0.0005**2
@@ -117,4 +117,4 @@ def f_cosine(lobe: Lobe, wo: Floats, wi: Floats) -> Floats:
     """
     local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
     above = (wi[..., 2] > 0.0) & (lobe.crosses | (lobe.frame.from_local(wi)[..., 2] > 0.0))
-    return lobe.evaluate(Directions.of(local, wi)) * np.where(above, wi[..., 2], 0.0)[..., None]
+    return lobe.evaluate(DirectionPair.of(local, wi)) * np.where(above, wi[..., 2], 0.0)[..., None]

@@ -22,7 +22,7 @@ from lookdev.brdf.classic.distributions import DISTRIBUTIONS
 from lookdev.brdf.classic.lafortune import LARGEST
 from lookdev.brdf.classic.parts import sample_power_cosine
 from lookdev.brdf.frames import ZENITH, Upright
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.closures.setups import view_at
 
 _SAMPLES = 1 << 16
@@ -96,7 +96,7 @@ def test_the_pdf_is_one_over_the_jacobian(model: str, tokens: dict[str, str]) ->
         valid = (wi[:, 2] > 1e-3) & (local[:, 2] > 1e-3) & (np.asarray(lobe.share) > 0.0)
         assert np.count_nonzero(valid) > 100, lobe.name
         np.testing.assert_allclose(np.linalg.norm(wi, axis=-1), 1.0, rtol=1e-12)
-        density, (spread, error) = np.asarray(lobe.pdf(Directions.of(local, wi))), jacobian(drawn, u)
+        density, (spread, error) = np.asarray(lobe.pdf(DirectionPair.of(local, wi))), jacobian(drawn, u)
         off = np.where(valid, np.abs(density * spread - 1.0) - 3.0 * density * error, 0.0)
         worst = int(np.argmax(off))
         case = {name: v if isinstance(v, str) else v[worst] for name, v in parameters.items()}
@@ -137,7 +137,7 @@ def test_the_pdf_of_a_lafortune_lobe_is_half_where_its_plateau_ends(
     # In this direction, the power of the length and the cosine is the largest.
     cosine = LARGEST ** (1.0 / exponent) / length
     end = cosine * direction / length + np.sqrt(1.0 - cosine**2) * np.array([0.0, 1.0, 0.0])
-    at_peak, at_end = (lobe.pdf(Directions.of(np.array(wo), wi)) for wi in (direction / length, end))
+    at_peak, at_end = (lobe.pdf(DirectionPair.of(np.array(wo), wi)) for wi in (direction / length, end))
     assert at_end / at_peak == pytest.approx(0.5, rel=1e-9)
 
 

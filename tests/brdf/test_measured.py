@@ -17,7 +17,7 @@ from random_parameters import Floats, directions, near_the_mirror_image
 from sample_density import jacobian, p_value
 
 from lookdev.brdf import Bsdf, complete_parameters, evaluate, evaluate_cosine, model_named, pdf, sample
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.measured import files, proposal, synthetic
 from lookdev.brdf.measured.files import MERL_SIZE, read_grid, write_anisotropic, write_merl
 from lookdev.brdf.measured.grids import Anisotropic, Isotropic
@@ -113,15 +113,15 @@ def test_a_merl_binary_is_looked_up_as_by_the_published_reader(small: None, tmp_
     write_merl(tmp_path / "noise.binary", samples)
     wo, wi = _pairs(400)
     grid = read_grid(tmp_path / "noise.binary")
-    got = grid.f(Directions.of(wo, wi), interpolation)
+    got = grid.f(DirectionPair.of(wo, wi), interpolation)
     reference = [merl(samples, *pair, interpolation) for pair in zip(wo, wi, strict=True)]
     # An arc cosine near 1 loses half of the digits of theta_h, and neighbours differ by their whole value.
     np.testing.assert_allclose(got, reference, rtol=1e-6, atol=1e-6)
     assert (np.array(reference) > 0.0).mean() > 0.5
     # Isotropic data are reciprocal, and do not depend on the tangent.
-    np.testing.assert_allclose(grid.f(Directions.of(wi, wo), interpolation), got, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(grid.f(DirectionPair.of(wi, wo), interpolation), got, rtol=1e-9, atol=1e-9)
     turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(grid.f(Directions.of(wo @ turn, wi @ turn), interpolation), got, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(grid.f(DirectionPair.of(wo @ turn, wi @ turn), interpolation), got, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("half", [False, True])
@@ -131,11 +131,11 @@ def test_anisotropic_data_are_looked_up_by_their_angles(tmp_path: Path, interpol
     write_anisotropic(tmp_path / "noise.dat", samples, half=half)
     wo, wi = _pairs(400)
     grid = read_grid(tmp_path / "noise.dat")
-    got = grid.f(Directions.of(wo, wi), interpolation)
+    got = grid.f(DirectionPair.of(wo, wi), interpolation)
     reference = [anisotropic(samples, *pair, interpolation, half=half) for pair in zip(wo, wi, strict=True)]
     np.testing.assert_allclose(got, reference, rtol=1e-9, atol=1e-9)
     if half:  # the rest is completed by reciprocity
-        np.testing.assert_allclose(grid.f(Directions.of(wi, wo), interpolation), got, rtol=1e-9)
+        np.testing.assert_allclose(grid.f(DirectionPair.of(wi, wo), interpolation), got, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["plastic", "metal", "satin"])
@@ -277,7 +277,7 @@ def test_the_pdf_is_one_over_the_jacobian(small: None, data: Isotropic | Anisotr
     wo, u = directions(rng, 2000), rng.random((2000, 2))
     wi = tables.sample(wo, u[:, 0], u[:, 1])
     spread, error = jacobian(lambda u: tables.sample(wo, u[:, 0], u[:, 1]), u, 1e-6)
-    d = Directions.of(wo, wi)
+    d = DirectionPair.of(wo, wi)
     cosine_share = tables.cosine.values[tables._view(wo).astype(int), 0]
     drawn, other = tables.pdf(d), cosine_share * wi[:, 2] / np.pi
     by_cosine = u[:, 0] < cosine_share

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import complete_parameters, evaluate, model_named
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.measured import proposal
 from lookdev.brdf.measured.grids import Anisotropic, Isotropic
 from lookdev.brdf.measured.proposal import Proposal, make_proposal
 from lookdev.brdf.measured.synthetic import anisotropic_samples
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.brdf.vectors import reflect
 
 CELLS = 8, 8
@@ -24,7 +24,7 @@ def _few_cells(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("directed", [False, True])
 def test_the_views_of_a_row_lie_in_its_cell_and_on_both_sides_of_its_middle(directed: bool) -> None:
-    empty = Table(np.zeros((1, 1)))
+    empty = NumberTable(np.zeros((1, 1)))
     tables = Proposal(empty, empty, empty, empty, empty, np.zeros((1, 3)), directed)
     thetas = proposal._VIEW_CELLS[directed][0]
     rows = list(proposal._view_cells(directed))
@@ -124,7 +124,7 @@ def test_the_directional_albedo_of_an_even_surface_is_pi_f(monkeypatch: pytest.M
     np.testing.assert_allclose(tables.albedo[0] / np.pi, (0.25, 0.125, 0.0), rtol=0.02)
     assert tables.cosine.values[0, 0] == 0.99  # all of it is below the floor
     wo = np.array([[0.1, 0.2, np.sqrt(0.95)]])
-    d = Directions.of(wo, np.array([[0.0, 0.6, 0.8]]))
+    d = DirectionPair.of(wo, np.array([[0.0, 0.6, 0.8]]))
     assert tables.pdf(d)[0] == pytest.approx(0.99 * 0.8 / np.pi, rel=0.02)
 
 

@@ -108,12 +108,12 @@ def test_f_is_converted_to_another_space() -> None:
     inputs = {"baseColor": (0.9, 0.4, 0.1), "sheen": 1.0}
     disney = MODELS["disney"].bsdf(complete_parameters("disney", inputs))
     expected = matrix @ evaluate(disney, WO, WI)
-    np.testing.assert_allclose(evaluate(disney.converted(matrix), WO, WI), expected, rtol=1e-12)
-    plain, converted = (bsdf.lobes(WO)[0] for bsdf in (disney, disney.converted(matrix)))
+    np.testing.assert_allclose(evaluate(disney.convert(matrix), WO, WI), expected, rtol=1e-12)
+    plain, converted = (bsdf.lobes(WO)[0] for bsdf in (disney, disney.convert(matrix)))
     directions = next(Mixture([plain], WO).terms(WI)).directions
     np.testing.assert_allclose(
         converted.parts["sheen"](directions), matrix @ plain.parts["sheen"](directions), rtol=1e-12
     )
     mirror = MODELS["mirror"].bsdf(complete_parameters("mirror", {"metal": "gold"}))
-    (gold,), (blue,) = (bsdf.deltas(WO, np.array(False)) for bsdf in (mirror, mirror.converted(matrix)))
+    (gold,), (blue,) = (bsdf.deltas(WO, np.array(False)) for bsdf in (mirror, mirror.convert(matrix)))
     np.testing.assert_allclose(blue.value, matrix @ gold.value, rtol=1e-12)

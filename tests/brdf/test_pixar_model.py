@@ -10,7 +10,7 @@ from random_parameters import Floats, directions, near_the_mirror_image
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, sample, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.pixar import partition
 from lookdev.brdf.pixar.partition import FRONT, THROUGH
 from lookdev.closures.setups import view_at
@@ -43,7 +43,7 @@ def test_the_lobe_of_the_model_has_the_plots_integral_where_they_agree() -> None
             x, weight = np.polynomial.legendre.leggauss(8)
             cos = 0.5 * (x + 1.0)
             wi = np.stack([np.sqrt(1.0 - cos * cos), 0.0 * cos, cos], axis=-1)
-            f = lobe.evaluate(Directions.of(np.broadcast_to(wo, wi.shape), wi))[:, 0]
+            f = lobe.evaluate(DirectionPair.of(np.broadcast_to(wo, wi.shape), wi))[:, 0]
             total = 2.0 * np.pi * np.sum(f * cos * 0.5 * weight)
             assert total == pytest.approx(float(diffuse_integral(degrees, roughness)), rel=1e-12)
 

@@ -7,7 +7,7 @@ import pytest
 
 from lookdev.brdf import StackLayer, complete_parameters, evaluate, model_named, reflectance, stack_bsdf
 from lookdev.brdf.frames import ZENITH, Upright
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.brdf.reflectance import DATA, ggx_albedo
 from lookdev.closures.setups import view_at
@@ -30,7 +30,7 @@ def test_it_is_the_albedo_of_the_specular_lobe(degrees: float, roughness: float,
     wo, layer = view_at(degrees), coat(roughness=roughness, **inputs)
     (lobe,) = (lobe for lobe in model_named("disney").bsdf(layer.parameters).lobes(wo) if lobe.name == "specular")
     wi, weight = half_vector_grid(wo, max(roughness * roughness, 0.001), (64, 48))
-    albedo = ((np.asarray(lobe.evaluate(Directions.of(wo, wi))) * wi[:, 2:]).T @ weight).mean()
+    albedo = ((np.asarray(lobe.evaluate(DirectionPair.of(wo, wi))) * wi[:, 2:]).T @ weight).mean()
     largest = sum(entry["residual"]["largest"] for entry in json.loads(DATA.read_text()).values())
     assert reflectance(layer, wo) == pytest.approx(albedo, abs=0.015 if inputs is EXACT else largest + 0.002)
 

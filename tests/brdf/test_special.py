@@ -8,7 +8,7 @@ from lookdev.brdf import microfacet as mf
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.brdf.rational import Rational
 from lookdev.brdf.special import cosine_power, expm1_ratio, log1p_ratio, scaled_erfc, squared_angle
-from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import cross, mean, perpendicular, reflect
 from lookdev.closures.setups import view_at
 
@@ -57,11 +57,11 @@ def test_vectors() -> None:
 
 
 def test_a_table_is_looked_up_by_rows_and_columns_and_named_by_its_numbers() -> None:
-    table = Table(np.arange(12.0).reshape(3, 4))
+    table = NumberTable(np.arange(12.0).reshape(3, 4))
     assert look_up(table, np.array([0.0, 2.0]), np.array([3.0, 1.0])).tolist() == [3.0, 9.0]
-    others = (Table(np.arange(12.0).reshape(4, 3)), Table(np.arange(1.0, 13.0).reshape(3, 4)))
+    others = (NumberTable(np.arange(12.0).reshape(4, 3)), NumberTable(np.arange(1.0, 13.0).reshape(3, 4)))
     assert len({str(table), *(str(other) for other in others)}) == 3
-    assert str(table) == table.digest == Table(np.arange(12.0).reshape(3, 4)).digest
+    assert str(table) == table.digest == NumberTable(np.arange(12.0).reshape(3, 4)).digest
 
 
 @pytest.mark.parametrize("degrees", [0.0, 50.0, 85.0])

@@ -29,7 +29,7 @@ def test_a_mask_of_0_or_1_is_exact() -> None:
     below, above = (_random(rng, "disney", presence=np.ones(_COUNT)) for _ in range(2))
     for mask, parameters in ((0.0, below), (1.0, above)):
         for inputs in (np.asarray(mask), np.full(_COUNT, mask)):
-            blended = MODELS["disney"].blended([StackLayer("disney", below), StackLayer("disney", above, inputs)])
+            blended = MODELS["disney"].blend([StackLayer("disney", below), StackLayer("disney", above, inputs)])
             assert blended["variant"] == "2014"
             for name in ("roughness", "baseColor"):
                 np.testing.assert_array_equal(blended[name], parameters[name])
@@ -47,7 +47,7 @@ def test_disney_layers_with_other_metals_are_blended_as_evaluated() -> None:
         np.testing.assert_allclose(evaluate(stack, wo, wi), expected, rtol=1e-12, atol=1e-15)
     # Metals of one kind are blended as parameters.
     alike = [StackLayer("disney", exact), StackLayer("disney", exact | {"eta": 0.5 * exact["k"] + 1.0}, mask)]
-    blended = MODELS["disney"].bsdf(MODELS["disney"].blended(alike))
+    blended = MODELS["disney"].bsdf(MODELS["disney"].blend(alike))
     np.testing.assert_array_equal(evaluate(stack_bsdf(alike), wo, wi), evaluate(blended, wo, wi))
 
 
@@ -156,5 +156,5 @@ def test_layers_of_a_model_without_presence_are_blended_by_the_mask_alone() -> N
     below, above = (
         complete_parameters("lambert", {"reflectance": color}) for color in ((0.8, 0.1, 0.2), (0.0, 0.5, 0.4))
     )
-    blended = MODELS["lambert"].blended([StackLayer("lambert", below), StackLayer("lambert", above, 0.25)])
+    blended = MODELS["lambert"].blend([StackLayer("lambert", below), StackLayer("lambert", above, 0.25)])
     np.testing.assert_allclose(blended["reflectance"], (0.6, 0.2, 0.25))

@@ -106,8 +106,8 @@ def test_the_camera_frames_the_limit_surface(make: Make) -> None:
     camera = scene.camera
     extents = []
     for angle in np.linspace(0.0, 360.0, 360, endpoint=False):
-        right, up, back = camera.orbited(-Pose(float(angle), 0.0).element).frame
-        seen = points - camera.orbited(-angle).position
+        right, up, back = camera.orbit(-Pose(float(angle), 0.0).element).frame
+        seen = points - camera.orbit(-angle).position
         depth = -(seen @ back)
         extents.append(np.abs(np.stack([seen @ right, seen @ up]) / depth).max(axis=1) / camera.reach)
     # Points of the refined level; between two poses the extent differs by less than the square of half a degree.

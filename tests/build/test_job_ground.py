@@ -43,7 +43,7 @@ def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind:
         assert scene.camera == plain[key].camera
         assert [light.digest for light in scene.lights] == [light.digest for light in plain[key].lights]
         asset, before = scene.asset, plain[key].asset
-        assert scene.wears[PATH] is GREY
+        assert scene.look_of_slot[PATH] is GREY
         assert scene.catchers == (frozenset([PATH]) if kind == "catcher" else frozenset())
         disc = asset.meshes[-1].points + asset.instances[-1].matrix[:3, 3]
         lowest = before.meshes[0].points[:, 2].min()

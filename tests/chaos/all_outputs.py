@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import batch_case as case
 
 from lookdev.build.wedges import WedgeSheet
-from lookdev.lifetime import end_at_signals
+from lookdev.processes import end_at_signals
 from lookdev.rendering.passes import PASSES
 from lookdev.run.render import run_plan
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from storm import contents
 
-from lookdev.lifetime import end_with_parent
+from lookdev.processes import end_with_parent
 
 pytest.importorskip("av")
 

@@ -14,7 +14,7 @@ from lookdev.asset import load_asset
 from lookdev.brdf import CONTINUOUS
 from lookdev.checks import check
 from lookdev.checks.check import check_file
-from lookdev.checks.finding import Finding
+from lookdev.checks.finding import CheckFinding
 from lookdev.codegen.source import NodeSource, ShaderSource
 from lookdev.errors import FaultsError, LookdevError
 from lookdev.light import load_environment
@@ -55,8 +55,10 @@ def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTas
         image = np.full((height, width, 3), task.pose.element not in dark, np.float32)
         return SimpleNamespace(a=image, b=image, alpha=image[..., 0])
 
-    def agree(name: str) -> Callable[..., Finding]:
-        return lambda look, *rest, **options: Finding(name, look.name if isinstance(look, Look) else look, True, "")
+    def agree(name: str) -> Callable[..., CheckFinding]:
+        return lambda look, *rest, **options: CheckFinding(
+            name, look.name if isinstance(look, Look) else look, True, ""
+        )
 
     quick = {("asset", "shaderball"): load_asset(builtin="plane"), ("light", "city"): load_environment(builtin="white")}
     monkeypatch.setattr(check, "load_asset", lambda builtin: quick["asset", builtin])
@@ -109,9 +111,9 @@ def test_a_pose_without_light_is_passed_over(job: Path, rendered: list[FrameTask
 def test_stability_is_of_the_models_or_of_the_looks(
     job: Path, rendered: list[FrameTask], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stress(subjects: list[str | Look], render: object, **options: object) -> Iterator[Finding]:
+    def stress(subjects: list[str | Look], render: object, **options: object) -> Iterator[CheckFinding]:
         for subject in subjects:
-            yield Finding("stability", subject.name if isinstance(subject, Look) else subject, True, "")
+            yield CheckFinding("stability", subject.name if isinstance(subject, Look) else subject, True, "")
 
     monkeypatch.setattr(check, "stress", stress)
     assert run_checks(None, only=["stability"]) == [("stability", model) for model in CONTINUOUS]

@@ -8,7 +8,7 @@ from frames import replaced
 from looks import quick_among
 
 from lookdev.checks.albedo import check_albedo
-from lookdev.checks.frames import Render
+from lookdev.checks.frames import RenderHalves
 from lookdev.material import Layer, Look, Primvar
 from lookdev.rendering.backends import job_backends
 from lookdev.rendering.results import Rendered
@@ -53,7 +53,7 @@ def test_the_card_is_seen_from_every_angle_in_light_that_stays() -> None:
 
 
 @pytest.mark.cycles
-def test_a_look_that_transmits_agrees_on_both_sides(render: Render) -> None:
+def test_a_look_that_transmits_agrees_on_both_sides(render: RenderHalves) -> None:
     finding = check_albedo(LEAF, render, points=1, angles=ANGLES)
     assert finding.passed, finding.summary
     assert not finding.skipped
@@ -65,7 +65,7 @@ def test_a_look_that_transmits_agrees_on_both_sides(render: Render) -> None:
 @pytest.mark.parametrize(
     ("look", "backend"), quick_among(CELLS, QUICK), ids=lambda value: getattr(value, "name", value)
 )
-def test_a_look_agrees_by_each_backend(look: Look, backend: str, render: Render) -> None:
+def test_a_look_agrees_by_each_backend(look: Look, backend: str, render: RenderHalves) -> None:
     finding = check_albedo(look, render, angles=ANGLES, backend=backend)
     assert finding.passed, finding.summary
     # The band of the fits is no wider than what they promise.
@@ -77,7 +77,7 @@ def test_a_look_agrees_by_each_backend(look: Look, backend: str, render: Render)
     ("right", "wrong"),
     [("f += color(", "f += 1.01 * color("), ("pdf / shares", "pdf / (1.01 * shares)"), ("u1 * shares", "u1")],
 )
-def test_a_fault_in_the_text_is_found(right: str, wrong: str, render: Render) -> None:
+def test_a_fault_in_the_text_is_found(right: str, wrong: str, render: RenderHalves) -> None:
     finding = check_albedo(GLOSSY, render, angles=ANGLES, alter=replaced(right, wrong))
     assert not finding.passed
     assert finding.skipped == "no light passes through: no curve of transmission"

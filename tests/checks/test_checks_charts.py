@@ -32,7 +32,7 @@ def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.nda
     rng = np.random.default_rng(5)
     picture = np.zeros((SIZE[1], SIZE[0], 3))
     radiances = dict(zip(PATCHES, patch_colors() if colors is None else colors, strict=True)) | {"grey ball": GREY}
-    for name, box in STRIP.measured.items():
+    for name, box in STRIP.measured_boxes.items():
         rows = slice(int(box.top) - 1, int(box.top + box.height) + 2)
         picture[rows, int(box.left) - 1 : int(box.left + box.width) + 2] = radiances[name]
     halves = [(gain * picture * (1.0 + noise * rng.standard_normal(picture.shape))).astype(np.float32) for _ in "ab"]

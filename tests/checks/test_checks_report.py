@@ -9,28 +9,30 @@ from xml.etree import ElementTree
 import numpy as np
 from rich.console import Console
 
-from lookdev.checks.finding import Finding, Picture, Plot, Series
+from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve, PlotImage
 from lookdev.checks.report import draw_svg, print_findings, verdict, write_html
 
 X = np.linspace(0.0, 1.0, 5)
-CURVES = Plot(
+CURVES = FindingPlot(
     "Albedo of $x",
     "angle",
     "albedo",
     (
-        Series("band", X, X, X - 0.1, X + 0.1),
-        Series("points", X, X, X - 0.1, X + 0.1, "points"),
-        Series("counts", np.linspace(0.0, 1.0, 6), X, style="bars"),
+        PlotCurve("band", X, X, X - 0.1, X + 0.1),
+        PlotCurve("points", X, X, X - 0.1, X + 0.1, "points"),
+        PlotCurve("counts", np.linspace(0.0, 1.0, 6), X, style="bars"),
     ),
 )
-PICTURES = Plot('Frame "1" <i>', pictures=(Picture("frame", np.zeros((4, 4, 3))), Picture("t", np.eye(4), -6.0, 6.0)))
-GOOD = Finding("points", "gold", True, "40000 cases", {"cases": 4e4}, ("case 1",), (CURVES,))
+PICTURES = FindingPlot(
+    'Frame "1" <i>', pictures=(PlotImage("frame", np.zeros((4, 4, 3))), PlotImage("t", np.eye(4), -6.0, 6.0))
+)
+GOOD = CheckFinding("points", "gold", True, "40000 cases", {"cases": 4e4}, ("case 1",), (CURVES,))
 WORST = "pixel [red]1,2[/red] " + "x" * 300
-BAD = Finding("image", "<b>gold</b>, city", False, "t 9 & more", {}, (WORST,), (PICTURES,))
-SKIPPED = Finding("albedo", "gold", True, "", skipped="no light passes through")
+BAD = CheckFinding("image", "<b>gold</b>, city", False, "t 9 & more", {}, (WORST,), (PICTURES,))
+SKIPPED = CheckFinding("albedo", "gold", True, "", skipped="no light passes through")
 
 
-def print_text(*findings: Finding) -> str:
+def print_text(*findings: CheckFinding) -> str:
     stream = io.StringIO()
     print_findings(findings, Console(file=stream, width=90))
     return stream.getvalue()

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.checks.evaluate import Backend, evaluate_lines
+from lookdev.checks.evaluate import Evaluator, evaluate_lines
 from lookdev.errors import ModelError
 
 _CASE = {"model": "disney", "params": {}, "wo": [0, 0, 1], "wi": [0, 0, 1]}
@@ -91,7 +91,7 @@ def test_cycles_answers_from_a_process_of_its_own() -> None:
 
 @pytest.mark.usefixtures("warm_points")
 @pytest.mark.parametrize("backend", ["numpy", pytest.param("cycles", marks=pytest.mark.cycles)])
-def test_numbers_may_be_expressions_of_the_view(backend: Backend) -> None:
+def test_numbers_may_be_expressions_of_the_view(backend: Evaluator) -> None:
     front, behind = {"wo": [0.6, 0, 0.8], "wi": [-0.6, 0, 0.8]}, {"wo": [0.6, 0, -0.8], "wi": [0, 0.6, -0.8]}
     cases = [*((layers, front) for layers in (*_SEEN, *_STACKED)), *((layers, behind) for layers in _STACKED)]
     lines = [json.dumps({"model": "stack", "layers": layers, **seen}) for layers, seen in cases]

@@ -16,8 +16,8 @@ from lookdev.brdf.vectors import mix_color
 from lookdev.checks import stability
 from lookdev.checks.evaluate import Batch, evaluate_lines, evaluate_numpy
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
-from lookdev.checks.finding import Finding
-from lookdev.checks.frames import Render
+from lookdev.checks.finding import CheckFinding
+from lookdev.checks.frames import RenderHalves
 from lookdev.checks.samples import case_line
 from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
 from lookdev.codegen.points import PointLayer
@@ -144,9 +144,9 @@ def constant_light(case: SceneCase) -> SceneCase:
     return replace(case, light=make_environment("constant", radiance))
 
 
-def judge(name: str, frame: Picture) -> Finding:
+def judge(name: str, frame: Picture) -> CheckFinding:
     pictures = {"usual": picture(seed=1), name: frame}
-    cases = [constant_light(CASES[other]) for other in dict.fromkeys([CASES[name].like or name, name])]
+    cases = [constant_light(CASES[other]) for other in dict.fromkeys([CASES[name].base_case or name, name])]
     *_, finding = check_scenes(GREY, cases, lambda task: pictures[task.digest.partition(", ")[2]])
     return finding
 
@@ -195,7 +195,7 @@ def test_no_picture_is_a_finding() -> None:
 
 def test_scenes_are_as_named() -> None:
     for case in CASES.values():
-        assert not case.like or case.like in CASES
+        assert not case.base_case or case.base_case in CASES
     triangles = CASES["degenerate triangles"].asset.meshes[0].corner_points[-3 * 100 :].reshape(-1, 3)
     assert all(len(set(triangle)) < 3 for triangle in triangles.tolist())
     flat = CASES["zero-area UVs"].asset.meshes[0]
@@ -207,7 +207,7 @@ def test_scenes_are_as_named() -> None:
 
 
 @pytest.mark.cycles
-def test_far_and_tiny_is_like_near_and_usual(render: Render) -> None:
+def test_far_and_tiny_is_like_near_and_usual(render: RenderHalves) -> None:
     # Cycles' float32 has steps of 1/128 m there, much larger than an asset of 0.1 mm.
     cases = [CASES[name] for name in ("usual", "100 km away", "0.1 mm, 100 km away", "flipped normals")]
     findings = list(check_scenes(GREY, cases, render))
@@ -215,7 +215,7 @@ def test_far_and_tiny_is_like_near_and_usual(render: Render) -> None:
 
 
 @pytest.mark.cycles
-def test_another_picture_is_found(render: Render) -> None:
+def test_another_picture_is_found(render: RenderHalves) -> None:
     other = replace(CASES["10 km"], asset=hostile_scenes()[0].asset)
     findings = list(check_scenes(GREY, [CASES["usual"], other], render))
     assert [finding.passed for finding in findings] == [True, False]
@@ -224,7 +224,7 @@ def test_another_picture_is_found(render: Render) -> None:
 @pytest.mark.cycles
 @pytest.mark.usefixtures("warm_points")
 @pytest.mark.parametrize("scenes", [1, pytest.param(2, marks=pytest.mark.proof)])  # the sun's tables take seconds
-def test_a_look_of_constants_passes(scenes: int, render: Render, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_look_of_constants_passes(scenes: int, render: RenderHalves, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stability, "hostile_scenes", lambda: hostile_scenes()[:scenes])
     look = Look("lacquer", (Layer("Lacquer", "pixar", {"roughness": 0.0, "clear": 1.0, "energy": "conserving"}),))
     findings = list(stress([look], render, depth="quick"))

@@ -22,7 +22,7 @@ from lookdev.cli.crash import DISTRIBUTIONS
 from lookdev.cli.files import inspect
 from lookdev.cli.options import say, say_json
 from lookdev.errors import AssetError, RenderError
-from lookdev.inspect.doctor import Finding
+from lookdev.inspect.doctor import DoctorFinding
 
 ROOT = Path(__file__).parents[2]
 CONTROLS = "\x00 \x07 \x1b[31m \x1b]0;title\x07 \x7f \x9b2J \t \r \u202e \u2066 \ud800"
@@ -142,7 +142,7 @@ def test_a_closed_pipe_ends_quietly():
 
 @pytest.mark.parametrize(("good", "code"), [(True, 0), (False, 1)])
 def test_doctor(run_cli, monkeypatch, good, code):
-    findings = [Finding("Python", "3.11", good=True), Finding("bpy (Blender)", "4.5", good=good)]
+    findings = [DoctorFinding("Python", "3.11", good=True), DoctorFinding("bpy (Blender)", "4.5", good=good)]
     monkeypatch.setattr("lookdev.inspect.doctor.examine", lambda: iter(findings))
     exit_code, output, _ = run_cli("doctor")
     assert exit_code == code

@@ -61,7 +61,7 @@ def test_the_plain_table_is_the_whole(options, part, bench, monkeypatch, tmp_pat
     monkeypatch.setattr(TableBenchmark, "run", run)
     code, _, _ = bench("--table", tmp_path / "bench.md", *options, "--out", tmp_path / "out")
     assert code == 0
-    assert tables[0].restricted == part
+    assert tables[0].restricting_options == part
     assert tables[0].options.scenes == ("sphere", "shaderball")
     assert tables[0].options.denoise
 

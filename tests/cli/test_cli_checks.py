@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from lookdev.checks.finding import Finding
+from lookdev.checks.finding import CheckFinding
 from lookdev.errors import ModelError
 
 ROOT = Path(__file__).parents[2]
 
-GOOD = Finding("points", "gold", True, "40000 cases", {}, ("case 1",))
-BAD = Finding("albedo", "gold", False, "far off", {}, ("case 2",))
+GOOD = CheckFinding("points", "gold", True, "40000 cases", {}, ("case 1",))
+BAD = CheckFinding("albedo", "gold", False, "far off", {}, ("case 2",))
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def call(monkeypatch):
     """Replace the checks by a fake that yields the test's findings; return them, and the arguments of the call."""
     call: dict[str, Any] = {"findings": [GOOD]}
 
-    def check_file(file: Path, **options: Any) -> Iterator[Finding]:
+    def check_file(file: Path, **options: Any) -> Iterator[CheckFinding]:
         call.update(file=file, **options)
         yield from call["findings"]
 

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.both_pythons
 
 # Its children write their number to a file.
 _CHILD = """import os, pathlib, time
-from lookdev.lifetime import end_with_parent
+from lookdev.processes import end_with_parent
 end_with_parent()
 pathlib.Path({0!r}).write_text(str(os.getpid()))
 time.sleep(60)"""

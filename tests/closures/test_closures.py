@@ -11,11 +11,11 @@ from random_parameters import VARIANTS, random_parameters
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.frames import ZENITH, Leaning
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.metal import CONDUCTOR
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.checks.samples import constant_looks
-from lookdev.closures import STAND_INS, Closure, Kind, closure_cosine, lobe_closures
+from lookdev.closures import STAND_INS, Closure, ClosureKind, closure_cosine, lobe_closures
 from lookdev.closures.disney import diffuse_albedo
 from lookdev.closures.setups import disney_lobe, view_at
 from lookdev.errors import CodegenError
@@ -112,7 +112,7 @@ def test_a_gamma_that_no_closure_has_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("kind", ["ggx", "beckmann"])
-def test_reflecting_closures_are_reciprocal(kind: Kind) -> None:
+def test_reflecting_closures_are_reciprocal(kind: ClosureKind) -> None:
     wo, wi = view(50.0), view(70.0, 2.0)
     closure = Closure(kind, ONE, 0.2, 0.5)
     forth, back = closure_cosine(closure, wo, wi) / wi[2], closure_cosine(closure, wi, wo) / wo[2]
@@ -131,13 +131,13 @@ def test_the_shape_of_the_subsurface_term(roughness: float, angle: float, most: 
     wo = view(angle)
     lobe = disney_lobe("diffuse", wo, baseColor=ONE, roughness=roughness, subsurface=1.0)
     wi, weight = hemisphere_grid(64)
-    model = lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2] * weight
+    model = lobe.evaluate(DirectionPair.of(wo, wi))[:, 0] * wi[:, 2] * weight
     closures = sum(closure_cosine(closure, wo, wi)[:, 0] for closure in lobe_closures(lobe, wo)) * weight
     assert 0.5 * np.abs(model / model.sum() - closures / closures.sum()).sum() < most
 
 
 @pytest.mark.parametrize(("kind", "alpha"), [("ggx", 0.05), ("ggx", 0.6), ("beckmann", 0.05), ("beckmann", 0.6)])
-def test_a_microfacet_closure_seen_from_above_is_its_distribution(kind: Kind, alpha: float) -> None:
+def test_a_microfacet_closure_seen_from_above_is_its_distribution(kind: ClosureKind, alpha: float) -> None:
     # For this view G1 is 1 and f cos_i = D G1(wi) / 4; for light nearly along the normal G1 is nearly 1.
     theta_h = 0.05
     wi = np.array([np.sin(2.0 * theta_h), 0.0, np.cos(2.0 * theta_h)])
@@ -151,7 +151,7 @@ def test_a_microfacet_closure_seen_from_above_is_its_distribution(kind: Kind, al
 
 
 @pytest.mark.parametrize("kind", ["ggx_refraction", "beckmann_refraction"])
-def test_a_refraction_sends_light_along_its_normal(kind: Kind) -> None:
+def test_a_refraction_sends_light_along_its_normal(kind: ClosureKind) -> None:
     normal = view(30.0, 1.0)
     frame = Leaning(normal)
     closure = Closure(kind, ONE, 0.02, 0.02, frame, 1000.0)
@@ -165,7 +165,7 @@ def test_a_refraction_sends_light_along_its_normal(kind: Kind) -> None:
 
 
 @pytest.mark.parametrize(("kind", "side"), [("diffuse", 1.0), ("translucent", -1.0)])
-def test_lambert_reflects_its_weight(kind: Kind, side: float) -> None:
+def test_lambert_reflects_its_weight(kind: ClosureKind, side: float) -> None:
     wi, weight = hemisphere_grid(16)
     closure = Closure(kind, np.array([0.2, 0.5, 1.0]))
     energy = weight @ closure_cosine(closure, view(40.0), side * wi)
@@ -200,7 +200,7 @@ def test_metals_are_ggx_by_schlick() -> None:
 def test_the_diffuse_albedo_is_exact(roughness: float, angle: float) -> None:
     lobe = disney_lobe("diffuse", view(angle), roughness=roughness, baseColor=ONE)
     wi, weight = hemisphere_grid(32)
-    expected = weight @ (lobe.evaluate(Directions.of(view(angle), wi))[:, 0] * wi[:, 2])
+    expected = weight @ (lobe.evaluate(DirectionPair.of(view(angle), wi))[:, 0] * wi[:, 2])
     np.testing.assert_allclose(diffuse_albedo(view(angle)[2], np.array(roughness)), expected, rtol=1e-12)
 
 

@@ -14,7 +14,7 @@ from lookdev.closures.fits import fit, table
 from lookdev.closures.fitting import Goal, make_fits, make_table
 from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.reflectance import make_table as make_reflectance
-from lookdev.closures.setups import FULL, Grid, Setup, coat_setups, distance, highlight_setups
+from lookdev.closures.setups import FULL, LobeGrid, LobeSetup, coat_setups, distance, highlight_setups
 
 FITS = table()["fits"]
 REFLECTANCE = json.loads(DATA.read_text())
@@ -58,7 +58,9 @@ def test_no_pole_and_no_rounding_in_the_whole_domain(name: str) -> None:
 @pytest.fixture(scope="module")
 def goals() -> dict[str, Goal]:
     """Return the goals of the fits of the file, at a few points."""
-    grid = Grid(FULL.angles[[0, 6, 12, 20]], FULL.roughness[1::5], FULL.gloss[::5], FULL.cones[::4], FULL.bends[[1, 3]])
+    grid = LobeGrid(
+        FULL.angles[[0, 6, 12, 20]], FULL.roughness[1::5], FULL.gloss[::5], FULL.cones[::4], FULL.bends[[1, 3]]
+    )
     fits = make_fits(table()["shapes"], grid, load_fit=fit)
     return {name: goal for name, (_, goal) in fits.items()}
 
@@ -83,7 +85,7 @@ def test_every_fit_is_within_a_hundredth() -> None:
 
 @pytest.mark.parametrize(("name", "setups"), [("clearcoat", coat_setups), ("highlight", highlight_setups)])
 def test_the_distances_of_the_table_are_those_of_its_shapes(
-    name: str, setups: Callable[[Mapping[str, Any], Grid], list[Setup]]
+    name: str, setups: Callable[[Mapping[str, Any], LobeGrid], list[LobeSetup]]
 ) -> None:
     shape = table()["shapes"][name]
     grid = replace(FULL, angles=np.array([0.0, 50.0]), gloss=np.array([0.0, 1.0]), cones=np.array([1.0, 10.0, 35.0]))

@@ -7,7 +7,7 @@ from lookdev.codegen.osl.surface import generate_surface
 from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import ShaderSource
 from lookdev.light import Dome
-from lookdev.material import Bump, Formula, Layer, Look, Texture, View
+from lookdev.material import Bump, Formula, Layer, Look, Texture, ViewCosine
 from lookdev.material.expression import parse
 from lookdev.scene import Sampling
 
@@ -23,7 +23,7 @@ def no_textures(texture: Texture | Bump) -> Path:
 
 
 def of_view(text: str) -> Formula:
-    return Formula(parse(text), {"view": View()}, {"view": "float"})
+    return Formula(parse(text), {"view": ViewCosine()}, {"view": "float"})
 
 
 def surface(*layers: Layer, resolve: Any = own_file, **options: Any) -> ShaderSource:

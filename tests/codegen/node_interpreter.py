@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.codegen.source import HANDEDNESS, GroupSocket, Link, NodeTree, ShaderNode
+from lookdev.codegen.source import HANDEDNESS, GroupSocket, NodeLink, NodeTree, ShaderNode
 from lookdev.material import Primvar
 
 F = np.float32
@@ -117,7 +117,7 @@ class Interpreter:
         output_values: dict[str, Any] = {}
         for node in tree.nodes:
             inputs_of_node = {
-                socket: values[value.node].get(value.socket, []) if isinstance(value, Link) else value
+                socket: values[value.node].get(value.socket, []) if isinstance(value, NodeLink) else value
                 for socket, value in node.inputs.items()
             }
             if node.kind == "NodeGroupOutput" or node.kind.startswith("Output"):

@@ -14,7 +14,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.mixture import evaluate_cosine
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import TANGENT, Source
+from lookdev.codegen.source import TANGENT, GeneratedSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
@@ -140,7 +140,7 @@ def test_a_source_reads_the_tangents_where_its_look_needs_them(
     MAPPED.file.write_bytes(b"pixels")
     look = Look("look", (PLAIN | DIRECTED)[name])
     setting = SourceSetting((DOME,), (8, 8), Sampling(), resolve=lambda image: MAPPED.file.resolve())
-    source: Source = BACKENDS[backend].generate(look, setting)
+    source: GeneratedSource = BACKENDS[backend].generate(look, setting)
     # Stand-ins of transmitting lobes have a normal computed from all axes; that it does not rotate is not detected.
     needs = name in DIRECTED or (backend, name) == ("nodes", "glass")
     assert (TANGENT in {binding.attribute for binding in source.attributes}) == needs

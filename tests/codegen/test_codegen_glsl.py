@@ -13,7 +13,7 @@ from webgl import POINTS, Picture, draw_pictures, read_columns
 from lookdev.arrays import Floats32
 from lookdev.brdf import CONTINUOUS, sample
 from lookdev.brdf.mixture import Mixture
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.checks.evaluate import Batch, evaluate_numpy, parse_batches, point_table
 from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH, function_text
 from lookdev.codegen.points import PointLayer, point_bsdf, point_columns
@@ -55,7 +55,7 @@ class Functions:
 
     text: str
     symbols: frozenset[str]
-    tables: tuple[Table, ...]
+    tables: tuple[NumberTable, ...]
     two_sided: bool
     transmits: bool
 
@@ -84,7 +84,7 @@ def point_functions(layers: Sequence[PointLayer]) -> Functions:
     return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)
 
 
-def table_texels(table: Table) -> Floats32:
+def table_texels(table: NumberTable) -> Floats32:
     """Return the texture of a table, (rows, `TABLE_WIDTH`)."""
     numbers = np.asarray(table.values, np.float32).ravel()
     texels = np.zeros((-(-len(numbers) // TABLE_WIDTH), TABLE_WIDTH), np.float32)

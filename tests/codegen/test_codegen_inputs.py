@@ -75,7 +75,7 @@ def test_a_set_of_tiles_is_a_look_up_of_the_tile(images: Images) -> None:
 def test_names_in_blender_are_short_plain_and_different(kind):
     names = ["st", *("a" * length for length in (40, 41, 56, 67, 300_000)), "a" * 40 + "é", "ä", "ö", "a:b", "a.b"]
     names += ["a_b", "1", "\x1b", "position", "lookdev_normal", "material_index", ".corner_vert"]
-    stored = [AttributeBinding("x", name, kind).stored for name in names]
+    stored = [AttributeBinding("x", name, kind).mesh_name for name in names]
     assert len(set(stored)) == len(names)
     assert all(re.fullmatch(r"(primvars:)?[A-Za-z0-9_]+", name) and len(name) < 56 for name in stored)
     assert stored[0].removeprefix("primvars:") == "st"
@@ -83,4 +83,4 @@ def test_names_in_blender_are_short_plain_and_different(kind):
 
 
 def test_a_primvar_and_a_uv_set_of_one_name_differ_in_blender():
-    assert AttributeBinding("x", "st", "uv").stored != AttributeBinding("y", "st", "float").stored
+    assert AttributeBinding("x", "st", "uv").mesh_name != AttributeBinding("y", "st", "float").mesh_name

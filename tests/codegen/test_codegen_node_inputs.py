@@ -13,17 +13,17 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.brdf.parameters import Parameter
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
-from lookdev.codegen.source import HANDEDNESS, AttributeBinding, GroupSocket, Link, NodeTree, ShaderNode
+from lookdev.codegen.source import HANDEDNESS, AttributeBinding, GroupSocket, NodeLink, NodeTree, ShaderNode
 from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import TextureError
 from lookdev.material import Bump, Coordinates, Formula, Primvar, Texture
 from lookdev.material.expression import parse
 from lookdev.material.textures import image_file, sample_slopes, sample_texture
-from lookdev.material.values import Values
+from lookdev.material.values import SourceValues
 
 WRAPS = ("black", "clamp", "repeat", "mirror")
 EXTENSIONS = {"CLIP": "black", "EXTEND": "clamp", "REPEAT": "repeat", "MIRROR": "mirror"}
@@ -54,8 +54,8 @@ def tree_of(
     source: Any, parameter: Parameter, resolve: Callable[[Texture | Bump], Path] = image_file
 ) -> tuple[NodeTree, tuple[AttributeBinding, ...]]:
     """Return the tree that computes one input, and the attributes of the mesh that it reads."""
-    inputs = Inputs(Graph(), resolve)
-    value = elements_of(Values(inputs).of(source, parameter))
+    inputs = SymbolicSurface(Graph(), resolve)
+    value = elements_of(SourceValues(inputs).of(source, parameter))
     builder = TreeBuilder("inputs")
     names = [node.name for node in reachable_nodes(value) if isinstance(node, Symbol)]
     attributes = bind_inputs(builder, inputs, [*names, "wo_x"])
@@ -67,7 +67,7 @@ def tree_of(
 def _image(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
     """Look up an image as Blender does: bilinearly, with equal wrapping of both axes, (0, 0) at the lower left."""
     assert node.image is not None
-    assert isinstance(node.inputs["Vector"], Link), "an image without a link reads the UVs of the mesh"
+    assert isinstance(node.inputs["Vector"], NodeLink), "an image without a link reads the UVs of the mesh"
     wrap: Any = EXTENSIONS[str(node.properties["extension"])]
     texture = Texture(node.image.path, "rgb", "raw", wrap, wrap)
     st = np.asarray(sockets["Vector"], np.float64)[..., :2]
@@ -159,7 +159,7 @@ def test_a_plain_texture_is_two_nodes(picture: Path) -> None:
     assert kinds(tree)["TexImage"] == kinds(tree)["UVMap"] == 1
     (image,) = (node for node in tree.nodes if node.kind == "TexImage")
     assert (image.label, image.properties["projection"]) == ("picture", "FLAT")
-    assert isinstance(image.inputs["Vector"], Link)
+    assert isinstance(image.inputs["Vector"], NodeLink)
     assert image.inputs["Vector"].node.startswith("UVMap")
 
 

@@ -15,7 +15,7 @@ from lookdev.brdf.frames import Leaning
 from lookdev.closures import STAND_INS, Closure, closure_cosine, lobe_closures
 from lookdev.codegen.nodes.fits import is_fit
 from lookdev.codegen.nodes.look import generate_nodes
-from lookdev.codegen.source import HANDEDNESS, TANGENT, Link, NodeSource, NodeTree, ShaderNode
+from lookdev.codegen.source import HANDEDNESS, TANGENT, NodeLink, NodeSource, NodeTree, ShaderNode
 from lookdev.material import Layer, Look, Primvar, Texture
 from lookdev.material.values import look_bsdf
 
@@ -169,14 +169,14 @@ def assert_whole(source: NodeSource) -> None:
         assert len(set(contents)) == len(contents)
         for node in tree.nodes:
             assert node.name not in earlier
-            assert all(link.node in earlier for link in node.inputs.values() if isinstance(link, Link))
+            assert all(link.node in earlier for link in node.inputs.values() if isinstance(link, NodeLink))
             earlier.add(node.name)
             if node.group:
                 group = source.trees[names.index(node.group)]
                 assert names.index(node.group) < index
                 assert set(node.inputs) <= {socket.name for socket in group.inputs}
         groups = {node.name: source.trees[names.index(node.group)] for node in tree.nodes if node.group}
-        links = [link for node in tree.nodes for link in node.inputs.values() if isinstance(link, Link)]
+        links = [link for node in tree.nodes for link in node.inputs.values() if isinstance(link, NodeLink)]
         for link in links:
             if link.node in groups:
                 assert link.socket in [socket.name for socket in groups[link.node].outputs]

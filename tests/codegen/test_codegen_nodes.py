@@ -9,7 +9,7 @@ from node_interpreter import Interpreter, shape_input
 
 from lookdev.brdf.vectors import cross, dot, mix, mix_color, normalize, vector
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.source import GroupSocket, Link, NodeTree
+from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.errors import CodegenError
@@ -23,9 +23,9 @@ def builder() -> tuple[TreeBuilder, dict[str, SymbolicArray]]:
     graph, nodes = Graph(), TreeBuilder("test")
     group_input = nodes.add("NodeGroupInput")
     for name in FLOATS:
-        nodes.bind([name], Link(group_input, name))
+        nodes.bind([name], NodeLink(group_input, name))
     for name in VECTORS:
-        nodes.bind([f"{name}_{i}" for i in range(3)], Link(group_input, name))
+        nodes.bind([f"{name}_{i}" for i in range(3)], NodeLink(group_input, name))
     values = {name: symbol(graph, name) for name in FLOATS}
     return nodes, values | {name: symbols(graph, [f"{name}_{i}" for i in range(3)]) for name in VECTORS}
 
@@ -213,13 +213,13 @@ def test_nodes_stand_in_order_and_apart() -> None:
     earlier: set[str] = set()
     for node in tree.nodes:
         for link in node.inputs.values():
-            if isinstance(link, Link):
+            if isinstance(link, NodeLink):
                 assert link.node in earlier
                 source = next(other for other in tree.nodes if other.name == link.node)
-                assert source.place[0] < node.place[0]
+                assert source.position[0] < node.position[0]
         earlier.add(node.name)
     assert len(earlier) == len(tree.nodes)
-    positions = [node.place for node in tree.nodes]
+    positions = [node.position for node in tree.nodes]
     for index, (x, y) in enumerate(positions):
         for other_x, other_y in positions[index + 1 :]:
             assert abs(x - other_x) >= 200 or abs(y - other_y) >= 100

@@ -201,7 +201,7 @@ def test_only_a_leaning_normal_has_a_frame(textures: dict[str, Texture]) -> None
     # A lobe that is not there reads no normal.
     assert surface(pixar(roughness=1.0, highlightNormal=bumped)).textures == ()
     leaning = surface(pixar(roughness=1.0, diffuseNormal=bumped))
-    assert leaning.images == (Content.of(textures["mask"].file),)
+    assert leaning.images == (Content.store_copy(textures["mask"].file),)
     assert HANDEDNESS in {binding.attribute for binding in leaning.attributes}
 
 

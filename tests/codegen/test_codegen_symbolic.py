@@ -8,14 +8,14 @@ import pytest
 from random_parameters import directions
 
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
-from lookdev.brdf.lobes import Delta, Directions
-from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.lobes import Delta, DirectionPair
+from lookdev.brdf.table import NumberTable, look_up
 from lookdev.codegen.operators import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
 from lookdev.codegen.trace.graph import (
     OPERATIONS,
     Graph,
-    Node,
+    GraphNode,
     Symbol,
     TableCell,
     Uniform,
@@ -79,8 +79,8 @@ def test_components_fold_one_by_one(x: SymbolicArray) -> None:
     y, zero, seven = elements_of(x * np.array([1.0, 0.0, 1.0]) + np.array([0.0, 0.0, 7.0]))
     assert y is node(x)
     assert zero == 0.0
-    assert not isinstance(zero, Node)
-    assert isinstance(seven, Node)
+    assert not isinstance(zero, GraphNode)
+    assert isinstance(seven, GraphNode)
 
 
 def test_equal_expressions_are_one_node(x: SymbolicArray, v: SymbolicArray) -> None:
@@ -146,9 +146,9 @@ def test_what_has_no_counterpart_is_reported(v: SymbolicArray, x: SymbolicArray,
         use(x, v)
 
 
-def compute(value: Any, symbols: dict[str, Any], results: dict[Node, Any]) -> Any:
+def compute(value: Any, symbols: dict[str, Any], results: dict[GraphNode, Any]) -> Any:
     """Evaluate a node with NumPy's own functions, by name."""
-    if not isinstance(value, Node):
+    if not isinstance(value, GraphNode):
         return value
     if value not in results:
         if isinstance(value, Symbol):
@@ -174,7 +174,7 @@ def test_every_operation_computes_what_numpy_does(graph: Graph) -> None:
 
 
 def test_colors_of_a_table_are_the_last_axis(graph: Graph) -> None:
-    table, columns = Table(np.arange(24.0).reshape(2, 4, 3)), {"a": 3.0, "b": 0.0}
+    table, columns = NumberTable(np.arange(24.0).reshape(2, 4, 3)), {"a": 3.0, "b": 0.0}
     traced = look_up(table, 1.0, symbols(graph, list(columns)))  # type: ignore[arg-type]
     assert traced.shape == (2, 3)
     assert [compute(element, columns, {}) for element in elements_of(traced)] == [21.0, 22.0, 23.0, 12.0, 13.0, 14.0]
@@ -273,7 +273,7 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
         transmits: numbers | dict(zip((*WO, *WI), [*wo.T, *light.T], strict=True))
         for transmits, light in lights.items()
     }
-    done: dict[bool, dict[Node, Any]] = {False: {}, True: {}}
+    done: dict[bool, dict[GraphNode, Any]] = {False: {}, True: {}}
 
     def compute_columns(values: Any, transmits: bool) -> Any:
         columns = [compute(value, sides[transmits], done[transmits]) for value in values]
@@ -293,7 +293,7 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
         side = lights[lobe.transmits]
         local_o, local_i = lobe.pair(wo, side)
         valid = local_i[:, 2] > 0.0
-        density = lobe.pdf(Directions.of(local_o, np.where(valid[:, None], local_i, local_o)))
+        density = lobe.pdf(DirectionPair.of(local_o, np.where(valid[:, None], local_i, local_o)))
         agree([result.share], np.reshape(lobe.share, (-1, 1)))
         runs = True if result.side is None else compute_columns([result.side], lobe.transmits)
         agree(result.value, evaluate_cosine(Bsdf(lambda _, lobe=lobe: (lobe,)), wo, side), lobe.transmits, runs)

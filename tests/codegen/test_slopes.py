@@ -31,12 +31,12 @@ def run(source: ProgramSource, symbols: dict[str, Any]) -> dict[str, Any]:
             case "constant" | "truth":
                 values.append(bool(operation.value) if operation.op == "truth" else operation.value)
             case "uniform":
-                values.append(source.constants[operation.place])
+                values.append(source.constants[operation.index])
             case "symbol":
                 values.append(symbols.get(operation.name, 0.5))  # symbols of other outputs
             case "look_up":
                 cell = (operands[0] * int(operation.value) + operands[1]).astype(int)
-                values.append(tables[operation.place][3 * cell + int(operation.name) if operation.name else cell])
+                values.append(tables[operation.index][3 * cell + int(operation.name) if operation.name else cell])
             case op:
                 values.append(getattr(np, op)(*operands))
     return {

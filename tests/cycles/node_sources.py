@@ -1,8 +1,8 @@
 """Looks as native nodes, written by hand."""
 
-from lookdev.codegen.source import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
+from lookdev.codegen.source import GroupSocket, NodeLink, NodeSource, NodeTree, ShaderNode
 
-_OUTPUT = ShaderNode("Output", "OutputMaterial", {"target": "CYCLES"}, {"Surface": Link("Surface", "BSDF")})
+_OUTPUT = ShaderNode("Output", "OutputMaterial", {"target": "CYCLES"}, {"Surface": NodeLink("Surface", "BSDF")})
 
 
 def diffuse(color: tuple[float, float, float]) -> NodeSource:
@@ -16,14 +16,14 @@ def diffuse(color: tuple[float, float, float]) -> NodeSource:
                 "World",
                 "VectorTransform",
                 {"vector_type": "NORMAL", "convert_from": "OBJECT", "convert_to": "WORLD"},
-                {"Vector": Link("Normal", "Vector")},
+                {"Vector": NodeLink("Normal", "Vector")},
             ),
             ShaderNode(
                 "BSDF",
                 "BsdfDiffuse",
-                inputs={"Color": Link("In", "baseColor"), "Normal": Link("World", "Vector"), "Roughness": 0.0},
+                inputs={"Color": NodeLink("In", "baseColor"), "Normal": NodeLink("World", "Vector"), "Roughness": 0.0},
             ),
-            ShaderNode("Out", "NodeGroupOutput", inputs={"BSDF": Link("BSDF", "BSDF")}),
+            ShaderNode("Out", "NodeGroupOutput", inputs={"BSDF": NodeLink("BSDF", "BSDF")}),
         ),
         (GroupSocket("baseColor", "color", (0.8, 0.8, 0.8), help="The colour."),),
         (GroupSocket("BSDF", "shader"),),
@@ -37,9 +37,9 @@ def portal(color: tuple[float, float, float]) -> NodeSource:
     nodes = (
         ShaderNode("Geometry", "NewGeometry"),
         ShaderNode(
-            "Onward", "VectorMath", {"operation": "SCALE"}, {"Vector": Link("Geometry", "Incoming"), "Scale": -1.0}
+            "Onward", "VectorMath", {"operation": "SCALE"}, {"Vector": NodeLink("Geometry", "Incoming"), "Scale": -1.0}
         ),
-        ShaderNode("Surface", "BsdfRayPortal", inputs={"Color": color, "Direction": Link("Onward", "Vector")}),
+        ShaderNode("Surface", "BsdfRayPortal", inputs={"Color": color, "Direction": NodeLink("Onward", "Vector")}),
         _OUTPUT,
     )
     return NodeSource("portal", (NodeTree("portal", nodes),), (), f"portal {color}", True)
@@ -49,11 +49,11 @@ def crowded(vectors: int) -> NodeSource:
     """Return a Diffuse BSDF that needs a number of vectors at once: first for their sum, then each again."""
     nodes = [ShaderNode("Geometry", "NewGeometry")]
 
-    def add(name: str, operation: str, a: Link, b: Link | tuple[float, float, float]) -> Link:
+    def add(name: str, operation: str, a: NodeLink, b: NodeLink | tuple[float, float, float]) -> NodeLink:
         nodes.append(ShaderNode(name, "VectorMath", {"operation": operation}, {"Vector": a, "Vector_001": b}))
-        return Link(name, "Vector")
+        return NodeLink(name, "Vector")
 
-    position = Link("Geometry", "Position")
+    position = NodeLink("Geometry", "Position")
     products = [add(f"Value {number}", "MULTIPLY", position, (1.0 + number,) * 3) for number in range(vectors)]
     total = products[0]
     for number, vector in enumerate(products[1:]):

@@ -145,7 +145,7 @@ def build_nodes(light: Dome) -> dict[str, Any]:
     asset = load_asset(builtin="suzanne")
     camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
     source = node_sources.diffuse((0.5, 0.4, 0.3))
-    slot_sources, file = (0,) * len(asset.slots), Content.of(save_asset(asset))
+    slot_sources, file = (0,) * len(asset.slots), Content.store_copy(save_asset(asset))
     scene = BlenderScene(
         SceneTask(file, "nodes", (source,), slot_sources, (light,), (48, 48), Sampling(samples, bounces=1), camera)
     )
@@ -194,14 +194,14 @@ def write_arrays(oso: str, arrays: Mapping[str, NDArray[Any]]) -> str:
     return insert_arrays(oso, {name: array_text(values) for name, values in arrays.items()})
 
 
-def render_regions(task: FrameTask, boxes: Sequence[engine.Box], samples: int) -> dict[str, Floats32]:
+def render_regions(task: FrameTask, boxes: Sequence[engine.PixelBounds], samples: int) -> dict[str, Floats32]:
     """Return the pixels of each box, rendered alone, twice, and as part of the whole frame, before and after."""
     scene = BlenderScene(task.scene)
     scene.pose(task.scene.camera, task.pose)
     engine.fill_sample_table(scene.scene)
     pictures = {}
 
-    def render(number: int, samples: int, within: engine.Box | None) -> Floats32:
+    def render(number: int, samples: int, within: engine.PixelBounds | None) -> Floats32:
         scene.set_controls(task.pose, number, samples)
         return engine.render_passes(scene.scene, samples, number, within)["Combined"].copy()
 

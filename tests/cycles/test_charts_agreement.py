@@ -60,7 +60,7 @@ def test_props_agree_with_the_reference(worker: Worker, light_of, light: str, sa
     if light == "slopes":
         lights: list[object] = [light_of(light)]
     else:
-        lights = [source.scaled(1.0, (0.0, 0.0, 0.0)) for source in load_rig(rig_file(light)).lights]
+        lights = [source.rescale(1.0, (0.0, 0.0, 0.0)) for source in load_rig(rig_file(light)).lights]
     task, frame = render_charts(worker, lights, samples)
     readings = check_charts(task, STRIP, frame)
     assert list(charts_doubts(readings)) == []

@@ -10,7 +10,7 @@ from osl_snippets import evaluate
 from warm_blender import BlenderProcess
 
 from lookdev.arrays import Floats
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.osl.block import Block
 from lookdev.codegen.osl.inputs import emit_look_up
 from lookdev.codegen.templates import expand_template
@@ -20,7 +20,7 @@ from lookdev.material import Texture
 from lookdev.material.expression import parse
 from lookdev.material.expression.shaping import FUNCTIONS, OPERATORS
 from lookdev.material.textures import linear_texture, sample_texture
-from lookdev.material.values import Values
+from lookdev.material.values import SourceValues
 
 pytestmark = pytest.mark.cycles
 
@@ -69,8 +69,8 @@ def _code(text: str) -> str:
 
 
 def _tiles_code(texture: Texture) -> str:
-    inputs = Inputs(Graph(), lambda source: linear_texture(source))  # type: ignore[arg-type]
-    Values(inputs).read(texture, color=True)
+    inputs = SymbolicSurface(Graph(), lambda source: linear_texture(source))  # type: ignore[arg-type]
+    SourceValues(inputs).read(texture, color=True)
     lines, bindings = emit_look_up("lookup0", inputs.look_up("lookup0"))
     text = "\n".join(["vector uv_st = vector(in[0], in[1], 0);", *lines, "value = lookup0;"])
     for binding in bindings:

@@ -126,7 +126,7 @@ def test_a_mesh_carries_what_its_sources_read(built: dict[str, Any]) -> None:
 def test_names_of_attributes_are_neither_cut_nor_mixed_up(built: dict[str, Any]) -> None:
     mesh_attributes = built["odd"]["meshes"]["/odd"]["attributes"]
     np.testing.assert_array_equal(mesh_attributes["lookdev_normal"], BALL.normals)
-    stored = {(binding.kind, binding.attribute): mesh_attributes[binding.stored] for binding in ODD.attributes}
+    stored = {(binding.kind, binding.attribute): mesh_attributes[binding.mesh_name] for binding in ODD.attributes}
     for i, name in enumerate(ODD_UVS):
         np.testing.assert_array_equal(stored["uv", name], BALL.uvs["st"] + np.float32(i))
     for i, name in enumerate(ODD_PRIMVARS):

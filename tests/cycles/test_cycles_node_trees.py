@@ -13,16 +13,16 @@ from warm_blender import BlenderProcess
 
 from lookdev.brdf.parameters import Parameter
 from lookdev.brdf.vectors import dot, mix, mix_color, normalize
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.inputs import bind_inputs
-from lookdev.codegen.source import Link, NodeSource, NodeTree
+from lookdev.codegen.source import NodeLink, NodeSource, NodeTree
 from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.material import Bump, Coordinates, Formula, Texture
 from lookdev.material.expression import parse
 from lookdev.material.textures import image_file, sample_slopes, sample_texture
-from lookdev.material.values import Values
+from lookdev.material.values import SourceValues
 
 pytestmark = pytest.mark.cycles
 
@@ -72,11 +72,11 @@ def arguments(x: Any, y: Any) -> tuple[Any, ...]:
 def source(name: str) -> NodeSource:
     """Return a surface that emits the value of an expression."""
     graph, builder = Graph(), TreeBuilder(name)
-    builder.bind([f"place_{i}" for i in range(3)], Link(builder.add("NewGeometry"), "Position"))
+    builder.bind([f"place_{i}" for i in range(3)], NodeLink(builder.add("NewGeometry"), "Position"))
     position = symbols(graph, [f"place_{i}" for i in range(3)])
     value = EXPRESSIONS[name](*arguments(position[0], position[1]))
     emission = builder.add("Emission", inputs={"Color": builder.vector(elements_of(value)), "Strength": 1.0})
-    builder.add("OutputMaterial", inputs={"Surface": Link(emission, "Emission")})
+    builder.add("OutputMaterial", inputs={"Surface": NodeLink(emission, "Emission")})
     return NodeSource(name, (builder.tree(),), (), name, exact=False)
 
 
@@ -113,7 +113,7 @@ def use_positions_as_uv(tree: NodeTree) -> NodeTree:
     nodes = []
     for node in tree.nodes:
         inputs = {
-            socket: replace(value, socket="Position") if isinstance(value, Link) and value.socket == "UV" else value
+            socket: replace(value, socket="Position") if isinstance(value, NodeLink) and value.socket == "UV" else value
             for socket, value in node.inputs.items()
         }
         kind = {"kind": "NewGeometry", "properties": {}} if node.kind == "UVMap" else {}
@@ -123,16 +123,16 @@ def use_positions_as_uv(tree: NodeTree) -> NodeTree:
 
 def emission_material(source: Any) -> NodeSource:
     """Return a material that emits the value that a look reads."""
-    inputs = Inputs(Graph(), image_file)
+    inputs = SymbolicSurface(Graph(), image_file)
     if isinstance(source, Bump):
-        x, y, _ = elements_of(Values(inputs)._bump_normal(source) + 20.0)
+        x, y, _ = elements_of(SourceValues(inputs)._bump_normal(source) + 20.0)
         value = [x, y, 20.0]
     else:
-        value = elements_of(Values(inputs).of(source, COLOR))
+        value = elements_of(SourceValues(inputs).of(source, COLOR))
     builder = TreeBuilder("emitting")
     bind_inputs(builder, inputs, [node.name for node in reachable_nodes(value) if isinstance(node, Symbol)])
     light = builder.add("Emission", inputs={"Color": builder.vector(value)})
-    builder.add("OutputMaterial", inputs={"Surface": Link(light, "Emission")})
+    builder.add("OutputMaterial", inputs={"Surface": NodeLink(light, "Emission")})
     return NodeSource("emitting", (use_positions_as_uv(builder.tree()),), (), "", False)
 
 

@@ -16,7 +16,7 @@ from warm_blender import BlenderProcess
 
 from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.cache import Content
-from lookdev.codegen.source import Link, NodeSource, NodeTree, PrincipledSource, ShaderNode, Source
+from lookdev.codegen.source import GeneratedSource, NodeLink, NodeSource, NodeTree, PrincipledSource, ShaderNode
 from lookdev.errors import RenderError
 from lookdev.light import Dome
 from lookdev.material import Layer
@@ -40,10 +40,10 @@ def shoot(worker: Worker) -> RenderSource:
     @cache
     def load_stored(name: str) -> tuple[Asset, Content]:
         asset = load_asset(builtin=name)
-        return asset, Content.of(save_asset(asset))
+        return asset, Content.store_copy(save_asset(asset))
 
     def render_one(
-        name: str, source: Source, light: Dome, *, pose: Pose = POSE, device: str = "cpu", **options: Any
+        name: str, source: GeneratedSource, light: Dome, *, pose: Pose = POSE, device: str = "cpu", **options: Any
     ) -> Rendered:
         asset, file = load_stored(name)
         sampling = Sampling(**{"samples": 64, "bounces": 0} | options)
@@ -186,8 +186,11 @@ def with_node(node: ShaderNode) -> NodeSource:
         # It is there, but not of this operation.
         (ShaderNode("Odd", "Math", {"operation": "ADD"}, {"Value_002": 1.0}), "no socket 'Value_002' among the inputs"),
         (ShaderNode("Odd", "Math", inputs={"Value": "one"}), "socket 'Value' does not take 'one'"),
-        (ShaderNode("Odd", "Math", inputs={"Value": Link("Gone", "Value")}), "a missing node 'Gone'"),
-        (ShaderNode("Odd", "Math", inputs={"Value": Link("Surface", "baseColor")}), "no socket 'baseColor' among the "),
+        (ShaderNode("Odd", "Math", inputs={"Value": NodeLink("Gone", "Value")}), "a missing node 'Gone'"),
+        (
+            ShaderNode("Odd", "Math", inputs={"Value": NodeLink("Surface", "baseColor")}),
+            "no socket 'baseColor' among the ",
+        ),
         (ShaderNode("Odd", "Group", group="Lookdev Gone"), "a group 'Lookdev Gone'"),
         (ShaderNode("Odd", "TexImage", image=Content("9", ".exr")), "lacks the file 9.exr"),
     ],
@@ -208,7 +211,7 @@ def test_a_missing_device_is_reported_with_those_that_exist(shoot: RenderSource,
 
 def test_trees_of_a_material_may_have_no_groups(shoot: RenderSource, light_of) -> None:
     glow = ShaderNode("Surface", "Emission", inputs={"Color": GREY, "Strength": 2.0})
-    output = ShaderNode("Output", "OutputMaterial", inputs={"Surface": Link("Surface", "Emission")})
+    output = ShaderNode("Output", "OutputMaterial", inputs={"Surface": NodeLink("Surface", "Emission")})
     source = NodeSource("glow", (NodeTree("glow", (glow, output)),), (), "glow", False)
     frame = shoot("sphere", source, light_of("white"), samples=2)
     np.testing.assert_allclose(mean(frame)[24, 24], 2.0 * np.array(GREY), rtol=1e-6)

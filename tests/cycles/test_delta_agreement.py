@@ -14,9 +14,9 @@ from stored_references import Arrays, StoredReference
 
 from lookdev.arrays import Floats
 from lookdev.asset import Asset, load_asset, make_asset
-from lookdev.checks.finding import Finding
+from lookdev.checks.finding import CheckFinding
 from lookdev.checks.images import check_frame, choose_pixels
-from lookdev.light import Emission, Light, RectLight, Turned
+from lookdev.light import Emission, Light, PosedLight, RectLight
 from lookdev.material import Layer, Look, Primvar
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.worker import Worker
@@ -40,7 +40,7 @@ def frames_of(worker: Worker, scene: Scene, bounces: int, alter: Callable[[str],
 def closed_form_pixels(model: str, scene: Scene, bounces: int) -> Arrays:
     """Return pixels of a smooth sphere by the radiance that reaches its viewer, at 32 x 32 jittered points of each."""
     rng, count, scrambles, size = np.random.default_rng(3), 32, 8, (SIZE, SIZE)
-    sphere, light = Sphere(), Turned(scene.lights[0], POSE.lighting - POSE.element)
+    sphere, light = Sphere(), PosedLight(scene.lights[0], POSE.lighting - POSE.element)
     pixels = choose_pixels(coverage(sphere, scene.camera, POSE, size), 100, seed=1)
     values = np.zeros((len(pixels), scrambles, 3))
 
@@ -91,7 +91,9 @@ def glass_sphere(n: Floats, ray: Floats, radiance: Callable[[Floats], Floats], b
 CLOSED_FORMS = {"mirror": mirror_sphere, "glass": glass_sphere}
 
 
-def check_sphere(stored: StoredReference, frames: list[Rendered], model: str, scene: Scene, bounces: int) -> Finding:
+def check_sphere(
+    stored: StoredReference, frames: list[Rendered], model: str, scene: Scene, bounces: int
+) -> CheckFinding:
     """Compare frames with the closed form of light that is reflected inside up to `bounces` times."""
     name = f"{model} sphere {bounces}"
     reference = stored(name, closed_form_pixels, model=model, scene=scene, bounces=bounces)

@@ -85,7 +85,7 @@ def assert_pixels_agree(
 
 
 def rig(name: str) -> list[Light]:
-    return [light.scaled(1.0, (0.0, 0.0, 0.0)) for light in load_rig(rig_file(name)).lights]
+    return [light.rescale(1.0, (0.0, 0.0, 0.0)) for light in load_rig(rig_file(name)).lights]
 
 
 def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(worker: Worker, light_of) -> None:

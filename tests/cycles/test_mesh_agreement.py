@@ -18,16 +18,16 @@ from lookdev.arrays import Floats
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.asset.tangents import tangents_of
 from lookdev.checks.albedo import check_albedo
-from lookdev.checks.finding import Finding
+from lookdev.checks.finding import CheckFinding
 from lookdev.light import Light
-from lookdev.material import Bump, Formula, Layer, Look, Texture, View
+from lookdev.material import Bump, Formula, Layer, Look, Texture, ViewCosine
 from lookdev.material.expression import parse
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
-Agree = Callable[..., Finding]
+Agree = Callable[..., CheckFinding]
 
 SIZE = 48
 
@@ -36,7 +36,7 @@ SIZE = 48
 def assert_agrees(worker: Worker, stored_reference: StoredReference) -> Agree:
     """Return a function that compares frames of a scene with the reference, and checks that light bounces in them."""
 
-    def agree(scene: Scene, *, backend: str = "exact", bounces: int = 2, wrong: Scene | None = None) -> Finding:
+    def agree(scene: Scene, *, backend: str = "exact", bounces: int = 2, wrong: Scene | None = None) -> CheckFinding:
         samples = 32
         options: dict[str, Any] = {"samples": samples, "brdf_samples": 2, "ibl_samples": 4, "bounces": bounces}
         # Four frames have the fewest halves.
@@ -120,7 +120,7 @@ def test_looks_that_read_tangents_get_them(
 
 
 def view_formula(text: str, **inputs: Any) -> Formula:
-    return Formula(parse(text), {"view": View(), **inputs}, {"view": "float", **dict.fromkeys(inputs, "float")})
+    return Formula(parse(text), {"view": ViewCosine(), **inputs}, {"view": "float", **dict.fromkeys(inputs, "float")})
 
 
 def pearl(bump: Bump | None = None, exponent: int = 2) -> tuple[Layer, ...]:
@@ -186,7 +186,7 @@ def test_albedos_are_those_of_each_view(backend: str, worker) -> None:
 
 COPPER: dict[str, Any] = {"baseColor": (0.95, 0.64, 0.54), "metallic": 1.0, "roughness": 0.45}
 OFTEN = replaced("#define LEAST_DENSITY 0.01\n", "#define LEAST_DENSITY 0.3\n")
-Compare = Callable[[Callable[[str], str]], Finding]
+Compare = Callable[[Callable[[str], str]], CheckFinding]
 
 
 @pytest.fixture(params=[0.0, pytest.param(0.7, marks=pytest.mark.proof)], ids=["copper", "brushed copper"])
@@ -198,7 +198,7 @@ def compare(request: pytest.FixtureRequest, worker: Worker, light_of, stored_ref
     look = Look("look", (Layer("Metal", "disney", COPPER | {"anisotropic": request.param}),))
     scene = scene_of(load_asset(builtin="shaderball"), look, (light_of("slopes"),), SIZE)
 
-    def compare_altered(alter: Callable[[str], str]) -> Finding:
+    def compare_altered(alter: Callable[[str], str]) -> CheckFinding:
         frames = render_seeds(worker, scene, range(4), alter=alter, samples=32)
         options = {"count": 80, "bounces": Sampling.bounces}
         return check_scene(f"recess {request.param}", frames, scene, 32, stored_reference, **options)

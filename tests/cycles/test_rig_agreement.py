@@ -13,7 +13,7 @@ from stored_references import StoredReference
 
 from lookdev.asset import load_asset
 from lookdev.light import Emission, Light, RectLight
-from lookdev.light.emission import Link
+from lookdev.light.emission import LightLink
 from lookdev.material import Look
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
@@ -85,26 +85,26 @@ def test_planted_faults_are_found(worker: Worker, fault: str) -> None:
 
 def test_linked_lights_light_their_parts_alone(worker: Worker, stored_reference: StoredReference) -> None:
     """Two instances of a head: one is lit by a rectangle, the other by a sphere, both by a dome."""
-    left, right = (Link(((f"/{side}", "expandPrims"),)) for side in ("Left", "Right"))
+    left, right = (LightLink(((f"/{side}", "expandPrims"),)) for side in ("Left", "Right"))
     lights = (
         replace(near("rect"), emission=Emission((60.0, 40.0, 20.0), light_link=left)),
         replace(near("sphere"), emission=Emission((60.0, 40.0, 20.0), light_link=right)),
         grey(),
     )
     scene = row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights, SIZE)
-    assert scene.lit == {"/Left/ball": (0, 2), "/Right/ball": (1, 2)}
+    assert scene.lights_of_slot == {"/Left/ball": (0, 2), "/Right/ball": (1, 2)}
     wrong = {
-        "all light all": replace(scene, lit={}),
-        "exchanged": replace(scene, lit={"/Left/ball": (1, 2), "/Right/ball": (0, 2)}),
+        "all light all": replace(scene, lights_of_slot={}),
+        "exchanged": replace(scene, lights_of_slot={"/Left/ball": (1, 2), "/Right/ball": (0, 2)}),
     }
     assert_linked(worker, stored_reference, "linked lights", scene, wrong)
 
 
 def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker, stored_reference: StoredReference) -> None:
     scene = row_of_three(SIZE)
-    assert sorted(scene.grouped) == [1, 2, 3]
+    assert sorted(scene.slot_groups) == [1, 2, 3]
     paths = [slot.path for slot in scene.asset.slots]
-    turned = dict(zip(paths, (*scene.grouped[1:], scene.grouped[0]), strict=True))
+    turned = dict(zip(paths, (*scene.slot_groups[1:], scene.slot_groups[0]), strict=True))
     wrong = {"all cast all": replace(scene, groups={}), "exchanged": replace(scene, groups=turned)}
     assert_linked(worker, stored_reference, "linked shadows", scene, wrong)
 
@@ -118,7 +118,7 @@ def assert_linked(worker: Worker, stored: StoredReference, name: str, scene: Sce
 
 
 def test_a_part_without_light_reflects_that_of_others_alone(worker: Worker) -> None:
-    nothing = replace(near("rect"), emission=sent(light_link=Link(())))
+    nothing = replace(near("rect"), emission=sent(light_link=LightLink(())))
     scene = scene_of(load_asset(builtin="sphere"), Look("look", (RIG_LOOKS["plastic"],)), (nothing,), 8)
     (frame,) = render_seeds(worker, link_lights(scene), pose=POSE, samples=4, error=None)
     assert frame.alpha.any()

@@ -125,7 +125,9 @@ def paired_scenes(balls: Asset, light_of: Callable[[str], Dome]) -> list[SceneTa
     """Return the scenes of two pairs of looks, with one program for all four looks."""
     camera = orbit_camera(balls.center, balls.radius)
     pair_scenes = [Scene.of_look(balls, pair[0], light_of("slopes"), (64, 32), camera) for pair in PAIRS]
-    pair_scenes = [replace(scene, wears={"/a": a, "/b": b}) for scene, (a, b) in zip(pair_scenes, PAIRS, strict=True)]
+    pair_scenes = [
+        replace(scene, look_of_slot={"/a": a, "/b": b}) for scene, (a, b) in zip(pair_scenes, PAIRS, strict=True)
+    ]
     tasks = [scene_task(scene, Sampling(samples=16), "exact") for scene in pair_scenes]
     shared = shared_programs(shader for task in tasks for shader in task.shaders)
     tasks = [replace(task, shaders=tuple(shared[shader] for shader in task.shaders)) for task in tasks]

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from lookdev.metrics import noise_ratio
-from lookdev.output.review.pixels import BEYOND, NOTICED, SQUARE, Pixels, read_pixels
+from lookdev.output.review.pixels import BEYOND, NOTICED, SQUARE, PremultipliedPixels, read_pixels
 from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
 
 
-def rendered(folder: Path, seed: int, roughness: float = 0.3) -> Pixels:
+def rendered(folder: Path, seed: int, roughness: float = 0.3) -> PremultipliedPixels:
     folder.mkdir()
     job = batches.write_job(
         folder,
@@ -28,7 +28,7 @@ def rendered(folder: Path, seed: int, roughness: float = 0.3) -> Pixels:
     return read_pixels(folder / "out" / "red" / "studio" / "element.0001.exr")
 
 
-def beyond(a: Pixels, b: Pixels, size: int) -> float:
+def beyond(a: PremultipliedPixels, b: PremultipliedPixels, size: int) -> float:
     """Return the share of the asset's pixels that noise does not explain."""
     assert a.error is not None
     assert b.error is not None

@@ -13,9 +13,9 @@ import batches
 import pytest
 
 from lookdev.export.openjd import Needs, export_openjd
-from lookdev.lifetime import end_with_parent
 from lookdev.plan.chunks import Division
-from lookdev.rendering.executors.choice import Choice
+from lookdev.processes import end_with_parent
+from lookdev.rendering.executors.choice import ExecutorOptions
 from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.both_pythons]
@@ -72,7 +72,7 @@ def done(*processes: subprocess.Popen[str]) -> None:
 
 
 def by_workers(job: Path, out: Path, workers: int) -> None:
-    assert render_job(job, output=out, choice=Choice(workers=workers)).exit_code == 0
+    assert render_job(job, output=out, choice=ExecutorOptions(workers=workers)).exit_code == 0
 
 
 def by_dask(job: Path, out: Path, workers: int, *options: str) -> None:

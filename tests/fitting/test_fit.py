@@ -13,7 +13,7 @@ from lookdev.fitting import fit
 from lookdev.fitting.data import LOSSES, evaluate_pairs
 from lookdev.fitting.parameters import free_parameters
 from lookdev.fitting.solve import format_fit
-from lookdev.plotting import Subject, model_subject, read_subject
+from lookdev.plotting import PlotSubject, model_subject, read_subject
 
 DISNEY = MODELS["disney"]
 KNOWN: dict[str, Any] = {
@@ -25,7 +25,7 @@ FIXED = {"specularTint": 0.0}
 
 
 @pytest.fixture(scope="module")
-def merl_file(tmp_path_factory: pytest.TempPathFactory) -> Subject:
+def merl_file(tmp_path_factory: pytest.TempPathFactory) -> PlotSubject:
     file, samples = tmp_path_factory.mktemp("merl") / "known.binary", np.zeros((*MERL_SIZE, 3))
     # The cells whose centres are fitted; the others are not read.
     samples[1::3, 4::9, 22::45] = isotropic_samples(DISNEY.bsdf(DISNEY.complete(KNOWN)), (30, 10, 4))
@@ -34,7 +34,7 @@ def merl_file(tmp_path_factory: pytest.TempPathFactory) -> Subject:
 
 
 @pytest.mark.parametrize("loss", ["log", *(pytest.param(n, marks=pytest.mark.proof) for n in LOSSES if n != "log")])
-def test_known_parameters_of_a_merl_file_come_back(loss: str, merl_file: Subject) -> None:
+def test_known_parameters_of_a_merl_file_come_back(loss: str, merl_file: PlotSubject) -> None:
     assert merl_file.label == "known.binary"
     result = fit(merl_file, DISNEY, FIXED, loss=loss)
     for name, value in KNOWN.items():
@@ -48,7 +48,7 @@ def test_known_parameters_of_a_merl_file_come_back(loss: str, merl_file: Subject
 
 def test_an_anisotropic_surface_is_found_too() -> None:
     data = model_subject(DISNEY, {"metallic": 1.0, "anisotropic": 0.6, "roughness": 0.4}, "brushed")
-    result = fit(data, DISNEY, wanted=("anisotropic", "roughness", "metallic", "baseColor"))
+    result = fit(data, DISNEY, names=("anisotropic", "roughness", "metallic", "baseColor"))
     assert result.values["anisotropic"] == pytest.approx(0.6, rel=0.01)
     assert result.values["roughness"] == pytest.approx(0.4, rel=0.01)
 
@@ -75,7 +75,7 @@ def test_another_model_is_fitted_better_than_by_the_defaults(name: str) -> None:
 
 def test_what_has_no_effect_is_named() -> None:
     data = model_subject(MODELS["lambert"], {}, "lambert")
-    result = fit(data, DISNEY, {"sheen": 0.0}, wanted=("baseColor", "roughness", "sheenTint"))
+    result = fit(data, DISNEY, {"sheen": 0.0}, names=("baseColor", "roughness", "sheenTint"))
     assert result.unknown == ("sheenTint",)
     assert "sheenTint" in format_fit(result)
     assert "(without effect)" in format_fit(result)
@@ -91,8 +91,8 @@ def test_all_numbers_but_optional_ones_are_fitted() -> None:
     ("arguments", "message"),
     [
         ({"loss": "lgo"}, "did you mean 'log'"),
-        ({"wanted": ("rougness",)}, "did you mean 'roughness'"),
-        ({"wanted": ("sheen",), "fixed": {"sheen": 0.1}}, "both fixed and to be fitted"),
+        ({"names": ("rougness",)}, "did you mean 'roughness'"),
+        ({"names": ("sheen",), "fixed": {"sheen": 0.1}}, "both fixed and to be fitted"),
         ({"starts": 0}, "1 to 128"),
         ({"model": MODELS["mirror"]}, "mirror scatters along single directions"),
         ({"data": model_subject(MODELS["glass"], {}, "glass")}, "glass scatters along single directions"),

@@ -10,15 +10,16 @@ import pytest
 from jinja2 import UndefinedError
 from matplotlib.image import imread
 
-from lookdev.fitting.picture.page import Pictures, table_rows, write_page
-from lookdev.fitting.picture.search import Found, Point
+from lookdev.fitting.picture.page import FitPictures, table_rows, write_page
+from lookdev.fitting.picture.search import LossPoint, SearchResult
 from lookdev.html_page import write_html_page
 
 NAME = "<b>\"paint\" & 'base'"
 ESCAPED = "&lt;b&gt;&#34;paint&#34; &amp; &#39;base&#39;"
 CURVE = (
-    Point("start", 0, 3.0), Point("start", 1, 2.0), Point("follow", 0, 1.0), Point("follow", 0, 1.5, False),
-    Point("follow", 0, 0.5), Point("follow", 1, 0.8), Point("follow", 1, 0.7), Point("refine", 0, 0.1),
+    LossPoint("start", 0, 3.0), LossPoint("start", 1, 2.0), LossPoint("follow", 0, 1.0),
+    LossPoint("follow", 0, 1.5, False), LossPoint("follow", 0, 0.5),
+    LossPoint("follow", 1, 0.8), LossPoint("follow", 1, 0.7), LossPoint("refine", 0, 0.1),
 )  # fmt: skip
 
 
@@ -26,8 +27,8 @@ CURVE = (
 def page(tmp_path: Path) -> str:
     photo, noise = np.random.default_rng(1).random((6, 8, 3)), np.full((6, 8, 3), 0.1)
     broken = np.where(np.arange(8)[:, None] == 2, np.nan, photo)
-    pictures = Pictures(photo, broken, photo, noise, noise, np.arange(8) > np.zeros((6, 1)) + 3)
-    found = Found(
+    pictures = FitPictures(photo, broken, photo, noise, noise, np.arange(8) > np.zeros((6, 1)) + 3)
+    found = SearchResult(
         values={NAME: (0.8, 0.2, 0.1), "roughness": (0.3,)},
         errors={NAME: (0.01, 0.02, 0.03), "roughness": (float("nan"),)},
         without_effect=(),

@@ -17,7 +17,7 @@ from pathlib import Path
 from cases import judge, make_case
 from kinds import KINDS
 
-from lookdev.lifetime import end_with_parent
+from lookdev.processes import end_with_parent
 
 MEMORY = 2 << 30  # bytes
 SECONDS = 10.0  # of processor time

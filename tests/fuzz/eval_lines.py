@@ -11,7 +11,7 @@ from text_changes import CHANGES, odd
 
 from lookdev.brdf import MODELS
 from lookdev.checks.evaluate import evaluate_lines
-from lookdev.text import decode
+from lookdev.safe_text import decode
 
 _SINGLES: list[dict[str, Any]] = [
     {

@@ -98,7 +98,7 @@ def _write(folder: Path) -> None:
 def _read(file: Path) -> Reading:
     rig, folder = load_rig(file, sampled=False), str(file.parent)
     notes = tuple(note.replace(folder, "") for note in rig.notes)
-    return Reading({light.path: repr(light).replace(folder, "") for light in rig.given} | {"fit": rig.fit}, notes)
+    return Reading({light.path: repr(light).replace(folder, "") for light in rig.rig_lights} | {"fit": rig.fit}, notes)
 
 
 _sound = reading_of(_write, lambda folder: _read(folder / "rig.usda"))

@@ -13,7 +13,7 @@ from cases import Outcome
 from kinds import KINDS
 from pool import Child, outcomes
 
-from lookdev.guard import MEMORY_VARIABLE, SECONDS_VARIABLE
+from lookdev.sandbox import MEMORY_VARIABLE, SECONDS_VARIABLE
 
 
 @pytest.fixture(scope="module")

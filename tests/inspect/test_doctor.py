@@ -6,7 +6,7 @@ import pytest
 
 from lookdev.errors import RenderError
 from lookdev.inspect import doctor
-from lookdev.inspect.doctor import BLENDER_PYTHONS, Finding, describe, examine
+from lookdev.inspect.doctor import BLENDER_PYTHONS, DoctorFinding, describe, examine
 from lookdev.rendering.llvm import OLDEST, VARIABLE, find_llvm
 
 VERSION = BLENDER_PYTHONS[sys.version_info[:2]]
@@ -23,7 +23,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def findings_by_subject(bpy: tuple[str, ...] = BPY, self_test: tuple[str, ...] = SELF_TEST) -> dict[str, Finding]:
+def findings_by_subject(bpy: tuple[str, ...] = BPY, self_test: tuple[str, ...] = SELF_TEST) -> dict[str, DoctorFinding]:
     return {finding.subject: finding for finding in examine(bpy, self_test)}
 
 
@@ -53,7 +53,7 @@ def test_all_missing_system_libraries_are_one_command(monkeypatch: pytest.Monkey
     libraries = {there: "here", "libnowhere.so.1": "libnowhere1", "libneither.so.6": "libneither6"}
     monkeypatch.setattr(doctor, "SYSTEM_LIBRARIES", libraries)
     lacks, remedy = "lacks libnowhere.so.1, libneither.so.6", "sudo apt-get install libneither6 libnowhere1"
-    assert findings_by_subject()["system libraries"] == Finding("system libraries", lacks, False, remedy)
+    assert findings_by_subject()["system libraries"] == DoctorFinding("system libraries", lacks, False, remedy)
 
 
 CRASH = "import os; os.kill(os.getpid(), 11)"
@@ -106,7 +106,9 @@ def test_a_cache_that_cannot_be_written_or_on_a_full_disk(cache: Path, monkeypat
 
 
 def test_a_description_has_a_line_for_each_remedy() -> None:
-    text = describe([Finding("Python", "3.11", good=True), Finding("bpy", "gone", good=False, remedy="get it")])
+    text = describe(
+        [DoctorFinding("Python", "3.11", good=True), DoctorFinding("bpy", "gone", good=False, remedy="get it")]
+    )
     assert text == "ok       Python  3.11\nMISSING  bpy     gone\n                 to get it: get it"
 
 
@@ -147,6 +149,6 @@ def test_mitsuba_needs_llvm_by_its_package_and_says_whether_a_gpu_is_there(monke
         assert findings.good
         assert findings.found.endswith(f'libLLVM.so.19; device = "cuda": {words}')
     monkeypatch.setattr(doctor, "find_llvm", missing)
-    assert findings_by_subject()["Mitsuba"] == Finding(
+    assert findings_by_subject()["Mitsuba"] == DoctorFinding(
         "Mitsuba", "found: none", False, "sudo apt-get install libllvm19"
     )

@@ -131,29 +131,36 @@ def parse_outputs(folder: Path, lines: str = "") -> JobOutputs:
 
 
 def test_by_default_pictures_are_in_the_shipped_view(tmp_path: Path) -> None:
-    assert parse_outputs(tmp_path).shown("png") == DisplayView() == DisplayView("lookdev", "sRGB - Display", SHIPPED)
+    assert (
+        parse_outputs(tmp_path).display_view("png")
+        == DisplayView()
+        == DisplayView("lookdev", "sRGB - Display", SHIPPED)
+    )
 
 
 def test_the_config_of_the_environment_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OCIO", ACES)
-    studio = parse_outputs(tmp_path).shown()
+    studio = parse_outputs(tmp_path).display_view()
     assert (studio.config, studio.view) == (ACES, "ACES 1.0 - SDR Video")
-    assert parse_outputs(tmp_path, 'ocio = "lookdev"').shown() == DisplayView()
+    assert parse_outputs(tmp_path, 'ocio = "lookdev"').display_view() == DisplayView()
     config = ocio.Config.CreateFromBuiltinConfig(ACES.removeprefix("ocio://"))
     (tmp_path / "studio.ocio").write_text(config.serialize())
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("OCIO", "studio.ocio")
-    assert parse_outputs(tmp_path).shown().config == str(tmp_path / "studio.ocio")
+    assert parse_outputs(tmp_path).display_view().config == str(tmp_path / "studio.ocio")
     monkeypatch.delenv("OCIO")
     monkeypatch.chdir("/")
-    assert parse_outputs(tmp_path, 'ocio = "studio.ocio"').shown().config == str(tmp_path / "studio.ocio")
+    assert parse_outputs(tmp_path, 'ocio = "studio.ocio"').display_view().config == str(tmp_path / "studio.ocio")
 
 
 def test_each_output_can_have_another_display_and_view(tmp_path: Path) -> None:
     video = "Rec.1886 Rec.709 - Display"
     lines = f'view = "Raw"\ndisplays = {{ overview = "{video}" }}\nviews = {{ png = "Un-tone-mapped" }}'
     outputs = parse_outputs(tmp_path, lines)
-    views = {name: (outputs.shown(name).view, outputs.shown(name).display) for name in ("png", "sheet", "overview")}
+    views = {
+        name: (outputs.display_view(name).view, outputs.display_view(name).display)
+        for name in ("png", "sheet", "overview")
+    }
     srgb = "sRGB - Display"
     assert views == {"png": ("Un-tone-mapped", srgb), "sheet": ("Raw", srgb), "overview": ("Raw", video)}
 

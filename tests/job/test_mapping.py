@@ -6,7 +6,7 @@ from minimal_job import MINIMAL
 
 from lookdev.errors import JobError
 from lookdev.job import parse_job
-from lookdev.job.mapping import mapped, read_rules
+from lookdev.job.mapping import map_path, read_rules
 
 
 def write(file: Path, *rules: tuple[str, str, str]) -> Path:
@@ -29,7 +29,7 @@ def write(file: Path, *rules: tuple[str, str, str]) -> Path:
 )
 def test_paths_are_where_the_longest_rule_says(tmp_path: Path, path: str, expected: str) -> None:
     rules = [("POSIX", "/show", "/mnt"), ("POSIX", "/show/plates", "/plates"), ("WINDOWS", r"P:\show", "/mnt/p")]
-    assert mapped(path, read_rules(write(tmp_path / "rules.json", *rules))) == expected
+    assert map_path(path, read_rules(write(tmp_path / "rules.json", *rules))) == expected
 
 
 def test_a_job_finds_its_files_by_rules(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.light.dome.environment import write_exr
-from lookdev.light.rig import Rig, load_rig
+from lookdev.light.rig import LightRig, load_rig
 
 Z_UP = 'upAxis = "Z"\nmetersPerUnit = 1'
 Y_UP_CM = 'upAxis = "Y"\nmetersPerUnit = 0.01'
@@ -21,7 +21,7 @@ def write_rig(file: Path, lights: str, stage: str = Z_UP) -> Path:
     return file
 
 
-def rig(folder: Path, lights: str, stage: str = Z_UP) -> Rig:
+def rig(folder: Path, lights: str, stage: str = Z_UP) -> LightRig:
     """Return a rig of lights, below the default prim of a file."""
     return load_rig(write_rig(folder / "rig.usda", lights, stage), sampled=False)
 

@@ -11,7 +11,7 @@ from lookdev.errors import EnvironmentMapError
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, SphereLight
 from lookdev.light.dome import example_dome, example_map
 from lookdev.light.dome.local import LocalDome
-from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping, azimuth, emitted_color
+from lookdev.light.emission import Emission, Falloff, LightLink, Shadow, Shaping, azimuth, emitted_color
 from lookdev.light.placed import PlacedLight
 from lookdev.light.placement import placement
 
@@ -115,16 +115,16 @@ def test_a_falloff_fades_from_start_to_end() -> None:
 
 def test_a_shadow_passes_its_colour_and_fades_before_its_distance() -> None:
     distance = np.array([0.5, 2.0, 3.0, 3.5, 4.0, 5.0])
-    assert (Shadow().passed(distance) == 0.0).all()
-    assert (Shadow(enable=False).passed(distance) == 1.0).all()
-    np.testing.assert_allclose(Shadow(color=(0.5, 0.0, 1.0)).passed(distance), np.tile((0.5, 0.0, 1.0), (6, 1)))
-    np.testing.assert_allclose(Shadow(distance=4.0).passed(distance)[:, 0], [0, 0, 0, 0, 0, 1])
+    assert (Shadow().transmittance(distance) == 0.0).all()
+    assert (Shadow(enable=False).transmittance(distance) == 1.0).all()
+    np.testing.assert_allclose(Shadow(color=(0.5, 0.0, 1.0)).transmittance(distance), np.tile((0.5, 0.0, 1.0), (6, 1)))
+    np.testing.assert_allclose(Shadow(distance=4.0).transmittance(distance)[:, 0], [0, 0, 0, 0, 0, 1])
     fading = Shadow(distance=4.0, falloff=2.0, falloff_gamma=2.0, color=(0.2, 0.0, 0.0))
     strength = np.array([1.0, 1.0, 0.25, 0.0625, 0.0, 0.0])
-    np.testing.assert_allclose(fading.passed(distance)[:, 1], 1.0 - strength)
-    np.testing.assert_allclose(fading.passed(distance)[:, 0], 1.0 - 0.8 * strength)
+    np.testing.assert_allclose(fading.transmittance(distance)[:, 1], 1.0 - strength)
+    np.testing.assert_allclose(fading.transmittance(distance)[:, 0], 1.0 - 0.8 * strength)
     # The zone is limited to the whole distance.
-    np.testing.assert_allclose(Shadow(distance=4.0, falloff=9.0).passed(np.array([1.0]))[0], 0.25)
+    np.testing.assert_allclose(Shadow(distance=4.0, falloff=9.0).transmittance(np.array([1.0]))[0], 0.25)
 
 
 def test_a_placement_is_taken_apart_and_put_together() -> None:
@@ -193,10 +193,10 @@ def test_every_value_is_part_of_the_digest() -> None:
         replace(light, emission=Emission(diffuse=0.5)),
         replace(light, emission=Emission(shadow=Shadow(enable=False))),
         replace(light, emission=Emission(turns=False)),
-        replace(light, emission=Emission(spared=(1,))),
+        replace(light, emission=Emission(shadow_excluded=(1,))),
     ]
     dome = example_dome()
     others += [dome, replace(dome, emission=Emission((2.0, 1.0, 1.0))), replace(dome, axes=RectLight.example().axes)]
     assert dome.digest == dome.map_digest
-    assert light.digest == replace(light, emission=Emission(group="key", light_link=Link(()))).digest
+    assert light.digest == replace(light, emission=Emission(group="key", light_link=LightLink(()))).digest
     assert len({light.digest, *(other.digest for other in others)}) == 1 + len(others)

@@ -22,7 +22,7 @@ def test_places_scaled_along_see_the_same(kind: str, monkeypatch: pytest.MonkeyP
     falloff = Falloff(0.7, 1.3, 0.5, 9.0) if isinstance(light, PlacedLight) else None
     emission = Emission((3.0, 2.0, 1.0), falloff=falloff, shadow=Shadow(distance=2.0, falloff=0.5))
     light = light.with_emission(emission)
-    there = light.scaled(SCALE, ORIGIN)
+    there = light.rescale(SCALE, ORIGIN)
     point = rng.uniform(-1.5, 1.5, (200, 3))
     towards = light.sample(point, rng.random((200, 2)))
     moved = SCALE * point + np.array(ORIGIN)

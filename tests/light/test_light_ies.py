@@ -9,7 +9,7 @@ from closed_forms import by_sampling
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Emission, Shaping, SphereLight
-from lookdev.light.ies import Profile, load_profile, parse_profile, profile_power
+from lookdev.light.ies import IesProfile, load_profile, parse_profile, profile_power
 
 HEADER = "IESNA:LM-63-2002\n[TEST] none\n[MANUFAC] nobody\n"
 
@@ -24,13 +24,13 @@ def written(
     return f"{HEADER}TILT=NONE\n{counts}\n{angles}\n{rows}\n"
 
 
-def profile(tmp_path: Path, text: str, **options) -> Profile:
+def profile(tmp_path: Path, text: str, **options) -> IesProfile:
     file = tmp_path / "lamp.ies"
     file.write_text(text, encoding="latin-1")
     return load_profile(file, **options)
 
 
-def looked_up(profile: Profile, vertical: float, horizontal: float) -> float:
+def looked_up(profile: IesProfile, vertical: float, horizontal: float) -> float:
     return float(profile.factor(np.array(vertical), np.array(horizontal)))
 
 

@@ -20,10 +20,10 @@ from lookdev.asset import load_asset
 from lookdev.cache import Content
 from lookdev.codegen.osl.light import light_sections
 from lookdev.errors import CodegenError, EnvironmentMapError
-from lookdev.light import LIGHT_KINDS, AnyLight, EnvironmentMap, Light, RectLight, SphereLight, Turned
+from lookdev.light import LIGHT_KINDS, AnyLight, EnvironmentMap, Light, PosedLight, RectLight, SphereLight
 from lookdev.light.dome.environment import make_environment
-from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping
-from lookdev.light.ies import Profile
+from lookdev.light.emission import Emission, Falloff, LightLink, Shadow, Shaping
+from lookdev.light.ies import IesProfile
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.rendering.scene import scene_task
@@ -39,7 +39,7 @@ def overcast_map() -> EnvironmentMap:
 def shaped() -> Light:
     """Return a sphere light with every optional feature."""
     angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [360.0, 3.0, 1.0, 0.5]], np.float32)
-    profile = Profile(Content.written(".npy", lambda path: np.save(path, angles)), 0.5, 1.5)
+    profile = IesProfile(Content.store_written(".npy", lambda path: np.save(path, angles)), 0.5, 1.5)
     shaping = Shaping(80.0, 0.5, 2.0, (0.1, 0.2, 0.3), profile)
     shadow, falloff = Shadow(True, (0.1, 0.0, 0.0), 3.0, 1.0, 2.0), Falloff(0.5, 1.5, 1.0, 9.0)
     emission = Emission((3.0, 2.0, 1.0), 0.5, 2.0, shaping, shadow, falloff, turns=False, camera=True, group="key")
@@ -71,7 +71,7 @@ def light(request: pytest.FixtureRequest) -> Light:
     return EXAMPLES[request.param]()
 
 
-def draw(light: Light | Turned, count: int = 50_000) -> Floats:
+def draw(light: Light | PosedLight, count: int = 50_000) -> Floats:
     u = np.random.default_rng(4).random((count, 2))
     return light.sample(np.broadcast_to(PLACE, (count, 3)), u)
 
@@ -107,7 +107,7 @@ def test_the_pdf_is_one_over_the_jacobian(light: Light) -> None:
 
 
 def test_a_turned_light_is_the_light_in_a_turned_frame(light: Light) -> None:
-    turned, turn = Turned(light, 90.0), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    turned, turn = PosedLight(light, 90.0), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     point, towards, u = np.broadcast_to(PLACE, (1000, 3)), draw(light, 1000), np.random.default_rng(8).random((1000, 2))
     for got, expected in (
         (turned.radiance(point @ turn.T, towards @ turn.T), light.radiance(point, towards)),
@@ -148,7 +148,7 @@ def test_a_light_that_a_backend_does_not_know_is_refused_by_name(kind: str, back
 @pytest.mark.parametrize("kind", KINDS)
 def test_names_change_no_digest(kind: str) -> None:
     light = KINDS[kind].example()
-    renamed = light.with_emission(replace(light.emission, group="rim", path="/Rim", light_link=Link(())))
+    renamed = light.with_emission(replace(light.emission, group="rim", path="/Rim", light_link=LightLink(())))
     brighter = light.with_emission(replace(light.emission, color=(9.0, 9.0, 9.0)))
     assert light.digest == renamed.digest != brighter.digest
 

@@ -8,14 +8,14 @@ import pytest
 from closed_forms import by_sampling
 from light_cases import make_tables_small
 
-from lookdev.light import LIGHT_KINDS, Emission, RectLight, Shadow, Shaping, Stand, lights_code
+from lookdev.light import LIGHT_KINDS, Emission, RectLight, RigOrigin, Shadow, Shaping, lights_code
 from lookdev.light.cylinder import Cylinder
 from lookdev.light.disk import Ellipse
 from lookdev.light.distant import Cone
 from lookdev.light.emission import Falloff, beam_bound
 from lookdev.light.lamps import CONTROLS, FIELDS, SHAPES, CodedRig, weight
 from lookdev.light.placement import to_local
-from lookdev.light.rect import Rectangle
+from lookdev.light.rect import RectangleShape
 from lookdev.light.shape import greatest_cosine
 from lookdev.light.sphere import Sphere
 
@@ -51,7 +51,7 @@ def test_estimates_of_shapes_by_hand() -> None:
     aside, behind = np.array([3.0, 2.0, -1.0]), np.array([3.0, 2.0, 1.0])
     # The nearest point of a rectangle of 2 x 1 is at (1, 0.5).
     squared = 4.0 + 2.25 + 1.0
-    for shape, area, reach2 in ((Rectangle(2.0, 1.0), 2.0, 1.25), (Ellipse(1.0, 0.5), 0.5 * np.pi, 1.0)):
+    for shape, area, reach2 in ((RectangleShape(2.0, 1.0), 2.0, 1.25), (Ellipse(1.0, 0.5), 0.5 * np.pi, 1.0)):
         expected = area / np.sqrt(squared) / (squared + 0.5 * area / np.pi)
         assert shape.solid_angle(aside) == pytest.approx(expected, rel=1e-12)
         assert shape.solid_angle(behind) == 0.0
@@ -79,7 +79,7 @@ def test_estimates_of_shapes_by_hand() -> None:
         # Rounded beyond what a cosine can be.
         assert beam_bound(1.0 + 1e-15, sine2, *cone, 3.0, tint) == 1.0
     # A normal at 30 degrees to a cone of 10 degrees has the cosine of 20 degrees. An estimate is the product of all.
-    rect, down = Rectangle(0.02, 0.01), np.array([0.0, 0.0, -3.0])
+    rect, down = RectangleShape(0.02, 0.01), np.array([0.0, 0.0, -3.0])
     normal = np.array([np.sin(np.radians(30.0)), 0.0, np.cos(np.radians(30.0))])
     beam, fall = (*Shaping(50.0, 0.4).cone, 2.0, 0.2), Falloff(1.0, 3.0).numbers
     bare = rect.solid_angle(down) * np.cos(np.radians(30.0) - np.arcsin(np.hypot(0.01, 0.005) / 3.0))
@@ -126,7 +126,7 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
     shadow = Shadow(True, (0.1, 0.0, 0.0), 3.0, 1.0, 2.0)
     emission = Emission((3.0, 2.0, 0.25), 0.5, 2.0, shaping, shadow, falloff, turns=False, camera=True)
     rect, dome = replace(RectLight.example(), emission=emission), LIGHT_KINDS["dome"].example()
-    code = lights_code((dome, rect), sampled=True, stand=Stand((1.0, 2.0, 3.0), (0.5, 0.25)))
+    code = lights_code((dome, rect), sampled=True, stand=RigOrigin((1.0, 2.0, 3.0), (0.5, 0.25)))
     numbers = code.numbers["lamps"]
     assert numbers[:3].tolist() == [0.5, 1.75, 3.0]
     lamp, world = numbers[3:].reshape(2, len(FIELDS))

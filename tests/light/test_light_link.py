@@ -7,7 +7,7 @@ import pytest
 from pxr import Sdf, Usd, UsdLux
 from rig_files import rig, write_rig
 
-from lookdev.light.emission import Link
+from lookdev.light.emission import LightLink
 
 PATHS = ("/A", "/A/B", "/A/B/E", "/A/B/C", "/A/B/C/D", "/A/B/C/D/F", "/A/Q", "/AB", "/Z/Y")
 COLLECTION = """
@@ -41,6 +41,6 @@ def test_a_link_includes_what_usd_includes(tmp_path: Path, root: int, rule: str,
 
 
 def test_without_a_rule_nothing_is_included() -> None:
-    assert not Link(()).includes("/A")
-    assert not Link((("/", "exclude"), ("/A", "explicitOnly"))).includes("/A/B")
-    assert Link((("/", "expandPrims"),)).includes("/A")
+    assert not LightLink(()).includes("/A")
+    assert not LightLink((("/", "exclude"), ("/A", "explicitOnly"))).includes("/A/B")
+    assert LightLink((("/", "expandPrims"),)).includes("/A")

@@ -13,8 +13,8 @@ from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import LIGHT_KINDS, DiskLight, DistantLight, Light, RectLight, native_images
 from lookdev.light.dome.environment import make_environment
-from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping
-from lookdev.light.ies import Profile
+from lookdev.light.emission import Emission, Falloff, LightLink, Shadow, Shaping
+from lookdev.light.ies import IesProfile
 from lookdev.light.native import still_domes
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
@@ -37,7 +37,7 @@ def task(backend: str, *lights: Light) -> Any:
         ({"shadow": Shadow(color=(0.1, 0.0, 0.0))}, "a shadow control"),
         ({"shadow": Shadow(enable=False)}, "a shadow control"),
         ({"falloff": Falloff(exponent=1.0)}, "a falloff"),
-        ({"shaping": Shaping(profile=Profile(Content("a", ".npy"), 1.0, 1.0))}, "an IES profile"),
+        ({"shaping": Shaping(profile=IesProfile(Content("a", ".npy"), 1.0, 1.0))}, "an IES profile"),
     ],
 )
 def test_what_blender_lacks_is_refused(changed: dict[str, Any], lacking: str) -> None:
@@ -47,7 +47,7 @@ def test_what_blender_lacks_is_refused(changed: dict[str, Any], lacking: str) ->
 
 
 def test_all_that_a_light_has_is_named_at_once_and_each_light_on_a_line() -> None:
-    both = replace(KEY, diffuse=0.5, falloff=Falloff(exponent=1.0), light_link=Link(()), camera=True)
+    both = replace(KEY, diffuse=0.5, falloff=Falloff(exponent=1.0), light_link=LightLink(()), camera=True)
     with pytest.raises(EnvironmentMapError) as caught:
         task("nodes", replace(DiskLight.example(), emission=both), DistantLight(angle=270.0))
     first, second = str(caught.value).splitlines()

@@ -12,7 +12,7 @@ from lookdev.light.cylinder import covering_rectangle
 from lookdev.light.placed import PlacedLight
 from lookdev.light.shape import draw_uniform, orient_to_axis, uniform_density
 from lookdev.light.sphere import sphere_versine
-from lookdev.light.spherical_rectangle import Point, density, draw, project_rectangle, seen_part, towards_plane
+from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, project_rectangle, seen_part, towards_plane
 
 Floats = NDArray[Any]
 
@@ -114,7 +114,7 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
     normals = np.random.default_rng(5).normal(size=(8, 3))
     normals[:, 2] = np.abs(normals[:, 2])
 
-    def draw_target(point: Floats, u: Floats, width: Floats, height: Floats) -> tuple[Point, Floats, Floats]:
+    def draw_target(point: Floats, u: Floats, width: Floats, height: Floats) -> tuple[RectanglePoint, Floats, Floats]:
         rectangle = seen_part(point, width, height)
         target = draw(rectangle, u)
         pdf, wi = density(rectangle, target), towards_plane(point, target)
@@ -125,7 +125,7 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
         arguments = (np.tile(point, (len(grid), 1)), grid, width, height)
         target, pdf, wi = draw_target(*single(*arguments))
         points, _, *sides = double(*arguments)
-        right = density(seen_part(points, *sides), Point(*double(*target)))
+        right = density(seen_part(points, *sides), RectanglePoint(*double(*target)))
         np.testing.assert_allclose(pdf, right, rtol=1e-4)
         _, right_pdf, right_wi = draw_target(*double(*arguments))
         got = (np.maximum(wi.astype(np.float64) @ normals.T, 0.0) / pdf[:, None]).mean(axis=0)

@@ -262,7 +262,7 @@ def test_smallest_maps(few: None, shape: tuple[int, int]) -> None:
 def test_files_hold_the_tables(cache: Path) -> None:
     light = prepare_light(make_environment("test", sunny().table))
     assert (light.width, light.height, light.constant) == (16, 8, False)
-    assert {Content.of(file) for file in cache.iterdir()} == set(files_of(light))
+    assert {Content.store_copy(file) for file in cache.iterdir()} == set(files_of(light))
     expected = tables_of(sunny(), 32)
     np.testing.assert_array_equal(read_exr(light.points_file.path, "RGBA").reshape(-1, 4), expected.points)
     with OpenEXR.File(str(light.points_file.path)) as stored_points:
@@ -280,7 +280,7 @@ def test_what_draws_no_samples_has_no_tables(cache: Path, level: float, sampled:
     radiance[0] = level
     light = prepare_light(make_environment("test", radiance), sampled=sampled)
     assert light.constant == sampled
-    assert [Content.of(file) for file in cache.iterdir()] == [light.radiance_file] == files_of(light)
+    assert [Content.store_copy(file) for file in cache.iterdir()] == [light.radiance_file] == files_of(light)
 
 
 def test_cache_is_idempotent(cache: Path) -> None:

@@ -218,15 +218,15 @@ def LightFilter "Unused" {{}}
     more = 'def Xform "Lamp"\n{\n    def SphereLight "Bulb" {}\n}\ndef SphereLight "Outside" {}\n'
     file.write_text(file.read_text() + more)
     result = load_rig(file)
-    assert [rig_light.path for rig_light in result.given] == ["/Rig/Copy/Bulb", "/Rig/On"]
+    assert [rig_light.path for rig_light in result.rig_lights] == ["/Rig/Copy/Bulb", "/Rig/On"]
     assert result.lights[0].position == (1.0, 0.0, 0.0)
     assert [note.removeprefix(f"{file}: ") for note in result.notes] == [
         "/Rig/Guide: is of purpose guide, left out",
         "/Rig/Hidden/In: is hidden by /Rig/Hidden, left out",
         "/Rig/Dark: sends no light, left out",
     ]
-    assert [rig_light.path for rig_light in load_rig(file, "/Rig/On").given] == ["/Rig/On"]
-    assert [rig_light.path for rig_light in load_rig(file, "/Rig/Hidden/In").given] == ["/Rig/Hidden/In"]
+    assert [rig_light.path for rig_light in load_rig(file, "/Rig/On").rig_lights] == ["/Rig/On"]
+    assert [rig_light.path for rig_light in load_rig(file, "/Rig/Hidden/In").rig_lights] == ["/Rig/Hidden/In"]
     with pytest.raises(StageError, match="there is no such prim"):
         compose(Composition(file, prim="/Rig/Onn"))
 
@@ -234,7 +234,7 @@ def LightFilter "Unused" {{}}
 def test_without_a_default_prim_all_lights_are_the_rig(tmp_path: Path) -> None:
     file = tmp_path / "rig.usda"
     file.write_text('#usda 1.0\ndef SphereLight "A" {}\ndef Scope "More"\n{\n    def DiskLight "B" {}\n}\n')
-    assert [rig_light.path for rig_light in load_rig(file).given] == ["/A", "/More/B"]
+    assert [rig_light.path for rig_light in load_rig(file).rig_lights] == ["/A", "/More/B"]
 
 
 def test_a_light_list_that_a_model_has_is_obeyed(tmp_path: Path) -> None:
@@ -248,11 +248,11 @@ def Xform "Set" (kind = "component")
 }
 """
     result = rig(tmp_path, text.replace("consumeAndHalt", "ignore"))
-    assert [rig_light.path for rig_light in result.given] == ["/Rig/Listed", "/Rig/Missed"]
+    assert [rig_light.path for rig_light in result.rig_lights] == ["/Rig/Listed", "/Rig/Missed"]
     file = write_rig(tmp_path / "rig.usda", text)
     file.write_text(file.read_text().replace('def Xform "Rig"', 'def Xform "Rig" (kind = "group")'))
     result = load_rig(file)
-    assert [rig_light.path for rig_light in result.given] == ["/Rig/Listed"]
+    assert [rig_light.path for rig_light in result.rig_lights] == ["/Rig/Listed"]
     assert result.notes[0].endswith(": /Rig/Missed: is in no light list of its models, left out")
     assert len(result.notes) == 1
 

@@ -144,17 +144,17 @@ def base(file: Path) -> dict[str, Any]:
 
 def test_a_number_takes_an_image_a_primvar_and_an_expression_and_is_taken_back(car: Path) -> None:
     text, before = car.read_text(), base(car)
-    set_source(car, "0", "sheen", parse_mask("textures/dirt.png:g", folder=car.parent, what="sheen"))
+    set_source(car, "0", "sheen", parse_mask("textures/dirt.png:g", folder=car.parent, name="sheen"))
     image = base(car)["sheen"]
     assert (image.file.name, image.channel, image.colorspace) == ("dirt.png", "g", "raw")
-    set_source(car, "0", "sheen", parse_mask("primvar:wear", what="sheen"))
+    set_source(car, "0", "sheen", parse_mask("primvar:wear", name="sheen"))
     assert base(car)["sheen"] == Primvar("wear", 0.0)
     words = parse_mask("dirt * amount", ["dirt=textures/dirt.png", "amount=.5"], car.parent, "sheen")
     set_source(car, "0", "sheen", words)
     assert base(car)["sheen"].inputs["amount"] == 0.5
     set_inputs(car, {(0, "sheen.amount"): 0.75})
     # A name without a new source keeps the one that it has.
-    set_source(car, "0", "sheen", parse_mask("1 - dirt * amount", what="sheen"))
+    set_source(car, "0", "sheen", parse_mask("1 - dirt * amount", name="sheen"))
     assert base(car)["sheen"].inputs["amount"] == 0.75
     unset_parameter(car, "0", "sheen")
     assert base(car) == before
@@ -172,7 +172,7 @@ def test_a_colour_takes_all_channels_and_an_expression_of_a_colour(car: Path) ->
     assert color("primvar:displayColor") == Primvar("displayColor", (0.0, 0.0, 0.0))
     assert isinstance(color("mix([1, 0, 0], c, 0.5)", "c=textures/dirt.png:rgb"), Formula)
     with pytest.raises(LookdevError, match="luminance"):
-        set_source(car, "0", "roughness", parse_mask("[1, 0, 0]", what="roughness"))
+        set_source(car, "0", "roughness", parse_mask("[1, 0, 0]", name="roughness"))
     with pytest.raises(LookdevError, match="unknown channel 'r'"):
         color("textures/dirt.png:r")
 
@@ -194,7 +194,7 @@ def test_what_another_file_states_is_blocked(car: Path) -> None:
     head = '#usda 1.0\n(\n defaultPrim = "Mine"\n)\n'
     other.write_text(head + 'def "Mine" (\n references = @./car_paint.usda@</CarPaint>\n)\n{\n}\n')
     before = car.read_bytes()
-    set_source(other, "0", "roughness", parse_mask("primvar:wear", what="roughness"))
+    set_source(other, "0", "roughness", parse_mask("primvar:wear", name="roughness"))
     assert base(other)["roughness"] == Primvar("wear", 0.0)
     unset_parameter(other, "0", "roughness")
     assert "roughness" not in base(other)
@@ -205,4 +205,4 @@ def test_what_another_file_states_is_blocked(car: Path) -> None:
 
 def test_a_token_takes_no_source(car: Path) -> None:
     with pytest.raises(LookdevError, match="only numbers and colours"):
-        set_source(car, "0", "variant", parse_mask("primvar:wear", what="variant"))
+        set_source(car, "0", "variant", parse_mask("primvar:wear", name="variant"))

@@ -16,7 +16,7 @@ from lookdev.material.points import ImagePoints
 from lookdev.material.textures import image_texels
 from lookdev.material.usd.bound import BoundLook
 from lookdev.material.usd.nodes import NODES
-from lookdev.material.values import Values
+from lookdev.material.values import SourceValues
 
 ST = np.array([[0.1, 0.2], [0.35, 0.8], [0.6, 0.45], [0.9, 0.95]])
 COLOR = "color3f diffuseColor <- N.out\n"
@@ -43,7 +43,9 @@ def value(result: BoundLook, name: str, kind: str = "color") -> Floats:
     assert not result.lost, result.lost
     source = result.look.layers[0].inputs[name]
     parameter = Parameter(name, kind, 0.0, (-np.inf, np.inf))  # type: ignore[arg-type]
-    return np.asarray(Values(Points()).of(source, parameter)) + np.zeros((len(ST), 3) if kind != "float" else len(ST))
+    return np.asarray(SourceValues(Points()).of(source, parameter)) + np.zeros(
+        (len(ST), 3) if kind != "float" else len(ST)
+    )
 
 
 S, T = ST.T

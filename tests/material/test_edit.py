@@ -11,7 +11,7 @@ from pxr import Usd
 from variant_sets import over, selecting, variants
 
 from lookdev.errors import LookdevError, LookError, ModelError
-from lookdev.material import Coordinates, Formula, Layer, Look, Primvar, Texture, View
+from lookdev.material import Coordinates, Formula, Layer, Look, Primvar, Texture, ViewCosine
 from lookdev.material.change import constant_named, look_with_value, varied_names, with_constants
 from lookdev.material.expression import parse
 from lookdev.material.library import Preset, find_preset
@@ -247,7 +247,7 @@ def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
         return mask.inputs
 
     add_layer(paint, take("rubber"), parse_mask("smoothstep(1 - view, 0, 1)"))
-    assert inputs_of_mask() == {"view": View()}
+    assert inputs_of_mask() == {"view": ViewCosine()}
     declared = "float inputs:view\n        string inputs:expression"
     paint.write_text(paint.read_text().replace("string inputs:expression", declared))
     set_mask(paint, "1", parse_mask("view ^ 2"))
@@ -477,11 +477,11 @@ def test_masks_and_inputs_of_their_expressions() -> None:
     assert layer_named(look_with_value(PAINT, "mask.amount", 0.9), "Paint").mask == mask  # one layer alone has it
     other = layer_named(look_with_value(PAINT, "Paint.mask", "wear * wear * view"), "Paint").mask
     kinds = {"wear": "float", "view": "float"}
-    assert other == Formula(parse("wear * wear * view"), {"wear": Primvar("wear", 0.0), "view": View()}, kinds)
+    assert other == Formula(parse("wear * wear * view"), {"wear": Primvar("wear", 0.0), "view": ViewCosine()}, kinds)
     rough = layer_named(look_with_value(PAINT, "Steel.roughness", "0.2 + 0.5 * (1 - view)"), "Steel").inputs[
         "roughness"
     ]
-    assert rough.inputs == {"view": View()}
+    assert rough.inputs == {"view": ViewCosine()}
 
 
 def test_of_a_single_layer_the_name_of_the_input_is_enough() -> None:

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.codegen.trace.graph import Graph, Node, Symbol, reachable_nodes
+from lookdev.codegen.trace.graph import Graph, GraphNode, Symbol, reachable_nodes
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
-from lookdev.material.expression import ExpressionError, Kind, parse, shaping
+from lookdev.material.expression import ExpressionError, ExpressionKind, parse, shaping
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS
 from lookdev.material.expression.syntax import LONGEST
 
 PAGE = (Path(__file__).parents[2] / "docs" / "expressions.md").read_text(encoding="utf-8")
 
-_TYPES: dict[str, Kind] = {"dirt": "float", "edge": "float", "tint": "color"}
+_TYPES: dict[str, ExpressionKind] = {"dirt": "float", "edge": "float", "tint": "color"}
 _VALUES = {"dirt": np.array(0.75), "edge": np.array(0.25), "tint": np.array([0.2, 0.4, 0.6])}
 
 
@@ -230,7 +230,7 @@ def compute(value: Any, symbols: dict[str, Any], kind: Any) -> Any:
     done: dict[Any, Any] = {}
 
     def visit(item: Any) -> Any:
-        if not isinstance(item, Node):
+        if not isinstance(item, GraphNode):
             return item if isinstance(item, bool) else kind(item)
         if item not in done:
             if isinstance(item, Symbol):

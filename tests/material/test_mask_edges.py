@@ -67,7 +67,7 @@ def test_no_parameter_leaves_its_range(presets: dict[str, Preset]) -> None:
     sides = [[presets[name][1] for name in names] for names in zip(*pairs, strict=True)]
     below, above = ({name: np.stack([p[name] for p in side])[:, None] for name in numbers} for side in sides)
     layers = [StackLayer("disney", DISNEY.tokens({}) | below), StackLayer("disney", DISNEY.tokens({}) | above, MASKS)]
-    blended = DISNEY.blended(layers)
+    blended = DISNEY.blend(layers)
     for name, parameter in numbers.items():
         value, (low, high) = blended[name], parameter.hard
         assert value.shape[:2] == (len(pairs), len(MASKS))

@@ -22,7 +22,7 @@ from lookdev.brdf import (
 )
 from lookdev.checks.samples import constant_looks
 from lookdev.errors import ModelError
-from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture, View
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture, ViewCosine
 from lookdev.material.expression import parse
 from lookdev.material.points import ImagePoints
 from lookdev.material.textures import sample_slopes, sample_texture
@@ -179,7 +179,7 @@ def test_a_constant_outside_its_range_is_refused(points: Points) -> None:
 
 def of_view(text: str, **inputs: Any) -> Formula:
     kinds = {name: "color" if isinstance(source, Coordinates | tuple) else "float" for name, source in inputs.items()}
-    return Formula(parse(text), {"view": View(), **inputs}, {"view": "float", **kinds})
+    return Formula(parse(text), {"view": ViewCosine(), **inputs}, {"view": "float", **kinds})
 
 
 PAINT = {"baseColor": of_view("mix([.8, .1, .05], [.05, .2, .8], view)"), "metallic": 0.5}

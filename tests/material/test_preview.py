@@ -11,7 +11,7 @@ from pxr import Sdf, Sdr, Usd
 
 from lookdev.brdf.conductor import metal_reflectance
 from lookdev.errors import LookError
-from lookdev.material import Coordinates, Formula, Layer, Primvar, View
+from lookdev.material import Coordinates, Formula, Layer, Primvar, ViewCosine
 from lookdev.material.expression import parse
 from lookdev.material.library.edit import write_preview
 from lookdev.material.library.preview import preview_values
@@ -77,9 +77,9 @@ PREVIEWS = {
     # Over the disc that a sphere shows, the cosine is 2/3 and its square 1/2, at every place of st.
     "what depends on the view is averaged over a sphere": (
         base(
-            roughness=formula("view", view=View()),
-            metallic=formula("view * view", view=View()),
-            baseColor=formula("(view * st[0])", view=View(), st=ST),
+            roughness=formula("view", view=ViewCosine()),
+            metallic=formula("view * view", view=ViewCosine()),
+            baseColor=formula("(view * st[0])", view=ViewCosine(), st=ST),
         ),
         {"roughness": 2.0 / 3.0, "metallic": 0.5, "diffuseColor": (1.0 / 3.0,) * 3},
     ),

@@ -10,7 +10,7 @@ from look_files import BASE, LAYER1, STACK, disney, expression, faults_of, pixar
 from variant_sets import over, selecting, variants
 
 from lookdev.brdf import layer_shaders
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import SymbolicArray
 from lookdev.material import (
@@ -22,13 +22,13 @@ from lookdev.material import (
     Look,
     Primvar,
     Texture,
-    View,
+    ViewCosine,
     depends_on_view,
 )
 from lookdev.material.textures import sample_texture
 from lookdev.material.usd import expand_variants, read_look
 from lookdev.material.validate.examine import examine_file
-from lookdev.material.values import Values
+from lookdev.material.values import SourceValues
 from lookdev.scene.uvs import look_uvs
 
 pytestmark = pytest.mark.both_pythons
@@ -276,22 +276,24 @@ def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) 
 def test_an_expression_may_read_an_expression(write) -> None:
     inner = expression("a * a", "float a = 3", "Inner")
     mask = mask_of(write, expression("inner + 1", "float inner <- Inner.result"), inner)
-    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
-    assert float(Values(inputs).read(mask, color=False)) == 10.0
+    inputs = SymbolicSurface(Graph(), lambda source: pytest.fail("no image is there"))
+    assert float(SourceValues(inputs).read(mask, color=False)) == 10.0
 
 
 def test_a_parameter_may_be_an_expression(write) -> None:
     color = "color3f baseColor <- Expr.result"
     look = read_look(write(disney(body=color) + expression("[a, 0, a * 2]", "float a = 0.25", kind="color3f")))
-    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
-    np.testing.assert_array_equal(Values(inputs).read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5])
+    inputs = SymbolicSurface(Graph(), lambda source: pytest.fail("no image is there"))
+    np.testing.assert_array_equal(
+        SourceValues(inputs).read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5]
+    )
 
 
 @pytest.mark.parametrize("declared", ["", "float view"])
 def test_the_view_needs_no_source(write, declared: str) -> None:
     file = write(masked_look(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
     mask = read_look(file).layers[1].mask
-    assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
+    assert (mask.inputs, mask.kinds) == ({"view": ViewCosine(), "a": 0.5}, {"view": "float", "a": "float"})
     assert examine_file(file).findings == ()
 
 
@@ -318,8 +320,8 @@ def test_what_expressions_share_is_read_and_computed_once(write) -> None:
     file = write(masked_look(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
     look = read_look(file)
     assert look_uvs(look) == ("st",)
-    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is opened"))
-    assert isinstance(Values(inputs).read(look.layers[1].mask, color=False), SymbolicArray)
+    inputs = SymbolicSurface(Graph(), lambda source: pytest.fail("no image is opened"))
+    assert isinstance(SourceValues(inputs).read(look.layers[1].mask, color=False), SymbolicArray)
     assert examine_file(file).findings == ()
 
 

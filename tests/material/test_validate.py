@@ -10,7 +10,7 @@ from variant_sets import over, selecting, variants
 
 from lookdev.cli import run as run_cli
 from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine_file
-from lookdev.material.validate.report import Finding, Report
+from lookdev.material.validate.report import ValidationFinding, ValidationReport
 
 ROOT = Path(__file__).parents[2]
 LOOKS = [file for path in (".", "presets", "classic") for file in sorted((ROOT / "materials" / path).glob("*.usda"))]
@@ -90,7 +90,7 @@ def test_every_variant_is_examined(write) -> None:
     file = write(disney() + variants("wear", dusty=rough(2), new=rough(0.5)), material=WEAR)
     report = examine_file(file)
     hint = "it must be within [0, 1]"
-    fault = Finding("error", "/M/Base", "inputs:roughness", "2 is out of range", hint, ("wear=dusty",))
+    fault = ValidationFinding("error", "/M/Base", "inputs:roughness", "2 is out of range", hint, ("wear=dusty",))
     assert report.findings == (fault,)
     assert (report.materials, report.combinations) == (1, 2)
     assert findings(file, variants={"wear": "new"}) == []
@@ -103,7 +103,9 @@ def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_n
     body = layered_material("float layer1Mask = 0.5", base="float sheen = 7")
     file = write(body + variants("wear", dusty=off, new=on), STACK, WEAR)
     hint = "it must be within [0, 1]"
-    assert examine_file(file).findings == (Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", hint),)
+    assert examine_file(file).findings == (
+        ValidationFinding("error", "/M/Base", "inputs:sheen", "7 is out of range", hint),
+    )
 
 
 READ_AS = ("note", "/M", "is read as Standard Surface as Disney")
@@ -221,8 +223,12 @@ def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureF
 
 def test_the_text_shows_an_expression_with_its_caret() -> None:
     message = "an operator should stand here, not 'b'\n    a b\n      ^"
-    fault = Finding("error", "/M/X", "inputs:expression", message, "see the manual", tuple(f"s=v{i}" for i in range(6)))
-    assert Report("look.usda", (fault, Finding("note", "/M", "", "odd")), 1, 6).text().splitlines() == [
+    fault = ValidationFinding(
+        "error", "/M/X", "inputs:expression", message, "see the manual", tuple(f"s=v{i}" for i in range(6))
+    )
+    assert ValidationReport(
+        "look.usda", (fault, ValidationFinding("note", "/M", "", "odd")), 1, 6
+    ).text().splitlines() == [
         "look.usda: 1 error, 1 note (1 material, 6 combinations of variants)",
         "",
         "/M",

@@ -12,7 +12,7 @@ from light_rigs import RIG_LOOKS, RIGS, grey
 from lookdev.arrays import Ints
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.light import Light
-from lookdev.light.emission import Link
+from lookdev.light.emission import LightLink
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.results import Rendered
@@ -63,9 +63,9 @@ def heads_under_lights(folder: Path, size: int, names: Sequence[str] = tuple(LIG
         matrix = np.eye(4)
         matrix[0, 3] = x
         instances.append(Instance(0, matrix, f"/{name}/head"))
-        link = Link(((f"/{name}", "expandPrims"),))
+        link = LightLink(((f"/{name}", "expandPrims"),))
         for light in (light for rig in LIGHTS_OF_HEADS[name] for light in RIGS[rig](folder)):
-            moved = light.scaled(1.0, (x, 0.0, 0.0))
+            moved = light.rescale(1.0, (x, 0.0, 0.0))
             lights.append(moved.with_emission(replace(moved.emission, light_link=link)))
     path = instances[0].path
     row = make_asset("heads", (replace(head.meshes[0], name=path),), instances, (replace(head.slots[0], path=path),))

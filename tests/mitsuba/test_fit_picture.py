@@ -13,8 +13,8 @@ from batches import look_text
 from lending import lend_workers
 
 from lookdev.errors import LookdevError
-from lookdev.fitting.picture.fit import Wish, fit_picture
-from lookdev.fitting.picture.search import Point, Settings
+from lookdev.fitting.picture.fit import PictureFitRequest, fit_picture
+from lookdev.fitting.picture.search import LossPoint, Settings
 from lookdev.material.change import constant_named
 from lookdev.material.library.constants import write_changed
 from lookdev.material.usd import read_look
@@ -115,10 +115,10 @@ def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_pa
     case = CASES[name]
     job, picture = scene(tmp_path, case, 128, 64)
     look, page = tmp_path / "found.usda", tmp_path / "page.html"
-    report = fit_picture(Wish(picture, job, tuple(case.truth), FRAME, look, page))
-    assert not report.found.undetermined
+    report = fit_picture(PictureFitRequest(picture, job, tuple(case.truth), FRAME, look, page))
+    assert not report.result.undetermined
     again = read_look(look)
-    for (parameter, value), true in zip(report.found.values.items(), case.truth.values(), strict=True):
+    for (parameter, value), true in zip(report.result.values.items(), case.truth.values(), strict=True):
         assert value == pytest.approx(true, rel=0.02), report.text()
         assert constant_named(again, parameter).value == pytest.approx(value, rel=1e-6)
 
@@ -132,10 +132,12 @@ LITTLE = Settings(tried=2, followed=1, coarse=4, samples=8, finest=16, slopes=4,
 def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> None:
     job, picture = scene(tmp_path, TINY, 32, 16)
     parameters = "clearcoatGloss", "roughness"  # no light comes from the coat, whose weight is 0
-    wish = Wish(picture, job, parameters, FRAME, tmp_path / "found.usda", tmp_path / "page.html", settings=LITTLE)
+    wish = PictureFitRequest(
+        picture, job, parameters, FRAME, tmp_path / "found.usda", tmp_path / "page.html", settings=LITTLE
+    )
     report = fit_picture(wish)
-    assert report.found.without_effect == ("Base.clearcoatGloss",)
-    (value,), (error,) = report.found.values["Base.roughness"], report.found.errors["Base.roughness"]
+    assert report.result.without_effect == ("Base.clearcoatGloss",)
+    (value,), (error,) = report.result.values["Base.roughness"], report.result.errors["Base.roughness"]
     assert error < 0.02
     assert abs(value - 0.35) < 5.0 * error
     assert " ± " in report.text()
@@ -154,15 +156,15 @@ def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> N
     with pytest.raises(LookdevError, match="exists already"):
         fit_picture(wish)
 
-    def interrupt(point: Point) -> None:
-        if point.stage == "follow" and point.loss < 0.5 * report.found.before:
+    def interrupt(point: LossPoint) -> None:
+        if point.stage == "follow" and point.loss < 0.5 * report.result.before:
             raise KeyboardInterrupt
 
     stopped = fit_picture(replace(wish, parameters=("roughness",), force=True), interrupt)
-    assert stopped.found.interrupted
-    assert stopped.found.after < stopped.found.before
+    assert stopped.result.interrupted
+    assert stopped.result.after < stopped.result.before
     (layer,) = read_look(tmp_path / "found.usda").layers
-    assert layer.inputs["roughness"] == pytest.approx(stopped.found.values["Base.roughness"][0])
+    assert layer.inputs["roughness"] == pytest.approx(stopped.result.values["Base.roughness"][0])
     assert "interrupted" in (tmp_path / "page.html").read_text()
 
 
@@ -195,5 +197,5 @@ def test_what_is_wrong_is_said_before_rendering(
     arguments = {"picture": "photo.exr", "parameters": ("roughness",), "look": Path("found.usda"), **change}
     arguments = {name: Path(value) if name in ("picture", "mask") else value for name, value in arguments.items()}
     with pytest.raises(LookdevError, match=words):
-        fit_picture(Wish(job=Path("job.toml"), **arguments))
+        fit_picture(PictureFitRequest(job=Path("job.toml"), **arguments))
     assert not Path("found.usda").exists()

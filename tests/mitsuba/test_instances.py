@@ -10,7 +10,7 @@ from mitsuba_scenes import RenderSeeds
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.light.emission import Link
+from lookdev.light.emission import LightLink
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
@@ -49,7 +49,7 @@ def row(*, instances: bool) -> Asset:
 @pytest.fixture(scope="module")
 def frames(render_seeds: RenderSeeds) -> tuple[Rendered, Rendered]:
     """Return the frame of instances and that of meshes, under a light whose shadow excludes the ball."""
-    without_ball = Link((("/", "expandPrims"), ("/ball", "exclude")))
+    without_ball = LightLink((("/", "expandPrims"), ("/ball", "exclude")))
     rect = near("rect")
     lights = (replace(rect, emission=replace(rect.emission, shadow_link=without_ball)), grey())
     frames_of_both = []

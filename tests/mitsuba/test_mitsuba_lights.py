@@ -70,7 +70,7 @@ def test_linked_shadows_are_cast_by_their_parts_alone(render_seeds: RenderSeeds,
     frames = render_seeds(scene, TURNED, SEEDS, samples=SAMPLES, bounces=1)
     options = {"pose": TURNED, **OPTIONS}
     assert_scene_agreement("linked shadows", frames, scene, SAMPLES, stored_reference, **options)
-    paths, (first, *others) = [slot.path for slot in scene.asset.slots], scene.grouped
+    paths, (first, *others) = [slot.path for slot in scene.asset.slots], scene.slot_groups
     shifted = replace(scene, groups=dict(zip(paths, (*others, first), strict=True)))
     assert not check_scene("shifted shadows", frames, shifted, SAMPLES, stored_reference, **options).passed
 
@@ -91,20 +91,22 @@ def test_pictures_with_derivatives_are_lit_as_frames(
     from lookdev.mitsuba.load import load_mitsuba
     from lookdev.mitsuba.render import MitsubaScene
     from lookdev.mitsuba.slopes import SlopeScene
-    from lookdev.mitsuba.view import Rectangle, View
+    from lookdev.mitsuba.view import FramePart, KernelView
 
     mi, scene, samples = load_mitsuba("cpu"), make_scene(tmp_path), 16
     (plain,) = {id(look): look for look in scene.looks}.values()
     live = look_with_live_inputs(plain, {"0": constant_named(plain, "roughness")})
-    task = scene_task(replace(scene, wears=dict.fromkeys(scene.wears, live)), Sampling(bounces=1), "mitsuba")
+    task = scene_task(
+        replace(scene, look_of_slot=dict.fromkeys(scene.look_of_slot, live)), Sampling(bounces=1), "mitsuba"
+    )
     binding = live_inputs(task)["0"]
     values = {binding.parameter: constant_named(plain, "roughness").value}
     slope_task = SlopeTask(task, ALIKE, values, binding.symbols, samples, (7, 8), "")
     halves = SlopeScene(mi, task).render(slope_task, lambda done, planned: None)[0]
     frames = MitsubaScene(mi, task)
     width, height = task.resolution
-    view = View.of(mi, task.camera, ALIKE, task.resolution, frames._geometry.center)
-    rectangle = Rectangle.of(mi, Region(slice(0, height), slice(0, width), samples))
+    view = KernelView.of(mi, task.camera, ALIKE, task.resolution, frames._geometry.center)
+    rectangle = FramePart.of(mi, Region(slice(0, height), slice(0, width), samples))
     numbers = (mi.UInt32(number) for number in (7, 0, samples.bit_length() - 1))
     channels = frames._estimator.pixels(view, rectangle, drjit.arange(mi.UInt32, width * height * samples), *numbers)
     means = [np.array(channel).reshape(height, width, samples).mean(axis=-1) for channel in channels]

@@ -78,7 +78,7 @@ def reference(scene: Callable[[str], Scene]) -> Callable[[str], tuple[float, flo
     @cache
     def mean(name: str) -> tuple[float, float]:
         case = scene(name)
-        shape = MeshScene(case.asset, case.looks, case.lit_by, case.grouped)
+        shape = MeshScene(case.asset, case.looks, case.slot_lights, case.slot_groups)
 
         squares = case.film.resolution[0] // SIZE
         pixels = np.stack([np.arange(squares), np.zeros(squares, np.int64)], axis=-1)

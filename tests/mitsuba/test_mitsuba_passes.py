@@ -116,8 +116,8 @@ def test_places_are_those_that_rays_meet(solid: Rendered) -> None:
     # Float32 of Embree about the asset's centre: 1e-6 of its size.
     np.testing.assert_allclose(rows("position")[hit], world, atol=2e-5)
     assert not rows("position")[~hit].any()
-    _, _, back = camera.orbited(0.0).frame
-    depth = -(world - camera.orbited(0.0).position) @ back
+    _, _, back = camera.orbit(0.0).frame
+    depth = -(world - camera.orbit(0.0).position) @ back
     np.testing.assert_allclose(rows("depth")[hit, 0], depth, atol=2e-5)
     assert (rows("depth")[~hit] == 1e10).all()
     np.testing.assert_allclose(rows("normal")[hit], frame[:, 2] @ turn.T, atol=2e-4)

@@ -38,7 +38,7 @@ def test_a_file_is_read_once_while_its_numbers_are_held(drjit) -> None:
     from lookdev.mitsuba.files import file_array
 
     read = Mock(side_effect=np.load)
-    content = Content.written(".npy", lambda path: np.save(path, np.arange(6, dtype=np.float32).reshape(2, 3)))
+    content = Content.store_written(".npy", lambda path: np.save(path, np.arange(6, dtype=np.float32).reshape(2, 3)))
     first = file_array(drjit.llvm.Float, content, read)
     assert file_array(drjit.llvm.Float, content, read) is first
     assert first.shape == (2, 3)

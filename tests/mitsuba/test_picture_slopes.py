@@ -14,7 +14,7 @@ from painted import painted
 
 from lookdev.asset import Asset, load_asset
 from lookdev.light import DiskLight, Light, RectLight
-from lookdev.material import Formula, Layer, Look, View
+from lookdev.material import Formula, Layer, Look, ViewCosine
 from lookdev.material.change import constant_named, look_with_live_inputs
 from lookdev.material.expression import parse
 from lookdev.rendering.scene import scene_task
@@ -28,7 +28,7 @@ pytestmark = pytest.mark.mitsuba
 SIZE, PAIRS = 24, 4
 COPPER = Layer("Metal", "disney", {"metallic": 1.0, "baseColor": (0.9, 0.55, 0.4), "roughness": 0.35})
 FOIL = replace(COPPER, inputs={**COPPER.inputs, "presence": 0.6})
-FADING = Formula(parse("amount * view"), {"amount": 0.6, "view": View()}, {"amount": "float", "view": "float"})
+FADING = Formula(parse("amount * view"), {"amount": 0.6, "view": ViewCosine()}, {"amount": "float", "view": "float"})
 
 
 def masked(folder: Path) -> tuple[Layer, ...]:
@@ -148,7 +148,7 @@ def test_parts_of_two_looks_are_derived_and_a_worker_answers_the_same(
     look = Look("look", (COPPER,))
     live = look_with_live_inputs(look, {"0": constant_named(look, "roughness")})
     scene = scene_of(ball, Look("grey", (Layer("Grey", "lambert", {}),)), (light_of("city"),), SIZE)
-    scene = replace(scene, wears={**scene.wears, ball.slots[0].path: live})
+    scene = replace(scene, look_of_slot={**scene.look_of_slot, ball.slots[0].path: live})
     task = scene_task(scene, Sampling(bounces=1), "mitsuba")
     binding = live_inputs(task)["0"]
     slope_task = SlopeTask(task, POSE, {binding.parameter: (0.35,)}, binding.symbols, 8, (0, 1), "one")

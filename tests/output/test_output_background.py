@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lookdev.light import Emission, SphereLight, Turned, make_environment, prepare_light
+from lookdev.light import Emission, PosedLight, SphereLight, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.output.background import _disc_of_confusion, environment_background
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
@@ -38,7 +38,7 @@ def test_a_lens_blurs_the_environment(aperture: float, light, frame_of: FrameOf)
     u = np.random.default_rng(0).random((count, 4))
     for x, y in ((5, 7), (40, 20), (63, 47)):
         origin, direction = camera_rays(camera, POSE, SIZE, x + u[:, 0], y + u[:, 1], u[:, 2:])
-        radiance = Turned(light, POSE.lighting - POSE.element).radiance(origin, direction)
+        radiance = PosedLight(light, POSE.lighting - POSE.element).radiance(origin, direction)
         mean, error = radiance.mean(axis=0), radiance.std(axis=0) / math.sqrt(count)
         # Four standard errors; nine samples of a pixel stand for its area.
         assert np.abs(background[y, x] - mean).max() < (4.0 * error + 5e-3 * mean).max()
@@ -66,7 +66,7 @@ def test_lamps_that_the_camera_sees_are_behind_the_asset(lens: Lens | None, fram
     u = np.random.default_rng(0).random((count, 4))
     points = u[:, :2] * SIZE
     origin, direction = camera_rays(frame.scene.camera, POSE, SIZE, *points.T, u[:, 2:] if lens else None)
-    radiance = Turned(visible, POSE.lighting - POSE.element).radiance(origin, direction)
+    radiance = PosedLight(visible, POSE.lighting - POSE.element).radiance(origin, direction)
     # The moments of order 0 and 1 in columns and rows, within four standard errors.
     weights, grid = np.c_[np.ones(count), points], np.moveaxis(np.mgrid[: SIZE[1], : SIZE[0]][::-1] + 0.5, 0, -1)
     moments = weights[:, :, None] * radiance[:, None]

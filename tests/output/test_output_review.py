@@ -46,13 +46,13 @@ def test_a_page_has_every_frame_and_a_second_run_makes_nothing(tmp_path: Path) -
     page, written, notes = review(out)
     assert page == out / "review" / "index.html"
     assert notes == ()
-    assert (written.kept, len(list((out / "review" / "data" / "frames").glob("*.js")))) == (0, 2 * 2 * 7)
+    assert (written.unchanged_files, len(list((out / "review" / "data" / "frames").glob("*.js")))) == (0, 2 * 2 * 7)
     reels = {(reel["turntable"], reel["count"], reel["turns"]) for reel in index_of(page)["reels"]}
     assert reels == {("element", 4, "element"), ("lighting", 3, "lighting")}
     before = files(out)
     assert written.size == sum(path.stat().st_size for path in page.parent.rglob("*.*") if path.name != "ledger.json")
     _, again, _ = review(out)
-    assert (again.made, again.kept) == (0, written.made)
+    assert (again.new_files, again.unchanged_files) == (0, written.new_files)
     assert files(out) == before
 
 
@@ -84,7 +84,7 @@ def test_what_is_damaged_missing_or_old_is_made_anew_to_the_same_bytes(tmp_path:
         for damage in (lambda path: path.unlink(), lambda path: os.truncate(path, 3)):
             damage(page / name)
             _, written, _ = review(out, to=page)
-            assert written.made == (2 if name.startswith("data/frames/") else 1)  # a frame has two files
+            assert written.new_files == (2 if name.startswith("data/frames/") else 1)  # a frame has two files
             assert files(page) == whole
     (page / "data" / "ledger.json").write_text("{")
     review(out, to=page)

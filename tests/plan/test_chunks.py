@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from lookdev.codegen.source import PrincipledSource, Source
+from lookdev.codegen.source import GeneratedSource, PrincipledSource
 from lookdev.errors import LookdevError
 from lookdev.plan.chunks import Chunk, Costs, Division, split
 from lookdev.plan.costs import estimate, frame_costs
@@ -101,11 +101,13 @@ def test_scenes_that_were_not_measured_are_estimated_in_the_ratio_of_the_others(
 
 
 def test_an_estimate_is_for_a_frame_and_each_of_its_samples(scene: SceneTask) -> None:
-    def seconds(shaders: tuple[Source, ...], size: tuple[int, int] = (64, 48), backend: str = "exact", **values: Any):
+    def seconds(
+        shaders: tuple[GeneratedSource, ...], size: tuple[int, int] = (64, 48), backend: str = "exact", **values: Any
+    ):
         sampling = replace(scene.sampling, **{"samples": 100, "bounces": 0, **values})
         return estimate(replace(scene, backend=backend, resolution=size, sampling=sampling, shaders=shaders))
 
-    def directions(*count: int, transmits: bool = False) -> tuple[Source, ...]:
+    def directions(*count: int, transmits: bool = False) -> tuple[GeneratedSource, ...]:
         return (replace(scene.shaders[0], directions=count, transmits=transmits),)  # type: ignore[type-var]
 
     usual = directions(2, 6)

@@ -66,7 +66,9 @@ def plan_of(disk: Disk, scenes: Scenes, make_job: MakeJob, make_setups: Callable
         job = make_job(job_or_text) if isinstance(job_or_text, str) else job_or_text
         setups = make_setups(job, scenes, around)
         turns = Turns(job.turntable, job.output, job.camera.azimuth)
-        return build_plan(setups, turns, disk.read_header, labels={"job": "a job"}, beside=job.outputs.beside)
+        return build_plan(
+            setups, turns, disk.read_header, labels={"job": "a job"}, frame_suffixes=job.outputs.frame_suffixes
+        )
 
     return plan
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lookdev.plan.chunks import part_of
-from lookdev.plan.costs import SCENE, START, estimate, estimated, measured
+from lookdev.plan.costs import SCENE, START, estimate, estimate_costs, measure_costs
 from lookdev.plan.digest import PARTS, part_digests
 from lookdev.plan.plan import Plan, PlannedFrame, Reel
 from lookdev.rendering import backends
@@ -41,10 +41,10 @@ def test_a_bad_time_in_a_header_is_unknown(scene: SceneTask, header: dict[str, s
 def test_costs_are_those_measured_else_estimated_with_a_scene_and_a_start(scene: SceneTask) -> None:
     other = replace(scene, resolution=(128, 96))
     plan = Plan((frame(scene, digest="new", resolution="64 x 48"), frame(other, seconds="")), (), Path("/out"))
-    costs = measured(plan)
+    costs = measure_costs(plan)
     assert (costs.scene, costs.start) == (SCENE, START)
     assert costs.frames == pytest.approx((3.0, 3.0 * estimate(other) / estimate(scene)))
-    costs = estimated(plan)
+    costs = estimate_costs(plan)
     assert (costs.scene, costs.start) == (SCENE, START)
     assert costs.frames == (estimate(scene), estimate(other))
 
@@ -54,7 +54,7 @@ def test_parts_have_the_frames_between_their_ends_and_nothing_that_is_made_of_se
     plan = Plan(frames, (Reel("gold", "city", "turn", (FILE,)),), Path("/out"), (".png",))
     parts = [part_of(plan, (1, 3, 3, 6), number) for number in (1, 2, 3, 4)]
     assert [part.frames for part in parts] == [frames[:1], frames[1:3], (), frames[3:]]
-    assert all((part.reels, part.sheets, part.skips, part.beside) == ((), (), (), (".png",)) for part in parts)
+    assert all((part.reels, part.sheets, part.skips, part.frame_suffixes) == ((), (), (), (".png",)) for part in parts)
 
 
 def test_digests_of_finished_frames_stay(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> None:

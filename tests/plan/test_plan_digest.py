@@ -43,9 +43,9 @@ def camera(**values: Any) -> Change:
 SCENE: dict[str, tuple[Callable[[SceneTask], Any], str]] = {
     "asset": (lambda scene: Content("b", ".npz"), "asset"),
     "shaders": (lambda scene: (replace(scene.shaders[0], digest="1"),), "look"),
-    "worn": (lambda scene: (0, 0), "look"),
+    "slot_shaders": (lambda scene: (0, 0), "look"),
     "lights": (lambda scene: (replace(scene.lights[0], map_digest="1"),), "ibl"),
-    "lit": (lambda scene: ((0,),), "ibl"),
+    "shader_lights": (lambda scene: ((0,),), "ibl"),
     "groups": (lambda scene: (1,), "ibl"),
     "resolution": (lambda scene: (48, 64), "render"),
     "device": (lambda scene: "cuda", "render"),

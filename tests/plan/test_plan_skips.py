@@ -147,7 +147,7 @@ def skips_of(make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> Skip
         job = make_job(job_or_text) if isinstance(job_or_text, str) else job_or_text
         scenes = {(entry.name, ibl.name): scene for entry in job.look for ibl in job.ibl}
         setups = make_setups(job, scenes, scenes if around else (), one_look)
-        scene_of_look: Any = SimpleNamespace(looks=(one_look,) * len(scene.worn), lights=scene.lights)
+        scene_of_look: Any = SimpleNamespace(looks=(one_look,) * len(scene.slot_shaders), lights=scene.lights)
         setups = [replace(entry, scene=scene_of_look) for entry in setups]
         skips = list(find_skips(setups, Turns(job.turntable, job.output, job.camera.azimuth)))
         by_scene = [[str(skip) for skip in skips if (skip.look, skip.ibl) == key] for key in scenes]
@@ -244,7 +244,7 @@ def test_textures_that_reach_no_pixel_are_counted(
     one_look = look(*layers)
     source = replace(shader(one_look), transmits=True, directions=(4, 4), folded=0)
     # Two slots that wear one look read its textures once.
-    assert skips_of("", replace(bare, shaders=(source,), worn=(0, 0)), one_look) == ([skip] if skip else [])
+    assert skips_of("", replace(bare, shaders=(source,), slot_shaders=(0, 0)), one_look) == ([skip] if skip else [])
 
 
 def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:

@@ -10,7 +10,7 @@ import pytest
 from usd_text import card, material, textured, variant_set
 
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
 from lookdev.light.dome import points
@@ -149,7 +149,7 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
     generated = []
     generate = BACKENDS["exact"].generate
 
-    def counted(look: Look, setting: SourceSetting) -> Source:
+    def counted(look: Look, setting: SourceSetting) -> GeneratedSource:
         generated.append((look.name, setting.lights[0].constant))
         return generate(look, setting)
 

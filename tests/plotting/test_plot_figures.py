@@ -9,7 +9,7 @@ import pytest
 from typer.main import get_command
 
 from lookdev.cli import app
-from lookdev.plotting import Options, Subject, draw, read_subject
+from lookdev.plotting import PlotOptions, PlotSubject, draw, read_subject
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = [
@@ -36,7 +36,7 @@ def parse(command: str) -> dict[str, Any]:
     return PLOT.make_context("plot", words).params
 
 
-def read(words: list[str]) -> list[Subject]:
+def read(words: list[str]) -> list[PlotSubject]:
     return [read_subject(word) for word in words]
 
 
@@ -55,5 +55,5 @@ def test_a_command_draws_its_figure(command: str, tmp_path: Path) -> None:
     options = parse(command)
     kind, subjects, output, _ = (options.pop(name) for name in ("kind", "subjects", "output", "library"))
     options["size"] = SIZES.get(kind, 24)
-    draw(kind, read(subjects), Options(**options)).write(tmp_path / output, dpi=40)
+    draw(kind, read(subjects), PlotOptions(**options)).write(tmp_path / output, dpi=40)
     assert (tmp_path / output).stat().st_size > 1000

@@ -11,7 +11,7 @@ from lookdev.brdf import MODELS, evaluate
 from lookdev.brdf.angles import half_difference, towards
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.errors import LookdevError
-from lookdev.plotting import KINDS, Options, Plot, draw, model_subject
+from lookdev.plotting import KINDS, Plot, PlotOptions, draw, model_subject
 from lookdev.plotting.sampling import chi_square
 
 PLASTIC = model_subject(MODELS["disney"], {"roughness": 0.4, "baseColor": (0.6, 0.2, 0.1)}, "plastic")
@@ -21,7 +21,7 @@ SUBJECTS = {"difference": (PLASTIC, WHITE)}
 
 
 def draw_plot(kind: str, *subjects: object, **options: object) -> Plot:
-    return draw(kind, subjects or SUBJECTS.get(kind, (PLASTIC,)), Options(**options))  # type: ignore[arg-type]
+    return draw(kind, subjects or SUBJECTS.get(kind, (PLASTIC,)), PlotOptions(**options))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -151,7 +151,7 @@ def test_the_difference_of_one_and_itself_is_nothing() -> None:
 )
 def test_a_plot_that_cannot_be_is_refused(kind: str, count: int, options: dict[str, object], message: str) -> None:
     with pytest.raises(LookdevError, match=message):
-        draw(kind, [PLASTIC] * count, Options(**options))  # type: ignore[arg-type]
+        draw(kind, [PLASTIC] * count, PlotOptions(**options))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("kind", ["slice", "retro", "sampling"])

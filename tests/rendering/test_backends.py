@@ -34,7 +34,7 @@ FLAT = """
 import sys
 from dataclasses import dataclass
 import numpy as np
-from lookdev.rendering.answers import Answers
+from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.wire import decode
@@ -63,13 +63,13 @@ BACKENDS["flat"] = Backend(
 )
 
 if __name__ == "__main__":
-    answers = Answers()
-    answers.ready("flat 1")
+    answers = AnswerStream()
+    answers.send_ready("flat 1")
     for line in sys.stdin:
         task = decode(line)
         width, height = task.scene.resolution
         image = np.full((height, width, 3), task.scene.shaders[0].level, np.float32)
-        answers.rendered(task.digest, RenderedFrame(image, image, image[..., 0], 2, 0.0, 0.0))
+        answers.send_frame(task.digest, RenderedFrame(image, image, image[..., 0], 2, 0.0, 0.0))
 """
 
 

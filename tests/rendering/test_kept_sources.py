@@ -11,13 +11,13 @@ import pytest
 
 from lookdev.brdf import CONTINUOUS, MODELS
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.light import Dome, prepare_light
 from lookdev.light.dome.environment import make_environment
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
 from lookdev.rendering.backends import BACKENDS, Backend
-from lookdev.rendering.kept import cached_source
+from lookdev.rendering.source_cache import cached_source
 from lookdev.scene import Sampling
 
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 0.1 + 0.2, "baseColor": (0.1, 1 / 3, 2e-7)}),))
@@ -35,7 +35,7 @@ def counting_backend() -> CountingBackend:
     """Return the exact backend, and a list of the looks that it has generated."""
     generated: list[str] = []
 
-    def generate(look: Look, setting: SourceSetting) -> Source:
+    def generate(look: Look, setting: SourceSetting) -> GeneratedSource:
         generated.append(look.name)
         return BACKENDS["exact"].generate(look, setting)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.codegen.source import Link, NodeSource
+from lookdev.codegen.source import NodeLink, NodeSource
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.rendering.answers import save_arrays
 from lookdev.rendering.results import Progress
@@ -25,23 +25,23 @@ WORKER = """
 import os, sys
 import numpy as np
 from lookdev.errors import OutputError, RenderError
-from lookdev.rendering.answers import Answers
+from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.wire import decode
 
-answers = Answers()
+answers = AnswerStream()
 print("chatter of Python", flush=True)
 os.write(1, b"chatter of C\\n")
-answers.ready("none 1.0")
+answers.send_ready("none 1.0")
 for line in sys.stdin:
     task = decode(line)
     if task.exposure:
-        answers.failed(task.digest, (RenderError if task.exposure < 0 else OutputError)("too dark"))
+        answers.send_failure(task.digest, (RenderError if task.exposure < 0 else OutputError)("too dark"))
         continue
-    answers.progress(task.digest, 2, 8, None)
+    answers.send_progress(task.digest, 2, 8, None)
     np.ones(300_000_000, np.uint8)
     image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
-    answers.rendered(task.digest, RenderedFrame(image, 2 * image, image[..., 0], 8, 0.5, float("nan")))
+    answers.send_frame(task.digest, RenderedFrame(image, 2 * image, image[..., 0], 8, 0.5, float("nan")))
 """
 
 
@@ -60,14 +60,14 @@ def test_a_task_is_one_line_and_comes_back_equal(task: FrameTask) -> None:
 
 def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeSource) -> None:
     shaders = node_source, replace(node_source, digest="1")
-    scene = replace(task.scene, backend="nodes", shaders=shaders, worn=(0, 1, 0))
+    scene = replace(task.scene, backend="nodes", shaders=shaders, slot_shaders=(0, 1, 0))
     back = decode(encode(replace(task, scene=scene))).scene
     assert back == scene
     for source in back.shaders:
         assert isinstance(source, NodeSource)
         mix = source.trees[0].nodes[-1]
         assert [type(mix.properties[name]) for name in ("clamp_factor", "clamp_result")] == [bool, bool]
-        assert [type(mix.inputs[name]) for name in ("B_Color", "A_Color")] == [Link, tuple]
+        assert [type(mix.inputs[name]) for name in ("B_Color", "A_Color")] == [NodeLink, tuple]
 
 
 def test_a_scene_is_told_from_a_frame(task: FrameTask) -> None:

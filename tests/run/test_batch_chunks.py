@@ -13,7 +13,7 @@ import pytest
 from lookdev.errors import LookdevError, OutputError
 from lookdev.output.exr import read_header
 from lookdev.plan.chunks import Chunk, Division, part_of, split
-from lookdev.plan.costs import estimated, measured
+from lookdev.plan.costs import estimate_costs, measure_costs
 from lookdev.run.chunks import chunk_summaries, chunks_text, plan_of_chunk, store_measured_chunks
 from lookdev.run.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.run.progress import JsonReport
@@ -29,7 +29,7 @@ RenderFile = Callable[..., RunResult]
 def test_the_parts_of_a_plan_are_all_of_it_whatever_is_done(tmp_path: Path) -> None:
     def parts() -> list[tuple[Path, ...]]:
         plan = case.make_plan(case.make_job(tmp_path))
-        ends = split([id(frame.task.scene) for frame in plan.frames], estimated(plan), Division(3))
+        ends = split([id(frame.task.scene) for frame in plan.frames], estimate_costs(plan), Division(3))
         divided = [part_of(plan, ends, number) for number in (1, 2, 3)]
         assert [frame.task.files for part in divided for frame in part.frames] == [f.task.files for f in plan.frames]
         assert all(not part.reels and not part.sheets for part in divided)
@@ -43,10 +43,10 @@ def test_the_parts_of_a_plan_are_all_of_it_whatever_is_done(tmp_path: Path) -> N
 def test_costs_are_measured_where_frames_are(tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
     case.run(tmp_path, only=("gold/city/element.0002",))
-    assert measured(case.make_plan(job)).frames == (0.125,) * 6  # the fake's time, for all frames of the scene
+    assert measure_costs(case.make_plan(job)).frames == (0.125,) * 6  # the fake's time, for all frames of the scene
     # A frame of twice the samples is expected to take twice the time.
     finer = case.make_job(tmp_path, render=case.RENDER.replace("samples = 8", "samples = 16"))
-    assert measured(case.make_plan(finer)).frames == (0.25,) * 6
+    assert measure_costs(case.make_plan(finer)).frames == (0.25,) * 6
 
 
 def test_chunks_render_their_frames_and_the_last_step_all_outputs(tmp_path: Path, render_file: RenderFile) -> None:

@@ -42,7 +42,7 @@ def plan_of(folder: Path, source: str = "props") -> Plan:
     look = Setup("gold", "city", scene, task, sampling, exposure=-1.0)
     charts = Setup("charts", "city", scene, props, sampling, around=True, exposure=-1.0)
     turns = Turns(job.turntable, job.output, job.camera.azimuth)
-    return build_plan([look], turns, read_header, beside=(".png",), charts=Charts((charts,), STRIP))
+    return build_plan([look], turns, read_header, frame_suffixes=(".png",), charts=Charts((charts,), STRIP))
 
 
 def run(folder: Path, source: str = "props", **options: object) -> RunResult:

@@ -4,7 +4,7 @@ from pathlib import Path
 import batch_case as case
 
 from lookdev.plan.skips import Skip
-from lookdev.run.listing import LINKED, Range, plan_data, plan_ranges, plan_text
+from lookdev.run.listing import LINKED, FrameRange, plan_data, plan_ranges, plan_text
 
 
 def test_states_and_reasons_split_a_range(finished: Path) -> None:
@@ -27,8 +27,8 @@ def test_consecutive_frames_in_one_state_are_one_line_and_a_changed_look_is_a_re
     job = case.make_job(finished)
     job = job.model_copy(update={"output": finished / "other"})
     assert list(plan_ranges(case.make_plan(job))) == [
-        Range("gold/city/element", "0001", "0004", 4, "new", "no file"),
-        Range("gold/city/lighting", "0001", "0003", 3, "new", "no file"),
+        FrameRange("gold/city/element", "0001", "0004", 4, "new", "no file"),
+        FrameRange("gold/city/lighting", "0001", "0003", 3, "new", "no file"),
     ]
     job = case.make_job(finished, '[[turntable]]\nkind = "element"\nframes = 4\n[camera]\nelevation = 20.0\n')
     (part,) = plan_ranges(case.make_plan(job))

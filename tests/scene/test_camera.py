@@ -42,7 +42,7 @@ def test_a_camera_stands_where_its_angles_say() -> None:
 def test_a_camera_that_orbits_shows_the_asset_turned(camera: Camera) -> None:
     turn, offset = about(camera.pivot, 70.0)
     for point in np.random.default_rng(0).normal(0.0, 0.3, (5, 3)):
-        np.testing.assert_allclose(project(camera.orbited(-70.0), point), project(camera, turn @ point + offset))
+        np.testing.assert_allclose(project(camera.orbit(-70.0), point), project(camera, turn @ point + offset))
 
 
 @pytest.mark.parametrize("camera", [PLAIN, GENERAL])
@@ -82,6 +82,6 @@ def test_rays_of_a_lens_leave_a_disc_and_meet_in_the_plane_of_focus() -> None:
 def test_a_camera_is_plain_data() -> None:
     camera = replace(GENERAL, lens=Lens(0.4, 2.5))
     assert TypeAdapter(Camera).validate_json(json.dumps(asdict(camera))) == camera
-    moved = camera.moved((1.0, 2.0, 3.0))
+    moved = camera.move((1.0, 2.0, 3.0))
     np.testing.assert_allclose(moved.position - camera.position, [1.0, 2.0, 3.0])
     assert moved.pivot == pytest.approx((1.5, 2.7))

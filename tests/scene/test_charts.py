@@ -16,7 +16,7 @@ from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.scene import Camera, Lens, Pose, camera_rays, frame_camera
 from lookdev.scene.charts.colorchecker import PATCHES, patch_colors
-from lookdev.scene.charts.props import Place, Strip, asset_of_props, cropped, props_camera
+from lookdev.scene.charts.props import FrameSide, Strip, asset_of_props, crop_camera, props_camera
 
 # colour-science 0.4.7, "ColorChecker24 - After November 2014", by its own xyY, Bradford and matrix of sRGB, whose
 # rounded primaries leave 2e-4.
@@ -39,7 +39,7 @@ def test_patches_are_those_of_another_implementation() -> None:
     assert patch_colors().shape == (24, 3)
 
 
-@pytest.mark.parametrize("side", get_args(Place))
+@pytest.mark.parametrize("side", get_args(FrameSide))
 @pytest.mark.parametrize("resolution", [(512, 512), (640, 360), (300, 500)])
 def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, int]) -> None:
     strip = Strip(side, 0.12, resolution)
@@ -50,12 +50,12 @@ def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, in
     for a, b in pairwise(strip.props):
         apart = (b.left - a.left - a.width, b.top - a.top - a.height)[strip.upright]
         assert apart > 0.0
-    assert len(strip.measured) == 25
+    assert len(strip.measured_boxes) == 25
     chart = strip.props[2]
     assert chart.width / 6 == pytest.approx(chart.height / 4)
 
 
-@pytest.mark.parametrize("side", get_args(Place))
+@pytest.mark.parametrize("side", get_args(FrameSide))
 def test_a_strip_that_is_too_thick_names_the_greatest_that_fits(side: str) -> None:
     resolution = (200, 300) if side in ("left", "right") else (300, 200)
     reason, hint = Strip(side, 0.9, resolution).misfit()
@@ -116,8 +116,8 @@ def test_rays_through_a_prop_meet_it(camera: Camera) -> None:
 
 def test_a_crop_has_the_rays_of_its_part_of_the_frame() -> None:
     camera = Camera(40.0, 12.0, (0.0, 1.0, 0.0), 5.0, azimuth=20.0, roll=5.0)
-    box = Strip("bottom", 0.3, (300, 200)).measured["orange"]
-    crop = cropped(camera, (300, 200), box)
+    box = Strip("bottom", 0.3, (300, 200)).measured_boxes["orange"]
+    crop = crop_camera(camera, (300, 200), box)
     u, v = np.array([0.1, 0.5, 0.9]), np.array([0.2, 0.6, 0.7])
     pose = Pose(33.0, 0.0)
     _, inner = camera_rays(crop, pose, (1, 1), u, v)
@@ -134,7 +134,7 @@ def test_an_asset_behind_the_camera_leaves_no_place() -> None:
 FRAMED = {"fill = 0.7": True, "fill = 1.0": False, "margin = 1.05": False, "": True}
 
 
-@pytest.mark.parametrize("side", get_args(Place))
+@pytest.mark.parametrize("side", get_args(FrameSide))
 @pytest.mark.parametrize("framed", FRAMED)
 @pytest.mark.parametrize("builtin", ["suzanne", "plane"])
 def test_no_asset_reaches_into_the_strip(tmp_path, side: str, framed: str, builtin: str) -> None:  # type: ignore[no-untyped-def]
@@ -155,7 +155,7 @@ def test_no_asset_reaches_into_the_strip(tmp_path, side: str, framed: str, built
     points = asset.meshes[0].points.astype(np.float64)
     box = job.charts.strip((320, 240)).box
     for angle in range(0, 360, 15):
-        seen = camera.orbited(-angle)
+        seen = camera.orbit(-angle)
         right, up, back = ((points - seen.position) @ seen.frame.T).T
         x = 160 * ((right / -back) / camera.reach + 1 - 2 * camera.shift[0])
         y = 120 - 160 * ((up / -back) / camera.reach - 2 * camera.shift[1])

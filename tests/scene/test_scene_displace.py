@@ -10,7 +10,7 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.asset.normals import area_vectors, flat_normals
 from lookdev.asset.store import make_asset
 from lookdev.errors import AssetError
-from lookdev.material import Coordinates, Displacement, Formula, Layer, Look, Primvar, View
+from lookdev.material import Coordinates, Displacement, Formula, Layer, Look, Primvar, ViewCosine
 from lookdev.material.expression import parse
 from lookdev.scene.displace import as_cage, displace
 
@@ -131,7 +131,7 @@ def test_an_expression_of_coordinates_displaces(sphere: Asset) -> None:
 
 
 MAP1 = Formula(parse("st[0]"), {"st": Coordinates("map1")}, {"st": "color"})
-FACING = Formula(parse("view"), {"view": View()}, {"view": "float"})
+FACING = Formula(parse("view"), {"view": ViewCosine()}, {"view": "float"})
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 from hand_made import asset_of, squares
 
 from lookdev.asset import Asset, Slot, load_asset
-from lookdev.scene.dress import asset_parts, assign_to_parts, fit_patterns, path_hint
+from lookdev.scene.parts import asset_parts, assign_to_parts, fit_patterns, path_hint
 
 CAR = ["/Car", "/Car/Body", "/Car/Body/red", "/Car/Body/Hood", "/Car/Tires/FL", "/Car/Tires/FR"]
 

@@ -11,7 +11,7 @@ from lookdev.asset.store import make_asset
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import LIGHT_KINDS, Emission, Light, RectLight, load_environment, prepare_light
 from lookdev.light.dome.local import LocalDome
-from lookdev.light.emission import MOST_GROUPS, Link
+from lookdev.light.emission import MOST_GROUPS, LightLink
 from lookdev.material import Layer, Look
 from lookdev.plan.digest import part_digests
 from lookdev.rendering.scene import scene_task
@@ -31,7 +31,7 @@ def three() -> Asset:
 
 
 def light(*rules: tuple[str, str], linked: bool = True) -> Light:
-    emission = Emission(light_link=Link(rules) if linked else None)
+    emission = Emission(light_link=LightLink(rules) if linked else None)
     return replace(LIGHT_KINDS["rect"].example(), emission=emission)  # type: ignore[type-var]
 
 
@@ -54,8 +54,8 @@ def test_meshes_are_split_where_instances_are_lit_differently(
 ) -> None:
     linked = link((light(*rules), light(linked=False)))
     assert len(linked.asset.meshes) == meshes
-    assert linked.lit == expected
-    assert linked.wears == dict.fromkeys(expected, GREY)
+    assert linked.lights_of_slot == expected
+    assert linked.look_of_slot == dict.fromkeys(expected, GREY)
     assert not linked.groups
 
 
@@ -66,7 +66,7 @@ def test_lights_of_every_kind_are_linked(kind: str) -> None:
     domes = {"dome": white, "local_dome": LocalDome(dome=white, position=(0.5, 0.0, 0.5), radius=3.0)}
     other = domes.get(kind) or LIGHT_KINDS[kind].example()
     linked = link((light(("/a", "expandPrims")), other))
-    assert linked.lit == {"/a/one": (0, 1), "/b": (1,)}
+    assert linked.lights_of_slot == {"/a/one": (0, 1), "/b": (1,)}
     assert linked.lights[1].digest == other.digest
 
 
@@ -79,20 +79,20 @@ def test_without_links_all_is_as_given() -> None:
 def test_parts_that_cast_shadows_of_the_same_lights_are_a_group() -> None:
     def casting(*paths: str) -> Light:
         rules = tuple((path, "expandPrims") for path in paths)
-        return replace(light(linked=False), emission=Emission(shadow_link=Link(rules)))  # type: ignore[type-var]
+        return replace(light(linked=False), emission=Emission(shadow_link=LightLink(rules)))  # type: ignore[type-var]
 
     lights = (casting("/a"), casting("/a", "/b"), casting("/a/one"))
     linked = link(lights)
     assert len(linked.asset.meshes) == 3
     assert linked.groups == {"/a/one": 0, "/a/two": 1, "/b": 2}
-    assert [source.emission.spared for source in linked.lights] == [(2,), (), (1, 2)]
-    assert not linked.lit
+    assert [source.emission.shadow_excluded for source in linked.lights] == [(2,), (), (1, 2)]
+    assert not linked.lights_of_slot
 
 
 def test_more_groups_than_a_normal_can_mark_are_refused() -> None:
     asset = three()
     scene = Scene.of_look(asset, GREY, light(linked=False), (8, 8))
-    assert scene.grouped == (0,) * len(asset.slots)
+    assert scene.slot_groups == (0,) * len(asset.slots)
     groups = {slot.path: MOST_GROUPS + 1 for slot in asset.slots}
     with pytest.raises(EnvironmentMapError, match=r"into 82 groups .* at most 81"):
         scene_task(replace(scene, groups=groups), Sampling())
@@ -101,9 +101,9 @@ def test_more_groups_than_a_normal_can_mark_are_refused() -> None:
 def test_a_source_is_made_for_each_set_of_lights() -> None:
     lights = (light(("/a", "expandPrims")), light(linked=False))
     task = scene_task(replace(link(lights), groups={}), Sampling())
-    assert task.lit == ((0, 1), (1,))
-    assert [task.lights_of(number) for number in task.worn] == [lights, lights[1:]]
-    other = replace(task, lit=((0, 1), (0,)))
+    assert task.shader_lights == ((0, 1), (1,))
+    assert [task.lights_of(number) for number in task.slot_shaders] == [lights, lights[1:]]
+    other = replace(task, shader_lights=((0, 1), (0,)))
     one, two = (part_digests(variant, Pose(0.0, 0.0), 0.0) for variant in (task, other))
     assert [part for part in one if one[part] != two[part]] == ["ibl"]
 

@@ -49,7 +49,7 @@ def test_it_orbits_the_axis_of_the_asset_and_sees_all_of_it() -> None:
     assert camera.distance == pytest.approx(0.1 * max(math.dist(point, SHOT.position) for point in POINTS))
     near, far = camera.clip
     for angle in range(0, 360, 30):
-        orbited = camera.orbited(angle)
+        orbited = camera.orbit(angle)
         depths = (orbited.position - POINTS) @ orbited.frame[2]
         assert near < depths.min() < depths.max() < far
 

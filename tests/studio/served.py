@@ -16,7 +16,7 @@ from typing import Any
 
 from batch_case import wait_until
 
-from lookdev.lifetime import end_with_parent
+from lookdev.processes import end_with_parent
 
 STARTED = re.compile(r"(http://\S+)/  \(Ctrl-C")
 

@@ -46,7 +46,7 @@ def document(job: Path) -> Document:
 
 def looks_of_parts(document: Document) -> dict[str, str]:
     """Return the names of the looks of the visible scene, by part."""
-    return {path: look.name for path, look in document.scene.wears.items()}
+    return {path: look.name for path, look in document.scene.look_of_slot.items()}
 
 
 def assignment(document: Document, part: str) -> Any:
@@ -70,7 +70,9 @@ def test_a_part_wears_another_look_and_the_saved_job_shows_it(document: Document
     edited_scene = document.scene
     assert {file.name for file in document.save()} == {"parts.toml", "frosted_plastic.usda"}
     rendered = job_scenes(load_job(job)).scenes["workshop", "courtyard"]
-    saved, expected = ({path: look.layers for path, look in scene.wears.items()} for scene in (rendered, edited_scene))
+    saved, expected = (
+        {path: look.layers for path, look in scene.look_of_slot.items()} for scene in (rendered, edited_scene)
+    )
     assert saved == expected
     replaced_lines = [
         line[2:] for line in difflib.ndiff(text.splitlines(), job.read_text().splitlines()) if line[0] == "-"
@@ -181,7 +183,7 @@ def test_an_asset_without_a_job_gets_one(folder: Path, monkeypatch: pytest.Monke
     assert again.save() == [job_file]
     assert not again.status()["job"]["new"]
     assert f'usd = "{os.path.relpath(asset)}"' in job_file.read_text()
-    assert job_scenes(load_job(job_file)).scenes["own", "courtyard"].wears[WINDOWS].name == "FrostedPlastic"
+    assert job_scenes(load_job(job_file)).scenes["own", "courtyard"].look_of_slot[WINDOWS].name == "FrostedPlastic"
     assert open_document(asset).status()["job"]["file"] == str(folder / "toy_car_2.toml")
     again.assign_look({"part": WINDOWS, "take": True})
     again.close()

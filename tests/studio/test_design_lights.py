@@ -9,13 +9,13 @@ import pytest
 from lookdev.asset import load_asset
 from lookdev.codegen.glsl.rig import rig_functions
 from lookdev.errors import LookdevError
-from lookdev.light import LIGHT_KINDS, Stand
+from lookdev.light import LIGHT_KINDS, RigOrigin
 from lookdev.light.dome.maps import load_dome
 from lookdev.light.emission import Emission
 from lookdev.light.rig.emission import black_body
 from lookdev.material import Layer, Look
 from lookdev.scene import Scene
-from lookdev.studio.designer.lights import Lights, Setting, parse_setting
+from lookdev.studio.designer.lights import LightSetting, LightSettings, parse_setting
 
 KINDS = ("rect", "sphere", "distant")
 
@@ -30,8 +30,8 @@ def scene() -> Scene:
 
 
 def test_a_setting_multiplies_the_radiance(scene: Scene) -> None:
-    lights = Lights()
-    settings = [Setting(stops=2.0), Setting(on=False), Setting(color=(0.5, 1.0, 0.25), kelvin=3000.0)]
+    lights = LightSettings()
+    settings = [LightSetting(stops=2.0), LightSetting(on=False), LightSetting(color=(0.5, 1.0, 0.25), kelvin=3000.0)]
     for number, setting in enumerate(settings):
         lights.set("rig", scene, number, setting)
     colors = [light.emission.color for light in lights.apply("rig", scene).lights]
@@ -44,17 +44,17 @@ def test_a_setting_multiplies_the_radiance(scene: Scene) -> None:
 
 
 def test_numbers_change_and_no_shader_does(scene: Scene) -> None:
-    lights, lights_of_parts = Lights(), [list(range(len(scene.lights)))]
-    before = rig_functions(scene.lights, lights_of_parts, Stand())
+    lights, lights_of_parts = LightSettings(), [list(range(len(scene.lights)))]
+    before = rig_functions(scene.lights, lights_of_parts, RigOrigin())
     described = lights.describe("rig", scene)
-    lights.set("rig", scene, 1, Setting(on=False))
-    lights.set("rig", scene, 3, Setting(stops=1.0))
-    assert rig_functions(lights.apply("rig", scene).lights, lights_of_parts, Stand()).text == before.text
+    lights.set("rig", scene, 1, LightSetting(on=False))
+    lights.set("rig", scene, 3, LightSetting(stops=1.0))
+    assert rig_functions(lights.apply("rig", scene).lights, lights_of_parts, RigOrigin()).text == before.text
     changed = lights.describe("rig", scene)
     assert [light["on"] for light in changed["lights"]] == [True, False, True, True]
     assert [light["name"] for light in changed["lights"]] == [*KINDS, "dome 4"]
     # The numbers of the page are the first ones of its texture.
-    stand = Stand(scene.asset.center, scene.camera.pivot)
+    stand = RigOrigin(scene.asset.center, scene.camera.pivot)
     whole = rig_functions(lights.apply("rig", scene).lights, lights_of_parts, stand).numbers
     np.testing.assert_array_equal(np.float32(changed["rows"]), whole[: len(changed["rows"])])
     assert changed["rows"] != described["rows"]
@@ -72,4 +72,4 @@ def test_a_setting_of_no_sense_is_refused(scene: Scene) -> None:
         ({"kelvin": 20}, "temperature is a number from 1000 to 10000"),
     ):
         with pytest.raises(LookdevError, match=message):
-            Lights().set("rig", scene, *parse_setting(body | change))
+            LightSettings().set("rig", scene, *parse_setting(body | change))

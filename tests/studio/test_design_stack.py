@@ -16,7 +16,7 @@ from lookdev.material.library import find_preset
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit, parse_edit
-from lookdev.studio.designer.history import LONGEST, History, State
+from lookdev.studio.designer.history import LONGEST, EditState, History
 from lookdev.studio.designer.open_document import open_document
 from lookdev.studio.designer.recovery import Recovery, Work
 from lookdev.studio.designer.snapshots import Snapshots
@@ -181,7 +181,7 @@ def test_a_gesture_is_one_step(document: Document) -> None:
 
 def test_solo_is_of_the_view_alone(document: Document, look: Path) -> None:
     document.solo(0, 1)
-    (look_of_part,) = document.scene.wears.values()
+    (look_of_part,) = document.scene.look_of_slot.values()
     assert [(layer.name, layer.mask) for layer in look_of_part.layers] == [("Flakes", 1.0)]
     assert (document.status()["undoes"], document.is_unsaved(0)) == (None, False)
     (row,) = [row for row in document.stacks()[0]["layers"][1]["parameters"] if row["name"] == "roughness"]
@@ -353,8 +353,8 @@ def test_snapshots_are_gone_back_to(document: Document) -> None:
 def test_histories_and_snapshots_have_an_end() -> None:
     history, snapshots = History(), Snapshots()
     for number in range(LONGEST + 50):
-        history.push(str(number), State())
-        snapshots.store(b"\x89PNG\r\n\x1a\n", State(), ("", ""))
+        history.push(str(number), EditState())
+        snapshots.store(b"\x89PNG\r\n\x1a\n", EditState(), ("", ""))
     assert len(list(iter(lambda: history.step(-1), None))) == LONGEST
     assert len(snapshots.describe()) == 24
 

@@ -16,7 +16,7 @@ from chromium import Page, new_tab
 from served import Served, descendants, start_server
 
 from lookdev.brdf.measured.files import MERL_SIZE
-from lookdev.plotting import Options, read_subject
+from lookdev.plotting import PlotOptions, read_subject
 from lookdev.plotting.curves import cartesian_values
 from lookdev.plotting.maps import slice_values
 
@@ -73,7 +73,7 @@ def test_a_slider_changes_the_numbers_to_those_of_python(explorer: Open) -> None
     compiled = page.js("return explorer.shaders.compiled")
     page.slide("roughness", 0.2)
     plotted = page.numbers(words="disney:roughness=0.2")
-    expected = cartesian_values(read_subject("disney:roughness=0.2"), Options())["f"]
+    expected = cartesian_values(read_subject("disney:roughness=0.2"), PlotOptions())["f"]
     assert plotted == pytest.approx(expected, rel=2e-7)
     page.wait("explorer.shaders.compiled > 0")
     page.slide("metallic", 0.7)
@@ -86,7 +86,7 @@ def test_the_state_is_in_the_url(explorer: Open) -> None:
     state = f"#s=lambert&s={quote(words)}&kind=slice&phi=60&on=1&hide=0&exposure=1&light=point"
     page = explorer(state)
     plotted = page.numbers(1)
-    expected = slice_values(read_subject(words), Options(phi=60.0))["f"]
+    expected = slice_values(read_subject(words), PlotOptions(phi=60.0))["f"]
     assert plotted == pytest.approx(expected.reshape(-1, 3), rel=2e-7)
     assert page.find("#name").text == "mine"
     assert [item.text for item in page.browser.find_elements(By.CSS_SELECTOR, "#legend li")] == ["mine"]

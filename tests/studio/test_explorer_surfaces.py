@@ -14,7 +14,7 @@ from lookdev.brdf.angles import towards
 from lookdev.brdf.measured.files import write_anisotropic
 from lookdev.errors import LookdevError
 from lookdev.material.usd import read_look
-from lookdev.plotting import KINDS, Options, read_subject
+from lookdev.plotting import KINDS, PlotOptions, read_subject
 from lookdev.studio.explorer.run import named_words
 from lookdev.studio.explorer.surfaces import Surfaces, accelerate, look_of
 from lookdev.studio.explorer.usd import usd_text
@@ -59,7 +59,7 @@ def test_a_faster_surface_has_the_same_f(moving: str) -> None:
 
 @pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if kind.draft])
 def test_a_draft_is_near_what_it_is_a_draft_of(kind: str, surfaces: Surfaces) -> None:
-    draft, fine = (surfaces.values(kind, "lambert", Options(), draft) for draft in (True, False))
+    draft, fine = (surfaces.values(kind, "lambert", PlotOptions(), draft) for draft in (True, False))
     assert set(draft) == set(fine)
     name, scale = ("f", 1.0) if kind == "albedo" else ("value", 1.0 / np.pi)
     assert abs(draft[name].max() - fine[name].max()) < 0.05 * scale
@@ -79,7 +79,7 @@ def test_a_look_as_usd_is_the_surface(words: str, surfaces: Surfaces, tmp_path: 
 
 
 def test_a_command_has_paths_and_the_options_that_are_used(surfaces: Surfaces, roots: Path) -> None:
-    text = surfaces.command("retro", ["a b=scans/satin.binary", "disney"], Options(scale="log", exposure=2.0))
+    text = surfaces.command("retro", ["a b=scans/satin.binary", "disney"], PlotOptions(scale="log", exposure=2.0))
     assert shlex.split(text) == [
         "lookdev", "plot", "retro", f"a b={roots / 'satin.binary'}", "disney", "-o", "retro.png", "--scale", "log",
     ]  # fmt: skip

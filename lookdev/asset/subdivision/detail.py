@@ -239,7 +239,7 @@ def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, co
 
 
 def _turn_angles(level: Level, normals: Floats32, first: Indices) -> Floats:
-    """Return the angle (m,) by which the normal turns along each half-edge: to the edge's middle and on to its end."""
+    """Return the angle (m,) that the normal turns along each half-edge: to the edge's middle and on to its end."""
     corner_normals, middle_normals = normals[first].astype(np.float64), normals[first + 1].astype(np.float64)
     halves = np.linalg.norm([middle_normals - corner_normals, corner_normals[level.next] - middle_normals], axis=2)
     return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * halves, 1.0)).sum(axis=0))

@@ -188,7 +188,7 @@ def _ring_sums(level: Level, values: Floats, half: Indices, masks: Masks) -> tup
     """Return the masked sums (r, s, k) of sectors (s,) that begin at `half`, and their longest edge squared (s,)."""
     size = masks.faces.shape[1]
     center = values[level.points[half]]
-    rows, reach = masks.own[:, None, None] * center, np.zeros(len(half))
+    rows, reach = masks.center[:, None, None] * center, np.zeros(len(half))
 
     def add(weights: Floats, ring: Floats) -> None:
         for row in np.flatnonzero(weights):

@@ -42,13 +42,13 @@ class Masks:
     has one edge less, and the last weight is 0; faces (r, size): of the opposite points of its quads.
     """
 
-    own: Floats
+    center: Floats
     edges: Floats
     faces: Floats
 
     def position(self) -> Masks:
         """Return the first row only, which is the limit position."""
-        return Masks(self.own[:1], self.edges[:1], self.faces[:1])
+        return Masks(self.center[:1], self.edges[:1], self.faces[:1])
 
 
 @cache

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from lookdev.arrays import Array, Floats, Indices, Reals
+from lookdev.arrays import Elements, Floats, Indices, Reals
 from lookdev.asset.faces import index_rule
 from lookdev.asset.mesh import Interpolation
 from lookdev.asset.shape import LARGEST
@@ -82,7 +82,7 @@ def checked_floats(value: object, attribute: Usd.Attribute, width: int, is_array
     )
 
 
-def check_bounded(values: Array, prim: Usd.Prim, name: str) -> None:
+def check_bounded(values: Elements, prim: Usd.Prim, name: str) -> None:
     """Raise AssetError if a number of an array (k, ...) is not within +-`LARGEST`."""
     wrong = ~(np.abs(values) <= LARGEST)
     if wrong.any():

@@ -20,7 +20,7 @@ from pxr import Usd, UsdGeom
 
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
-from lookdev.asset.shape import Attribute, Shape
+from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines, starts_of
 from lookdev.asset.tubes import Rings, group_ends, ribbons, tubes
 from lookdev.asset.usd.attributes import check_interpolation, checked_array, read_array, read_token
@@ -37,7 +37,7 @@ _COINCIDENT = 1e-6  # relative distance up to which points of float32 coincide
 
 def curve_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, attributes: Sequence[Attribute] = (), points: Floats | None = None
-) -> Shape:
+) -> PolygonShape:
     """Return the curves of a prim at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
     `attributes` are primvars of the prim, with any indices applied; the mesh has them by point or by face. `points`
@@ -49,7 +49,7 @@ def curve_shape(
         Counts of vertices, widths, knots or primvars do not agree, or a value is not a number.
     """
     path = str(prim.GetPath())
-    empty = Shape(path, np.zeros((0, 3)), np.zeros(0, np.intp), np.zeros(0, np.intp))
+    empty = PolygonShape(path, np.zeros((0, 3)), np.zeros(0, np.intp), np.zeros(0, np.intp))
     if points is None:
         points = read_array(prim, "points", time, np.float64, (3,))
     counts = read_array(prim, "curveVertexCounts", time, np.intp)
@@ -78,7 +78,7 @@ def curve_shape(
             mesh_attributes[attribute.name] = samples.mesh_attribute(
                 attribute, f"{path}: primvars:{attribute.name}", point_samples, face_curves
             )
-    return Shape(
+    return PolygonShape(
         name=path,
         points=strips.points,
         face_sizes=strips.face_sizes,
@@ -90,7 +90,7 @@ def curve_shape(
 
 def point_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = 1e-4, points: Floats | None = None
-) -> tuple[Shape, Floats]:
+) -> tuple[PolygonShape, Floats]:
     """Return a sphere in metres for UsdGeom.Points, and its placements: matrices (k, 4, 4) for row vectors.
 
     The sphere has the radius of one unit of the stage. The matrices map it to the prim's space in that unit, as those

@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Usd
 
 from lookdev.arrays import Floats
-from lookdev.asset.shape import Shape
+from lookdev.asset.shape import PolygonShape
 from lookdev.asset.usd.attributes import points_from_velocities
 from lookdev.asset.usd.curves import curve_shape, point_shape
 from lookdev.asset.usd.mesh import mesh_shape
@@ -34,14 +34,14 @@ _CURVE_ATTRIBUTES = ("widths", "normals")
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class GprimSurface:
     """A gprim's shape, and the names of the GeomSubsets that are its parts, from 1 on.
 
     The transform of `Skinning.space` places it. `copies` (k, 4, 4), for row vectors in the stage's unit, place several
     copies in that space.
     """
 
-    shape: Shape
+    shape: PolygonShape
     subsets: tuple[str, ...] = ()
     copies: Floats | None = None
 
@@ -88,7 +88,7 @@ class GprimReader:
             return (*shared_key, *((attribute.name, attribute.values.tobytes()) for attribute in attributes))
         return prototype_path(prim), *skinning_key
 
-    def read(self, prim: Usd.Prim) -> Surface:
+    def read(self, prim: Usd.Prim) -> GprimSurface:
         """Return the surface of a gprim of a type in `GPRIMS`; raises AssetError if the gprim contradicts itself."""
         type_name = prim.GetTypeName()
         if type_name in PRIMITIVES:
@@ -97,18 +97,18 @@ class GprimReader:
         points = points_from_velocities(prim, self._time) if deformed is None else deformed.points
         if type_name == "Points":
             shape, copies = point_shape(prim, self._time, self._unit, points=points)
-            return Surface(self._add_constant_primvars(shape, prim), (), copies)
+            return GprimSurface(self._add_constant_primvars(shape, prim), (), copies)
         if type_name in _CURVES:
             attributes, default_uv = self.primvars.local_primvars(prim)
             shape = curve_shape(prim, self._time, self._unit, attributes, points)
-            return Surface(replace(shape, default_uv=default_uv or "st"))
+            return GprimSurface(replace(shape, default_uv=default_uv or "st"))
         shape, subsets = mesh_shape(prim, self._time, self._unit, self.primvars, points)
         if deformed is not None and shape.normals is not None:
             shape = replace(shape, normals=deformed.normals(shape.normals, shape.face_points))
-        return Surface(shape, subsets)
+        return GprimSurface(shape, subsets)
 
-    def copies(self, prim: Usd.Prim, surface: Surface) -> Floats | None:
-        """Return the placements (k, 4, 4) of a gprim's surface in its space, as in `Surface.copies`."""
+    def copies(self, prim: Usd.Prim, surface: GprimSurface) -> Floats | None:
+        """Return the placements (k, 4, 4) of a gprim's surface in its space, as in `GprimSurface.copies`."""
         scale = self._shared_scale(prim)
         return surface.copies if scale == 1.0 else np.diag([scale, scale, scale, 1.0])[None]
 
@@ -118,16 +118,16 @@ class GprimReader:
             return 1.0
         return self._shared.get(primitive_key(prim, self._time), ((), 1.0))[1]
 
-    def _read_primitive(self, prim: Usd.Prim) -> Surface:
+    def _read_primitive(self, prim: Usd.Prim) -> GprimSurface:
         error = self._errors.get(primitive_key(prim, self._time), LEAST_ERROR)
         shape = primitive_shape(prim, self._time, self._unit / self._shared_scale(prim), error)
         deformed = self.skinning.deform(prim, shape.points / self._unit)
         if deformed is not None and shape.normals is not None:
             normals = deformed.normals(shape.normals, shape.face_points)
             shape = replace(shape, points=deformed.points * self._unit, normals=normals)
-        return Surface(self._add_constant_primvars(shape, prim))
+        return GprimSurface(self._add_constant_primvars(shape, prim))
 
-    def _add_constant_primvars(self, shape: Shape, prim: Usd.Prim) -> Shape:
+    def _add_constant_primvars(self, shape: PolygonShape, prim: Usd.Prim) -> PolygonShape:
         """Return the shape of Points or a primitive with the constant primvars of its prim; others are dropped."""
         attributes = {attribute.name: attribute for attribute in shape.attributes}
         for attribute in self.primvars.local_primvars(prim)[0]:

@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from lookdev.arrays import Floats, Floats32, Indices, Ints32
 from lookdev.asset.mesh import BoundaryRule, FaceVaryingRule, Scheme, Subdivision, TriangleRule
-from lookdev.asset.shape import Shape
+from lookdev.asset.shape import PolygonShape
 from lookdev.asset.usd.attributes import check_range, read_array, read_token
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.errors import AssetError
@@ -22,7 +22,7 @@ _TAGS = ("creaseIndices", "creaseLengths", "creaseSharpnesses", "cornerIndices",
 
 def mesh_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, primvars: PrimvarReader, points: Floats | None = None
-) -> tuple[Shape, tuple[str, ...]]:
+) -> tuple[PolygonShape, tuple[str, ...]]:
     """Return a mesh and the names of its GeomSubsets: part n of the shape is subset n, part 0 all other faces.
 
     `points` replace those of the file, in its unit. Authored normals of a subdivision surface have no effect, as USD's
@@ -43,7 +43,7 @@ def mesh_shape(
     attributes, default_uv = primvars.local_primvars(prim)
     subsets, parts = _read_parts(prim, time, len(sizes))
     is_flat = scheme == "none"
-    return Shape(
+    return PolygonShape(
         name=str(prim.GetPath()),
         points=points * unit,
         face_sizes=sizes,

@@ -22,7 +22,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from lookdev.arrays import Floats, Indices
-from lookdev.asset.shape import Attribute, Shape
+from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.usd.attributes import read_number, read_token
 
 _AXIS_ROLLS = {"X": 1, "Y": 2, "Z": 0}  # positions by which the coordinates of a surface about z are rolled
@@ -36,7 +36,7 @@ PrimitiveKey = tuple[str, str, *tuple[float, ...]]
 """The type, the axis and the sizes of an implicit surface."""
 
 
-def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = LEAST_ERROR) -> Shape:
+def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = LEAST_ERROR) -> PolygonShape:
     """Return an implicit surface at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
     `error` bounds the distance of the mesh, and so of any silhouette, from a curved surface, relative to its radius:
@@ -59,7 +59,7 @@ def proportions(key: PrimitiveKey, error: float) -> tuple[tuple[str, str, int, *
     return (type_name, axis, _segment_count(error), *relative_sizes), size
 
 
-def sphere_shape(name: str, radius: float, error: float = LEAST_ERROR) -> Shape:
+def sphere_shape(name: str, radius: float, error: float = LEAST_ERROR) -> PolygonShape:
     """Return a sphere at the origin, with the error as in `primitive_shape`."""
     return _scaled_shape(name, _unit_surface("Sphere", "Z", _segment_count(error), 1.0), radius)
 
@@ -71,8 +71,8 @@ def _unit_surface(type_name: str, axis: str, segments: int, *sizes: float) -> _S
     return build(axis, segments, *sizes) or _Surface.empty()
 
 
-def _scaled_shape(name: str, surface: _Surface, scale: float) -> Shape:
-    return Shape(
+def _scaled_shape(name: str, surface: _Surface, scale: float) -> PolygonShape:
+    return PolygonShape(
         name=name,
         points=surface.points * scale,
         face_sizes=surface.face_sizes,

@@ -13,9 +13,9 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from lookdev.asset.faces import raise_all
 from lookdev.asset.finish import finish
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
-from lookdev.asset.shape import LARGEST, Attribute, Shape
+from lookdev.asset.shape import LARGEST, Attribute, PolygonShape
 from lookdev.asset.store import make_asset
-from lookdev.asset.usd.gprims import GPRIMS, GprimReader, Surface
+from lookdev.asset.usd.gprims import GPRIMS, GprimReader, GprimSurface
 from lookdev.asset.usd.primvars import InheritedPrimvars, default_uv
 from lookdev.asset.usd.walk import PURPOSES, PlacedGprim, Walk, faulty_transform_path, is_affine, prototype_path
 from lookdev.errors import AssetError, nearest_hint
@@ -65,8 +65,8 @@ class UsdScene:
                 raise AssetError(f"there is no purpose '{purpose}' ({nearest_hint(purpose, PURPOSES)})")
         self._walk = Walk(stage, self._time, purposes)
         self._gprims = GprimReader(self._time, self._unit, self._note)
-        self._shapes: list[Shape] = []
-        self._read: dict[tuple[object, ...], tuple[int, Surface] | None] = {}
+        self._shapes: list[PolygonShape] = []
+        self._read: dict[tuple[object, ...], tuple[int, GprimSurface] | None] = {}
         self._meshes: list[Mesh] = []
         self._slots: list[Slot] = []
         self._paths_of_notes: dict[str, list[str]] = {}
@@ -140,7 +140,7 @@ class UsdScene:
         raise_all(faults)
         return surfaces
 
-    def _add_shape(self, prim: Usd.Prim) -> tuple[int, Surface]:
+    def _add_shape(self, prim: Usd.Prim) -> tuple[int, GprimSurface]:
         """Read a gprim and add its shape; return the number of the shape and the surface."""
         surface = self._gprims.read(prim)
         shape = surface.shape

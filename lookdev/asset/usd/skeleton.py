@@ -17,7 +17,7 @@ _COMPONENTS = {"translations": (3,), "rotations": (4,), "scales": (3,)}
 
 
 @dataclass(frozen=True, eq=False)
-class Pose:
+class SkeletonPose:
     """The names of a skeleton's joints, and transforms (j, 4, 4) for row vectors from the bind pose to the pose."""
 
     names: tuple[str, ...]
@@ -31,10 +31,10 @@ class Skeletons:
         self.notes: list[str] = []
         self._time = time
         self._cache = UsdSkel.Cache()
-        self._poses: dict[Sdf.Path, Pose | None] = {}
+        self._poses: dict[Sdf.Path, SkeletonPose | None] = {}
         self._animations: dict[Sdf.Path, Usd.Prim | None] = {}
 
-    def pose(self, skeleton: Usd.Prim) -> Pose | None:
+    def pose(self, skeleton: Usd.Prim) -> SkeletonPose | None:
         """Return the pose of a skeleton; None if it has neither an animation of its joints nor a rest pose.
 
         Raises
@@ -85,7 +85,7 @@ class Skeletons:
                 return None
         return None
 
-    def _compute_pose(self, skeleton: Usd.Prim) -> Pose | None:
+    def _compute_pose(self, skeleton: Usd.Prim) -> SkeletonPose | None:
         path = skeleton.GetPath()
         names = read_texts(skeleton, "joints")
         if not names or len(set(names)) != len(names) or not all(Sdf.Path.IsValidPathString(name) for name in names):
@@ -108,7 +108,7 @@ class Skeletons:
         transforms = np.array(skinning_transforms, np.float64)
         if transforms.shape != (len(names), 4, 4) or not np.isfinite(transforms).all():
             raise AssetError(f"{path}: USD cannot compute finite transforms of its {len(names)} joints")
-        return Pose(names, transforms)
+        return SkeletonPose(names, transforms)
 
     def _animated_joints(self, skeleton: Usd.Prim, names: set[str]) -> set[str]:
         """Return the joints that the animation moves; note an animation that USD ignores."""

@@ -19,7 +19,7 @@ from lookdev.asset.normals import normalize_or
 from lookdev.asset.shape import Attribute
 from lookdev.asset.usd.attributes import check_range, checked_array, read_array, read_matrix, read_texts, read_token
 from lookdev.asset.usd.blend_shapes import Offsets, blend_offsets
-from lookdev.asset.usd.skeleton import Pose, Skeletons
+from lookdev.asset.usd.skeleton import SkeletonPose, Skeletons
 from lookdev.asset.usd.walk import prototype_path
 from lookdev.errors import AssetError
 from lookdev.stage import relationship_targets
@@ -226,7 +226,9 @@ def _binding_properties(prim: Usd.Prim) -> dict[str, Usd.Property]:
             return {}
 
 
-def _read_influences(path: str, properties: dict[str, Usd.Property], pose: Pose, time: Usd.TimeCode) -> _Influences:
+def _read_influences(
+    path: str, properties: dict[str, Usd.Property], pose: SkeletonPose, time: Usd.TimeCode
+) -> _Influences:
     primvars = [UsdGeom.Primvar(properties[name]) for name in (_INDICES, _WEIGHTS)]
     sizes = {primvar.GetElementSize() for primvar in primvars}
     interpolations = {primvar.GetInterpolation() for primvar in primvars}

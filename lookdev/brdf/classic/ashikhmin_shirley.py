@@ -11,7 +11,7 @@ import numpy as np
 from lookdev.brdf.classic.parts import bsdf_of_lobes, color, diffuse_lobe, exponent, parameters, power_sin2
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import fresnel_blend, schlick_weights
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.special import log1p_ratio
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, scale, vector
@@ -27,7 +27,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     # Eq. 5. The cosine-weighted mean of `rest` is 23 / 28.
     attenuated = scale(reflected, rest(wo[..., 2]))
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         return scale(attenuated, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i))
 
     return diffuse_lobe("ashikhmin-shirley", mean(attenuated), attenuated, frame, evaluate)
@@ -40,14 +40,14 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def fresnel(cos_theta: Array) -> Array:
         return fresnel_blend(p["specular"], np.ones(3), cos_theta)
 
-    def power(d: Directions) -> Array:
+    def power(d: DirectionPair) -> Array:
         """``(n . h)^((nu hx^2 + nv hy^2) / (1 - hz^2))``; the logarithm of hz^2 is a multiple of 1 - hz^2."""
         x2, y2, z = d.wm[..., 0] * d.wm[..., 0], d.wm[..., 1] * d.wm[..., 1], d.wm[..., 2]
         weighted = p["exponentU"] * x2 + p["exponentV"] * y2
         value: Array = np.exp(-0.5 * weighted * log1p_ratio(-(x2 + y2), z * z))
         return value
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         # Eq. 4.
         greater = np.maximum(d.cos_theta_i, d.cos_theta_o)
         factor = power(d) * norm * (0.125 / np.pi) / np.maximum(d.cos_theta_d * greater, TINY)

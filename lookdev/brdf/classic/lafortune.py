@@ -16,7 +16,7 @@ import numpy as np
 
 from lookdev.brdf.classic import parts
 from lookdev.brdf.frames import Frame
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter
 from lookdev.brdf.special import log1p_ratio
@@ -43,7 +43,7 @@ def _lobe(number: int) -> parts.Build:
         # If the peak exceeds the limit by a factor exp(m), the plateau ends where cos^e is exp(-m).
         sampled_exponent = e / np.maximum((e * log_length - np.log(LARGEST)) * (1.0 / np.log(2.0)), 1.0)
 
-        def evaluate(d: Directions) -> Array:
+        def evaluate(d: DirectionPair) -> Array:
             o, i = d.wo, d.wi
             # C . (wo * wi) less 1, for unit vectors, without cancellation where C is (-1, -1, 1).
             difference = o - np.where(c < 0.0, -i, i)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lookdev.brdf.classic.parts import bsdf_of_lobes, color, diffuse_lobe, parameters
 from lookdev.brdf.frames import Frame
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, token_parameter
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, scale, vector
@@ -39,11 +39,11 @@ def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     # The integral of the density over the cosine.
     integral = 1.0 - 0.5 * cos_o
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         # The greater sine times the smaller tangent, times the cosine of the azimuth.
         return scale(color, np.maximum(_across(d), 0.0) / np.maximum(_greater(d), TINY))
 
-    def pdf(d: Directions) -> Array:
+    def pdf(d: DirectionPair) -> Array:
         azimuth = np.clip(_across(d) / np.maximum(_sine(d.wo) * _sine(d.wi), TINY), 0.0, 1.0)
         density: Array = 0.5 * azimuth * d.cos_theta_i / np.maximum(_greater(d), TINY) / integral
         return density
@@ -80,12 +80,12 @@ def _sine(w: Array) -> Array:
     return sine
 
 
-def _across(d: Directions) -> Array:
+def _across(d: DirectionPair) -> Array:
     """Return the product of both sines and the cosine of the azimuth between the directions."""
     return d.wo[..., 0] * d.wi[..., 0] + d.wo[..., 1] * d.wi[..., 1]
 
 
-def _greater(d: Directions) -> Array:
+def _greater(d: DirectionPair) -> Array:
     greater: Array = np.maximum(d.cos_theta_i, d.cos_theta_o)
     return greater
 

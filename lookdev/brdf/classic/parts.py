@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lookdev.brdf.frames import Frame, frame_of
-from lookdev.brdf.lobes import Bsdf, Directions, Lobe
+from lookdev.brdf.lobes import Bsdf, DirectionPair, Lobe
 from lookdev.brdf.microfacet import polar, sample_cosine
 from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_name
 from lookdev.brdf.special import cosine_power, expm1_ratio, log1p_ratio
@@ -46,7 +46,9 @@ def lambertian(model: str, color: str, albedo: float = 1.0) -> Build:
     return build
 
 
-def diffuse_lobe(model: str, share: Real, color: Array, frame: Frame, evaluate: Callable[[Directions], Array]) -> Lobe:
+def diffuse_lobe(
+    model: str, share: Real, color: Array, frame: Frame, evaluate: Callable[[DirectionPair], Array]
+) -> Lobe:
     """Return a lobe of albedo `color` that is sampled in proportion to the cosine."""
     return Lobe(
         model,
@@ -62,7 +64,7 @@ def diffuse_lobe(model: str, share: Real, color: Array, frame: Frame, evaluate: 
     )
 
 
-def cosine_pdf(d: Directions) -> Array:
+def cosine_pdf(d: DirectionPair) -> Array:
     """Return the pdf of `lookdev.brdf.microfacet.sample_cosine`."""
     return d.cos_theta_i * (1.0 / np.pi)
 

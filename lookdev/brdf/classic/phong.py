@@ -19,7 +19,7 @@ import numpy as np
 
 from lookdev.brdf.classic import parts
 from lookdev.brdf.frames import Frame
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.microfacet import polar
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.special import cosine_power
@@ -29,7 +29,7 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, s
 def _phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     e, r = p["exponent"], parts.mirror(wo)
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         return scale(p["specular"], parts.power_cosine(r, d.wi, e) / np.maximum(d.cos_theta_i, TINY))
 
     return _about_mirror("phong", p, r, frame, mean(p["specular"]) * (2.0 * np.pi) / (e + 1.0), evaluate)
@@ -39,7 +39,7 @@ def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     e, r = p["exponent"], parts.mirror(wo)
     factor = (e + 2.0) * (0.5 / np.pi)
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         return scale(p["specular"], factor * parts.power_cosine(r, d.wi, e))
 
     # The mean cosine of the light is about the cosine of the view.
@@ -48,7 +48,7 @@ def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _about_mirror(
-    model: str, p: Parameters, r: Array, frame: Frame, share: Real, evaluate: Callable[[Directions], Array]
+    model: str, p: Parameters, r: Array, frame: Frame, share: Real, evaluate: Callable[[DirectionPair], Array]
 ) -> Lobe:
     e = p["exponent"]
     return Lobe(
@@ -67,7 +67,7 @@ def _about_mirror(
 def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     e = p["exponent"]
 
-    def power(d: Directions) -> Array:
+    def power(d: DirectionPair) -> Array:
         return cosine_power(d.wm[..., 2], parts.versine(d.wm), e)
 
     def sample(u1: Array, u2: Array) -> Array:

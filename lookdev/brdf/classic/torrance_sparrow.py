@@ -24,7 +24,7 @@ from lookdev.brdf.classic.distributions import DISTRIBUTIONS, smith_beckmann
 from lookdev.brdf.classic.parts import DIM, Build, bsdf_of_lobes, color, lambertian, parameters
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import conductor_fresnel
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.metal import OF_INDICES, named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, token_parameter
@@ -38,7 +38,7 @@ def _fresnel(p: Parameters, cos_theta: Array) -> Array:
     return conductor_fresnel(cos_theta, p["eta"], p["k"], ior, polarisation)
 
 
-def _shadowing(p: Parameters) -> Callable[[Directions], Array]:
+def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
     """Return the function that computes G over the product of both cosines."""
     if p["geometry"] == "v-groove":
         return _v_groove
@@ -48,7 +48,7 @@ def _shadowing(p: Parameters) -> Callable[[Directions], Array]:
 
 
 # Torrance and Sparrow 1967 as in Cook and Torrance 1982: min(1, 2 n.h c_o / (wo.h), 2 n.h c_i / (wo.h)).
-def _v_groove(d: Directions) -> Array:
+def _v_groove(d: DirectionPair) -> Array:
     i, o = d.cos_theta_i, d.cos_theta_o
     grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, DIM)
     return np.minimum(1.0 / np.maximum(i * o, DIM), grooves)
@@ -60,13 +60,13 @@ def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Rea
         distribution, shadowing = DISTRIBUTIONS[p["distribution"]], _shadowing(p)
         tint = scale(p["specular"], facet_share(p) * (1.0 / (np.pi if p["normalisation"] == "pi" else 4.0)))
 
-        def evaluate(d: Directions) -> Array:
+        def evaluate(d: DirectionPair) -> Array:
             return scale(tint * _fresnel(p, d.cos_theta_d), distribution.density(d.wm, m, gamma) * shadowing(d))
 
-        def visible_pdf(d: Directions) -> Array:
+        def visible_pdf(d: DirectionPair) -> Array:
             return mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, m, m), m, m)
 
-        def drawn_pdf(d: Directions) -> Array:
+        def drawn_pdf(d: DirectionPair) -> Array:
             return distribution.drawn(d.wm, m, gamma) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
         samples_visible = p["geometry"] == "smith" and p["distribution"] != "gtr"

@@ -15,7 +15,7 @@ import numpy as np
 
 from lookdev.brdf.classic.parts import DIM, bsdf_of_lobes, color, lambertian, log_rest, parameters
 from lookdev.brdf.frames import Frame
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, token_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mean, normalize, reflect, scale, vector
@@ -24,16 +24,16 @@ from lookdev.brdf.vectors import Array, Parameters, Real, mean, normalize, refle
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     alpha_x, alpha_y = p["alphaX"], p["alphaY"]
 
-    def gaussian(d: Directions) -> Array:
+    def gaussian(d: DirectionPair) -> Array:
         x, y, z = d.wm[..., 0] / alpha_x, d.wm[..., 1] / alpha_y, _cosine(d)
         value: Array = np.exp(-(x * x + y * y) / (z * z)) / (4.0 * np.pi * alpha_x * alpha_y)
         return value
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         product = np.maximum(d.cos_theta_i * d.cos_theta_o, DIM)
         return scale(p["specular"], gaussian(d) / (product if p["variant"] == "dur" else np.sqrt(product)))
 
-    def pdf(d: Directions) -> Array:
+    def pdf(d: DirectionPair) -> Array:
         z = _cosine(d)
         return gaussian(d) / (z * z * z * d.cos_theta_d)
 
@@ -55,7 +55,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     )
 
 
-def _cosine(d: Directions) -> Array:
+def _cosine(d: DirectionPair) -> Array:
     # Below the floor the Gaussian is 0, and its quotient by the cube would be 0 / 0.
     cosine: Array = np.maximum(d.wm[..., 2], 1e-6)
     return cosine

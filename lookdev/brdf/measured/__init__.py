@@ -14,9 +14,9 @@ from threading import Lock
 import numpy as np
 
 from lookdev.brdf.frames import frame_of
-from lookdev.brdf.lobes import Bsdf, Directions, Lobe
+from lookdev.brdf.lobes import Bsdf, DirectionPair, Lobe
 from lookdev.brdf.measured.files import read_grid
-from lookdev.brdf.measured.grids import Grid, Isotropic
+from lookdev.brdf.measured.grids import Isotropic, MeasurementGrid
 from lookdev.brdf.measured.proposal import Proposal, make_proposal
 from lookdev.brdf.measured.synthetic import plastic
 from lookdev.brdf.model import Model, Preview, StackLayer
@@ -27,7 +27,7 @@ BUILT_IN = "builtin:plastic"
 """The name of the built-in measurement, `lookdev.brdf.measured.synthetic.plastic`, in place of a file."""
 
 
-def load_grid(file: str) -> Grid:
+def load_grid(file: str) -> MeasurementGrid:
     """Return the samples of a file, or of `BUILT_IN`; raises ModelError where the file has none."""
     return plastic() if file == BUILT_IN else read_grid(Path(file))
 
@@ -35,13 +35,13 @@ def load_grid(file: str) -> Grid:
 _proposal_lock = Lock()
 
 
-def _load_proposal(grid: Grid) -> Proposal:
+def _load_proposal(grid: MeasurementGrid) -> Proposal:
     with _proposal_lock:  # otherwise simultaneous threads would each make one, which takes seconds
         return _make_cached_proposal(grid)
 
 
 @lru_cache(maxsize=8)
-def _make_cached_proposal(grid: Grid) -> Proposal:
+def _make_cached_proposal(grid: MeasurementGrid) -> Proposal:
     return make_proposal(grid)
 
 
@@ -49,7 +49,7 @@ def _bsdf(p: Parameters) -> Bsdf:
     grid = load_grid(p["file"])
     proposal = _load_proposal(grid)
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         return scale(grid.f(d, p["interpolation"]), p["scale"])
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
@@ -78,11 +78,11 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
         visible: Real = 1.0
         for layer in layers[:0:-1]:
             lobes_above = (
-                *(lobe.blended(visible * layer.mask) for lobe in _bsdf(layer.parameters).lobes(wo)),
+                *(lobe.blend(visible * layer.mask) for lobe in _bsdf(layer.parameters).lobes(wo)),
                 *lobes_above,
             )
             visible = visible * (1.0 - layer.mask)
-        return *(lobe.blended(visible) for lobe in _bsdf(layers[0].parameters).lobes(wo)), *lobes_above
+        return *(lobe.blend(visible) for lobe in _bsdf(layers[0].parameters).lobes(wo)), *lobes_above
 
     return Bsdf(lobes)
 

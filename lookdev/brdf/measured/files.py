@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.measured.grids import Anisotropic, Grid, Isotropic
+from lookdev.brdf.measured.grids import Anisotropic, Isotropic, MeasurementGrid
 from lookdev.errors import ModelError
 
 MERL_SIZE = (90, 90, 180)
@@ -33,7 +33,7 @@ _MOST_SAMPLES = 1 << 28
 _EXPECTED_FILE = "a MERL binary or the anisotropic data of Ngan et al. would be right"
 
 
-def read_grid(file: Path) -> Grid:
+def read_grid(file: Path) -> MeasurementGrid:
     """Read a file, from a cache while it does not change; raises ModelError if it is not a readable measurement."""
     try:
         status = file.stat()
@@ -47,7 +47,7 @@ def read_grid(file: Path) -> Grid:
 
 
 @lru_cache(maxsize=8)
-def _read(file: Path, size: int, *state: int) -> Grid:
+def _read(file: Path, size: int, *state: int) -> MeasurementGrid:
     try:
         with file.open("rb") as stream:
             head = np.frombuffer(stream.read(64), "<i4", count=min(size, 64) // 4).tolist()

@@ -20,8 +20,8 @@ from typing import TypeAlias
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.lobes import Directions
-from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.lobes import DirectionPair
+from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import TINY, Array, Real, dot
 
 Corner: TypeAlias = tuple[Array, Real]
@@ -41,11 +41,11 @@ class Isotropic:
     samples: Floats
 
     @cached_property
-    def table(self) -> Table:
+    def table(self) -> NumberTable:
         """The samples with a row for each theta_h and theta_d, and a column for each phi_d."""
-        return Table(self.samples.reshape(-1, self.samples.shape[2], 3))
+        return NumberTable(self.samples.reshape(-1, self.samples.shape[2], 3))
 
-    def f(self, d: Directions, interpolation: str) -> Array:
+    def f(self, d: DirectionPair, interpolation: str) -> Array:
         """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         halves, differences, azimuths = self.samples.shape[:3]
         corners = _CORNERS[interpolation]
@@ -83,12 +83,12 @@ class Anisotropic:
     half: bool = False
 
     @cached_property
-    def table(self) -> Table:
+    def table(self) -> NumberTable:
         """The samples with a row for each theta_i and theta_o, and a column for each phi_d and phi_i."""
         lights, views, differences, azimuths = self.samples.shape[:4]
-        return Table(self.samples.reshape(lights * views, differences * azimuths, 3))
+        return NumberTable(self.samples.reshape(lights * views, differences * azimuths, 3))
 
-    def f(self, d: Directions, interpolation: str) -> Array:
+    def f(self, d: DirectionPair, interpolation: str) -> Array:
         """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         lights, views, differences, azimuths = self.samples.shape[:4]
         corners = _CORNERS[interpolation]
@@ -115,7 +115,7 @@ class Anisotropic:
         )
 
 
-Grid: TypeAlias = Isotropic | Anisotropic
+MeasurementGrid: TypeAlias = Isotropic | Anisotropic
 
 
 def _elevation(w: Array) -> Array:
@@ -161,7 +161,7 @@ _CORNERS = {"nearest": _nearest, "linear": _linear}
 
 
 def _interpolate(
-    table: Table,
+    table: NumberTable,
     row: Callable[..., Array],
     column: Callable[..., Array],
     rows: tuple[tuple[Corner, ...], ...],

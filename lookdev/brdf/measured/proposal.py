@@ -24,11 +24,11 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.angles import towards
-from lookdev.brdf.lobes import Directions
-from lookdev.brdf.measured.grids import HALF_PI, Anisotropic, Grid, arc_tangent
+from lookdev.brdf.lobes import DirectionPair
+from lookdev.brdf.measured.grids import HALF_PI, Anisotropic, MeasurementGrid, arc_tangent
 from lookdev.brdf.microfacet import sample_cosine
 from lookdev.brdf.mixture import BELOW_ONE
-from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import TINY, Array, Real, reflect, vector
 
 # The keys are `Proposal.directed`: whether the data are anisotropic.
@@ -54,15 +54,15 @@ class Proposal:
     tangent, else from the view.
     """
 
-    cosine: Table
-    density: Table
-    part: Table
-    marginal: Table
-    conditional: Table
+    cosine: NumberTable
+    density: NumberTable
+    part: NumberTable
+    marginal: NumberTable
+    conditional: NumberTable
     albedo: Floats
     directed: bool
 
-    def pdf(self, d: Directions) -> Array:
+    def pdf(self, d: DirectionPair) -> Array:
         """Return the pdf (...) of `sample` over solid angle."""
         thetas, phis = _HALF_VECTOR_CELLS[self.directed]
         x, y = d.wm[..., 0], d.wm[..., 1]
@@ -129,7 +129,7 @@ class Proposal:
         return row * float(phis) + column
 
 
-def _bisect(cumulative: Table, row: Array, u: Array) -> tuple[Array, Array]:
+def _bisect(cumulative: NumberTable, row: Array, u: Array) -> tuple[Array, Array]:
     """Return the cells of numbers in [0, 1), and their positions in them, by the cumulative distribution of a row."""
     count = cumulative.values.shape[1] - 1
     cell: Array = 0.0 * u
@@ -147,7 +147,7 @@ def _edge_sin2(edge: Array, thetas: int) -> Array:
     return root * root
 
 
-def make_proposal(grid: Grid) -> Proposal:
+def make_proposal(grid: MeasurementGrid) -> Proposal:
     """Make the tables for measured data."""
     directed = isinstance(grid, Anisotropic)
     (thetas, phis), points = _HALF_VECTOR_CELLS[directed], _POINTS[directed]
@@ -176,12 +176,12 @@ def make_proposal(grid: Grid) -> Proposal:
     nodes, conditional = np.stack(density), _cumulative(np.concatenate(parts))
     widths: Floats = np.diff(conditional, axis=-1)
     return Proposal(
-        density=Table(nodes),
-        part=Table(widths * phis),
-        marginal=Table(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid)),
-        conditional=Table(conditional),
+        density=NumberTable(nodes),
+        part=NumberTable(widths * phis),
+        marginal=NumberTable(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid)),
+        conditional=NumberTable(conditional),
         albedo=np.stack(albedo),
-        cosine=Table(np.array(cosine)[:, None]),
+        cosine=NumberTable(np.array(cosine)[:, None]),
         directed=directed,
     )
 
@@ -228,13 +228,13 @@ def _view_cells(directed: bool) -> Iterator[list[Floats]]:
             yield views
 
 
-def _evaluate_views(grid: Grid, views: Sequence[Floats], wm: Floats) -> tuple[Floats, Floats]:
+def _evaluate_views(grid: MeasurementGrid, views: Sequence[Floats], wm: Floats) -> tuple[Floats, Floats]:
     """Return f (views, ..., 3) at half vectors, and the cosine times the Jacobian; 0 for light from below."""
     wo = np.stack([np.broadcast_to(view, wm.shape) for view in views])
     wi = np.asarray(reflect(wo, wm))
     valid = (wi[..., 2] > 0.0) & ((wm * wo).sum(axis=-1) > 0.0)
     f, weight = np.zeros(wo.shape), np.zeros(valid.shape)
-    d = Directions.of(wo[valid], wi[valid])
+    d = DirectionPair.of(wo[valid], wi[valid])
     f[valid], weight[valid] = grid.f(d, "linear"), d.cos_theta_i * 4.0 * d.cos_theta_d
     return f, weight
 

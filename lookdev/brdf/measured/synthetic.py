@@ -14,13 +14,13 @@ from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.measured.files import MERL_SIZE, write_anisotropic, write_merl
 from lookdev.brdf.measured.grids import HALF_PI, Isotropic
 from lookdev.brdf.mixture import evaluate
-from lookdev.brdf.parameters import Value
+from lookdev.brdf.parameters import ParameterValue
 from lookdev.brdf.vectors import normalize
 
 ANISOTROPIC_SIZE = (16, 16, 36, 36)
 """Size of synthetic data of Ngan et al., coarser than their measurements of 45 x 45 x 180 x 90."""
 
-_PLASTIC: dict[str, Value] = {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.35}
+_PLASTIC: dict[str, ParameterValue] = {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.35}
 _BLOCK = 1 << 18
 
 

@@ -17,8 +17,8 @@ import numpy as np
 
 from lookdev.brdf.frames import ZENITH, Frame, Leaning, Upright
 from lookdev.brdf.model import Mode
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, Metal, Partition, Term, family
-from lookdev.brdf.vectors import TINY, Array, Mask, Real, are_equal, normalize, scale
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, Metal, Partition, PartitionLobe, family
+from lookdev.brdf.vectors import TINY, Array, BooleanArray, Real, are_equal, normalize, scale
 
 _LOBES = (*FRONT, *THROUGH)
 
@@ -28,11 +28,11 @@ class _Contribution:
     """A contribution to a lobe: its term, its frame, and the energy (...) that weights cone, index and frame."""
 
     name: str
-    term: Term
+    term: PartitionLobe
     frame: Frame
     energy: Array
 
-    def multiplied(self, weight: Real) -> _Contribution:
+    def multiply(self, weight: Real) -> _Contribution:
         """Return the contribution, multiplied by a weight (...) of the light."""
         term = self.term.with_weights(lambda values: scale(values, weight), lambda values: scale(values, weight))
         return replace(self, term=term, energy=self.energy * weight)
@@ -58,14 +58,14 @@ def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
     remaining: Real = 1.0  # weight of the light that no layer above has met
     for number, (partition, mask, mode) in reversed([*enumerate(layers)]):
         mask = mask if number else 1.0
-        contributions = [contribution.multiplied(mask * remaining) for contribution in _contributions(partition)]
+        contributions = [contribution.multiply(mask * remaining) for contribution in _contributions(partition)]
         contributions += [
-            contribution.multiplied(mask) for contribution in _interactions(_sum_contributions(incoming), partition)
+            contribution.multiply(mask) for contribution in _interactions(_sum_contributions(incoming), partition)
         ]
         leaving_lobes = _LOBES if mode == "over" or not number else FRONT
         passing_weight = 1.0 - mask * partition.presence
         leaving += [contribution for contribution in contributions if contribution.name in leaving_lobes]
-        incoming = [contribution.multiplied(passing_weight) for contribution in incoming]
+        incoming = [contribution.multiply(passing_weight) for contribution in incoming]
         incoming += [contribution for contribution in contributions if contribution.name not in leaving_lobes]
         remaining = remaining * passing_weight
     leaving += incoming
@@ -90,7 +90,7 @@ def _contributions(partition: Partition) -> Iterator[_Contribution]:
         yield _Contribution(name, term, partition.frames[family(name)], term.energy(partition.cosine(name)))
 
 
-def _interactions(incoming: Mapping[str, Term], partition: Partition) -> Iterator[_Contribution]:
+def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -> Iterator[_Contribution]:
     """Yield the 18 interactions of the transmitted lobes with the lobes beneath: 1, 3 and 5 by result on each side."""
     for above, entering in incoming.items():
         for name, term in partition.terms.items():
@@ -105,13 +105,13 @@ def _interactions(incoming: Mapping[str, Term], partition: Partition) -> Iterato
             )
 
 
-def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, Term]:
+def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, PartitionLobe]:
     """Sum the contributions to each lobe, by the lobe's name."""
     terms = {}
     for name in _LOBES:
         of_lobe = [contribution for contribution in contributions if contribution.name == name]
         if of_lobe:
-            terms[name] = Term(
+            terms[name] = PartitionLobe(
                 reduce(operator.add, (contribution.term.normal for contribution in of_lobe)),
                 reduce(operator.add, (contribution.term.grazing for contribution in of_lobe)),
                 _mean(of_lobe, lambda term: term.cone),
@@ -133,7 +133,7 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
     return tuple(sums)
 
 
-def _mean(contributions: Sequence[_Contribution], value: Callable[[Term], Real]) -> Real:
+def _mean(contributions: Sequence[_Contribution], value: Callable[[PartitionLobe], Real]) -> Real:
     """Average values of terms by their energies, (...); where there is no energy, the result has no effect."""
     # Equal values, and contributions without energy, generate no code.
     contributing = _with_energy(contributions)
@@ -164,7 +164,7 @@ def _with_energy(contributions: Sequence[_Contribution]) -> list[_Contribution]:
     return [contribution for contribution in contributions if not are_equal(contribution.energy, 0.0)]
 
 
-def _sum_energies(contributions: Sequence[_Contribution]) -> tuple[Array, Mask]:
+def _sum_energies(contributions: Sequence[_Contribution]) -> tuple[Array, BooleanArray]:
     """Return the sum of energies, 1 where there is no energy, and the mask of where there is energy."""
     total = reduce(operator.add, (contribution.energy for contribution in contributions))
     has_energy = total > TINY * TINY

@@ -22,7 +22,7 @@ import numpy as np
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import Frame, Upright, frame_of
 from lookdev.brdf.fresnel import conductor_absorptance, conductor_fresnel, fresnel_blend, schlick_blend
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, mix, mix_color, reflect, scale, vector
 
@@ -40,7 +40,7 @@ _CONES = (0.25, 54.0)
 
 @dataclass(frozen=True)
 class Metal:
-    """The part of a lobe that an exact metal reflects: the metal's reflectance times weights as in `Term`.
+    """The part of a lobe that an exact metal reflects: the metal's reflectance times weights as in `PartitionLobe`.
 
     eta, k : (..., 3), index of refraction of the metal.
     """
@@ -57,7 +57,7 @@ class Metal:
 
 
 @dataclass(frozen=True)
-class Term:
+class PartitionLobe:
     """One lobe of a partition.
 
     normal, grazing : (..., 3), weights at normal and at grazing incidence.
@@ -84,7 +84,7 @@ class Term:
             normal, grazing = normal + metal.weight(np.ones(())), grazing + metal.grazing
         return normal, grazing
 
-    def with_weights(self, normal: Callable[[Array], Array], grazing: Callable[[Array], Array]) -> Term:
+    def with_weights(self, normal: Callable[[Array], Array], grazing: Callable[[Array], Array]) -> PartitionLobe:
         """Return the term with its weights at normal and at grazing incidence replaced by functions of them."""
         metals = tuple(
             replace(metal, normal=normal(metal.normal), grazing=grazing(metal.grazing)) for metal in self.metals
@@ -106,7 +106,7 @@ class Partition:
     """
 
     wo: Array
-    terms: Mapping[str, Term]
+    terms: Mapping[str, PartitionLobe]
     frames: Mapping[str, Frame]
     presence: Real
 
@@ -141,7 +141,7 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     at_interface = cosines["highlight" if conserving else "diffuse"]
     entering = (1.0 - clear) * schlick_blend(1.0 - n_diffuse, 1.0 - g_refl, at_interface)
     d_n, d_g = (scale(color, mix(entering * (1.0 - reflectance), 1.0, rough)) for reflectance in (n_diffuse, g_refl))
-    scattered = Term(d_n, d_g)
+    scattered = PartitionLobe(d_n, d_g)
 
     # Smits, "Specular" and "Transmission": "reflRatio".
     m = np.maximum(1.0 - 2.0 * rough, 0.0)
@@ -150,15 +150,15 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
     reflected = _reflected_term(p)
     unreflected = _unreflected_weight(p, np.ones(())) if is_exact(p) else 1.0 - reflected.end_weights()[0]
-    through = Term(scale(color * unreflected, clear), scale(color, clear * (1.0 - g_refl)))
+    through = PartitionLobe(scale(color * unreflected, clear), scale(color, clear * (1.0 - g_refl)))
     if conserving:
         at_view = reflected.weight(cosines["highlight"])
         # An exact curve is not a blend of its ends.
         view = cosines["highlight"]
         transmitted = scale(color * _unreflected_weight(p, view), clear) if is_exact(p) else through.weight(view)
-        reflected, through = Term(at_view, at_view), Term(transmitted, transmitted)
+        reflected, through = PartitionLobe(at_view, at_view), PartitionLobe(transmitted, transmitted)
 
-    def term(base: Term, factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> Term:
+    def term(base: PartitionLobe, factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> PartitionLobe:
         def scaled(weight: Array) -> Array:
             return scale(tint * weight, factor * p["presence"])
 
@@ -187,15 +187,17 @@ def layer_color(p: Parameters) -> Array:
 
 
 # Smits, "Specular". A scaled reflectance is at most 1.
-def _reflected_term(p: Parameters) -> Term:
+def _reflected_term(p: Parameters) -> PartitionLobe:
     """Return the term of the light that a smooth surface reflects."""
     white, normal_scale, metallic = np.ones(3), p["normalScale"], p["metallic"]
     grazing = np.expand_dims(p["grazingScale"], -1) * white
     if not is_exact(p):
-        return Term(np.minimum(scale(mix_color(0.05 * white, p["surfaceColor"], metallic), normal_scale), 1.0), grazing)
+        return PartitionLobe(
+            np.minimum(scale(mix_color(0.05 * white, p["surfaceColor"], metallic), normal_scale), 1.0), grazing
+        )
     dielectric, metal = _scaled_reflectances(p)
     exact = Metal(scale(white, metal * metallic), scale(grazing, metallic), p["eta"], p["k"])
-    return Term(scale(white, dielectric * (1.0 - metallic)), scale(grazing, 1.0 - metallic), metals=(exact,))
+    return PartitionLobe(scale(white, dielectric * (1.0 - metallic)), scale(grazing, 1.0 - metallic), metals=(exact,))
 
 
 def _scaled_reflectances(p: Parameters) -> tuple[Real, Real]:
@@ -223,8 +225,8 @@ def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
     )
 
 
-def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) -> Lobe:
-    def evaluate(d: Directions) -> Array:
+def _diffuse(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmits: bool) -> Lobe:
+    def evaluate(d: DirectionPair) -> Array:
         # Smits, "Diffuse", where f of a perfect diffuser is 1: divided by pi.
         return term.weight(d.cos_theta_i) * (1.0 / np.pi)
 
@@ -247,26 +249,26 @@ def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) ->
     )
 
 
-def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) -> Lobe:
+def _highlight(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmits: bool) -> Lobe:
     power = _power(term.cone)
 
-    def reflected_pair(d: Directions) -> Directions:
+    def reflected_pair(d: DirectionPair) -> DirectionPair:
         # The view whose reflection is the refraction of `d.wo` (Smits, "Transmission").
-        return Directions.of(_refracted(d.wo, term.bend), d.wi) if transmits else d
+        return DirectionPair.of(_refract_view(d.wo, term.bend), d.wi) if transmits else d
 
-    def evaluate(d: Directions) -> Array:
+    def evaluate(d: DirectionPair) -> Array:
         d = reflected_pair(d)
         # Smits, "Specular": D F / (4 (cos_i^2 + cos_o^2 - cos_i cos_o)); the scan of the paper lost the squares.
         i, o = d.cos_theta_i, d.cos_theta_o
         factor = 0.25 * mf.sin_gaussian(d.wm, power) / np.maximum((i - o) * (i - o) + i * o, TINY)
         return scale(term.weight(d.cos_theta_d), factor)
 
-    def density(d: Directions) -> Array:
+    def density(d: DirectionPair) -> Array:
         d = reflected_pair(d)
         return mf.sin_gaussian(d.wm, power) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
     local = frame.to_local(wo)
-    view = _refracted(local, term.bend) if transmits else local
+    view = _refract_view(local, term.bend) if transmits else local
 
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
@@ -291,7 +293,7 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
 
 # Snell's law for a unit view: sin^2 theta_t = sin^2 theta / ior^2. The form with the cosine does not cancel for grazing
 # views and an index near 1.
-def _refracted(wo: Array, bend: Real) -> Array:
+def _refract_view(wo: Array, bend: Real) -> Array:
     ior, z = 1.0 + bend, wo[..., 2]
     cos_t = np.sqrt(bend * (bend + 2.0) + z * z) / ior
     return vector(wo[..., 0] / ior, wo[..., 1] / ior, cos_t)

@@ -14,7 +14,7 @@ import numpy as np
 
 from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
 from lookdev.codegen.program.written import ProgramWriter
-from lookdev.codegen.source import Operation, ProgramSource
+from lookdev.codegen.source import ProgramOperation, ProgramSource
 from lookdev.errors import CodegenError
 
 TABLE_WIDTH = 2048
@@ -107,14 +107,14 @@ def function_text(program: ProgramWriter | ProgramSource, head: str) -> list[str
     return [*lines, "}"]
 
 
-def _operation_code(operation: Operation, names: Mapping[int, str], constants: Sequence[float]) -> str:
+def _operation_code(operation: ProgramOperation, names: Mapping[int, str], constants: Sequence[float]) -> str:
     match operation.op:
         case "constant":
             return _literal(operation.value)
         case "truth":
             return "true" if operation.value else "false"
         case "uniform":
-            return _literal(constants[operation.place])
+            return _literal(constants[operation.index])
         case "symbol":
             return operation.name
         case "look_up":
@@ -122,7 +122,7 @@ def _operation_code(operation: Operation, names: Mapping[int, str], constants: S
             cell = f"{row} * {_literal(operation.value)} + {column}"
             if operation.name:
                 cell = f"3.0 * ({cell}) + {operation.name}.0"
-            return f"look_up(look_table{operation.place}, {cell})"
+            return f"look_up(look_table{operation.index}, {cell})"
     return _CODE[operation.op].format(*(names[number] for number in operation.operands))
 
 

@@ -24,7 +24,7 @@ from lookdev.codegen.program.lamps import (
 )
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.templates import expand_template
-from lookdev.light import Dome, Light, RectLight, Stand
+from lookdev.light import Dome, Light, RectLight, RigOrigin
 from lookdev.light.dome import bins
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.light.picture import LEVELS
@@ -100,7 +100,7 @@ class RigFunctions:
 
 
 def rig_functions(
-    lights: Sequence[Light], lights_by_slot: Sequence[Sequence[int]], stand: Stand, groups: Sequence[int] = ()
+    lights: Sequence[Light], lights_by_slot: Sequence[Sequence[int]], stand: RigOrigin, groups: Sequence[int] = ()
 ) -> RigFunctions:
     """Return the functions of lights.
 
@@ -123,7 +123,7 @@ def rig_functions(
     casting_start = sum(map(len, numbers))
     groups = groups or [0] * len(lights_by_slot)
     numbers.append(
-        np.array([[group not in excluded for group in groups] for excluded in rig.spared], np.float64).ravel()
+        np.array([[group not in excluded for group in groups] for excluded in rig.shadow_excluded], np.float64).ravel()
     )
     is_near = any(not light.far for light in (*rig.lamps, *rig.domes))
     constants = {
@@ -134,7 +134,7 @@ def rig_functions(
         "RIG_MARKS": marks_start,
         "RIG_CASTING": casting_start,
         "RIG_SLOTS": len(lights_by_slot),
-        "RIG_SPARED": len(rig.spared),
+        "RIG_SPARED": len(rig.shadow_excluded),
         "RIG_SEEN": int(any(light.emission.camera for light in rig.lamps)),
         "RIG_SHADOWED": int(rig.needs("shadowed")),
         "RIG_SPLIT": int(rig.needs("split")),
@@ -159,7 +159,7 @@ def rig_functions(
         rig.pictures,
         rig.tables() if rig.needs("profiled") or rig.pictures else None,
         rig.needs("split"),
-        plain=not (is_near or rig.needs("shadowed") or rig.spared),
+        plain=not (is_near or rig.needs("shadowed") or rig.shadow_excluded),
     )
 
 

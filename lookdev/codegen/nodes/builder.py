@@ -12,8 +12,8 @@ import numpy as np
 from lookdev.cache import Content
 from lookdev.codegen.nodes.layout import lay_out_nodes
 from lookdev.codegen.nodes.match import depth_of, match_operation
-from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
-from lookdev.codegen.trace.graph import Node, Scalar, Symbol
+from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree, ShaderNode, SocketValue
+from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.errors import CodegenError
 
@@ -27,11 +27,11 @@ _VECTOR_OPERATIONS = {
     "COSINE", "TANGENT", "MIX",
 }  # fmt: skip
 
-Term: TypeAlias = "Node | Triple"
+NodeTerm: TypeAlias = "GraphNode | Triple"
 """The value of one output of a node: a number, or three that are not all the same number."""
 
 
-Operand: TypeAlias = "Scalar | Triple | Link"
+Operand: TypeAlias = "Scalar | Triple | NodeLink"
 """What a socket of a node is set to or linked with: a term, or a constant."""
 
 
@@ -46,7 +46,7 @@ class _Recipe:
     group: str = ""
 
 
-Outline: TypeAlias = "Callable[[Node], tuple[str, Mapping[str, Scalar]] | None]"
+GroupOutline: TypeAlias = "Callable[[GraphNode], tuple[str, Mapping[str, Scalar]] | None]"
 """Returns the group whose output ``"Value"`` computes a graph's node, and the values of its sockets; or None."""
 
 
@@ -57,24 +57,24 @@ class TreeBuilder:
     such a component is separated from it.
     """
 
-    def __init__(self, name: str, outline: Outline = lambda node: None) -> None:
+    def __init__(self, name: str, outline: GroupOutline = lambda node: None) -> None:
         self.name = name
         self._outline = outline
         self._nodes: dict[str, ShaderNode] = {}
         self._names: dict[tuple[object, ...], str] = {}
-        self._bound: dict[tuple[str, ...], Link] = {}
+        self._bound: dict[tuple[str, ...], NodeLink] = {}
         # For a symbol bound as a component of a vector: the link of the vector, and the index of the component.
-        self._parts: dict[str, tuple[Link, int]] = {}
-        self._links: dict[Term, Link] = {}
-        self._recipes: dict[Term, _Recipe] = {}
-        self._components: dict[Node, tuple[Triple, int]] = {}
-        self._depths: dict[Node, int] = {}
+        self._parts: dict[str, tuple[NodeLink, int]] = {}
+        self._links: dict[NodeTerm, NodeLink] = {}
+        self._recipes: dict[NodeTerm, _Recipe] = {}
+        self._components: dict[GraphNode, tuple[Triple, int]] = {}
+        self._depths: dict[GraphNode, int] = {}
 
     def add(
         self,
         kind: str,
         properties: Mapping[str, SocketValue | bool] | None = None,
-        inputs: Mapping[str, SocketValue | Link] | None = None,
+        inputs: Mapping[str, SocketValue | NodeLink] | None = None,
         label: str = "",
         group: str = "",
         image: Content | None = None,
@@ -89,7 +89,7 @@ class TreeBuilder:
             self._nodes[name] = ShaderNode(name, kind, properties, inputs, label, group, image)
         return name
 
-    def bind(self, symbols: Sequence[str], link: Link) -> None:
+    def bind(self, symbols: Sequence[str], link: NodeLink) -> None:
         """Bind a symbol to a scalar output, or three symbols to the components of a vector output.
 
         Raises
@@ -102,7 +102,7 @@ class TreeBuilder:
         if len(symbols) == 3:
             self._parts.update((symbol, (link, index)) for index, symbol in enumerate(symbols))
 
-    def scalar(self, value: Scalar) -> Link | float:
+    def scalar(self, value: Scalar) -> NodeLink | float:
         """Return the output of the node that computes a value; a constant is returned as a number.
 
         Raises
@@ -110,9 +110,9 @@ class TreeBuilder:
         CodegenError
             A symbol is not bound, or a constant is not finite.
         """
-        return self._term_value(value) if isinstance(value, Node) else _number(value)
+        return self._term_value(value) if isinstance(value, GraphNode) else _number(value)
 
-    def vector(self, values: Sequence[Scalar]) -> Link | tuple[float, float, float]:
+    def vector(self, values: Sequence[Scalar]) -> NodeLink | tuple[float, float, float]:
         """Return the output that has three values as one vector, or three numbers; it raises what `scalar` raises.
 
         The output of three equal values can be a scalar, which Blender copies to the components of a vector.
@@ -134,13 +134,13 @@ class TreeBuilder:
             link.socket
             for node in nodes_by_name.values()
             for link in node.inputs.values()
-            if isinstance(link, Link) and nodes_by_name[link.node].kind == "NodeGroupInput"
+            if isinstance(link, NodeLink) and nodes_by_name[link.node].kind == "NodeGroupInput"
         }
         positions = lay_out_nodes(nodes_by_name)
-        nodes = tuple(replace(node, place=positions[name]) for name, node in nodes_by_name.items())
+        nodes = tuple(replace(node, position=positions[name]) for name, node in nodes_by_name.items())
         return NodeTree(self.name, nodes, tuple(socket for socket in inputs if socket.name in read), tuple(outputs))
 
-    def _term_value(self, term: Term) -> Link:
+    def _term_value(self, term: NodeTerm) -> NodeLink:
         """Return the output that has the value of a term, adding the nodes that compute it."""
         self._plan([term])
         stack = [term]
@@ -161,14 +161,14 @@ class TreeBuilder:
                 for socket, operand in recipe.inputs.items()
             }
             name = self.add(recipe.kind, recipe.properties, inputs, group=recipe.group)
-            self._links[current] = Link(name, recipe.output)
+            self._links[current] = NodeLink(name, recipe.output)
             stack.pop()
         return self._links[term]
 
-    def _plan(self, roots: Sequence[Term]) -> None:
+    def _plan(self, roots: Sequence[NodeTerm]) -> None:
         """Choose recipes for terms and the terms they need: vectors first, so that scalars are separated from them."""
         vectors = [root for root in roots if isinstance(root, tuple)]
-        scalars = [root for root in roots if isinstance(root, Node)]
+        scalars = [root for root in roots if isinstance(root, GraphNode)]
         unbound: set[str] = set()
         while vectors or scalars:
             term = vectors.pop() if vectors else scalars.pop()
@@ -177,12 +177,12 @@ class TreeBuilder:
             if isinstance(term, Symbol) and term.name not in self._parts:
                 unbound.add(term.name)
                 continue
-            for node in [term] if isinstance(term, Node) else term:
+            for node in [term] if isinstance(term, GraphNode) else term:
                 depth_of(node, self._depths)
             recipe = self._vector_recipe(term) if isinstance(term, tuple) else self._scalar_recipe(term)
             self._recipes[term] = recipe
             for operand in filter(_is_term, recipe.inputs.values()):
-                if isinstance(operand, Node):
+                if isinstance(operand, GraphNode):
                     scalars.append(operand)
                 else:
                     vectors.append(operand)
@@ -190,9 +190,9 @@ class TreeBuilder:
             missing, bound = (", ".join(sorted(names)) for names in (unbound, {*chain(*self._bound)}))
             raise CodegenError(f"nodes of {self.name} read unbound symbols: {missing}; bound: {bound or 'none'}")
 
-    def _is_bound(self, term: Term) -> bool:
+    def _is_bound(self, term: NodeTerm) -> bool:
         """Return whether a term is a bound symbol, or three symbols bound together; if so, record its link."""
-        nodes = (term,) if isinstance(term, Node) else term
+        nodes = (term,) if isinstance(term, GraphNode) else term
         names = tuple(node.name for node in nodes if isinstance(node, Symbol))
         if len(names) < len(nodes):
             return False
@@ -201,7 +201,7 @@ class TreeBuilder:
             self._links[term] = link
         return link is not None
 
-    def _scalar_recipe(self, node: Node) -> _Recipe:
+    def _scalar_recipe(self, node: GraphNode) -> _Recipe:
         """Return the recipe of a number: a component of a vector, a group, a dot product, or an operation."""
         if node in self._components:
             triple, index = self._components[node]
@@ -226,7 +226,7 @@ class TreeBuilder:
         if recipe is None:
             return _Recipe("CombineXYZ", dict(zip(_AXES, triple, strict=True)), "Vector")
         for index, node in enumerate(triple):
-            if isinstance(node, Node) and node not in self._components and node not in self._links:
+            if isinstance(node, GraphNode) and node not in self._components and node not in self._links:
                 self._components[node] = triple, index
                 # This also replaces the recipe of a component that was planned by itself before the vector.
                 self._recipes[node] = self._scalar_recipe(node)
@@ -241,7 +241,7 @@ class TreeBuilder:
 
     def _single_recipe(self, triple: Triple) -> _Recipe | None:
         """Return the recipe of a single node that computes three values, or None."""
-        nodes = [node for node in triple if isinstance(node, Node)]
+        nodes = [node for node in triple if isinstance(node, GraphNode)]
         # Nodes of one depth do not depend on each other, so the vector does not depend on its own component.
         if len(nodes) < 3 or len({self._depths[node] for node in nodes}) > 1 or all(n in self._links for n in nodes):
             return None
@@ -268,7 +268,7 @@ class TreeBuilder:
 
 
 def _vector_math(operation: str, operands: Sequence[Scalar | Triple], output: str = "Vector") -> _Recipe:
-    spread = (operand if isinstance(operand, Node | tuple) else (operand,) * 3 for operand in operands)
+    spread = (operand if isinstance(operand, GraphNode | tuple) else (operand,) * 3 for operand in operands)
     return _Recipe("VectorMath", dict(zip(_VECTOR_SOCKETS, spread, strict=False)), output, {"operation": operation})
 
 
@@ -279,32 +279,34 @@ def _mix(kind: str, a: Scalar | Triple, b: Scalar | Triple, factor: Scalar | Tri
     if kind == "Vector":
         properties["factor_mode"] = "NON_UNIFORM" if isinstance(factor, tuple) else "UNIFORM"
         factor_socket = "Factor_Vector" if isinstance(factor, tuple) else factor_socket
-        a, b = (operand if isinstance(operand, Node | tuple) else (operand,) * 3 for operand in (a, b))
+        a, b = (operand if isinstance(operand, GraphNode | tuple) else (operand,) * 3 for operand in (a, b))
     return _Recipe("Mix", {factor_socket: factor, f"A_{kind}": a, f"B_{kind}": b}, f"Result_{kind}", properties)
 
 
 def _term(values: Sequence[Scalar]) -> Scalar | Triple:
     """Return three values as a triple, or one value if all are the same."""
     # Constants are compared by repr, as 0.0 == -0.0 in Python.
-    different = {value if isinstance(value, Node) else repr(value) for value in values}
+    different = {value if isinstance(value, GraphNode) else repr(value) for value in values}
     if len(different) == 1:
         return values[0]
     x, y, z = values
     return x, y, z
 
 
-def _is_term(value: Operand) -> TypeGuard[Term]:
-    return isinstance(value, Node) or (isinstance(value, tuple) and any(isinstance(element, Node) for element in value))
+def _is_term(value: Operand) -> TypeGuard[NodeTerm]:
+    return isinstance(value, GraphNode) or (
+        isinstance(value, tuple) and any(isinstance(element, GraphNode) for element in value)
+    )
 
 
-def _constant(value: Operand) -> SocketValue | Link:
-    if isinstance(value, Link):
+def _constant(value: Operand) -> SocketValue | NodeLink:
+    if isinstance(value, NodeLink):
         return value
     return tuple(_number(element) for element in value) if isinstance(value, tuple) else _number(value)
 
 
 def _number(value: Scalar) -> float:
-    assert not isinstance(value, Node)
+    assert not isinstance(value, GraphNode)
     if not np.isfinite(value):
         raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
     return float(value)
@@ -318,5 +320,5 @@ def _nodes_before_output(nodes: Mapping[str, ShaderNode]) -> dict[str, ShaderNod
         name = stack.pop()
         if name not in needed:
             needed.add(name)
-            stack += [link.node for link in nodes[name].inputs.values() if isinstance(link, Link)]
+            stack += [link.node for link in nodes[name].inputs.values() if isinstance(link, NodeLink)]
     return {name: node for name, node in nodes.items() if name in needed}

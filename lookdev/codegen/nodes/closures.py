@@ -14,17 +14,17 @@ from lookdev.brdf.vectors import are_equal, scale
 from lookdev.closures import Closure, lobe_closures
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.group import add_value, bind_symbols
-from lookdev.codegen.source import Link, SocketValue
+from lookdev.codegen.source import NodeLink, SocketValue
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
-SocketInputs: TypeAlias = dict[str, SocketValue | Link]
+SocketInputs: TypeAlias = dict[str, SocketValue | NodeLink]
 
 _X = np.array([1.0, 0.0, 0.0])
 
 
-def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[Link | None, bool]:
+def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[NodeLink | None, bool]:
     """Add the closures of a BSDF, traced in `graph`, to a tree.
 
     `frame` has tangent, bitangent and normal in world space, (3, 3). Its symbols, and those of `WO`, are bound in the
@@ -38,35 +38,37 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
         for vector in (closure.weight, closure.f0, closure.eta, closure.k, _to_world(frame, closure.frame.normal))
     ]
     builder.prepare(elements_of(vector) for vector in vectors)
-    total: Link | None = None
+    total: NodeLink | None = None
     for closure, label in closures:
         total = add_shaders(builder, total, _add_closure(graph, builder, closure, frame, label))
     return total, any(closure.transmits for closure, _ in closures)
 
 
-def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | None:
+def add_shaders(builder: TreeBuilder, a: NodeLink | None, b: NodeLink | None) -> NodeLink | None:
     """Add a node that sums two shaders, of which None is black, and return its output."""
     if a is None or b is None:
         return b if a is None else a
-    return Link(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
+    return NodeLink(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
 
 
-def scale_shader(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | None:
+def scale_shader(builder: TreeBuilder, shader: NodeLink | None, factor: Real) -> NodeLink | None:
     """Add a node that multiplies a shader by a factor from 0 to 1, and return its output: mix it with an empty one."""
     if shader is None or are_equal(factor, 0.0):
         return None
     if are_equal(factor, 1.0):
         return shader
-    return Link(builder.add("MixShader", inputs={"Fac": add_value(builder, factor), "Shader_001": shader}), "Shader")
+    return NodeLink(
+        builder.add("MixShader", inputs={"Fac": add_value(builder, factor), "Shader_001": shader}), "Shader"
+    )
 
 
-def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -> Link | None:
+def add_transparent(builder: TreeBuilder, shader: NodeLink | None, presence: Real) -> NodeLink | None:
     """Add a transparent shader to a shader, so that rays pass unchanged where the surface is absent."""
     absence = 1.0 - presence
     if are_equal(absence, 0.0):
         return shader
     amount = builder.vector(elements_of(absence) * 3)
-    return add_shaders(builder, shader, Link(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
+    return add_shaders(builder, shader, NodeLink(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
 
 
 def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
@@ -85,7 +87,7 @@ def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]
     return list(merged.values())
 
 
-def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link | None:
+def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> NodeLink | None:
     """Add the node of a closure, and return its output."""
     inputs: SocketInputs = {"Normal": add_value(builder, _to_world(frame, closure.frame.normal))}
     properties = {}
@@ -97,7 +99,7 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
             return _add_sheen(builder, color, label, inputs)
         case "rough_diffuse":
             inputs |= {"Color": add_value(builder, closure.f0), "Roughness": add_value(builder, closure.roughness)}
-            shader = Link(builder.add("BsdfDiffuse", inputs=inputs, label=label), "BSDF")
+            shader = NodeLink(builder.add("BsdfDiffuse", inputs=inputs, label=label), "BSDF")
             return scale_shader(builder, shader, closure.weight[..., 0])  # the node has no socket for a weight
         case "diffuse":
             kind = "BsdfDiffuse"
@@ -109,17 +111,19 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
             properties["distribution"] = closure.kind.removesuffix("_refraction").upper()
             inputs["Roughness"] = add_value(builder, np.sqrt(closure.alpha_x))
             # Cycles takes the back of a surface for the inside of a solid; a thin surface is the same from both sides.
-            geometry = Link(builder.add("NewGeometry"), "Backfacing")
+            geometry = NodeLink(builder.add("NewGeometry"), "Backfacing")
             behind = bind_symbols(graph, builder, "frame.behind", geometry, vector=False)
             inputs["IOR"] = add_value(builder, np.where(behind > 0.5, 1.0 / closure.ior, closure.ior))
         case "ggx" | "beckmann":
             kind = "BsdfAnisotropic"
             properties["distribution"] = closure.kind.upper()
             inputs |= _glossy(builder, closure, frame)
-    return Link(builder.add(kind, properties, {"Color": color} | inputs, label), "BSDF")
+    return NodeLink(builder.add(kind, properties, {"Color": color} | inputs, label), "BSDF")
 
 
-def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: SocketInputs) -> Link | None:
+def _add_metal(
+    builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: SocketInputs
+) -> NodeLink | None:
     """Add a metal or a conductor, whose node has no socket for a weight, and return its output."""
     exact = closure.kind == "conductor"
     if exact:
@@ -128,11 +132,11 @@ def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str,
         inputs |= {"Base Color": add_value(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
     inputs |= _glossy(builder, closure, frame)
     properties = {"distribution": "GGX", "fresnel_type": "PHYSICAL_CONDUCTOR" if exact else "F82"}
-    shader = Link(builder.add("BsdfMetallic", properties, inputs, label), "BSDF")
+    shader = NodeLink(builder.add("BsdfMetallic", properties, inputs, label), "BSDF")
     return scale_shader(builder, shader, closure.weight[..., 0])
 
 
-def _add_sheen(builder: TreeBuilder, color: SocketValue | Link, label: str, inputs: SocketInputs) -> Link:
+def _add_sheen(builder: TreeBuilder, color: SocketValue | NodeLink, label: str, inputs: SocketInputs) -> NodeLink:
     """Add sheen: a black metal, multiplied by the tint of a coat.
 
     The coat's index of refraction is 1, so it does not reflect. Its normal is the direction to the viewer: along it,
@@ -140,8 +144,8 @@ def _add_sheen(builder: TreeBuilder, color: SocketValue | Link, label: str, inpu
     """
     inputs |= {"Base Color": (0.0, 0.0, 0.0), "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": (1.0, 1.0, 1.0)}
     inputs |= {"Coat Weight": 1.0, "Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Tint": color}
-    inputs["Coat Normal"] = Link(builder.add("NewGeometry"), "Incoming")
-    return Link(builder.add("BsdfPrincipled", {"distribution": "GGX"}, inputs, label), "BSDF")
+    inputs["Coat Normal"] = NodeLink(builder.add("NewGeometry"), "Incoming")
+    return NodeLink(builder.add("BsdfPrincipled", {"distribution": "GGX"}, inputs, label), "BSDF")
 
 
 def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> SocketInputs:

@@ -15,14 +15,14 @@ from lookdev.brdf import Array, Lobe
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import BELOW_ONE
 from lookdev.brdf.vectors import dot, scale
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.frame import add_frame, frame_tree
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import add_lift
-from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, Link, NodeSource
+from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, NodeLink, NodeSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
-from lookdev.codegen.trace.graph import Graph, Node, Symbol, reachable_nodes
+from lookdev.codegen.trace.graph import Graph, GraphNode, Symbol, reachable_nodes
 from lookdev.codegen.trace.lobes import assume_positive, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
@@ -34,7 +34,7 @@ _SALT = 0.7548776662
 
 
 def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], *, bounces: int) -> NodeSource:
-    """Generate the nodes that sample a look, with `resolve` as in `lookdev.codegen.inputs.Inputs`.
+    """Generate the nodes that sample a look, with `resolve` as in `lookdev.codegen.inputs.SymbolicSurface`.
 
     Every ray that leaves the surface has passed a portal. The world detects this by `Light Path`'s transparent depth.
 
@@ -44,11 +44,11 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
         The surface is see-through: a ray that passes it unchanged has a transparent depth, too.
     """
     graph = Graph()
-    inputs = Inputs(graph, resolve)
+    inputs = SymbolicSurface(graph, resolve)
     bsdf = look_bsdf(look, inputs)
     lobes = present_lobes(graph, bsdf)
     (presence,) = elements_of(bsdf.presence)
-    if isinstance(presence, Node) or presence < 1.0:
+    if isinstance(presence, GraphNode) or presence < 1.0:
         raise CodegenError(
             f"{look.name}: is see-through (presence below 1), which backend 'nodes-exact' cannot distinguish from the"
             " background; backend 'exact' or 'nodes' would be right"
@@ -79,20 +79,22 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     for name, link in add_frame(builder).items():
         builder.bind([f"{name[0]}_{axis}" for axis in "xyz"], link)
     geometry = builder.add("NewGeometry")
-    builder.bind([f"facet_{axis}" for axis in "xyz"], Link(geometry, "True Normal"))
-    builder.bind([f"place_{axis}" for axis in "xyz"], Link(geometry, "Position"))
+    builder.bind([f"facet_{axis}" for axis in "xyz"], NodeLink(geometry, "True Normal"))
+    builder.bind([f"place_{axis}" for axis in "xyz"], NodeLink(geometry, "Position"))
     builder.bind(["lift"], add_lift(builder))
     # Each sample of a pixel has a position of its own.
-    noise = builder.add("TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": Link(geometry, "Position"), "W": _SALT})
-    channels = builder.add("SeparateColor", {"mode": "RGB"}, {"Color": Link(noise, "Color")})
-    builder.bind(["u1"], Link(channels, "Red"))
-    builder.bind(["u2"], Link(channels, "Green"))
-    builder.bind(["depth"], Link(builder.add("LightPath"), "Transparent Depth"))
+    noise = builder.add(
+        "TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": NodeLink(geometry, "Position"), "W": _SALT}
+    )
+    channels = builder.add("SeparateColor", {"mode": "RGB"}, {"Color": NodeLink(noise, "Color")})
+    builder.bind(["u1"], NodeLink(channels, "Red"))
+    builder.bind(["u2"], NodeLink(channels, "Green"))
+    builder.bind(["depth"], NodeLink(builder.add("LightPath"), "Transparent Depth"))
 
     builder.prepare(roots)
     color, direction, start = (builder.vector(root) for root in roots)
     portal = builder.add("BsdfRayPortal", inputs={"Color": color, "Position": start, "Direction": direction})
-    builder.add("OutputMaterial", inputs={"Surface": Link(portal, "BSDF")})
+    builder.add("OutputMaterial", inputs={"Surface": NodeLink(portal, "BSDF")})
     leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
     trees = (frame_tree(directed=directed, leaning=leaning), builder.tree())
     return NodeSource(look.name, trees, attributes, node_digest(trees, attributes), True, transmits)

@@ -6,15 +6,15 @@ import numpy as np
 
 from lookdev.closures.fits import fit, table
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.source import GroupSocket, Link, NodeTree
-from lookdev.codegen.trace.graph import Graph, Node, Scalar
+from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree
+from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol
 
 _PREFIX = "Lookdev Fit "
 _INPUTS = ("x", "y")
 
 
-def match_fit(node: Node) -> tuple[str, dict[str, Node]] | None:
+def match_fit(node: GraphNode) -> tuple[str, dict[str, GraphNode]] | None:
     """Return the group that computes a node, and the values of its sockets; None if it is not a fit of x and y."""
     variables = _variables(node)
     if variables is None:
@@ -37,23 +37,23 @@ def fit_tree(group: str) -> NodeTree:
     graph, builder = Graph(), TreeBuilder(group)
     group_input = builder.add("NodeGroupInput")
     for name in _INPUTS:
-        builder.bind([name], Link(group_input, name))
+        builder.bind([name], NodeLink(group_input, name))
     value = fit(group.removeprefix(_PREFIX))(*(symbol(graph, name) for name in _INPUTS))
     builder.add("NodeGroupOutput", inputs={"Value": builder.scalar(*elements_of(value))})
     return builder.tree([GroupSocket(name, "float") for name in _INPUTS], [GroupSocket("Value", "float")])
 
 
-def _variables(node: Node) -> tuple[Node, Node] | None:
+def _variables(node: GraphNode) -> tuple[GraphNode, GraphNode] | None:
     """Return x and y where a node may be a polynomial of both, (... y + c) x + (... y + c), or a quotient of two."""
     numerator = node.args[0] if node.op == "divide" else node
     outer = _factor(numerator)
-    inner = _factor(numerator.args[1]) if isinstance(numerator, Node) and outer is not None else None
+    inner = _factor(numerator.args[1]) if isinstance(numerator, GraphNode) and outer is not None else None
     return (outer, inner) if outer is not None and inner is not None else None
 
 
-def _factor(value: Scalar) -> Node | None:
+def _factor(value: Scalar) -> GraphNode | None:
     """Return b of a b + c, a step of Horner's rule."""
     match value:
-        case Node(op="add", args=(Node(op="multiply", args=(_, Node() as factor)), _)):
+        case GraphNode(op="add", args=(GraphNode(op="multiply", args=(_, GraphNode() as factor)), _)):
             return factor
     return None

@@ -8,7 +8,7 @@ from lookdev.brdf import Real
 from lookdev.brdf.vectors import cross, dot, normalize
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.group import bind_symbols
-from lookdev.codegen.source import TANGENT, GroupSocket, Link, NodeTree, SocketValue
+from lookdev.codegen.source import TANGENT, GroupSocket, NodeLink, NodeTree, SocketValue
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of
 from lookdev.scene.shading import shading_frame
@@ -23,20 +23,20 @@ _OUTPUTS = {
 }
 
 
-def add_frame(builder: TreeBuilder) -> dict[str, Link]:
+def add_frame(builder: TreeBuilder) -> dict[str, NodeLink]:
     """Add a node of the group `frame_tree` to a tree, and bind ``wo_x wo_y wo_z`` to its output.
 
     Return the outputs of the frame's axes, unit vectors in world space, by their names: tangent, bitangent, normal.
     """
     node = builder.add("Group", group=GROUP)
-    builder.bind(("wo_x", "wo_y", "wo_z"), Link(node, "Viewer"))
-    return {name: Link(node, name.capitalize()) for name in ("tangent", "bitangent", "normal")}
+    builder.bind(("wo_x", "wo_y", "wo_z"), NodeLink(node, "Viewer"))
+    return {name: NodeLink(node, name.capitalize()) for name in ("tangent", "bitangent", "normal")}
 
 
 def reads_frame_tangent(tree: NodeTree) -> bool:
     """Return whether nodes of a tree read the frame's tangent or bitangent, or the viewer's component along them."""
     frames = {node.name for node in tree.nodes if node.group == GROUP}
-    links = [(node, link) for node in tree.nodes for link in node.inputs.values() if isinstance(link, Link)]
+    links = [(node, link) for node in tree.nodes for link in node.inputs.values() if isinstance(link, NodeLink)]
     viewers = {node.name for node, link in links if link.node in frames and node.kind == "SeparateXYZ"}
     return any(
         (link.node in frames and link.socket != "Normal" and node.name not in viewers)
@@ -53,14 +53,14 @@ def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
     """
     graph, builder = Graph(), TreeBuilder(GROUP)
 
-    def to_world(kind: str, value: Link | SocketValue) -> Link:
+    def to_world(kind: str, value: NodeLink | SocketValue) -> NodeLink:
         properties = {"vector_type": kind, "convert_from": "OBJECT", "convert_to": "WORLD"}
-        return Link(builder.add("VectorTransform", properties, {"Vector": value}), "Vector")
+        return NodeLink(builder.add("VectorTransform", properties, {"Vector": value}), "Vector")
 
-    def of_mesh(name: str) -> Link:
-        return Link(builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": name}), "Vector")
+    def of_mesh(name: str) -> NodeLink:
+        return NodeLink(builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": name}), "Vector")
 
-    def symbols(name: str, link: Link) -> SymbolicArray:
+    def symbols(name: str, link: NodeLink) -> SymbolicArray:
         return bind_symbols(graph, builder, name, link, vector=True)
 
     geometry = builder.add("NewGeometry")
@@ -69,11 +69,11 @@ def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
         axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
         x, y, z = (symbols(name, to_world("VECTOR", axis)) for name, axis in axes.items())
         hand = np.where(dot(cross(x, y), z) < 0.0, -1.0, 1.0)
-    viewer = symbols("viewer", Link(geometry, "Incoming"))
+    viewer = symbols("viewer", NodeLink(geometry, "Incoming"))
     frame = shading_frame(
         normalize(symbols("normal", to_world("NORMAL", of_mesh("lookdev_normal")))),
         symbols("tangent", to_world("VECTOR", of_mesh(TANGENT))) if directed else None,
-        symbols("facet", Link(geometry, "True Normal")),
+        symbols("facet", NodeLink(geometry, "True Normal")),
         viewer,
         hand,
     )

@@ -10,12 +10,12 @@ from lookdev.brdf import Array, Parameter, Real
 from lookdev.brdf.vectors import Parameters
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.fits import match_fit
-from lookdev.codegen.source import GroupSocket, Link, NodeTree, SocketValue
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol
+from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree, SocketValue
+from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 
 
-class Group:
+class TracedGroup:
     """A group under construction, from values traced in a graph of its own."""
 
     def __init__(self, name: str) -> None:
@@ -47,18 +47,20 @@ class Group:
             self._sockets.append(replace(socket_of(parameter), name=socket, panel=panel))
             self._values[socket] = value
             vector = parameter.kind != "float"
-            inside[name] = bind_symbols(self.graph, self.builder, socket, Link(self._input, socket), vector=vector)
+            inside[name] = bind_symbols(self.graph, self.builder, socket, NodeLink(self._input, socket), vector=vector)
         return inside
 
-    def take_shader(self, name: str, panel: str = "") -> Link:
+    def take_shader(self, name: str, panel: str = "") -> NodeLink:
         """Add a socket for a shader and return its output inside."""
         self._sockets.append(GroupSocket(name, "shader", panel=panel))
-        return Link(self._input, name)
+        return NodeLink(self._input, name)
 
-    def tree(self, values: Mapping[GroupSocket, Real], shader: Link | None = None, *, shades: bool = True) -> NodeTree:
+    def tree(
+        self, values: Mapping[GroupSocket, Real], shader: NodeLink | None = None, *, shades: bool = True
+    ) -> NodeTree:
         """Return the tree, whose outputs are `values` of the graph and, if it `shades`, a shader, black if None."""
         self.builder.prepare(_vectors(values.values()))
-        inputs: dict[str, SocketValue | Link] = {
+        inputs: dict[str, SocketValue | NodeLink] = {
             socket.name: add_value(self.builder, value) for socket, value in values.items()
         }
         outputs = list(values)
@@ -69,7 +71,7 @@ class Group:
         self.builder.add("NodeGroupOutput", inputs=inputs)
         return self.builder.tree(self._sockets, outputs)
 
-    def add_to(self, outside: TreeBuilder, tree: NodeTree, shaders: Mapping[str, Link] | None = None) -> str:
+    def add_to(self, outside: TreeBuilder, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
         """Add a node of the finished group, with the values of its sockets, to the tree outside; return its name."""
         values = self.input_values(tree)
         outside.prepare(_vectors(values.values()))
@@ -95,7 +97,7 @@ def socket_of(parameter: Parameter) -> GroupSocket:
     return GroupSocket(parameter.name, kind, parameter.default, parameter.soft, parameter.help)
 
 
-def bind_symbols(graph: Graph, builder: TreeBuilder, name: str, link: Link, *, vector: bool) -> SymbolicArray:
+def bind_symbols(graph: Graph, builder: TreeBuilder, name: str, link: NodeLink, *, vector: bool) -> SymbolicArray:
     """Bind symbols of a name to an output, and return them as an array, () or (3,)."""
     value = symbols_of(graph, name, vector=vector)
     builder.bind([node.name for node in elements_of(value) if isinstance(node, Symbol)], link)
@@ -107,7 +109,7 @@ def symbols_of(graph: Graph, name: str, *, vector: bool) -> SymbolicArray:
     return symbols(graph, [f"{name}_{i}" for i in range(3)]) if vector else symbol(graph, name)
 
 
-def add_value(builder: TreeBuilder, value: Real) -> Link | float | tuple[float, float, float]:
+def add_value(builder: TreeBuilder, value: Real) -> NodeLink | float | tuple[float, float, float]:
     """Add nodes that compute an array, () or (3,), to a tree, and return the output, or the numbers of a constant."""
     elements = elements_of(value)
     return builder.vector(elements) if len(elements) == 3 else builder.scalar(elements[0])
@@ -116,7 +118,7 @@ def add_value(builder: TreeBuilder, value: Real) -> Link | float | tuple[float, 
 def _folds(parameter: Parameter, value: Real) -> bool:
     """Return whether a value is a constant at which terms of the model vanish."""
     all_elements = elements_of(value)
-    elements = [element for element in all_elements if not isinstance(element, Node)]
+    elements = [element for element in all_elements if not isinstance(element, GraphNode)]
     if len(elements) < len(all_elements):
         return False
     if parameter.optional and elements[0] == parameter.default:

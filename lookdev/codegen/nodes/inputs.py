@@ -1,4 +1,4 @@
-"""The symbols of `Inputs` as nodes: textures, primvars and coordinates.
+"""The symbols of `SymbolicSurface` as nodes: textures, primvars and coordinates.
 
 An image node wraps both axes in the same way. For other textures, and for sets of UDIM tiles, several look-ups are
 combined with the arithmetic of `lookdev/shaders/texture.h`.
@@ -12,11 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Mask
+from lookdev.brdf.vectors import Array, BooleanArray
 from lookdev.cache import Content
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.source import AttributeBinding, ImageBinding, Link, NodeTree
+from lookdev.codegen.source import AttributeBinding, ImageBinding, NodeLink, NodeTree
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
@@ -24,7 +24,7 @@ _EXTENSION = {"black": "CLIP", "clamp": "EXTEND", "repeat": "REPEAT", "mirror": 
 _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
-def bind_inputs(builder: TreeBuilder, inputs: Inputs, names: Iterable[str]) -> tuple[AttributeBinding, ...]:
+def bind_inputs(builder: TreeBuilder, inputs: SymbolicSurface, names: Iterable[str]) -> tuple[AttributeBinding, ...]:
     """Add the nodes that symbols of a look depend on to a tree, bind the symbols, and return the attributes they read.
 
     Symbols that `inputs` does not have are skipped.
@@ -56,10 +56,10 @@ def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
     """Add the node of an attribute, and bind the symbols of its components."""
     if binding.kind == "uv":
         components = [f"{binding.parameter}[{i}]" for i in range(3)]
-        builder.bind(components, Link(builder.add("UVMap", {"uv_map": binding.stored}), "UV"))
+        builder.bind(components, NodeLink(builder.add("UVMap", {"uv_map": binding.mesh_name}), "UV"))
         return
-    node = builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": binding.stored})
-    builder.bind(binding.symbols, Link(node, "Fac" if binding.kind == "float" else "Vector"))
+    node = builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": binding.mesh_name})
+    builder.bind(binding.symbols, NodeLink(node, "Fac" if binding.kind == "float" else "Vector"))
 
 
 def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, label: str) -> None:
@@ -73,13 +73,13 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, lab
 
     def read(file: Content, uv: Sequence[Array], wrap: str) -> Array:
         vector = builder.vector(elements_of(np.stack(uv)))
-        if not isinstance(vector, Link):  # an image node whose vector is not linked reads the mesh's UVs
-            vector = Link(builder.add("CombineXYZ", inputs=dict(zip("XYZ", vector, strict=True))), "Vector")
+        if not isinstance(vector, NodeLink):  # an image node whose vector is not linked reads the mesh's UVs
+            vector = NodeLink(builder.add("CombineXYZ", inputs=dict(zip("XYZ", vector, strict=True))), "Vector")
         properties = {"interpolation": "Linear", "projection": "FLAT", "extension": _EXTENSION[wrap]}
         node = builder.add("TexImage", properties, {"Vector": vector}, label, image=file)
         names = [f"{node}[{i}]" for i in range(4)]
-        builder.bind(names[:3], Link(node, "Color"))
-        builder.bind(names[3:], Link(node, "Alpha"))
+        builder.bind(names[:3], NodeLink(node, "Color"))
+        builder.bind(names[3:], NodeLink(node, "Alpha"))
         return symbols(graph, names)
 
     wraps = look_up.wrap_s, look_up.wrap_t
@@ -102,13 +102,13 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, lab
         value = value * np.stack([_wrap_slope(s, wraps[0]), _wrap_slope(t, wraps[1]), np.array(1.0), np.array(1.0)])
     *color, alpha = elements_of(value)
     color_link, alpha_link = builder.vector(color), builder.scalar(alpha)
-    assert isinstance(color_link, Link), "the values of an image are links, not constants"
-    assert isinstance(alpha_link, Link), "the values of an image are links, not constants"
+    assert isinstance(color_link, NodeLink), "the values of an image are links, not constants"
+    assert isinstance(alpha_link, NodeLink), "the values of an image are links, not constants"
     builder.bind([f"{look_up.name}[{i}]" for i in range(3)], color_link)
     builder.bind([f"{look_up.name}_a"], alpha_link)
 
 
-def _is_tile(coordinate: Array, number: int) -> Mask:
+def _is_tile(coordinate: Array, number: int) -> BooleanArray:
     return (coordinate > number - 0.5) & (coordinate < number + 0.5)
 
 

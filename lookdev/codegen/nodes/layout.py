@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping
 
-from lookdev.codegen.source import Link, ShaderNode
+from lookdev.codegen.source import NodeLink, ShaderNode
 
 _COLUMN = 220.0
 _GAP = 30.0
@@ -16,7 +16,7 @@ def lay_out_nodes(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, flo
     """Return the upper left corners of nodes, in Blender's units, without overlap, right of the nodes they read."""
     readers: dict[str, list[str]] = defaultdict(list)
     for name, node in nodes.items():
-        for source in dict.fromkeys(link.node for link in node.inputs.values() if isinstance(link, Link)):
+        for source in dict.fromkeys(link.node for link in node.inputs.values() if isinstance(link, NodeLink)):
             readers[source].append(name)
     columns: dict[str, int] = {}
     for name in reversed(list(nodes)):

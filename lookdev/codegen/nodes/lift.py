@@ -7,19 +7,19 @@ are assumed to be at most as far from the origin as the position, plus its dista
 from __future__ import annotations
 
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.source import GroupSocket, Link, NodeTree
+from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree
 from lookdev.scene.shading import LIFT
 
 GROUP = "Lookdev Coincident"
 
 
-def add_lift(builder: TreeBuilder) -> Link:
+def add_lift(builder: TreeBuilder) -> NodeLink:
     """Add the nodes that compute the height, in metres, up to which a ray that leaves a surface passes others."""
-    position = Link(builder.add("NewGeometry"), "Position")
-    distance = Link(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": position}), "Value")
-    view_distance = Link(builder.add("CameraData"), "View Distance")
-    size = Link(builder.add("Math", {"operation": "ADD"}, {"Value": distance, "Value_001": view_distance}), "Value")
-    return Link(builder.add("Math", {"operation": "MULTIPLY"}, {"Value": size, "Value_001": LIFT}), "Value")
+    position = NodeLink(builder.add("NewGeometry"), "Position")
+    distance = NodeLink(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": position}), "Value")
+    view_distance = NodeLink(builder.add("CameraData"), "View Distance")
+    size = NodeLink(builder.add("Math", {"operation": "ADD"}, {"Value": distance, "Value_001": view_distance}), "Value")
+    return NodeLink(builder.add("Math", {"operation": "MULTIPLY"}, {"Value": size, "Value_001": LIFT}), "Value")
 
 
 def coincident_tree(*, see_through: bool) -> NodeTree:
@@ -30,23 +30,23 @@ def coincident_tree(*, see_through: bool) -> NodeTree:
     a frame.
     """
     builder = TreeBuilder(GROUP)
-    shader = Link(builder.add("NodeGroupInput"), "Shader")
+    shader = NodeLink(builder.add("NodeGroupInput"), "Shader")
     path = builder.add("LightPath")
     if not see_through:
         nothing = builder.add("BsdfTransparent", inputs={"Color": (0.0, 0.0, 0.0)})
-        blocked = {"Fac": Link(path, "Is Shadow Ray"), "Shader": shader, "Shader_001": Link(nothing, "BSDF")}
-        shader = Link(builder.add("MixShader", inputs=blocked), "Shader")
+        blocked = {"Fac": NodeLink(path, "Is Shadow Ray"), "Shader": shader, "Shader_001": NodeLink(nothing, "BSDF")}
+        shader = NodeLink(builder.add("MixShader", inputs=blocked), "Shader")
     geometry = builder.add("NewGeometry")
-    vectors = {"Vector": Link(geometry, "Incoming"), "Vector_001": Link(geometry, "True Normal")}
-    cosine = Link(builder.add("VectorMath", {"operation": "DOT_PRODUCT"}, vectors), "Value")
-    length = Link(path, "Ray Length")
+    vectors = {"Vector": NodeLink(geometry, "Incoming"), "Vector_001": NodeLink(geometry, "True Normal")}
+    cosine = NodeLink(builder.add("VectorMath", {"operation": "DOT_PRODUCT"}, vectors), "Value")
+    length = NodeLink(path, "Ray Length")
     height = builder.add("Math", {"operation": "MULTIPLY"}, {"Value": length, "Value_001": cosine})
-    above = builder.add("Math", {"operation": "ABSOLUTE"}, {"Value": Link(height, "Value")})
+    above = builder.add("Math", {"operation": "ABSOLUTE"}, {"Value": NodeLink(height, "Value")})
     near = builder.add(
-        "Math", {"operation": "LESS_THAN"}, {"Value": Link(above, "Value"), "Value_001": add_lift(builder)}
+        "Math", {"operation": "LESS_THAN"}, {"Value": NodeLink(above, "Value"), "Value_001": add_lift(builder)}
     )
-    clear = Link(builder.add("BsdfTransparent"), "BSDF")
-    inputs = {"Fac": Link(near, "Value"), "Shader": shader, "Shader_001": clear}
-    builder.add("NodeGroupOutput", inputs={"Shader": Link(builder.add("MixShader", inputs=inputs), "Shader")})
+    clear = NodeLink(builder.add("BsdfTransparent"), "BSDF")
+    inputs = {"Fac": NodeLink(near, "Value"), "Shader": shader, "Shader_001": clear}
+    builder.add("NodeGroupOutput", inputs={"Shader": NodeLink(builder.add("MixShader", inputs=inputs), "Shader")})
     socket = GroupSocket("Shader", "shader")
     return builder.tree([socket], [socket])

@@ -25,16 +25,16 @@ from lookdev.brdf import (
     stack_bsdf,
 )
 from lookdev.brdf.vectors import are_equal
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.closures import add_shaders, add_transparent, scale_shader, shade
 from lookdev.codegen.nodes.fits import fit_tree, is_fit
 from lookdev.codegen.nodes.frame import add_frame, frame_tree, reads_frame_tangent
-from lookdev.codegen.nodes.group import Group, add_value, bind_symbols, followed_parameter, socket_of, symbols_of
+from lookdev.codegen.nodes.group import TracedGroup, add_value, bind_symbols, followed_parameter, socket_of, symbols_of
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import GROUP as COINCIDENT
 from lookdev.codegen.nodes.lift import coincident_tree
-from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, AttributeBinding, Link, NodeSource, NodeTree
+from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, AttributeBinding, NodeLink, NodeSource, NodeTree
 from lookdev.codegen.trace.graph import Graph, Symbol, reachable_nodes
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbols
@@ -51,14 +51,14 @@ _OF_PART = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECTANCE}
 class _Part:
     """The shader of some of the layers, and values of the material's graph: their presence and a coat's reflectance."""
 
-    shader: Link
+    shader: NodeLink
     presence: Real
     transmits: bool
     reflectance: Real | None = None
 
 
 def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> NodeSource:
-    """Generate the closures of a look, with `resolve` as in `lookdev.codegen.inputs.Inputs`.
+    """Generate the closures of a look, with `resolve` as in `lookdev.codegen.inputs.SymbolicSurface`.
 
     Constants at which terms vanish are folded. Other constants are values of sockets.
 
@@ -78,7 +78,7 @@ class _Material:
     def __init__(self, look: Look, resolve: Callable[[Texture | Bump], Path]) -> None:
         self._look = look
         self._graph = Graph()
-        self._inputs = Inputs(self._graph, resolve)
+        self._inputs = SymbolicSurface(self._graph, resolve)
         self._builder = TreeBuilder(look.name)
         self._groups: list[NodeTree] = []
         self._attributes: dict[AttributeBinding, None] = {}
@@ -96,7 +96,7 @@ class _Material:
             parts += [self._run(run, [name], name) for run, name in zip(others, names[len(first) :], strict=True)]
             whole = self._mix_parts(parts, stack, names)
         coincident = self._builder.add("Group", inputs={"Shader": whole.shader}, group=COINCIDENT)
-        self._builder.add("OutputMaterial", inputs={"Surface": Link(coincident, "Shader")})
+        self._builder.add("OutputMaterial", inputs={"Surface": NodeLink(coincident, "Shader")})
         attributes = sorted(self._attributes, key=lambda binding: binding.parameter)
         directed = any(map(reads_frame_tangent, self._groups))
         frame = frame_tree(directed=directed, leaning=any(binding.attribute == HANDEDNESS for binding in attributes))
@@ -119,15 +119,15 @@ class _Material:
         """Add the groups of layers of one model; `part` is in their names if they are not the whole look."""
         model = model_named(stack[0].model)
         if len(stack) == 1:
-            group = Group(f"Lookdev {model.title} {part}".strip())
+            group = TracedGroup(f"Lookdev {model.title} {part}".strip())
             return self._shade(group, _take_layers(group, stack), part)
-        group = Group(f"{_LAYERS} {part}".strip())
+        group = TracedGroup(f"{_LAYERS} {part}".strip())
         layers = _take_layers(group, stack, names)
         return self._shade(group, layers, part) if model.combine else self._parameters(group, layers, part)
 
     def _shade(
         self,
-        group: Group,
+        group: TracedGroup,
         stack: Sequence[StackLayer],
         part: str,
         on_finished: Callable[[NodeTree], None] = lambda tree: None,
@@ -146,16 +146,16 @@ class _Material:
         on_finished(tree)
         node = self._add_group(group, tree)
         output_symbols = {
-            name: bind_symbols(self._graph, self._builder, f"{group.name} {name}", Link(node, name), vector=False)
+            name: bind_symbols(self._graph, self._builder, f"{group.name} {name}", NodeLink(node, name), vector=False)
             for name in outputs
         }
         presence = output_symbols.get("presence", np.array(1.0))
-        return _Part(Link(node, "Shader"), presence, transmits, output_symbols.get("reflectance"))
+        return _Part(NodeLink(node, "Shader"), presence, transmits, output_symbols.get("reflectance"))
 
-    def _parameters(self, layers: Group, stack: Sequence[StackLayer], part: str) -> _Part:
+    def _parameters(self, layers: TracedGroup, stack: Sequence[StackLayer], part: str) -> _Part:
         """Add a group that blends the parameters of layers, and one that shades with the results."""
         model = model_named(stack[0].model)
-        parameters, blended = model.parameters, model.blended(stack)
+        parameters, blended = model.parameters, model.blend(stack)
         # The outputs of the first group are the inputs that the second reads.
         symbol_names = {
             name: f"{layers.name} {followed_parameter(parameters[name], blended) or name}"
@@ -168,7 +168,7 @@ class _Material:
             else value
             for name, value in blended.items()
         }
-        group = Group(f"Lookdev {model.title} {part}".strip())
+        group = TracedGroup(f"Lookdev {model.title} {part}".strip())
         shading = replace(stack[0], parameters=group.take(parameters, values))
 
         def show_layers(tree: NodeTree) -> None:
@@ -177,7 +177,7 @@ class _Material:
             node = self._add_group(layers, layers.tree(outputs, shades=False))
             for name in read:
                 vector = parameters[name].kind != "float"
-                bind_symbols(self._graph, self._builder, symbol_names[name], Link(node, name), vector=vector)
+                bind_symbols(self._graph, self._builder, symbol_names[name], NodeLink(node, name), vector=vector)
 
         return self._shade(group, [shading], part, show_layers)
 
@@ -186,13 +186,13 @@ class _Material:
 
         For a coat, ``mask * presence_above`` is also multiplied by its reflectance.
         """
-        group = Group(_LAYERS)
+        group = TracedGroup(_LAYERS)
         above = len(parts) - 1
         panels = [names[0], *names[-above:]]
         # The base does not cover anything, so its mask has no effect.
         layers = [replace(stack[0], mask=np.array(1.0)), *stack[-above:]]
         shaders = {f"{panel} shader": part.shader for panel, part in zip(panels, parts, strict=True)}
-        total: Link | None = None
+        total: NodeLink | None = None
         presence: Real = np.array(0.0)
         for panel, part, layer in zip(panels, parts, layers, strict=True):
             shader = group.take_shader(f"{panel} shader", panel)
@@ -207,9 +207,9 @@ class _Material:
                 presence = 1.0 - (1.0 - presence_of_part) * (1.0 - presence)
         tree = group.tree({}, add_transparent(group.builder, total, presence))
         node = self._add_group(group, tree, shaders)
-        return _Part(Link(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
+        return _Part(NodeLink(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
 
-    def _add_group(self, group: Group, tree: NodeTree, shaders: Mapping[str, Link] | None = None) -> str:
+    def _add_group(self, group: TracedGroup, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
         """Add a node of a finished group, and the inputs that it reads, to the material's tree; return its name."""
         self._groups.append(tree)
         elements = [element for value in group.input_values(tree).values() for element in elements_of(value)]
@@ -220,7 +220,7 @@ class _Material:
         return group.add_to(self._builder, tree, shaders)
 
 
-def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
+def _closures(group: TracedGroup, bsdf: Bsdf) -> tuple[NodeLink | None, bool]:
     """Add the frame and closures of a BSDF to a group; return the closures' sum and whether light passes through."""
     # No other symbol has such a name, as names of parameters and layers do not contain dots.
     bases = [
@@ -230,15 +230,17 @@ def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
     return shade(group.graph, group.builder, bsdf, np.stack(bases))
 
 
-def _layer_over(builder: TreeBuilder, above: Link, below: Link | None, mask: Real, coverage: Real) -> Link | None:
+def _layer_over(
+    builder: TreeBuilder, above: NodeLink, below: NodeLink | None, mask: Real, coverage: Real
+) -> NodeLink | None:
     """Layer a shader over another, of which it hides the share `coverage`."""
     if below is not None and are_equal(mask, coverage) and not are_equal(mask, 0.0) and not are_equal(mask, 1.0):
         inputs = {"Fac": add_value(builder, mask), "Shader": below, "Shader_001": above}
-        return Link(builder.add("MixShader", inputs=inputs), "Shader")
+        return NodeLink(builder.add("MixShader", inputs=inputs), "Shader")
     return add_shaders(builder, scale_shader(builder, below, 1.0 - coverage), scale_shader(builder, above, mask))
 
 
-def _take_layers(group: Group, stack: Sequence[StackLayer], names: Sequence[str] = ("",)) -> list[StackLayer]:
+def _take_layers(group: TracedGroup, stack: Sequence[StackLayer], names: Sequence[str] = ("",)) -> list[StackLayer]:
     """Return layers with their values inside a group; of several layers, each has a panel, named in `names`."""
     layers = []
     for number, (layer, panel) in enumerate(zip(stack, names, strict=True)):

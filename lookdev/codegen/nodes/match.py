@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 from typing import TypeAlias, TypeGuard
 
-from lookdev.codegen.trace.graph import Node, Scalar, post_order
+from lookdev.codegen.trace.graph import GraphNode, Scalar, post_order
 from lookdev.codegen.trace.vectors import is_inverse_root
 from lookdev.errors import CodegenError
 
@@ -31,7 +31,7 @@ _NAMES = {
 _E = 2.718281828459045
 
 
-def match_operation(node: Node, computed: Container[object] = ()) -> Match:
+def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
     """Return the operation that computes a node, and its operands.
 
     A summand that is a product becomes part of the addition, unless it is in `computed`: nodes that exist anyway.
@@ -42,14 +42,14 @@ def match_operation(node: Node, computed: Container[object] = ()) -> Match:
             raise CodegenError("nodes cannot look up measured data; backend 'exact' would be right")
         case "add", (a, b):
             return _match_mix(a, b) or _match_mix(b, a) or _match_multiply_add(a, b, computed) or ("ADD", a, b)
-        case "subtract", (a, b) if _is_product(a, computed) and not isinstance(b, Node):
+        case "subtract", (a, b) if _is_product(a, computed) and not isinstance(b, GraphNode):
             x, y = a.args
             return "MULTIPLY_ADD", x, y, -b
-        case "subtract", (a, Node(args=(x, y)) as b) if _is_product(b, computed) and not isinstance(y, Node):
+        case "subtract", (a, GraphNode(args=(x, y)) as b) if _is_product(b, computed) and not isinstance(y, GraphNode):
             return "MULTIPLY_ADD", x, -y, a
-        case "subtract", (a, Node(args=(x, y)) as b) if _is_product(b, computed) and not isinstance(x, Node):
+        case "subtract", (a, GraphNode(args=(x, y)) as b) if _is_product(b, computed) and not isinstance(x, GraphNode):
             return "MULTIPLY_ADD", y, -x, a
-        case "divide", (_, Node() as b) if is_inverse_root(node):
+        case "divide", (_, GraphNode() as b) if is_inverse_root(node):
             return "INVERSE_SQRT", b.args[0]
         case "negative", (a,):
             return "MULTIPLY", a, -1.0
@@ -57,7 +57,7 @@ def match_operation(node: Node, computed: Container[object] = ()) -> Match:
             return "LOGARITHM", a, _E
         case "expm1", (a,):
             # As tanh(x / 2) (exp(x) + 1), without cancellation.
-            half = Node("tanh", (apply("multiply", a, 0.5),), node.graph)
+            half = GraphNode("tanh", (apply("multiply", a, 0.5),), node.graph)
             return "MULTIPLY_ADD", half, apply("exp", a), half
         case "greater_equal", (a, b):
             return "SUBTRACT", 1.0, apply("less", a, b)
@@ -67,25 +67,25 @@ def match_operation(node: Node, computed: Container[object] = ()) -> Match:
             return "SUBTRACT", 1.0, apply("add", apply("less", a, b), apply("greater", a, b))
         case "logical_not", (a,):
             return "SUBTRACT", 1.0, a
-        case "where", (Node() as condition, a, b):
+        case "where", (GraphNode() as condition, a, b):
             return _match_where(condition, a, b)
         case _:
             return (_NAMES.get(node.op, node.op.upper()), *node.args)
 
 
-def depth_of(value: Scalar, depths: dict[Node, int]) -> None:
+def depth_of(value: Scalar, depths: dict[GraphNode, int]) -> None:
     """Add the depths, in operations, of a node and of all nodes that it needs to `depths`."""
     for node in post_order([value], stop=lambda operand: operand in depths):
         depths[node] = 1 + max((depths[operand] for operand in node.operands()), default=0)
 
 
-def _is_product(value: Scalar, computed: Container[object]) -> TypeGuard[Node]:
+def _is_product(value: Scalar, computed: Container[object]) -> TypeGuard[GraphNode]:
     """Return whether a value is a product that only a sum needs.
 
     A product with an inverse length does not count: it is a component of a normalized vector.
     """
     return (
-        isinstance(value, Node)
+        isinstance(value, GraphNode)
         and value.op == "multiply"
         and value not in computed
         and not any(is_inverse_root(factor) for factor in value.args)
@@ -102,7 +102,7 @@ def _match_multiply_add(a: Scalar, b: Scalar, computed: Container[object]) -> Ma
 
 def _factors(value: Scalar) -> Iterator[tuple[Scalar, Scalar]]:
     """Yield the ways to write a value as a product of two factors."""
-    if isinstance(value, Node) and value.op == "multiply":
+    if isinstance(value, GraphNode) and value.op == "multiply":
         x, y = value.args
         yield x, y
         yield y, x
@@ -113,7 +113,7 @@ def _match_mix(p: Scalar, q: Scalar) -> Match | None:
     """Return the ``"MIX"`` that p + q is, as a (1 - t) + b t, or None."""
     for rest, a in _factors(p):
         match rest:
-            case Node(op="subtract", args=(1.0, t)):
+            case GraphNode(op="subtract", args=(1.0, t)):
                 for factor, b in _factors(q):
                     if factor is t:
                         return "MIX", a, b, t
@@ -122,12 +122,12 @@ def _match_mix(p: Scalar, q: Scalar) -> Match | None:
 
 def _match_where(condition: Scalar, a: Scalar, b: Scalar) -> Match:
     match condition:
-        case Node(op="logical_not", args=(inner,)):
+        case GraphNode(op="logical_not", args=(inner,)):
             condition, a, b = inner, b, a
-        case Node(op="greater_equal", args=(x, y), graph=graph):
+        case GraphNode(op="greater_equal", args=(x, y), graph=graph):
             condition, a, b = graph.apply("less", x, y), b, a
-        case Node(op="less_equal", args=(x, y), graph=graph):
+        case GraphNode(op="less_equal", args=(x, y), graph=graph):
             condition, a, b = graph.apply("greater", x, y), b, a
-    if not isinstance(b, Node) and b == 0.0:
+    if not isinstance(b, GraphNode) and b == 0.0:
         return "MULTIPLY", a, condition
     return "MIX", b, a, condition

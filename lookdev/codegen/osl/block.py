@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
-from lookdev.codegen.trace.graph import Node, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
+from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
 
 # Ten million numbers are loaded in four seconds.
@@ -40,7 +40,7 @@ def spell_by_name(value: str | Uniform) -> str:
     return literal(value) if isinstance(value, Uniform) else value
 
 
-def fits_array(table: Table) -> bool:
+def fits_array(table: NumberTable) -> bool:
     """Return whether a table is small enough for an array.
 
     A look-up in an array takes a fortieth of the time of one in a texture, but Cycles loads the array as text.
@@ -48,12 +48,12 @@ def fits_array(table: Table) -> bool:
     return table.values.size <= _LARGEST_ARRAY
 
 
-def table_name(table: Table) -> str:
+def table_name(table: NumberTable) -> str:
     """Return the name of the shader's parameter for a table, or for the path of its texture."""
     return f"table_{table.digest[:16]}{'' if fits_array(table) else '_file'}"
 
 
-def texture_size(table: Table) -> tuple[int, int]:
+def texture_size(table: NumberTable) -> tuple[int, int]:
     """Return width and height of a table's texture, powers of two, so that texel centres are exact in float32."""
     rows, columns = (1 << (size - 1).bit_length() for size in table.values.shape[:2])
     return columns, rows
@@ -66,15 +66,15 @@ class Block:
     """
 
     def __init__(
-        self, prefix: str, indent: int, variables: Mapping[Node, str] | None = None, spell: Spell = spell_by_name
+        self, prefix: str, indent: int, variables: Mapping[GraphNode, str] | None = None, spell: Spell = spell_by_name
     ) -> None:
         self.lines: list[str] = []
         self.variables = dict(variables or {})
         self._prefix = prefix
         self._pad = "    " * indent
         self._spell = spell
-        self._uses: Counter[Node] = Counter()
-        self._preset_names: dict[Node, str] = {}
+        self._uses: Counter[GraphNode] = Counter()
+        self._preset_names: dict[GraphNode, str] = {}
         self._cells: dict[tuple[str, str, str], str] = {}
 
     def inner_block(self, prefix: str, indent: int) -> Block:
@@ -89,7 +89,7 @@ class Block:
 
     def define(self, name: str, value: Scalar, comment: str = "") -> None:
         """Compute a number into a variable of that name."""
-        if isinstance(value, Node) and value.op != "symbol" and value not in self.variables:
+        if isinstance(value, GraphNode) and value.op != "symbol" and value not in self.variables:
             self._preset_names[value] = name
             self.name(value)
         else:
@@ -102,24 +102,24 @@ class Block:
         for node in reachable_nodes(roots, stop=self.variables):
             if node not in self.variables:
                 self._uses.update(node.operands())
-        self._uses.update(root for root in roots if isinstance(root, Node))
+        self._uses.update(root for root in roots if isinstance(root, GraphNode))
 
     def name(self, value: Scalar) -> str:
         """Write a variable for `value` unless it has one; return the variable's name, or the literal of a constant."""
         code = self.expression(value)
-        if isinstance(value, Node) and value.op != "symbol" and value not in self.variables:
+        if isinstance(value, GraphNode) and value.op != "symbol" and value not in self.variables:
             self._define(value, code)
             return self.variables[value]
         return code
 
     def expression(self, value: Scalar) -> str:
         """Return code for `value`; the variables that it needs are written first."""
-        inline: dict[Node, str] = {}
+        inline: dict[GraphNode, str] = {}
 
         def code_of(part: Scalar) -> str:
             if isinstance(part, Uniform):
                 return self._spell(part)
-            if not isinstance(part, Node):
+            if not isinstance(part, GraphNode):
                 return literal(part)
             return self.variables.get(part) or inline[part]
 
@@ -137,7 +137,7 @@ class Block:
                 inline[node] = code
         return code_of(value)
 
-    def _look_up_code(self, table: Table, channel: int | None, row: str, column: str) -> str:
+    def _look_up_code(self, table: NumberTable, channel: int | None, row: str, column: str) -> str:
         """Return code for a number of a table; the cell's index or colour, which channels share, is written first."""
         name, key = table_name(table), (table.digest, row, column)
         cell = self._cells.get(key)
@@ -153,7 +153,7 @@ class Block:
             return f"{name}[{cell}{f' + {channel}' if channel else ''}]"
         return f"{cell}[{channel or 0}]"
 
-    def _define(self, node: Node, code: str) -> None:
+    def _define(self, node: GraphNode, code: str) -> None:
         """Write a variable that has the value of a node."""
         name = self._preset_names.get(node, f"{self._prefix}{len(self.variables)}")
         kind = "int" if node.op in BOOLEAN else "float"

@@ -22,13 +22,13 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from lookdev.brdf import Array, Delta, Lobe
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.codegen.operators import strip_parentheses
 from lookdev.codegen.osl.block import Block, Spell, spell_by_name
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.codegen.trace.graph import (
     Graph,
-    Node,
+    GraphNode,
     Scalar,
     Symbol,
     TableCell,
@@ -46,11 +46,11 @@ VARYING = frozenset((*WI, "u1", "u2"))
 class TracedLobe:
     """The scalar expressions of one lobe of a mixture.
 
-    `value` (3) and `density` are those of `Term`, `below` is that of `Choice`. `wi` (3) is the direction drawn, in the
-    surface's frame. `share` is a constant if the lobe is present at every point. The code of a lobe runs where the
-    condition `side` is true, or, if that is None, where light is on the lobe's side of the shading normal. The lights'
-    factors for diffuse lobes apply if it `is_diffuse`. `group` is the group of `LOBE_GROUPS` that its light is recorded
-    in, without that of `parts`, the parts of `value` in other groups.
+    `value` (3) and `density` are those of `LobeTerms`, `below` is that of `LobeChoice`. `wi` (3) is the direction
+    drawn, in the surface's frame. `share` is a constant if the lobe is present at every point. The code of a lobe runs
+    where the condition `side` is true, or, if that is None, where light is on the lobe's side of the shading normal.
+    The lights' factors for diffuse lobes apply if it `is_diffuse`. Its light is recorded in `group`, one of
+    `LOBE_GROUPS`, without that of `parts`, the parts of `value` in other groups.
     """
 
     name: str
@@ -93,7 +93,7 @@ class BrdfCode:
     evaluate: tuple[str, ...]
     sample: tuple[str, ...]
     inputs: frozenset[str]
-    tables: tuple[Table, ...]
+    tables: tuple[NumberTable, ...]
     transmits: bool
     crosses: bool
     see_through: bool
@@ -155,7 +155,7 @@ def trace_lobes(
         for lobe, side, term, choice in zip(lobes, sides, terms, choices, strict=True)
     )
     sums = ("pdf", "bsdf_sampled_pdf") if any(lobe.light_sampled for lobe in traced) else ("pdf",)
-    densities = {name: elements_of(mixture.normalised(symbol(graph, name)))[0] for name in sums}
+    densities = {name: elements_of(mixture.normalise(symbol(graph, name)))[0] for name in sums}
     return TracedMixture(traced, elements_of(mixture.total)[0], densities)
 
 
@@ -194,7 +194,7 @@ def emit_brdf(
         their own.
     """
     lobes = mixture.lobes
-    see_through = isinstance(presence, Node) or presence < 1.0
+    see_through = isinstance(presence, GraphNode) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.direction_values(), *lobe.wi, lobe.below)]
     values += [lobe.side for lobe in lobes if lobe.side is not None]
     varying = dependent_nodes(values, VARYING)
@@ -248,15 +248,15 @@ def emit_brdf(
     )
 
 
-def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
+def _frontier(values: Iterable[Scalar], varying: set[GraphNode]) -> list[GraphNode]:
     """Return the nodes to compute once for a shading point: invariant operands of varying nodes, in a stable order."""
-    roots = [value for value in values if isinstance(value, Node)]
+    roots = [value for value in values if isinstance(value, GraphNode)]
     operands = [operand for node in post_order(roots, lambda node: node not in varying) for operand in node.operands()]
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
 def _evaluate(
-    mixture: TracedMixture, setup: Block, varying: set[Node], by_group: bool, group_indices: Mapping[str, int]
+    mixture: TracedMixture, setup: Block, varying: set[GraphNode], by_group: bool, group_indices: Mapping[str, int]
 ) -> Iterable[str]:
     """Return the lines that sum the lobes on the light's side; `group_indices` are those of groups in ``f_lobe``."""
     has_light_sampled = len(mixture.densities) > 1
@@ -279,18 +279,18 @@ def _evaluate(
         if is_guarded:
             condition = (
                 strip_parentheses(block.expression(side))
-                if isinstance(side, Node)
+                if isinstance(side, GraphNode)
                 else f"wi_z {'<' if side else '>'} 0"
             )
             block.write(f"if ({condition}) {{")
-        prefix = f"c{number}_" if isinstance(side, Node) else "t" if side else "e"
+        prefix = f"c{number}_" if isinstance(side, GraphNode) else "t" if side else "e"
         block.lines += _evaluate_side(
             side_lobes, setup, varying, prefix, 2 + (len(groups) > 1), has_light_sampled, by_group, group_indices
         )
         if is_guarded:
             block.write("}")
     for name, density in mixture.densities.items():
-        if not isinstance(density, Node) or density.op != "symbol":
+        if not isinstance(density, GraphNode) or density.op != "symbol":
             block.write(f"{name} = {strip_parentheses(block.expression(density))};")
     return block.lines
 
@@ -298,7 +298,7 @@ def _evaluate(
 def _evaluate_side(
     lobes: Sequence[TracedLobe],
     setup: Block,
-    varying: set[Node],
+    varying: set[GraphNode],
     prefix: str,
     indent: int,
     has_light_sampled: bool,
@@ -315,9 +315,9 @@ def _evaluate_side(
     shared = {node for node, count in counts.items() if count > 1 and node in varying and node not in setup.variables}
     shared = {node for node in shared if node.op != "symbol"}
     # Only the nodes that a lobe's block reads: writing them writes the variables that they need.
-    shared_operands: dict[Node, None] = {}
+    shared_operands: dict[GraphNode, None] = {}
     for lobe, group in zip(lobes, groups, strict=True):
-        roots = [value for value in lobe.direction_values() if isinstance(value, Node)]
+        roots = [value for value in lobe.direction_values() if isinstance(value, GraphNode)]
         private = [node for node in group if node not in shared]
         operands = [operand for node in private for operand in node.operands()]
         shared_operands |= dict.fromkeys(node for node in (*roots, *operands) if node in shared)
@@ -333,7 +333,7 @@ def _evaluate_side(
         color = ", ".join(inner.expression(value) for value in lobe.value)
         density = strip_parentheses(inner.expression(lobe.density))
         terms = {name: f"color({', '.join(map(inner.expression, part))})" for name, part in lobe.parts.items()}
-        guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
+        guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, GraphNode) else ""
         block.write(f"{guard}{{  // {lobe.name}")
         block.lines += inner.lines
         adds_diffuse = by_group and lobe.is_diffuse

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 
 from lookdev.codegen.operators import CODE, strip_parentheses
 from lookdev.codegen.osl.block import literal
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol
+from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
@@ -53,11 +53,11 @@ class _Text:
         name = self._names[value] = variable.split()[1]
         if isinstance(value, tuple):
             self._names |= {
-                component: f"{name}[{i}]" for i, component in enumerate(value) if isinstance(component, Node)
+                component: f"{name}[{i}]" for i, component in enumerate(value) if isinstance(component, GraphNode)
             }
 
     def _code(self, value: Scalar | Triple) -> str:
-        if value not in self._names and isinstance(value, Node) and (match_dot(value) or value.op == "where"):
+        if value not in self._names and isinstance(value, GraphNode) and (match_dot(value) or value.op == "where"):
             # Costly numbers become variables; vectors are inline.
             code = self._compute(value)
             self._names[value] = f"g{len(self.lines)}"
@@ -65,9 +65,9 @@ class _Text:
         return self._names.get(value) or self._compute(value)
 
     def _compute(self, value: Scalar | Triple) -> str:
-        if not isinstance(value, Node | tuple):
+        if not isinstance(value, GraphNode | tuple):
             return literal(value)
-        if isinstance(value, Node):
+        if isinstance(value, GraphNode):
             if isinstance(value, Symbol):
                 return value.name
             factors = match_dot(value)
@@ -75,7 +75,7 @@ class _Text:
         vector, factors = match_normalize(value), match_cross(value)
         if vector or factors:
             return self._call("normalize", [vector]) if vector else self._call("cross", factors or ())
-        nodes = [component for component in value if isinstance(component, Node)]
+        nodes = [component for component in value if isinstance(component, GraphNode)]
         if len(nodes) < 3 or len({node.op for node in nodes}) > 1:
             return self._call("vector", value)
         # All components have the same operation: it applies to vectors, and to numbers that all three share.

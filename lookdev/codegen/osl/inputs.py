@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.osl.block import literal
 from lookdev.codegen.source import ImageBinding, TextureBinding
 from lookdev.codegen.trace.graph import Uniform
@@ -13,15 +13,15 @@ _WRAP = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mi
 
 
 @dataclass
-class Names:
+class ShaderNames:
     """Names of look-ups and constants in a shader, numbered in the order in which the text first reads them.
 
-    `given` are the names ``texture0``, ``texture1``, ... by look-up. Constants of the look are ``look_0``, ``look_1``,
-    ...; `constants` are their names by value.
+    `texture_names` are the names ``texture0``, ``texture1``, ... by look-up. `constants` are the names ``look_0``,
+    ``look_1``, ... of the look's constants, by value.
     """
 
-    inputs: Inputs
-    given: dict[str, str] = field(default_factory=dict)
+    inputs: SymbolicSurface
+    texture_names: dict[str, str] = field(default_factory=dict)
     constants: dict[float, str] = field(default_factory=dict)
 
     def spell(self, symbol: str | Uniform) -> str:
@@ -32,7 +32,7 @@ class Names:
         source = self.inputs.look_up_of(symbol)
         if source is None:
             return symbol
-        return self.given.setdefault(source, f"texture{len(self.given)}") + symbol.removeprefix(source)
+        return self.texture_names.setdefault(source, f"texture{len(self.texture_names)}") + symbol.removeprefix(source)
 
 
 def emit_look_up(name: str, look_up: ImageBinding) -> tuple[list[str], list[TextureBinding]]:

@@ -42,7 +42,7 @@ from lookdev.codegen.templates import SHADERS, expand_template, read_sections
 from lookdev.codegen.trace.graph import Scalar
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import CodegenError
-from lookdev.light import LIGHT_KINDS, Light, coded
+from lookdev.light import LIGHT_KINDS, Light, coded_light
 from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis
 from lookdev.light.lamps import SHAPES, CodedRig
 
@@ -79,7 +79,7 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
     CodegenError
         The file of a kind lacks a section, or has an unknown one.
     """
-    single = coded(lights)
+    single = coded_light(lights)
     if single is None:
         return _rig_sections(CodedRig.of(lights))
     osl = LIGHT_KINDS[single.kind].osl

@@ -9,11 +9,11 @@ from types import MappingProxyType
 
 from lookdev.brdf import Lobe
 from lookdev.brdf.mixture import Mixture
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.catching import catching_sections
 from lookdev.codegen.osl.frame import emit_frame
-from lookdev.codegen.osl.inputs import Names, emit_look_up
+from lookdev.codegen.osl.inputs import ShaderNames, emit_look_up
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.program.look import trace_look
@@ -30,7 +30,7 @@ from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas, trace_features
 from lookdev.codegen.trace.symbolic import elements_of, symbols
-from lookdev.light import Light, coded, lights_code
+from lookdev.light import Light, coded_light, lights_code
 from lookdev.light.lamps import CodedRig
 from lookdev.material import Look
 from lookdev.scene.shading import LIFT
@@ -49,7 +49,7 @@ _LEAST_DENSITY = 0.01
 
 
 @dataclass(frozen=True)
-class Directions:
+class DirectionCounts:
     """Numbers of directions drawn from the BSDF and from the light, at the first hit and after a bounce."""
 
     brdf: int
@@ -71,9 +71,9 @@ def generate_surface(
         Lines that replace sections of the template, by the sections' names: the benchmark leaves out parts.
     """
     sampling, lights = setting.sampling, setting.lights
-    features, recorded, bounces = sampling.features, sampling.recorded, sampling.bounces
+    features, recorded, bounces = sampling.features, sampling.records_parts, sampling.bounces
     graph = Graph()
-    inputs = Inputs(graph, setting.image_file)
+    inputs = SymbolicSurface(graph, setting.image_file)
     bsdf = trace_look(look, inputs, setting.space)
     lobes = continuous_lobes(graph, bsdf)
     deltas = present_deltas(graph, bsdf)
@@ -92,8 +92,8 @@ def generate_surface(
         return counts.ibl > 0 and lobe.broad and (from_behind or not behind)
 
     traced = trace_lobes(graph, lobes, light_sampled, recorded=recorded)
-    names = Names(inputs)
-    rig = None if coded(lights) else CodedRig.of(lights)
+    names = ShaderNames(inputs)
+    rig = None if coded_light(lights) else CodedRig.of(lights)
     has_factors = rig is not None and rig.needs("split")
     guides = {}
     if features:
@@ -107,7 +107,7 @@ def generate_surface(
     directed = depends_on_tangent(graph, lobes)
     attributes = [*inputs.attributes_read_by(code.inputs), *[TANGENT_BINDING] * directed]
     leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
-    look_up_code = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]
+    look_up_code = [emit_look_up(name, inputs.look_up(source)) for source, name in names.texture_names.items()]
     file_bindings = tuple(binding for _, bindings in look_up_code for binding in bindings)
     table_parameters, tables = bind_tables(code.tables)
     light_code = light_sections(lights)
@@ -122,7 +122,7 @@ def generate_surface(
                 *_counts("_ONWARD", counts.brdf_onward, counts.ibl_onward, code.transmits),
                 f"#define LIGHT_SAMPLED {int(code.light_sampled)}",
                 f"#define LEAST_DENSITY {_LEAST_DENSITY}",
-                f"#define BOUNCES {bounces}",
+                *(f"#define {name} {value}" for name, value in sampling.shader_constants.items()),
                 f"#define SHADOWS {int(setting.shadows)}",
                 f"#define LIFT {LIFT}",
                 f"#define IMAGE_WIDTH {setting.resolution[0]}",
@@ -175,7 +175,7 @@ def generate_surface(
 def _shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
     """Return the group of each light, 0 without groups, in the order in which the shader numbers lights."""
     light_groups = groups or [0] * len(lights)
-    if coded(lights):
+    if coded_light(lights):
         return list(light_groups)
     rig = CodedRig.of(lights)
     numbers = {id(light): number for number, light in enumerate(lights)}
@@ -233,15 +233,15 @@ def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) ->
 # "Recesses".
 def _direction_counts(
     lobes: Sequence[Lobe], brdf: int | None, ibl: int | None, bounces: int, *, constant_light: bool
-) -> Directions:
+) -> DirectionCounts:
     """Return the numbers of directions; the lobes decide where `brdf` or `ibl`, the job's numbers, are None."""
     if not lobes:
-        return Directions(1, 0, 1, 0)
+        return DirectionCounts(1, 0, 1, 0)
     if constant_light:
         # Every direction is equally bright: samples of the light reduce no variance, even if a job sets some.
         return _counts_with_bounces(brdf or _DIRECTIONS, 0)
     if bounces > 0 and brdf is None and ibl is None and not any(lobe.broad or lobe.transmits for lobe in lobes):
-        return Directions(2, 2, 1, 4)
+        return DirectionCounts(2, 2, 1, 4)
     broad = bounces == 0 and all(lobe.broad for lobe in lobes)
     brdf = (0 if broad else _DIRECTIONS) if brdf is None else brdf
     ibl = _DIRECTIONS if ibl is None else ibl
@@ -249,9 +249,9 @@ def _direction_counts(
     return _counts_with_bounces(brdf, ibl) if brdf + ibl else _counts_with_bounces(1, 0)
 
 
-def _counts_with_bounces(brdf: int, ibl: int) -> Directions:
+def _counts_with_bounces(brdf: int, ibl: int) -> DirectionCounts:
     """Return numbers of directions that are smaller after a bounce.
 
     Every path adds a sample there. A path continues only if a direction is drawn from the BSDF, so at least one is.
     """
-    return Directions(brdf, ibl, max(1, brdf // 4), -(-ibl // 2))
+    return DirectionCounts(brdf, ibl, max(1, brdf // 4), -(-ibl // 2))

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.cache import Content, cached_file, from_memory
 from lookdev.codegen.osl.block import fits_array, table_name, texture_size
 from lookdev.codegen.program.look import store_table
 from lookdev.codegen.source import TableBinding
 
 
-def bind_tables(tables: Iterable[Table]) -> tuple[list[str], tuple[TableBinding, ...]]:
+def bind_tables(tables: Iterable[NumberTable]) -> tuple[list[str], tuple[TableBinding, ...]]:
     """Put tables into the store, each once; return the lines that declare them as parameters, and their bindings.
 
     Raises
@@ -32,7 +32,7 @@ def bind_tables(tables: Iterable[Table]) -> tuple[list[str], tuple[TableBinding,
     return parameters, tuple(bindings)
 
 
-def _store_table(table: Table) -> Content:
+def _store_table(table: NumberTable) -> Content:
     """Put the values of a table into the store, as the array or the texture that a shader reads."""
 
     if fits_array(table):

@@ -17,7 +17,7 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf import Array, Real, StackLayer, stack_bsdf
 from lookdev.brdf.mixture import Mixture
-from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import TINY, scale
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.trace.graph import Graph
@@ -50,12 +50,12 @@ class _Step:
 
     run: Callable[..., Array]
     operands: tuple[int, ...]
-    place: int
+    result: int
     dead: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
-class Compiled:
+class CompiledProgram:
     """f of a stack of layers as a program: steps that run once, and steps that run for each pair of directions.
 
     Values have numbers. `constants` are values by number; `symbols` are numbers of symbols by name; `result` are the
@@ -63,7 +63,7 @@ class Compiled:
     """
 
     once: tuple[_Step, ...]
-    each: tuple[_Step, ...]
+    per_pair: tuple[_Step, ...]
     constants: Mapping[int, float]
     symbols: Mapping[str, int]
     result: tuple[int, ...]
@@ -76,7 +76,7 @@ class Compiled:
             **{number: numbers[name] for name, number in self.symbols.items() if name in numbers},
         }
         for step in self.once:
-            values_once[step.place] = step.run(*(values_once[number] for number in step.operands))
+            values_once[step.result] = step.run(*(values_once[number] for number in step.operands))
         # Components that the program does not read get unused numbers.
         places = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
         out = np.empty((len(wo), 3))
@@ -90,8 +90,8 @@ class Compiled:
             if not all_above:
                 columns[:3, ~above] = _ZENITH
             values = {**values_once, **dict(zip(places, columns, strict=True))}
-            for step in self.each:
-                values[step.place] = step.run(*(values[number] for number in step.operands))
+            for step in self.per_pair:
+                values[step.result] = step.run(*(values[number] for number in step.operands))
                 for number in step.dead:
                     del values[number]
             for channel, number in enumerate(self.result):
@@ -103,7 +103,7 @@ class Compiled:
         return out
 
 
-def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Compiled:
+def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> CompiledProgram:
     """Trace and compile layers, base first, whose parameters are constants or symbols of the graph.
 
     Raises
@@ -126,7 +126,7 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
     return _compile_program(writer, bsdf.two_sided)
 
 
-def _compile_program(writer: ProgramWriter, two_sided: bool) -> Compiled:
+def _compile_program(writer: ProgramWriter, two_sided: bool) -> CompiledProgram:
     """Return the steps of a program: those that depend on a direction run for each pair, the others once."""
     varying: set[int] = set()
     constants: dict[int, float] = {}
@@ -143,33 +143,33 @@ def _compile_program(writer: ProgramWriter, two_sided: bool) -> Compiled:
             case "truth":
                 constants[number] = bool(operation.value)
             case "uniform":
-                constants[number] = writer.constants[operation.place]
+                constants[number] = writer.constants[operation.index]
             case _:
                 if is_varying := bool(varying.intersection(operation.operands)):
                     varying.add(number)
                 run = (
-                    _look_up_function(writer.tables[operation.place], operation.name)
+                    _look_up_function(writer.tables[operation.index], operation.name)
                     if operation.op == "look_up"
                     else getattr(np, operation.op)
                 )
                 (per_pair if is_varying else once).append(_Step(run, operation.operands, number))
     result = writer.outputs["f"]
-    return Compiled(
+    return CompiledProgram(
         tuple(once), _mark_dead(per_pair, {*result, *constants, *names.values()}), constants, names, result, two_sided
     )
 
 
 def _mark_dead(steps: Sequence[_Step], live: set[int]) -> tuple[_Step, ...]:
     """Return the steps, each with the results that no later step reads; values in `live` are never dead."""
-    unread = {step.place for step in steps} - live
+    unread = {step.result for step in steps} - live
     steps_from_last: list[_Step] = []
     for step in reversed(steps):
-        dead = unread.intersection((*step.operands, step.place))
+        dead = unread.intersection((*step.operands, step.result))
         unread -= dead
-        steps_from_last.append(_Step(step.run, step.operands, step.place, tuple(dead)))
+        steps_from_last.append(_Step(step.run, step.operands, step.result, tuple(dead)))
     return tuple(reversed(steps_from_last))
 
 
-def _look_up_function(table: Table, channel: str) -> Callable[[Floats, Floats], Array]:
-    channel_table = table if channel == "" else Table(table.values[..., int(channel)])
+def _look_up_function(table: NumberTable, channel: str) -> Callable[[Floats, Floats], Array]:
+    channel_table = table if channel == "" else NumberTable(table.values[..., int(channel)])
     return lambda row, column: look_up(channel_table, np.asarray(row), np.asarray(column))

@@ -10,9 +10,9 @@ from typing import ParamSpec, TypeAlias, cast
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.codegen.program.written import ProgramWriter
-from lookdev.codegen.source import Operation
+from lookdev.codegen.source import ProgramOperation
 from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.light.dome.local import meet_ball, share_within, towards_ball
@@ -20,21 +20,21 @@ from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor
 from lookdev.light.ies import profile_factor
 from lookdev.light.lamps import SHAPES, weight
 from lookdev.light.picture import CELL_SEGMENTS
-from lookdev.light.rect import Picture
-from lookdev.light.spherical_rectangle import Point, density, draw, meet_plane, seen_part, towards_plane
+from lookdev.light.rect import TexturedRectangle
+from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, meet_plane, seen_part, towards_plane
 
 BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
 FALLOFF = ("virtual", "power", "fade", "fade_rise")
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 """The fields of a row that `shadow_operations` reads."""
 
-Functions = tuple[list[Operation], Mapping[str, tuple[int, ...]]]
+Functions = tuple[list[ProgramOperation], Mapping[str, tuple[int, ...]]]
 """Operations, and the results of each function by its name."""
 
 TracedFunctions: TypeAlias = Mapping[str, Callable[[], list[Scalar]]]
 """Functions that trace the results of functions, by the functions' names."""
 
-_TABLES = Table(np.zeros((1, 1)))
+_TABLES = NumberTable(np.zeros((1, 1)))
 """A placeholder for the tables of a rig, which are passed when a program runs."""
 
 _Arguments = ParamSpec("_Arguments")
@@ -78,7 +78,11 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
     """
     row = LampSymbols(field)
     sizes = row.fields(*("a", "b")[: len(fields(SHAPES[kind]))])
-    shape = SHAPES[kind](*sizes) if kind != "picture" else Picture(sizes[0], sizes[1], _TABLES, row.fields("tree")[0])
+    shape = (
+        SHAPES[kind](*sizes)
+        if kind != "picture"
+        else TexturedRectangle(sizes[0], sizes[1], _TABLES, row.fields("tree")[0])
+    )
     p, w, n = map(row.vector, "pwn")
     cone, tint = row.fields(*BEAM), row.fields(*TINT)
     falloff = (
@@ -142,9 +146,9 @@ def trace_parts(field: str = "{}") -> TracedFunctions:
     p, w = map(row.vector, "pw")
     part = seen_part(p, width, height, s, t, size)
 
-    def pdf(point: Point) -> list[Scalar]:
+    def pdf(point: RectanglePoint) -> list[Scalar]:
         within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
-        return elements_of(density(part, Point(within[0], within[1], point.x, point.y)))
+        return elements_of(density(part, RectanglePoint(within[0], within[1], point.x, point.y)))
 
     distance, hit = meet_plane(p, w, width, height)
     direction = towards_plane(p, draw(part, row.numbers("u1", "u2")))

@@ -17,14 +17,14 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Array, Bsdf, Real, StackLayer, stack_bsdf
 from lookdev.brdf.mixture import Mixture
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.brdf.vectors import Parameters
 from lookdev.cache import Content, cached_file
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ProgramSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
-from lookdev.codegen.trace.graph import Graph, Node, Scalar
+from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar
 from lookdev.codegen.trace.lobes import (
     WI,
     WO,
@@ -79,11 +79,11 @@ def generate_program(
         An editor changes their values while the program stays the same.
     """
     graph = Graph()
-    inputs = Inputs(graph, resolve)
+    inputs = SymbolicSurface(graph, resolve)
     bsdf = trace_look(look, inputs, space, live)
     lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
     presence = elements_of(bsdf.presence)[0]
-    see_through = isinstance(presence, Node) or presence < 1.0
+    see_through = isinstance(presence, GraphNode) or presence < 1.0
     mixture = Mixture(lobes, symbols(graph, WO))
     # The shading frame is bent until the viewer is above its horizon. Shares are not assumed positive: lobes may be
     # absent at some points, and no branch leaves out their code.
@@ -135,11 +135,11 @@ def generate_program(
     return replace(source, digest=digest, folded=folded_lobes(graph, bsdf))
 
 
-def trace_look(look: Look, inputs: Inputs, space: Space, live: Live = lambda number, name: False) -> Bsdf:
+def trace_look(look: Look, inputs: SymbolicSurface, space: Space, live: Live = lambda number, name: False) -> Bsdf:
     """Return the BSDF of a look in a colour space; its constants are uniforms, or symbols where they are live."""
     layers = enumerate(look_layers(look, inputs))
     bsdf = stack_bsdf([_trace_constants(inputs.graph, number, layer, live) for number, layer in layers])
-    return bsdf if space == REC709 else bsdf.converted(from_rec709(space))
+    return bsdf if space == REC709 else bsdf.convert(from_rec709(space))
 
 
 def _parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
@@ -170,7 +170,7 @@ def live_name(layer: int, parameter: str) -> str:
 
 def live_numbers(look: Look, live: Live) -> Mapping[str, tuple[float, ...]]:
     """Return the values of the live constants of a look, by `live_name`."""
-    layers = look_layers(look, Inputs(Graph(), _open_no_image))
+    layers = look_layers(look, SymbolicSurface(Graph(), _open_no_image))
     values = {(k, name): value for k, layer in enumerate(layers) for name, value in _values(layer).items()}
     constants = {key: np.asarray(value) for key, value in values.items() if isinstance(value, _CONSTANT) and live(*key)}
     return {live_name(*key): tuple(map(float, value.ravel())) for key, value in constants.items()}
@@ -201,7 +201,7 @@ def _values(layer: StackLayer) -> Parameters:
 
 
 def _slopes(
-    graph: Graph, look: str, inputs: Inputs, outputs: Mapping[str, Real | list[Scalar]]
+    graph: Graph, look: str, inputs: SymbolicSurface, outputs: Mapping[str, Real | list[Scalar]]
 ) -> Mapping[str, list[Scalar]]:
     """Return the derivatives of value, diffuse part, presence and single directions by each symbol of live inputs.
 
@@ -217,7 +217,9 @@ def _slopes(
         if output not in ("value", "diffuse", "presence") and not output.startswith("delta"):
             continue
         derivatives[slope_name(output, name)] = tangents = slopes(graph, elements_of(result), name)
-        if output.startswith("delta") and any(isinstance(tangent, Node) or tangent != 0.0 for tangent in tangents[:3]):
+        if output.startswith("delta") and any(
+            isinstance(tangent, GraphNode) or tangent != 0.0 for tangent in tangents[:3]
+        ):
             raise CodegenError(
                 f"{look}: a single direction turns with a parameter that is to be found, whose effect on pictures has "
                 "no derivative that is an integral over directions"
@@ -247,7 +249,7 @@ def _frame_outputs(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, 
     return axes | {"facet": frame.facet}
 
 
-def store_table(table: Table) -> Content:
+def store_table(table: NumberTable) -> Content:
     """Put the values of a table into the store, as an array of float32."""
 
     def save(path: Path) -> None:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lookdev.brdf.table import Table
-from lookdev.codegen.source import Operation
-from lookdev.codegen.trace.graph import Node, Scalar, Symbol, TableCell, Uniform, post_order
+from lookdev.brdf.table import NumberTable
+from lookdev.codegen.source import ProgramOperation
+from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol, TableCell, Uniform, post_order
 from lookdev.errors import CodegenError
 
 
@@ -17,10 +17,10 @@ from lookdev.errors import CodegenError
 class ProgramWriter:
     """Writes nodes as operations, each node once, and collects the symbols, constants and tables that they read."""
 
-    operations: list[Operation] = field(default_factory=list)
+    operations: list[ProgramOperation] = field(default_factory=list)
     outputs: dict[str, tuple[int, ...]] = field(default_factory=dict)
     constants: list[float] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
+    tables: list[NumberTable] = field(default_factory=list)
     symbols: set[str] = field(default_factory=set)
     _numbers: dict[object, int] = field(default_factory=dict)
 
@@ -30,30 +30,30 @@ class ProgramWriter:
             self._numbers[node] = self._append(self._operation(node))
         self.outputs[name] = tuple(map(self._number, roots))
 
-    def _append(self, operation: Operation) -> int:
+    def _append(self, operation: ProgramOperation) -> int:
         self.operations.append(operation)
         return len(self.operations) - 1
 
-    def _operation(self, node: Node) -> Operation:
+    def _operation(self, node: GraphNode) -> ProgramOperation:
         if node in self._numbers:
             return self.operations[self._numbers[node]]
         match node:
             case Symbol(name=name):
                 self.symbols.add(name)
-                return Operation("symbol", name=name)
+                return ProgramOperation("symbol", name=name)
             case TableCell(table=table, channel=channel, args=(row, column)):
                 if table not in self.tables:
                     self.tables.append(table)
                 table_number, columns = self.tables.index(table), table.values.shape[1]
                 cell = (self._number(row), self._number(column))
                 name = "" if channel is None else str(channel)
-                return Operation("look_up", cell, value=float(columns), place=table_number, name=name)
+                return ProgramOperation("look_up", cell, value=float(columns), index=table_number, name=name)
             case _:
-                return Operation(node.op, tuple(map(self._number, node.args)))
+                return ProgramOperation(node.op, tuple(map(self._number, node.args)))
 
     def _number(self, value: Scalar) -> int:
         """Return the number of a node's operation, or that of a constant, which is appended if it is new."""
-        if isinstance(value, Node):
+        if isinstance(value, GraphNode):
             return self._numbers[value]
         key = (isinstance(value, Uniform), type(value).__name__, str(value))
         if key not in self._numbers:
@@ -61,8 +61,10 @@ class ProgramWriter:
                 raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
             if isinstance(value, Uniform):
                 self.constants.append(float(value))
-                operation = Operation("uniform", place=len(self.constants) - 1)
+                operation = ProgramOperation("uniform", index=len(self.constants) - 1)
             else:
-                operation = Operation("truth" if isinstance(value, bool | np.bool_) else "constant", value=float(value))
+                operation = ProgramOperation(
+                    "truth" if isinstance(value, bool | np.bool_) else "constant", value=float(value)
+                )
             self._numbers[key] = self._append(operation)
         return self._numbers[key]

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 
 from lookdev.brdf import Lobe
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol, post_order
+from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol, post_order
 from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
@@ -26,18 +26,18 @@ _ACROSS = {name: name[:-1] + {"x": "y", "y": "x"}[name[-1]] for name in _ROTATED
 def depends_on_tangent(graph: Graph, lobes: Sequence[Lobe]) -> bool:
     """Return whether f of lobes, traced in `graph`, depends on the direction of the frame's tangent."""
     terms = trace_mixture(graph, lobes).terms(symbols(graph, WI)) if lobes else ()
-    roots = [value for term in terms for value in elements_of(term.value) if isinstance(value, Node)]
-    forms: dict[Node, Form | None] = {}
+    roots = [value for term in terms for value in elements_of(term.value) if isinstance(value, GraphNode)]
+    forms: dict[GraphNode, Form | None] = {}
     for node in post_order(roots):
         forms[node] = _form(graph, node, forms)
     return not all(_is_constant(forms[root]) for root in roots)
 
 
-def _form(graph: Graph, node: Node, forms: Mapping[Node, Form | None]) -> Form | None:
+def _form(graph: Graph, node: GraphNode, forms: Mapping[GraphNode, Form | None]) -> Form | None:
     """Return a node as a polynomial, from those of its operands; None if the node is not a polynomial."""
     if isinstance(node, Symbol):
         return {(node.name,): 1.0} if node.name in _ROTATED else {(): node}
-    operand_forms: list[Form | None] = [forms[arg] if isinstance(arg, Node) else {(): arg} for arg in node.args]
+    operand_forms: list[Form | None] = [forms[arg] if isinstance(arg, GraphNode) else {(): arg} for arg in node.args]
     if all(map(_is_constant, operand_forms)):
         return {(): node}
     polynomials = [form for form in operand_forms if form is not None]
@@ -46,11 +46,11 @@ def _form(graph: Graph, node: Node, forms: Mapping[Node, Form | None]) -> Form |
     form = _combine(graph, node, polynomials)
     if form is None:
         return None
-    form = {factors: value for factors, value in form.items() if isinstance(value, Node) or value != 0.0}
+    form = {factors: value for factors, value in form.items() if isinstance(value, GraphNode) or value != 0.0}
     return {(): node} if _is_invariant(graph, form) else form
 
 
-def _combine(graph: Graph, node: Node, operands: Sequence[Form]) -> Form | None:
+def _combine(graph: Graph, node: GraphNode, operands: Sequence[Form]) -> Form | None:
     def termwise(function: Callable[..., Scalar], *forms: Form) -> Form:
         factors = dict.fromkeys(factor for form in forms for factor in form)
         return {key: function(*(form.get(key, 0.0) for form in forms)) for key in factors}
@@ -84,6 +84,6 @@ def _is_invariant(graph: Graph, form: Form) -> bool:
         across = form.get(tuple(sorted(_ACROSS[name] for name in factors)))
         if across is not None and len({name[-1] for name in factors}) > 1:
             across = graph.apply("negative", across)
-        if across is not value and (isinstance(value, Node) or isinstance(across, Node) or across != value):
+        if across is not value and (isinstance(value, GraphNode) or isinstance(across, GraphNode) or across != value):
             return False
     return True

@@ -12,10 +12,10 @@ from typing import TypeAlias
 
 import numpy as np
 
-from lookdev.brdf.table import Table
+from lookdev.brdf.table import NumberTable
 from lookdev.errors import CodegenError
 
-Scalar: TypeAlias = "Node | float | bool"
+Scalar: TypeAlias = "GraphNode | float | bool"
 
 
 class Uniform(float):
@@ -26,29 +26,29 @@ class Uniform(float):
 
 
 @dataclass(frozen=True, eq=False)
-class Node:
+class GraphNode:
     """One operation on earlier nodes and constants."""
 
     op: str
     args: tuple[Scalar, ...]
     graph: Graph
 
-    def operands(self) -> tuple[Node, ...]:
-        return tuple(arg for arg in self.args if isinstance(arg, Node))
+    def operands(self) -> tuple[GraphNode, ...]:
+        return tuple(arg for arg in self.args if isinstance(arg, GraphNode))
 
 
 @dataclass(frozen=True, eq=False)
-class Symbol(Node):
+class Symbol(GraphNode):
     """A named value that only run time determines."""
 
     name: str
 
 
 @dataclass(frozen=True, eq=False)
-class TableCell(Node):
+class TableCell(GraphNode):
     """A number in a table, by row and column, or a channel of the colour there; the channel of numbers is None."""
 
-    table: Table
+    table: NumberTable
     channel: int | None
 
 
@@ -70,7 +70,7 @@ class Graph:
     """Builds the nodes of one generated shader."""
 
     def __init__(self) -> None:
-        self._nodes: dict[tuple[object, ...], Node] = {}
+        self._nodes: dict[tuple[object, ...], GraphNode] = {}
         self._facts: dict[Scalar, bool] = {}
 
     def assume(self, condition: Scalar, value: bool = True) -> None:
@@ -95,24 +95,24 @@ class Graph:
         if op not in OPERATIONS:
             supported = ", ".join(sorted(OPERATIONS))
             raise CodegenError(f"a model uses numpy.{op}, which has no generated counterpart; known: {supported}")
-        if op == "where" and not isinstance(args[0], Node):
+        if op == "where" and not isinstance(args[0], GraphNode):
             return args[1] if args[0] else args[2]
-        if not any(isinstance(arg, Node) for arg in args):
+        if not any(isinstance(arg, GraphNode) for arg in args):
             function: Callable[..., np.float64 | np.bool_] = getattr(np, op)
             value = function(*args).item()
             has_uniform = isinstance(value, float) and any(isinstance(arg, Uniform) for arg in args)
             return uniform(value) if has_uniform else value
         simplified = _simplify(op, args)
-        return self._intern(Node(op, args, self)) if simplified is None else simplified
+        return self._intern(GraphNode(op, args, self)) if simplified is None else simplified
 
-    def look_up(self, table: Table, channel: int | None, row: Scalar, column: Scalar) -> Scalar:
+    def look_up(self, table: NumberTable, channel: int | None, row: Scalar, column: Scalar) -> Scalar:
         """Return the number in a cell of a table, or one channel of the colour there."""
-        if isinstance(row, Node) or isinstance(column, Node):
+        if isinstance(row, GraphNode) or isinstance(column, GraphNode):
             return self._intern(TableCell("look_up", (row, column), self, table, channel), table, channel)
         cell = table.values[int(row), int(column)]
         return float(cell if channel is None else cell[channel])
 
-    def _intern(self, node: Node, *names: object) -> Node | bool:
+    def _intern(self, node: GraphNode, *names: object) -> GraphNode | bool:
         """Return the first node with this operation, these names and arguments, or its value if that is assumed."""
         node = self._nodes.setdefault((node.op, *map(_argument_key, (*names, *node.args))), node)
         return self._facts.get(node, node)
@@ -126,16 +126,16 @@ def uniform(value: float) -> float:
 def _argument_key(value: object) -> object:
     """Return a key that is equal for equal arguments alone."""
     # It contains the type, as True == 1.0 in Python, and the sign, as 0.0 == -0.0.
-    return value if isinstance(value, Node) else (type(value), str(value))
+    return value if isinstance(value, GraphNode) else (type(value), str(value))
 
 
 def _equals(value: Scalar, constant: float) -> bool:
-    return not isinstance(value, Node) and bool(value == constant)
+    return not isinstance(value, GraphNode) and bool(value == constant)
 
 
 def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
     """Return a simpler equal of `op` of `args`, or None. ``x * 0`` is 0, as x is finite in every model."""
-    graph: Graph = next(arg.graph for arg in args if isinstance(arg, Node))
+    graph: Graph = next(arg.graph for arg in args if isinstance(arg, GraphNode))
     match op, args:
         case "add", (a, b):
             return b if _equals(a, 0.0) else a if _equals(b, 0.0) else None
@@ -155,11 +155,11 @@ def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
                 return 1.0
             if _equals(a, 0.0):
                 return 0.0
-            if not isinstance(b, Node):
+            if not isinstance(b, GraphNode):
                 return graph.apply("multiply", a, graph.apply("divide", 1.0, b))
         case "positive", (a,):
             return a
-        case "negative", (Node(op="negative") as a,):
+        case "negative", (GraphNode(op="negative") as a,):
             return a.args[0]
         case "square", (a,):
             return graph.apply("multiply", a, a)
@@ -175,19 +175,19 @@ def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
         case (("logical_and" | "logical_or"), (a, b)):
             deciding = op == "logical_or"  # the truth that decides the result alone
             for truth, other in ((a, b), (b, a)):
-                if not isinstance(truth, Node):
+                if not isinstance(truth, GraphNode):
                     return deciding if bool(truth) == deciding else other
     return None
 
 
-def post_order(roots: Iterable[Scalar], stop: Callable[[Node], bool] = lambda node: False) -> Iterator[Node]:
+def post_order(roots: Iterable[Scalar], stop: Callable[[GraphNode], bool] = lambda node: False) -> Iterator[GraphNode]:
     """Yield each node under `roots` once, after its operands.
 
     Nodes for which `stop` holds, and nodes that only they need, are left out. There is no recursion, as nested
     expressions make graphs thousands of operations deep.
     """
-    visited: set[Node] = set()
-    stack = [(root, False) for root in reversed(list(roots)) if isinstance(root, Node)]
+    visited: set[GraphNode] = set()
+    stack = [(root, False) for root in reversed(list(roots)) if isinstance(root, GraphNode)]
     while stack:
         node, has_yielded_operands = stack.pop()
         if has_yielded_operands:
@@ -198,9 +198,9 @@ def post_order(roots: Iterable[Scalar], stop: Callable[[Node], bool] = lambda no
             stack += [(operand, False) for operand in reversed(node.operands())]
 
 
-def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[Node]:
+def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[GraphNode]:
     """Return all nodes under `roots` that depend on one of the named symbols."""
-    dependent: set[Node] = set()
+    dependent: set[GraphNode] = set()
     for node in post_order(roots):
         if (isinstance(node, Symbol) and node.name in names) or any(
             operand in dependent for operand in node.operands()
@@ -209,11 +209,11 @@ def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[Node]
     return dependent
 
 
-def reachable_nodes(roots: Iterable[Scalar], stop: Iterable[Node] = ()) -> dict[Node, None]:
+def reachable_nodes(roots: Iterable[Scalar], stop: Iterable[GraphNode] = ()) -> dict[GraphNode, None]:
     """Return all nodes under `roots` in a reproducible order, without those that only nodes in `stop` need."""
     stops = set(stop)
-    visited: dict[Node, None] = {}
-    stack = [root for root in roots if isinstance(root, Node)]
+    visited: dict[GraphNode, None] = {}
+    stack = [root for root in roots if isinstance(root, GraphNode)]
     while stack:
         node = stack.pop()
         if node in visited:

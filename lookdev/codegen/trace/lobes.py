@@ -9,9 +9,9 @@ import numpy as np
 
 from lookdev.brdf import Array, Bsdf, Delta, Lobe, Real
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.mixture import Mixture, Term, estimate_albedo, mean_normal
+from lookdev.brdf.mixture import LobeTerms, Mixture, estimate_albedo, mean_normal
 from lookdev.brdf.vectors import scale
-from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.graph import Graph, GraphNode
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
@@ -53,7 +53,7 @@ def folded_lobes(graph: Graph, bsdf: Bsdf) -> int:
     return len(bsdf.lobes(symbols(graph, WO))) - len(continuous_lobes(graph, bsdf))
 
 
-def parts_of_lobe(term: Term) -> dict[str, Array]:
+def parts_of_lobe(term: LobeTerms) -> dict[str, Array]:
     """Return the parts of a lobe's value that are in other groups and do not fold to zero, (3,), by their groups."""
     if term.lobe.transmits:
         return {}
@@ -78,7 +78,7 @@ def trace_features(mixture: Mixture, deltas: Sequence[Delta]) -> tuple[Array, Ar
 
 
 def _can_be_positive(value: Real) -> bool:
-    return any(isinstance(element, Node) or element > 0.0 for element in elements_of(value))
+    return any(isinstance(element, GraphNode) or element > 0.0 for element in elements_of(value))
 
 
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
@@ -95,5 +95,5 @@ def assume_positive(graph: Graph, *values: Array | float) -> None:
     """Fold the comparisons with zero of scalar values that are positive wherever the traced code runs."""
     for value in values:
         (condition,) = elements_of(value > 0.0)
-        if isinstance(condition, Node):
+        if isinstance(condition, GraphNode):
             graph.assume(condition)

@@ -10,23 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from lookdev.codegen.trace.graph import Graph, Node, Scalar, Symbol, post_order
+from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol, post_order
 
 
 def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
     """Return the derivatives of nodes and constants with respect to a named symbol."""
-    tangents: dict[Node, Scalar] = {}
+    tangents: dict[GraphNode, Scalar] = {}
     calculus = _Calculus(graph)
 
     def tangent_of(value: Scalar) -> Scalar:
-        return tangents[value] if isinstance(value, Node) else 0.0
+        return tangents[value] if isinstance(value, GraphNode) else 0.0
 
     for node in post_order(roots):
         if isinstance(node, Symbol):
             tangents[node] = 1.0 if node.name == name else 0.0
         else:
             operand_tangents = [tangent_of(value) if node.op != "look_up" else 0.0 for value in node.args]
-            is_varying = any(isinstance(value, Node) or value != 0.0 for value in operand_tangents)
+            is_varying = any(isinstance(value, GraphNode) or value != 0.0 for value in operand_tangents)
             rule = _RULES.get(node.op) if is_varying else None
             tangents[node] = rule(calculus, node, *node.args, *operand_tangents) if rule else 0.0
     return [tangent_of(value) for value in roots]
@@ -43,18 +43,18 @@ class _Calculus:
 
     def scale(self, tangent: Scalar, factor: Callable[[], Scalar], valid: Scalar) -> Scalar:
         """Return a tangent times a factor, 0 where the factor is not valid; a tangent of 0 needs no factor."""
-        if not isinstance(tangent, Node) and tangent == 0.0:
+        if not isinstance(tangent, GraphNode) and tangent == 0.0:
             return 0.0
         return self.where(valid, self.multiply(tangent, factor()), 0.0)
 
 
-def _power(g: _Calculus, node: Node, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
+def _power(g: _Calculus, node: GraphNode, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
     positive = g.greater(a, 0.0)
     base = g.scale(da, lambda: g.multiply(b, g.power(a, g.subtract(b, 1.0))), positive)
     return g.add(base, g.scale(db, lambda: g.multiply(node, g.log(a)), positive))
 
 
-def _arctan2(g: _Calculus, node: Node, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
+def _arctan2(g: _Calculus, node: GraphNode, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
     length = g.add(g.multiply(x, x), g.multiply(y, y))
     cross = g.subtract(g.multiply(x, dy), g.multiply(y, dx))
     return g.where(g.greater(length, 0.0), g.divide(cross, length), 0.0)

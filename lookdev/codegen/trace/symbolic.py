@@ -15,15 +15,15 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from lookdev.arrays import Floats
-from lookdev.brdf.table import Table, look_up
-from lookdev.brdf.vectors import Array, Index, Mask
-from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Scalar, Uniform, uniform
+from lookdev.brdf.table import NumberTable, look_up
+from lookdev.brdf.vectors import Array, BooleanArray, Index
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, GraphNode, Scalar, Uniform, uniform
 from lookdev.errors import CodegenError
 
-SymbolicLike: TypeAlias = "Array | Mask | Sequence[Array | Mask | Scalar] | Scalar"
+SymbolicLike: TypeAlias = "Array | BooleanArray | Sequence[Array | BooleanArray | Scalar] | Scalar"
 """What is an array, symbolic or not, or becomes one."""
 
-Function: TypeAlias = Callable[..., object]
+TracedFunction: TypeAlias = Callable[..., object]
 
 
 class SymbolicArray(NDArrayOperatorsMixin):
@@ -59,7 +59,7 @@ class SymbolicArray(NDArrayOperatorsMixin):
         return _elementwise(self.graph, ufunc.__name__, *inputs)
 
     def __array_function__(
-        self, func: Function, types: Iterable[type], args: Iterable[object], kwargs: Mapping[str, object]
+        self, func: TracedFunction, types: Iterable[type], args: Iterable[object], kwargs: Mapping[str, object]
     ) -> object:
         if func not in _FUNCTIONS:
             supported = ", ".join(sorted(function.__name__ for function in _FUNCTIONS))
@@ -86,7 +86,7 @@ class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
         return _elementwise(self.graph, ufunc.__name__, *inputs)
 
     def __array_function__(
-        self, func: Function, types: Iterable[type], args: Iterable[object], kwargs: Mapping[str, object]
+        self, func: TracedFunction, types: Iterable[type], args: Iterable[object], kwargs: Mapping[str, object]
     ) -> object:
         if SymbolicArray in types:
             return NotImplemented
@@ -131,7 +131,7 @@ def _elements(value: object) -> NDArray[np.object_]:
 def _wrap(graph: Graph, elements: object) -> Array:
     """Return elements as a symbolic array, or as an ordinary or uniform array if all are constants."""
     array = np.asarray(elements, dtype=object)
-    if any(isinstance(element, Node) for element in array.ravel()):
+    if any(isinstance(element, GraphNode) for element in array.ravel()):
         return SymbolicArray(graph, array)
     constants = np.array(array.tolist())
     if any(isinstance(element, Uniform) for element in array.ravel()):
@@ -169,7 +169,7 @@ def _broadcast_arrays(graph: Graph, *arrays: object) -> list[Array]:
     return [_wrap(graph, array) for array in np.broadcast_arrays(*map(_elements, arrays))]
 
 
-def _look_up(graph: Graph, table: Table, row: object, column: object) -> Array:
+def _look_up(graph: Graph, table: NumberTable, row: object, column: object) -> Array:
     def channel(number: int | None) -> Array:
         function = np.frompyfunc(lambda *cell: graph.look_up(table, number, *cell), 2, 1)
         return _wrap(graph, function(_elements(row), _elements(column)))
@@ -177,7 +177,7 @@ def _look_up(graph: Graph, table: Table, row: object, column: object) -> Array:
     return channel(None) if table.values.ndim == 2 else _stack(graph, [channel(i) for i in range(3)], axis=-1)
 
 
-_FUNCTIONS: dict[Function, Callable[..., object]] = {
+_FUNCTIONS: dict[TracedFunction, Callable[..., object]] = {
     np.sum: _sum,
     np.stack: _stack,
     np.expand_dims: _reshaping(np.expand_dims),

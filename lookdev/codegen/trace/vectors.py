@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TypeAlias, TypeGuard
 
-from lookdev.codegen.trace.graph import Node, Scalar
+from lookdev.codegen.trace.graph import GraphNode, Scalar
 
 Triple: TypeAlias = tuple[Scalar, Scalar, Scalar]
 """The components of a vector: nodes and numbers."""
 
 
-def match_dot(node: Node) -> tuple[Triple, Triple] | None:
+def match_dot(node: GraphNode) -> tuple[Triple, Triple] | None:
     """Return the two vectors whose dot product a node is; None if it is not a dot product."""
     factor: Scalar | None = None
     total: Scalar = node
-    if node.op == "multiply" and not isinstance(node.args[1], Node):
+    if node.op == "multiply" and not isinstance(node.args[1], GraphNode):
         # The mean of three numbers is their dot product with a constant vector.
         total, factor = node.args
     summands = _summands(total)
@@ -22,7 +22,7 @@ def match_dot(node: Node) -> tuple[Triple, Triple] | None:
         return None
     if factor is not None:
         return summands, (factor, factor, factor)
-    pairs = [product.args for product in summands if isinstance(product, Node) and product.op == "multiply"]
+    pairs = [product.args for product in summands if isinstance(product, GraphNode) and product.op == "multiply"]
     if len(pairs) < 3:
         return None
     (a0, b0), (a1, b1), (a2, b2) = pairs
@@ -33,14 +33,22 @@ def match_normalize(triple: Triple) -> Triple | None:
     """Return the vector that a triple normalizes; None if it does not normalize any."""
     root: Scalar | None
     match triple:
-        case (Node(op="divide", args=(x, a)), Node(op="divide", args=(y, b)), Node(op="divide", args=(z, c))):
+        case (
+            GraphNode(op="divide", args=(x, a)),
+            GraphNode(op="divide", args=(y, b)),
+            GraphNode(op="divide", args=(z, c)),
+        ):
             root = a
-        case (Node(op="multiply", args=(x, a)), Node(op="multiply", args=(y, b)), Node(op="multiply", args=(z, c))):
+        case (
+            GraphNode(op="multiply", args=(x, a)),
+            GraphNode(op="multiply", args=(y, b)),
+            GraphNode(op="multiply", args=(z, c)),
+        ):
             root = a.args[1] if is_inverse_root(a) else None
         case _:
             return None
     match root:
-        case Node(op="sqrt", args=(Node() as square,)) if a is b and a is c:
+        case GraphNode(op="sqrt", args=(GraphNode() as square,)) if a is b and a is c:
             factors = match_dot(square)
             return (x, y, z) if factors and all(_is_same((x, y, z), factor) for factor in factors) else None
     return None
@@ -50,10 +58,10 @@ def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
     """Return the two vectors whose cross product a triple is; None if it is not a cross product."""
     products: list[Scalar] = []
     for component in triple:
-        if not isinstance(component, Node) or component.op != "subtract":
+        if not isinstance(component, GraphNode) or component.op != "subtract":
             return None
         products += component.args
-    factors = [product.args for product in products if isinstance(product, Node) and product.op == "multiply"]
+    factors = [product.args for product in products if isinstance(product, GraphNode) and product.op == "multiply"]
     if len(factors) < 6:
         return None
     (a_y, b_z), (a_z, b_y), (a_z2, b_x), (a_x, b_z2), (a_x2, b_y2), (a_y2, b_x2) = factors
@@ -63,19 +71,19 @@ def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
 
 
 def _is_same(a: Triple, b: Triple) -> bool:
-    return all(x is y if isinstance(x, Node) else x == y for x, y in zip(a, b, strict=True))
+    return all(x is y if isinstance(x, GraphNode) else x == y for x, y in zip(a, b, strict=True))
 
 
 def _summands(value: Scalar) -> Triple | None:
     match value:
-        case Node(op="add", args=(Node(op="add", args=(x, y)), z)):
+        case GraphNode(op="add", args=(GraphNode(op="add", args=(x, y)), z)):
             return x, y, z
     return None
 
 
-def is_inverse_root(value: Scalar) -> TypeGuard[Node]:
+def is_inverse_root(value: Scalar) -> TypeGuard[GraphNode]:
     """Return whether a value is ``1 / sqrt(x)``."""
     match value:
-        case Node(op="divide", args=(1.0, Node(op="sqrt"))):
+        case GraphNode(op="divide", args=(1.0, GraphNode(op="sqrt"))):
             return True
     return False

@@ -13,9 +13,9 @@ from scipy.ndimage import uniform_filter
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError, ModelError
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
-from lookdev.fitting.picture.page import Pictures, Row, format_numbers, table_rows, write_page
+from lookdev.fitting.picture.page import FitPictures, Row, format_numbers, table_rows, write_page
 from lookdev.fitting.picture.photo import Photo, read_photo
-from lookdev.fitting.picture.search import Found, Point, Search, Settings
+from lookdev.fitting.picture.search import LossPoint, Search, SearchResult, Settings
 from lookdev.fitting.picture.target import Target, block_means, block_side
 from lookdev.fitting.picture.unknowns import EXPOSURE, Unknown, parse_unknowns
 from lookdev.job import load_job
@@ -31,7 +31,7 @@ _PAGE_SAMPLES = 1 << 19
 
 
 @dataclass(frozen=True)
-class Wish:
+class PictureFitRequest:
     """A request to fit a job's look to a picture.
 
     parameters
@@ -65,9 +65,9 @@ class Wish:
 class PictureFit:
     """The result for a frame of a job, the files that were written, and notes for the user."""
 
-    wish: Wish
+    request: PictureFitRequest
     frame: str
-    found: Found
+    result: SearchResult
     rows: tuple[Row, ...]
     block: int
     noise_from: str
@@ -76,9 +76,9 @@ class PictureFit:
 
     def data(self) -> dict[str, object]:
         """Return the fit as plain data."""
-        result = self.found
+        result = self.result
         return {
-            "picture": str(self.wish.picture), "job": str(self.wish.job), "frame": self.frame,
+            "picture": str(self.request.picture), "job": str(self.request.job), "frame": self.frame,
             "parameters": {
                 row.name: {"before": _to_json(row.before), "after": _to_json(row.after), "error": _to_json(row.error),
                            "remark": row.remark}
@@ -97,11 +97,11 @@ class PictureFit:
 
     @property
     def _state(self) -> str:
-        return "interrupted" if self.found.interrupted else "converged" if self.found.converged else "not converged"
+        return "interrupted" if self.result.interrupted else "converged" if self.result.converged else "not converged"
 
     def lines(self) -> list[str]:
         """Return the lines of text below the title of the page."""
-        fit, wish = self.found, self.wish
+        fit, wish = self.result, self.request
         return [
             f"{wish.picture.name}, as frame {self.frame} of {wish.job.name}; {self._state} in {fit.seconds:.0f} s.",
             f"Difference {_percent(fit.before)} before, {_percent(fit.after)} after, of which the picture's noise "
@@ -110,8 +110,8 @@ class PictureFit:
 
     def text(self) -> str:
         """Return the fit as lines of text."""
-        result = self.found
-        lines = [f"{self.wish.picture}: {self.frame}"]
+        result = self.result
+        lines = [f"{self.request.picture}: {self.frame}"]
         width = max(len(row.name) for row in self.rows)
         for row in self.rows:
             error = "" if np.isnan(row.error).all() else f" ± {format_numbers(row.error, 2)}"
@@ -127,7 +127,7 @@ class PictureFit:
         return "\n".join(lines)
 
 
-def fit_picture(request: Wish, report: Callable[[Point], None] = lambda point: None) -> PictureFit:
+def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] = lambda point: None) -> PictureFit:
     """Fit parameters of a look to a picture of it; `report` is called with the loss of every render.
 
     After a KeyboardInterrupt the best result so far is written and returned, if there is one.
@@ -176,7 +176,9 @@ def fit_picture(request: Wish, report: Callable[[Point], None] = lambda point: N
     return picture_fit
 
 
-def _write_look(request: Wish, frame: JobFrame, unknowns: tuple[Unknown, ...], result: Found) -> Iterator[Path]:
+def _write_look(
+    request: PictureFitRequest, frame: JobFrame, unknowns: tuple[Unknown, ...], result: SearchResult
+) -> Iterator[Path]:
     """Write the fitted look, if it is requested; yield its file."""
     if request.look is not None and frame.table.material is not None:
         constants = [
@@ -211,7 +213,9 @@ def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[U
     return candidates[0]
 
 
-def _check_request(request: Wish, photo: Photo, frame: JobFrame, look: Look) -> tuple[Wish, tuple[str, ...]]:
+def _check_request(
+    request: PictureFitRequest, photo: Photo, frame: JobFrame, look: Look
+) -> tuple[PictureFitRequest, tuple[str, ...]]:
     """Return the request and notes; a look that cannot be written is removed from it, unless the user named it.
 
     Raises LookdevError if picture and job do not match, or if a file cannot be written.
@@ -258,13 +262,13 @@ def _page_pictures(
     picture_fit: PictureFit,
     before: Mapping[str, tuple[float, ...]],
     gain: float,
-) -> Pictures:
+) -> FitPictures:
     """Return the pictures of the page.
 
     Renders are as large as the photo, or of fewer pixels for a large photo. After an interruption they are those of the
     search.
     """
-    result, block = picture_fit.found, picture_fit.block
+    result, block = picture_fit.result, picture_fit.block
     if result.interrupted:
         renders = [gain * render[..., :3] for render in result.pictures]
         side, errors = block, [np.zeros_like(render) for render in renders]
@@ -286,7 +290,7 @@ def _page_pictures(
     noise_before, noise_after = (np.sqrt(np.maximum(variance, 0.0)) for variance in variances)
     rows, columns = (np.arange(length // side) * side // block for length in photo.color.shape[:2])
     used = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
-    return Pictures(block_means(photo.color, side), renders[0], renders[1], noise_before, noise_after, used)
+    return FitPictures(block_means(photo.color, side), renders[0], renders[1], noise_before, noise_after, used)
 
 
 def _percent(loss: float) -> str:

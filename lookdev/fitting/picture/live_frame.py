@@ -125,8 +125,8 @@ def live_frame(job: Job, frame: JobFrame, look: Look, unknowns: tuple[Unknown, .
     """Start a worker for a frame with the unknowns of its look as inputs; raises RenderError if none can start."""
     constants = {str(n): unknown.constant for n, unknown in enumerate(unknowns) if not unknown.is_exposure}
     live = look_with_live_inputs(look, constants)
-    looks = {path: live if assigned is look else assigned for path, assigned in frame.scene.wears.items()}
-    scene = replace(frame.scene, wears=looks)
+    looks = {path: live if assigned is look else assigned for path, assigned in frame.scene.look_of_slot.items()}
+    scene = replace(frame.scene, look_of_slot=looks)
     sampling = replace(job.render.sampling, denoise="off", error=None, passes=())
     backend = BACKENDS[BACKEND]
     device = job.render.device if job.render.device in backend.devices else "cpu"

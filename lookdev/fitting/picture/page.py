@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.arrays import Bools, Bytes, Floats
-from lookdev.fitting.picture.search import Found, Point
+from lookdev.fitting.picture.search import LossPoint, SearchResult
 from lookdev.html_page import write_html_page
 from lookdev.output.color import VIEWS
 from lookdev.output.display import to_display
@@ -22,7 +22,7 @@ _MOST_NOISE = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Pictures:
+class FitPictures:
     """Pictures of the page, linear (H, W, 3): the photo, renders of both looks, and standard errors of differences.
 
     `used` (H, W) are the pixels that were compared.
@@ -47,7 +47,7 @@ class Row:
     remark: str = ""
 
 
-def table_rows(result: Found, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
+def table_rows(result: SearchResult, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
     """Return the rows of the table; `before` has the values of the original look by name."""
     rows = []
     for name, value in result.values.items():
@@ -67,7 +67,7 @@ def format_numbers(values: Sequence[float], digits: int = 4) -> str:
 
 
 def write_page(
-    file: Path, title: str, lines: Sequence[str], pictures: Pictures, rows: Sequence[Row], result: Found
+    file: Path, title: str, lines: Sequence[str], pictures: FitPictures, rows: Sequence[Row], result: SearchResult
 ) -> None:
     """Write the page, complete or not at all; `lines` are plain text below the title."""
     photo_and_renders = {"Photo": pictures.photo, "Before": pictures.before, "After": pictures.after}
@@ -93,7 +93,7 @@ def write_page(
     )
 
 
-def _warnings(result: Found) -> Iterator[str]:
+def _warnings(result: SearchResult) -> Iterator[str]:
     if result.interrupted:
         yield "The search was interrupted: these are the best parameters so far, without errors."
     elif not result.converged:
@@ -107,7 +107,7 @@ def _warnings(result: Found) -> Iterator[str]:
         yield "Another start ended elsewhere at about the same loss: the result may be one of several."
 
 
-def _difference(name: str, render: Floats, noise: Floats, pictures: Pictures) -> tuple[str, bytes]:
+def _difference(name: str, render: Floats, noise: Floats, pictures: FitPictures) -> tuple[str, bytes]:
     """Return a caption and a PNG of the difference between a render and the photo, in standard errors."""
     from matplotlib import colormaps
 
@@ -127,7 +127,7 @@ def _png(pixels: Bytes) -> bytes:
     return stream.getvalue()
 
 
-def _loss_chart(curve: Sequence[Point], noise: float) -> dict[str, Any]:
+def _loss_chart(curve: Sequence[LossPoint], noise: float) -> dict[str, Any]:
     """Return a chart of the loss of every render on a logarithmic axis; x and y are in [0, 1]."""
     losses = np.array([max(point.loss, 1e-12) for point in curve])
     floor = max(min(losses.min(), noise if noise > 0.0 else losses.min()), losses.max() * 1e-8)

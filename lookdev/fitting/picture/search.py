@@ -23,7 +23,7 @@ from lookdev.errors import LookdevError
 from lookdev.fitting.picture.target import Target
 from lookdev.fitting.picture.unknowns import Unknown
 
-Render = Callable[[Mapping[str, tuple[float, ...]], bool, int, tuple[int, int]], Floats]
+RenderLook = Callable[[Mapping[str, tuple[float, ...]], bool, int, tuple[int, int]], Floats]
 """Function of the values of the look's unknowns by name, whether to derive, the samples and the seeds.
 
 It returns halves (2, 1 + P, H, W, 4): a picture, and its derivatives by each number of each unknown, in order.
@@ -63,7 +63,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Point:
+class LossPoint:
     """A point of the loss curve: the stage, the number of the start, the loss, and whether the step is accepted."""
 
     stage: str
@@ -73,7 +73,7 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class SearchResult:
     """The result of a search.
 
     values, errors
@@ -106,7 +106,7 @@ class Found:
     noise: float
     misfit: float
     starts: tuple[tuple[float, bool], ...]
-    curve: tuple[Point, ...]
+    curve: tuple[LossPoint, ...]
     pictures: tuple[Floats, Floats]
     converged: bool
     interrupted: bool
@@ -128,12 +128,12 @@ class _LocalModel:
 class Search:
     """A search for the unknowns of a look whose renders are nearest to a target."""
 
-    render: Render
+    render: RenderLook
     target: Target
     unknowns: Sequence[Unknown]
     settings: Settings = field(default_factory=Settings)
-    report: Callable[[Point], None] = lambda point: None
-    _curve: list[Point] = field(default_factory=list)
+    report: Callable[[LossPoint], None] = lambda point: None
+    _curve: list[LossPoint] = field(default_factory=list)
     _seeds: Iterator[int] = field(default_factory=count)
     _best: tuple[Floats, float, Floats] | None = None
     _first: Floats = field(default_factory=lambda: np.zeros(0))
@@ -148,7 +148,7 @@ class Search:
         self._is_compared = self.target.weight > 0.0
         self._weight = self.target.weight[self._is_compared]
 
-    def run(self) -> Found:
+    def run(self) -> SearchResult:
         """Return the best result; after a KeyboardInterrupt the best so far, if there is one.
 
         Raises LookdevError if no unknown changes the picture.
@@ -246,7 +246,7 @@ class Search:
 
     def _result(
         self, before: float, ends: Sequence[tuple[Floats, float]], converged: bool, interrupted: bool, start_time: float
-    ) -> Found:
+    ) -> SearchResult:
         assert self._best is not None, "a start was rendered"
         unit, loss, picture = self._best
         no_errors = np.full(len(unit), np.nan)
@@ -273,7 +273,7 @@ class Search:
         for unknown, part in self._slices():
             values[unknown.name] = tuple(map(float, unknown.value(at_bound[part])))
             spread[unknown.name] = tuple(map(float, errors[part] * unknown.rate(at_bound[part])))
-        return Found(
+        return SearchResult(
             values, spread, tuple(without_effect), tuple(undetermined),
             tuple(_correlated_pairs(names, covariance, errors)), before, loss, noise, misfit,
             tuple((end, bool(np.abs(end_unit - unit).max() < _NEAR)) for end_unit, end in ends),
@@ -366,7 +366,7 @@ class Search:
             self._best = unit, loss, 0.5 * (halves[0] + halves[1])
 
     def _record_point(self, stage: str, start: int, loss: float, accepted: bool = True) -> None:
-        self._curve.append(Point(stage, start, loss, accepted))
+        self._curve.append(LossPoint(stage, start, loss, accepted))
         self.report(self._curve[-1])
 
 

@@ -28,9 +28,9 @@ from lookdev.light.base import CodedLight, LightCode
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.environment import EnvironmentMap, make_environment, map_in_space, read_exr, write_exr
 from lookdev.light.dome.warp import BilinearWarp, lookup_towards
-from lookdev.light.emission import WHITE, Color, Emission
+from lookdev.light.emission import WHITE, Emission
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
-from lookdev.space import Space
+from lookdev.space import Color, Space
 
 TABLE_VERSION = 4
 """Part of the digest. Raise it with any change to the content of the tables."""
@@ -75,7 +75,7 @@ class Dome(CodedLight):
         return self
 
     @property
-    def sent(self) -> Color:
+    def emitted_radiance(self) -> Color:
         if not self.constant:
             return self.emission.color
         r, g, b = self.radiance(np.zeros(3), np.array((0.0, 0.0, 1.0))).tolist()
@@ -165,7 +165,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
     height, width = env.radiance.shape[:2]
 
     def write_table(table: Ints32 | Floats32) -> Content:
-        return Content.written(".npy", lambda path: np.save(path, table))
+        return Content.store_written(".npy", lambda path: np.save(path, table))
 
     def write_tables() -> tuple[Content, ...]:
         radiance = env.radiance.astype(np.float64)
@@ -174,7 +174,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
         slot_table, bin_table = slots.cut_slots(directions, warp.integral)
         # Compression would save a quarter of 16 MB, and cost every start 0.1 s.
         texture = pixels.reshape(points.SIDE, points.SIDE, 4)
-        points_file = Content.written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False))
+        points_file = Content.store_written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False))
         return points_file, write_table(slot_table), write_table(bin_table)
 
     write_radiance = partial(write_exr, channels="RGB", values=env.radiance)

@@ -76,7 +76,7 @@ class LocalDome(Light):
     def with_emission(self, emission: Emission) -> LocalDome:
         return replace(self, dome=self.dome.with_emission(emission))
 
-    def scaled(self, scale: float, origin: Vector) -> LocalDome:
+    def rescale(self, scale: float, origin: Vector) -> LocalDome:
         position = vector(scale * np.array(self.position) + np.array(origin))
         light = self.with_emission(self.emission.scale_lengths(scale))
         return replace(light, position=position, radius=scale * self.radius)

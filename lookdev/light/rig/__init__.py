@@ -6,9 +6,9 @@ each with its prim.
 
 A rig whose root has ``custom bool lookdev:fit = true`` fits an asset of any size: its unit is the radius of the asset's
 bounding sphere, and its origin the centre of that sphere. Its lights are read with a unit of 1 m;
-`lookdev.light.Light.scaled` converts them.
+`lookdev.light.Light.rescale` converts them.
 """
 
-from lookdev.light.rig.read import Rig, RigLight, holds_only_lights, load_rig, read_rig
+from lookdev.light.rig.read import LightRig, RigLight, holds_only_lights, load_rig, read_rig
 
-__all__ = ["Rig", "RigLight", "holds_only_lights", "load_rig", "read_rig"]
+__all__ = ["LightRig", "RigLight", "holds_only_lights", "load_rig", "read_rig"]

@@ -17,7 +17,7 @@ from typing import TypeVar
 from pxr import Ar, Gf, Sdf, Usd, UsdLux
 
 from lookdev.errors import EnvironmentMapError, Fault, FaultsError, TextureError, close_hint, nearest_hint
-from lookdev.light.emission import Color
+from lookdev.space import Color
 from lookdev.stage import quote
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 from lookdev.stage.packages import unpack

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pxr import Usd, UsdLux
 
-from lookdev.light.emission import Emission, Falloff, Link, Shadow, Shaping, emitted_color
+from lookdev.light.emission import Emission, Falloff, LightLink, Shadow, Shaping, emitted_color
 from lookdev.light.ies import load_profile
 from lookdev.light.rig.attributes import SHAPING, LightPrim, RigReport, schema_names
 from lookdev.light.usd import FALLOFF
@@ -101,7 +101,7 @@ def _falloff(light: LightPrim, unit: float) -> Falloff:
     )
 
 
-def _link(light: LightPrim, name: str) -> Link | None:
+def _link(light: LightPrim, name: str) -> LightLink | None:
     """Return the rules of a light's collection, from USD's own query; None if it includes everything."""
     collection_name, collection = f"collection:{name}", Usd.CollectionAPI(light.prim, name)
     expression = light.prim.GetAttribute(f"{collection_name}:membershipExpression")
@@ -123,4 +123,4 @@ def _link(light: LightPrim, name: str) -> Link | None:
         return None
     if "expandPrims" not in rules.values() and "explicitOnly" not in rules.values():
         light.note(collection_name, "includes nothing")
-    return Link(tuple(sorted(rules.items())))
+    return LightLink(tuple(sorted(rules.items())))

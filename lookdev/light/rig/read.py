@@ -43,23 +43,23 @@ class RigLight:
 
 
 @dataclass(frozen=True)
-class Rig:
+class LightRig:
     """The lights of a rig with z up, in metres, or in units of the asset's radius if `fit`; notes are for the user."""
 
     file: str
-    given: tuple[RigLight, ...]
+    rig_lights: tuple[RigLight, ...]
     fit: bool
     notes: tuple[str, ...]
 
     @property
     def lights(self) -> tuple[Light, ...]:
         """The lights, in the order of their paths."""
-        return tuple(rig_light.light for rig_light in self.given)
+        return tuple(rig_light.light for rig_light in self.rig_lights)
 
     def check_exposed(self, exposure: float = 0.0) -> None:
         """Raise RigError if shaders, in float32, cannot compute with the radiance of a light times 2^exposure."""
         report = RigReport(self.file)
-        for rig_light in self.given:
+        for rig_light in self.rig_lights:
             if fault := exposure_fault(rig_light.peak, exposure):
                 report.fault(rig_light.path, *fault)
         if report.faults:
@@ -68,7 +68,7 @@ class Rig:
 
 def load_rig(
     file: Path, prim: str | None = None, values: Mapping[str, LightValue] | None = None, *, sampled: bool = True
-) -> Rig:
+) -> LightRig:
     """Compose a USD file, set values with `change_values`, and read its lights with `read_rig`.
 
     Raises StageError if the file cannot be composed, and RigError as these two functions.
@@ -79,7 +79,7 @@ def load_rig(
     return read_rig(composed, sampled=sampled)
 
 
-def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
+def read_rig(composed: Composed, *, sampled: bool = True) -> LightRig:
     """Read the lights at and below a prim of a stage: the composition's prim, else the default prim, else all lights.
 
     Values are those at the stage's startTimeCode, else at the earliest time. Transforms of the prim's ancestors apply.
@@ -106,7 +106,7 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
     if not rig_lights:
         raise RigError([_no_light_fault(report, composed.composition.prim or "", "")])
     notes = (*composed.notes, *report.notes, *(f"{file}: {warning}" for warning in warnings))
-    rig = Rig(report.file, rig_lights, fit, notes)
+    rig = LightRig(report.file, rig_lights, fit, notes)
     rig.check_exposed()
     return rig
 

@@ -11,15 +11,15 @@ from typing import Literal, cast
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Mask, Real
+from lookdev.brdf.vectors import Array, BooleanArray, Real
 from lookdev.errors import nearest_hint
 from lookdev.material.expression import syntax
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, clip_to_bound
 from lookdev.material.expression.syntax import ExpressionError
 
-__all__ = ["Expression", "ExpressionError", "Kind", "parse"]
+__all__ = ["Expression", "ExpressionError", "ExpressionKind", "parse"]
 
-Kind = Literal["float", "color"]
+ExpressionKind = Literal["float", "color"]
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Expression:
     """A parsed expression: its text, its tree, and the names of its inputs in order of appearance."""
 
     text: str
-    root: syntax.Node
+    root: syntax.ExpressionNode
     names: tuple[str, ...]
 
-    def check(self, types: Mapping[str, Kind]) -> Kind:
+    def check(self, types: Mapping[str, ExpressionKind]) -> ExpressionKind:
         """Return the type of the result for types of the inputs.
 
         Raises
@@ -40,7 +40,7 @@ class Expression:
         """
         return _Checker(self.text, types).kind(self.root)
 
-    def evaluate(self, values: Mapping[str, Array], types: Mapping[str, Kind]) -> Array:
+    def evaluate(self, values: Mapping[str, Array], types: Mapping[str, ExpressionKind]) -> Array:
         """Compute the expression.
 
         Parameters
@@ -71,31 +71,31 @@ def parse(text: str) -> Expression:
 
 
 class _Checker:
-    def __init__(self, text: str, types: Mapping[str, Kind]) -> None:
+    def __init__(self, text: str, types: Mapping[str, ExpressionKind]) -> None:
         self.text, self.types = text, types
 
-    def kind(self, node: syntax.Node) -> Kind:
+    def kind(self, node: syntax.ExpressionNode) -> ExpressionKind:
         """Return the type of a node."""
         match node:
-            case syntax.Name(position=position, name=name) if name not in self.types:
+            case syntax.NameNode(position=position, name=name) if name not in self.types:
                 hint = nearest_hint(name, [*self.types, *CONSTANTS])
                 if name in FUNCTIONS:
                     hint = f"a function: {FUNCTIONS[name].signature(name)}"
                 raise ExpressionError(self.text, position, f"unknown name '{syntax.shorten_name(name)}'", hint)
-            case syntax.Name(name=name):
+            case syntax.NameNode(name=name):
                 return self.types[name]
-            case syntax.Color(channels=channels):
+            case syntax.ColorNode(channels=channels):
                 for channel in channels:
                     self._check_float(channel, "a channel of a color")
                 return "color"
-            case syntax.Channel(position=position, color=color):
+            case syntax.ChannelNode(position=position, color=color):
                 if self.kind(color) == "float":
                     raise ExpressionError(self.text, position, "a channel of a float; only colors have channels")
                 return "float"
-            case syntax.Choice(condition=condition, yes=yes, no=no):
+            case syntax.ChoiceNode(condition=condition, yes=yes, no=no):
                 self._check_float(condition, "the condition of '?'")
                 return "color" if "color" in (self.kind(yes), self.kind(no)) else "float"
-            case syntax.Apply(name=name, function=function, arguments=arguments):
+            case syntax.ApplyNode(name=name, function=function, arguments=arguments):
                 if function.domain == "each":
                     return "color" if "color" in [self.kind(argument) for argument in arguments] else "float"
                 for argument in arguments:
@@ -104,10 +104,10 @@ class _Checker:
                     else:
                         self._check_float(argument, f"'{name}'")
                 return "color" if function.gives == "color" else "float"
-            case syntax.Number():
+            case syntax.NumberNode():
                 return "float"
 
-    def _check_float(self, node: syntax.Node, user: str) -> None:
+    def _check_float(self, node: syntax.ExpressionNode, user: str) -> None:
         if self.kind(node) == "color":
             hint = "take luminance(color), or a channel: color[0]"
             raise ExpressionError(self.text, node.position, f"{user} needs a float, this is a color", hint)
@@ -116,41 +116,41 @@ class _Checker:
 class _Evaluation:
     """Evaluates a checked tree. A value is a tuple of channels: one for a float, three for a colour."""
 
-    def __init__(self, values: Mapping[str, Array], types: Mapping[str, Kind]) -> None:
+    def __init__(self, values: Mapping[str, Array], types: Mapping[str, ExpressionKind]) -> None:
         self.values, self.types = values, types
 
-    def value(self, node: syntax.Node) -> tuple[Array, ...]:
+    def value(self, node: syntax.ExpressionNode) -> tuple[Array, ...]:
         """Return the channels of a node."""
         match node:
-            case syntax.Number(value=value):
+            case syntax.NumberNode(value=value):
                 return (np.asarray(value),)
-            case syntax.Name(name=name):
+            case syntax.NameNode(name=name):
                 operand = self.values[name]
                 return tuple(operand[..., i] for i in range(3)) if self.types[name] == "color" else (operand,)
-            case syntax.Color(channels=channels):
+            case syntax.ColorNode(channels=channels):
                 return tuple(self._float(channel) for channel in channels)
-            case syntax.Channel(color=color, index=index):
+            case syntax.ChannelNode(color=color, index=index):
                 return (self.value(color)[index],)
-            case syntax.Choice(condition=condition, yes=yes, no=no):
+            case syntax.ChoiceNode(condition=condition, yes=yes, no=no):
                 truth = self.truth_value(condition)
                 return _map_channels(lambda a, b: np.where(truth, a, b), self.value(yes), self.value(no))
-            case syntax.Apply():
+            case syntax.ApplyNode():
                 results = self._apply_function(node)
                 # Symbols are clipped once, at the end. Constants must be float32 literals in every operation.
                 return tuple(clip_to_bound(x) if isinstance(x, np.ndarray | np.floating) else x for x in results)
 
-    def truth_value(self, node: syntax.Node) -> Mask:
+    def truth_value(self, node: syntax.ExpressionNode) -> BooleanArray:
         """Return the truth values of a node; a number is true where it is not 0."""
-        if isinstance(node, syntax.Apply) and node.function.gives == "truth":
+        if isinstance(node, syntax.ApplyNode) and node.function.gives == "truth":
             operand = self.truth_value if node.function.domain == "truth" else self._float
-            return cast(Mask, node.function.evaluate(*(operand(argument) for argument in node.arguments)))
-        truth: Mask = np.logical_not(np.equal(self._float(node), 0.0))
+            return cast(BooleanArray, node.function.evaluate(*(operand(argument) for argument in node.arguments)))
+        truth: BooleanArray = np.logical_not(np.equal(self._float(node), 0.0))
         return truth
 
-    def _float(self, node: syntax.Node) -> Array:
+    def _float(self, node: syntax.ExpressionNode) -> Array:
         return self.value(node)[0]
 
-    def _apply_function(self, node: syntax.Apply) -> tuple[Array, ...]:
+    def _apply_function(self, node: syntax.ApplyNode) -> tuple[Array, ...]:
         function = node.function
         if function.gives == "truth":
             return (np.where(self.truth_value(node), 1.0, 0.0),)

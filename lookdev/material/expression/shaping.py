@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from lookdev.brdf.vectors import TINY, Array, Mask, Real
+from lookdev.brdf.vectors import TINY, Array, BooleanArray, Real
 
 LARGEST = 1e18
 """The bound of the magnitude of all numbers: the product of two is still a float32."""
@@ -28,7 +28,7 @@ _PERIOD = 289.0
 
 
 @dataclass(frozen=True)
-class Function:
+class LanguageFunction:
     """A function or operator of the language.
 
     The last `optional` of the `parameters` may be omitted. `domain` is the type of the arguments: ``"each"`` floats and
@@ -36,7 +36,7 @@ class Function:
     ``"truth"`` truth values. `gives` is the type of the result; None is the type of the arguments.
     """
 
-    evaluate: Callable[..., Array | Mask | tuple[Array, ...]]
+    evaluate: Callable[..., Array | BooleanArray | tuple[Array, ...]]
     parameters: tuple[str, ...]
     optional: int = 0
     domain: Literal["each", "float", "color", "truth"] = "each"
@@ -251,60 +251,60 @@ def cellnoise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
 CONSTANTS: dict[str, float] = {"PI": pi, "E": e, "linear": 0.0, "smooth": 1.0, "gaussian": 2.0}
 """The values of constants by name; the last three are for `interp` of `remap`. Inputs cannot have these names."""
 
-FUNCTIONS: dict[str, Function] = {
-    "abs": Function(np.absolute, ("x",)),
-    "atan2": Function(np.arctan2, ("y", "x")),
-    "bias": Function(bias, ("x", "b")),
-    "boxstep": Function(boxstep, ("x", "a")),
-    "ceil": Function(ceiling, ("x",)),
-    "cellnoise": Function(cellnoise, ("x", "y", "z"), optional=2, domain="float"),
-    "clamp": Function(lambda x, lo, hi: np.minimum(np.maximum(x, lo), hi), ("x", "lo", "hi")),
-    "contrast": Function(contrast, ("x", "c")),
-    "cos": Function(np.cos, ("x",)),
-    "exp": Function(np.exp, ("x",)),
-    "fit": Function(fit, ("x", "a1", "b1", "a2", "b2")),
-    "floor": Function(np.floor, ("x",)),
-    "fract": Function(lambda x: x - np.floor(x), ("x",)),
-    "gamma": Function(gamma, ("x", "g")),
-    "gaussstep": Function(gaussstep, ("x", "a", "b")),
-    "invert": Function(lambda x: 1.0 - x, ("x",)),
-    "lerp": Function(mix, ("a", "b", "alpha")),
-    "linearstep": Function(linearstep, ("x", "a", "b")),
-    "log": Function(logarithm, ("x",)),
-    "luminance": Function(luminance, ("color",), domain="color", gives="float"),
-    "max": Function(np.maximum, ("a", "b")),
-    "min": Function(np.minimum, ("a", "b")),
-    "mix": Function(mix, ("a", "b", "alpha")),
-    "mod": Function(modulo, ("x", "y")),
-    "noise": Function(noise, ("x", "y", "z"), optional=2, domain="float"),
-    "pow": Function(power, ("x", "y")),
-    "remap": Function(remap, ("x", "source", "range", "falloff", "interp")),
-    "round": Function(nearest_whole, ("x",)),
-    "saturate": Function(saturate, ("color", "amount"), domain="color", gives="color"),
-    "sin": Function(np.sin, ("x",)),
-    "smoothstep": Function(smoothstep, ("x", "a", "b")),
-    "sqrt": Function(square_root, ("x",)),
-    "tan": Function(np.tan, ("x",)),
-    "trunc": Function(whole_part, ("x",)),
+FUNCTIONS: dict[str, LanguageFunction] = {
+    "abs": LanguageFunction(np.absolute, ("x",)),
+    "atan2": LanguageFunction(np.arctan2, ("y", "x")),
+    "bias": LanguageFunction(bias, ("x", "b")),
+    "boxstep": LanguageFunction(boxstep, ("x", "a")),
+    "ceil": LanguageFunction(ceiling, ("x",)),
+    "cellnoise": LanguageFunction(cellnoise, ("x", "y", "z"), optional=2, domain="float"),
+    "clamp": LanguageFunction(lambda x, lo, hi: np.minimum(np.maximum(x, lo), hi), ("x", "lo", "hi")),
+    "contrast": LanguageFunction(contrast, ("x", "c")),
+    "cos": LanguageFunction(np.cos, ("x",)),
+    "exp": LanguageFunction(np.exp, ("x",)),
+    "fit": LanguageFunction(fit, ("x", "a1", "b1", "a2", "b2")),
+    "floor": LanguageFunction(np.floor, ("x",)),
+    "fract": LanguageFunction(lambda x: x - np.floor(x), ("x",)),
+    "gamma": LanguageFunction(gamma, ("x", "g")),
+    "gaussstep": LanguageFunction(gaussstep, ("x", "a", "b")),
+    "invert": LanguageFunction(lambda x: 1.0 - x, ("x",)),
+    "lerp": LanguageFunction(mix, ("a", "b", "alpha")),
+    "linearstep": LanguageFunction(linearstep, ("x", "a", "b")),
+    "log": LanguageFunction(logarithm, ("x",)),
+    "luminance": LanguageFunction(luminance, ("color",), domain="color", gives="float"),
+    "max": LanguageFunction(np.maximum, ("a", "b")),
+    "min": LanguageFunction(np.minimum, ("a", "b")),
+    "mix": LanguageFunction(mix, ("a", "b", "alpha")),
+    "mod": LanguageFunction(modulo, ("x", "y")),
+    "noise": LanguageFunction(noise, ("x", "y", "z"), optional=2, domain="float"),
+    "pow": LanguageFunction(power, ("x", "y")),
+    "remap": LanguageFunction(remap, ("x", "source", "range", "falloff", "interp")),
+    "round": LanguageFunction(nearest_whole, ("x",)),
+    "saturate": LanguageFunction(saturate, ("color", "amount"), domain="color", gives="color"),
+    "sin": LanguageFunction(np.sin, ("x",)),
+    "smoothstep": LanguageFunction(smoothstep, ("x", "a", "b")),
+    "sqrt": LanguageFunction(square_root, ("x",)),
+    "tan": LanguageFunction(np.tan, ("x",)),
+    "trunc": LanguageFunction(whole_part, ("x",)),
 }
 
 _PAIR = ("a", "b")
 
-OPERATORS: dict[str, Function] = {
-    "+": Function(np.add, _PAIR),
-    "-": Function(np.subtract, _PAIR),
-    "*": Function(np.multiply, _PAIR),
-    "/": Function(divide, _PAIR),
-    "%": Function(modulo, _PAIR),
-    "^": Function(power, _PAIR),
-    "negative": Function(np.negative, ("a",)),
-    "<": Function(np.less, _PAIR, domain="float", gives="truth"),
-    "<=": Function(np.less_equal, _PAIR, domain="float", gives="truth"),
-    ">": Function(np.greater, _PAIR, domain="float", gives="truth"),
-    ">=": Function(np.greater_equal, _PAIR, domain="float", gives="truth"),
-    "==": Function(np.equal, _PAIR, domain="float", gives="truth"),
-    "!=": Function(lambda a, b: np.logical_not(np.equal(a, b)), _PAIR, domain="float", gives="truth"),
-    "&&": Function(np.logical_and, _PAIR, domain="truth", gives="truth"),
-    "||": Function(np.logical_or, _PAIR, domain="truth", gives="truth"),
-    "!": Function(np.logical_not, ("a",), domain="truth", gives="truth"),
+OPERATORS: dict[str, LanguageFunction] = {
+    "+": LanguageFunction(np.add, _PAIR),
+    "-": LanguageFunction(np.subtract, _PAIR),
+    "*": LanguageFunction(np.multiply, _PAIR),
+    "/": LanguageFunction(divide, _PAIR),
+    "%": LanguageFunction(modulo, _PAIR),
+    "^": LanguageFunction(power, _PAIR),
+    "negative": LanguageFunction(np.negative, ("a",)),
+    "<": LanguageFunction(np.less, _PAIR, domain="float", gives="truth"),
+    "<=": LanguageFunction(np.less_equal, _PAIR, domain="float", gives="truth"),
+    ">": LanguageFunction(np.greater, _PAIR, domain="float", gives="truth"),
+    ">=": LanguageFunction(np.greater_equal, _PAIR, domain="float", gives="truth"),
+    "==": LanguageFunction(np.equal, _PAIR, domain="float", gives="truth"),
+    "!=": LanguageFunction(lambda a, b: np.logical_not(np.equal(a, b)), _PAIR, domain="float", gives="truth"),
+    "&&": LanguageFunction(np.logical_and, _PAIR, domain="truth", gives="truth"),
+    "||": LanguageFunction(np.logical_or, _PAIR, domain="truth", gives="truth"),
+    "!": LanguageFunction(np.logical_not, ("a",), domain="truth", gives="truth"),
 }

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, LARGEST, OPERATORS, Function
+from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, LARGEST, OPERATORS, LanguageFunction
 
 LONGEST = 64 * 1024
 """The greatest length of an expression, in characters."""
@@ -26,7 +26,7 @@ class ExpressionError(LookdevError):
     """An expression is wrong: the message shows the line, with a caret under `position`, an index into `text`."""
 
     def __init__(self, text: str, position: int, summary: str, hint: str = "") -> None:
-        self.text, self.position, self.what, self.hint = text, position, summary, hint
+        self.text, self.position, self.summary, self.hint = text, position, summary, hint
         start = text.rfind("\n", 0, position) + 1
         end = text.find("\n", position)
         end = len(text) if end < 0 else end
@@ -48,53 +48,53 @@ class _Part:
 
 
 @dataclass(frozen=True)
-class Number(_Part):
+class NumberNode(_Part):
     """A number, or the value of a named constant."""
 
     value: float
 
 
 @dataclass(frozen=True)
-class Name(_Part):
+class NameNode(_Part):
     """An input."""
 
     name: str
 
 
 @dataclass(frozen=True)
-class Apply(_Part):
+class ApplyNode(_Part):
     """A function or operator with its arguments."""
 
     name: str
-    function: Function
-    arguments: tuple[Node, ...]
+    function: LanguageFunction
+    arguments: tuple[ExpressionNode, ...]
 
 
 @dataclass(frozen=True)
-class Color(_Part):
+class ColorNode(_Part):
     """Three floats as a colour: ``[r, g, b]``."""
 
-    channels: tuple[Node, ...]
+    channels: tuple[ExpressionNode, ...]
 
 
 @dataclass(frozen=True)
-class Channel(_Part):
+class ChannelNode(_Part):
     """A channel of a colour: ``color[index]``."""
 
-    color: Node
+    color: ExpressionNode
     index: int
 
 
 @dataclass(frozen=True)
-class Choice(_Part):
+class ChoiceNode(_Part):
     """One of two values: ``condition ? yes : no``."""
 
-    condition: Node
-    yes: Node
-    no: Node
+    condition: ExpressionNode
+    yes: ExpressionNode
+    no: ExpressionNode
 
 
-Node: TypeAlias = Number | Name | Apply | Color | Channel | Choice
+ExpressionNode: TypeAlias = NumberNode | NameNode | ApplyNode | ColorNode | ChannelNode | ChoiceNode
 
 
 class _Token(NamedTuple):
@@ -125,7 +125,7 @@ _SIGN_HINTS = {
 }
 
 
-def parse_tree(text: str) -> tuple[Node, tuple[str, ...]]:
+def parse_tree(text: str) -> tuple[ExpressionNode, tuple[str, ...]]:
     """Return the tree of an expression and the names of its inputs, in order of appearance.
 
     Raises
@@ -165,7 +165,7 @@ class _Parser:
         self._token = next(self._tokens)
         self._nesting = 0
 
-    def parse_whole(self) -> Node:
+    def parse_whole(self) -> ExpressionNode:
         root = self._parse(0)
         if self._token.kind != "end":
             raise self._unexpected_token("an operator")
@@ -185,7 +185,7 @@ class _Parser:
             raise self._unexpected_token(f"'{sign}'")
         self._next()
 
-    def _depth(self, position: int, *parts: Node) -> int:
+    def _depth(self, position: int, *parts: ExpressionNode) -> int:
         depth = 1 + max((part.depth for part in parts), default=0)
         if depth > _MAX_DEPTH:
             raise self._depth_error(position)
@@ -194,7 +194,7 @@ class _Parser:
     def _depth_error(self, position: int) -> ExpressionError:
         return ExpressionError(self.text, position, f"more than {_MAX_DEPTH} operations one inside the other")
 
-    def _parse(self, binding_power: int) -> Node:
+    def _parse(self, binding_power: int) -> ExpressionNode:
         """Parse an operand and the operators that bind tighter than `binding_power`."""
         # Parentheses make no node, so depth does not count them. Each costs a call, with one for an operator between.
         self._nesting += 1
@@ -206,7 +206,7 @@ class _Parser:
         self._nesting -= 1
         return left
 
-    def _parse_operation(self, left: Node, sign: _Token) -> Node:
+    def _parse_operation(self, left: ExpressionNode, sign: _Token) -> ExpressionNode:
         position = sign.position
         if sign.text == "[":
             index = self._token
@@ -214,16 +214,16 @@ class _Parser:
                 raise self._unexpected_token("0, 1 or 2")
             self._next()
             self._expect("]")
-            return Channel(position, self._depth(position, left), left, int(index.text))
+            return ChannelNode(position, self._depth(position, left), left, int(index.text))
         if sign.text == "?":
             yes = self._parse(0)
             self._expect(":")
             no = self._parse(0)
-            return Choice(position, self._depth(position, left, yes, no), left, yes, no)
+            return ChoiceNode(position, self._depth(position, left, yes, no), left, yes, no)
         right = self._parse(_BINDING_POWER[sign.text] - (sign.text == "^"))
         return self._make_apply(position, sign.text, OPERATORS[sign.text], left, right)
 
-    def _parse_operand(self) -> Node:
+    def _parse_operand(self) -> ExpressionNode:
         token = self._token
         position = token.position
         if token.kind == "number":
@@ -231,15 +231,15 @@ class _Parser:
             value = float(token.text)
             if value > LARGEST:
                 raise ExpressionError(self.text, position, f"a number above {LARGEST:g}")
-            return Number(position, 1, value)
+            return NumberNode(position, 1, value)
         if token.kind == "name":
             self._next()
             if self._token.text == "(":
                 return self._parse_call(token)
             if token.text in CONSTANTS:
-                return Number(position, 1, CONSTANTS[token.text])
+                return NumberNode(position, 1, CONSTANTS[token.text])
             self.names[token.text] = None
-            return Name(position, 1, token.text)
+            return NameNode(position, 1, token.text)
         if token.text in _PREFIX:
             self._next()
             name = _PREFIX[token.text]
@@ -254,10 +254,10 @@ class _Parser:
             channels = self._parse_list("]")
             if len(channels) != 3:
                 raise ExpressionError(self.text, position, f"a color of {len(channels)} numbers", "it is [r, g, b]")
-            return Color(position, self._depth(position, *channels), channels)
+            return ColorNode(position, self._depth(position, *channels), channels)
         raise self._unexpected_token("a number, a name or '('")
 
-    def _parse_list(self, closing: str) -> tuple[Node, ...]:
+    def _parse_list(self, closing: str) -> tuple[ExpressionNode, ...]:
         items = [] if self._token.text == closing else [self._parse(0)]
         while items and self._token.text == ",":
             self._next()
@@ -265,7 +265,7 @@ class _Parser:
         self._expect(closing)
         return tuple(items)
 
-    def _parse_call(self, token: _Token) -> Node:
+    def _parse_call(self, token: _Token) -> ExpressionNode:
         name = token.text
         if (function := FUNCTIONS.get(name)) is None:
             hint = nearest_hint(name, list(FUNCTIONS))
@@ -279,5 +279,7 @@ class _Parser:
             raise ExpressionError(self.text, token.position, message, function.signature(name))
         return self._make_apply(token.position, name, function, *arguments)
 
-    def _make_apply(self, position: int, name: str, function: Function, *arguments: Node) -> Node:
-        return Apply(position, self._depth(position, *arguments), name, function, arguments)
+    def _make_apply(
+        self, position: int, name: str, function: LanguageFunction, *arguments: ExpressionNode
+    ) -> ExpressionNode:
+        return ApplyNode(position, self._depth(position, *arguments), name, function, arguments)

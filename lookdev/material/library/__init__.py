@@ -14,9 +14,9 @@ from pxr import Usd, UsdShade
 
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.safe_text import align_columns
 from lookdev.shipped import shipped_folder
 from lookdev.stage import open_stage
-from lookdev.text import align_columns
 
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""

@@ -13,12 +13,12 @@ from lookdev.material.library.constants import set_constant
 from lookdev.material.library.edit import edit_material
 from lookdev.material.library.nodes import find_sites, is_defined, layer_paths, moved_path
 from lookdev.material.library.stack import LAYER_PARTS, layer_shader, require_stack
-from lookdev.material.usd import Variants, variant_sets
+from lookdev.material.usd import VariantChoice, variant_sets
 
 _TYPES = Sdf.ValueTypeNames
 
 
-def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variants: Variants = None) -> None:
+def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variants: VariantChoice = None) -> None:
     """Move a layer over the base to number `to`, from 1, and renumber the layers between, in every variant."""
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
@@ -35,7 +35,7 @@ def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variant
         stack.renumber(order)
 
 
-def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, variants: Variants = None) -> None:
+def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, variants: VariantChoice = None) -> None:
     """Rename the shader of a layer, and update connections to it."""
     with edit_material(file, prim, variants) as material:
         path = layer_shader(material, layer)[1].GetPath()
@@ -69,14 +69,16 @@ def redirect_connections(
                 spec.connectionPathList.ReplaceItemEdits(target, moved)
 
 
-def enable_layer(file: Path, layer: str, enabled: bool, prim: str | None = None, variants: Variants = None) -> None:
+def enable_layer(
+    file: Path, layer: str, enabled: bool, prim: str | None = None, variants: VariantChoice = None
+) -> None:
     """Switch a layer over the base on or off, at the file's strongest opinion, also in a variant."""
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
         set_constant(stack.create_input(stack.find(layer)[0], "Enabled", _TYPES.Bool), enabled)
 
 
-def set_mode(file: Path, layer: str, mode: Mode, prim: str | None = None, variants: Variants = None) -> None:
+def set_mode(file: Path, layer: str, mode: Mode, prim: str | None = None, variants: VariantChoice = None) -> None:
     """Set the mode of a layer: ``"over"`` or ``"transmit"``."""
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)

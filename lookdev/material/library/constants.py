@@ -10,20 +10,23 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade, UsdUtils
 
 from lookdev.brdf import MODELS, layer_shaders
-from lookdev.brdf.parameters import Value
+from lookdev.brdf.parameters import ParameterValue
 from lookdev.cache import atomic_path
 from lookdev.errors import LookError, nearest_hint
 from lookdev.material.change import Constant, with_constants
 from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, report_faults_for
 from lookdev.material.library.nodes import clear_input, relative_path
 from lookdev.material.library.stack import enabled_layers
-from lookdev.material.usd import Variants, open_material, read_look
-from lookdev.material.usd.network import Network, Source, shader_id
+from lookdev.material.usd import VariantChoice, open_material, read_look
+from lookdev.material.usd.network import Network, OutputSource, shader_id
 from lookdev.stage import usd_errors_as_faults
 
 
 def set_inputs(
-    file: Path, values: Mapping[tuple[int, str], Value], prim: str | None = None, variants: Variants = None
+    file: Path,
+    values: Mapping[tuple[int, str], ParameterValue],
+    prim: str | None = None,
+    variants: VariantChoice = None,
 ) -> None:
     """Set constants of layers, by the index of a layer in the look, base first, and the name of a parameter.
 
@@ -36,7 +39,7 @@ def set_inputs(
 
 
 def write_changed(
-    file: Path, out: Path, constants: Sequence[Constant], prim: str | None = None, variants: Variants = None
+    file: Path, out: Path, constants: Sequence[Constant], prim: str | None = None, variants: VariantChoice = None
 ) -> None:
     """Write a copy of the look of a file with other constants, atomically; relative paths stay valid.
 
@@ -80,7 +83,7 @@ def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
         _reanchor(temporary, before, after)
 
 
-def check_writable(file: Path, prim: str | None = None, variants: Variants = None) -> None:
+def check_writable(file: Path, prim: str | None = None, variants: VariantChoice = None) -> None:
     """Raise LookError where `write_changed` cannot write a look: its file is not a look of layers in USD."""
     check_suffix(file)
     with open_material(file, prim, variants) as material:
@@ -99,9 +102,9 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
     if not inside:
         return attribute
     source = Network(Path()).follow(attribute)
-    node_inputs = source.shader.GetInputs() if isinstance(source, Source) else []
+    node_inputs = source.shader.GetInputs() if isinstance(source, OutputSource) else []
     names = [node_input.GetBaseName() for node_input in node_inputs]
-    if not isinstance(source, Source) or inside[0] not in names:
+    if not isinstance(source, OutputSource) or inside[0] not in names:
         where = str(attribute.GetPath())
         message = f"no expression with an input '{inside[0]}' has its value"
         file = attribute.GetStage().GetRootLayer().realPath
@@ -120,7 +123,7 @@ def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool 
     usd_value = float(usd_value[0]) if isinstance(usd_value, tuple) else usd_value
     network = Network(Path(attribute.GetStage().GetRootLayer().realPath))
     holder = network.follow(attribute) if by_interface else None
-    if isinstance(holder, Source):
+    if isinstance(holder, OutputSource):
         where, hint = str(attribute.GetPath()), "a texture or an expression has its value"
         raise LookError.at(network.file, where, "is connected", hint)
     target = holder or attribute

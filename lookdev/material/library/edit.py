@@ -24,15 +24,15 @@ from lookdev.brdf.vectors import Parameters
 from lookdev.cache import atomic_path
 from lookdev.errors import LookError
 from lookdev.material import Look
-from lookdev.material.expression import Kind
+from lookdev.material.expression import ExpressionKind
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.layout import with_layout
-from lookdev.material.library.masks import Held, Mask, MaskWriter
+from lookdev.material.library.masks import Held, MaskSource, MaskWriter
 from lookdev.material.library.nodes import clear_input, find_upstream, free_path, prune, relative_asset
 from lookdev.material.library.preview import author_preview
 from lookdev.material.library.stack import LAYER_PARTS, author_stack, enabled_layers, extended_stack, require_stack
-from lookdev.material.usd import Variants, open_material, read_look, read_material
-from lookdev.material.usd.network import Network, Source, is_set, shader_id
+from lookdev.material.usd import VariantChoice, open_material, read_look, read_material
+from lookdev.material.usd.network import Network, OutputSource, is_set, shader_id
 from lookdev.stage import usd_errors_as_faults
 
 log = logging.getLogger("lookdev.material")
@@ -117,10 +117,10 @@ def preset_look(preset: Preset, name: str) -> Look:
 def add_layer(
     file: Path,
     preset: Preset,
-    mask: Mask = 1.0,
+    mask: MaskSource = 1.0,
     mode: Mode = "over",
     prim: str | None = None,
-    variants: Variants = None,
+    variants: VariantChoice = None,
 ) -> tuple[int, str]:
     """Add a preset, by reference, over the layers of a look, and return the number and name of the new layer.
 
@@ -141,7 +141,9 @@ def add_layer(
     return number, path.name
 
 
-def remove_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> tuple[int, str, bool]:
+def remove_layer(
+    file: Path, layer: str, prim: str | None = None, variants: VariantChoice = None
+) -> tuple[int, str, bool]:
     """Remove a layer from a stack; return its number, its name, and whether it was removed.
 
     Layers above it get new numbers, and nodes that only this layer used are removed. A layer that another file defines
@@ -161,7 +163,9 @@ def remove_layer(file: Path, layer: str, prim: str | None = None, variants: Vari
     return number, name, removable
 
 
-def set_mask(file: Path, layer: str, mask: Mask, prim: str | None = None, variants: Variants = None) -> tuple[int, str]:
+def set_mask(
+    file: Path, layer: str, mask: MaskSource, prim: str | None = None, variants: VariantChoice = None
+) -> tuple[int, str]:
     """Replace the mask of a layer; return its number and name.
 
     Nodes that only the old mask used are removed. Names of an expression that get no source keep their source in the
@@ -179,8 +183,8 @@ def replace_source(
     attribute: Usd.Attribute,
     scope: Sdf.Path,
     name: str,
-    source: Mask | None,
-    kind: Kind = "float",
+    source: MaskSource | None,
+    kind: ExpressionKind = "float",
 ) -> None:
     """Replace the source of an input, or remove it; nodes of the new source are children of `scope`.
 
@@ -215,9 +219,9 @@ def _author_preview(material: UsdShade.Material) -> str:
     return author_preview(material, list(zip(look.layers, shaders, strict=True)))
 
 
-def _input_states(source: Usd.Attribute | Source | None) -> dict[str, Held]:
+def _input_states(source: Usd.Attribute | OutputSource | None) -> dict[str, Held]:
     """Return the states of the named inputs of an expression node; {} for any other node."""
-    if not isinstance(source, Source) or shader_id(source.shader) != "LookdevExpression":
+    if not isinstance(source, OutputSource) or shader_id(source.shader) != "LookdevExpression":
         return {}
     inputs = {shader_input.GetBaseName(): shader_input.GetAttr() for shader_input in source.shader.GetInputs()}
     return {
@@ -228,7 +232,7 @@ def _input_states(source: Usd.Attribute | Source | None) -> dict[str, Held]:
 
 
 @contextmanager
-def edit_material(file: Path, prim: str | None, variants: Variants = None) -> Iterator[UsdShade.Material]:
+def edit_material(file: Path, prim: str | None, variants: VariantChoice = None) -> Iterator[UsdShade.Material]:
     """Yield the material of a copy of a file; the copy replaces the file if it is a valid look at exit."""
     check_suffix(file)
     if file.is_symlink():

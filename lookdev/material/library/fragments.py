@@ -18,8 +18,8 @@ from lookdev.material.library.arrange import redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
 from lookdev.material.library.nodes import find_sites, find_upstream, free_path, is_defined, moved_path, relative_path
 from lookdev.material.library.stack import extended_stack, find_stack, layer_shader
-from lookdev.material.usd import Variants, open_material
-from lookdev.material.usd.network import Network, Source
+from lookdev.material.usd import VariantChoice, open_material
+from lookdev.material.usd.network import Network, OutputSource
 
 _TYPES = Sdf.ValueTypeNames
 _ROOT = Sdf.Path("/LookdevLayer")
@@ -29,7 +29,7 @@ _KINDS = {"Mask": _TYPES.Float, "Enabled": _TYPES.Bool, "Mode": _TYPES.Token}
 _DOC = "A layer of a look, as the Designer copies and pastes it."
 
 
-def copy_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> str:
+def copy_layer(file: Path, layer: str, prim: str | None = None, variants: VariantChoice = None) -> str:
     """Return the USD text of a layer; LookError where it does not exist or has nodes outside of the material."""
     with open_material(file, prim, variants) as material:
         fragment = _extract_fragment(material, layer, by_value=True)
@@ -43,7 +43,7 @@ def copy_layer(file: Path, layer: str, prim: str | None = None, variants: Varian
         return str(fragment.ExportToString())
 
 
-def paste_layer(file: Path, text: str, prim: str | None = None, variants: Variants = None) -> int:
+def paste_layer(file: Path, text: str, prim: str | None = None, variants: VariantChoice = None) -> int:
     """Add a layer from `copy_layer` over the layers of a look, and return its number."""
     fragment = Sdf.Layer.CreateAnonymous(".usda")
     hint = "copy a layer first, here or in another Designer"
@@ -62,14 +62,20 @@ def paste_layer(file: Path, text: str, prim: str | None = None, variants: Varian
         return _insert_fragment(material, fragment)
 
 
-def duplicate_layer(file: Path, layer: str, prim: str | None = None, variants: Variants = None) -> int:
+def duplicate_layer(file: Path, layer: str, prim: str | None = None, variants: VariantChoice = None) -> int:
     """Add a copy of a layer over the layers of a look, connected to the same interface; return its number."""
     with edit_material(file, prim, variants) as material:
         return _insert_fragment(material, _extract_fragment(material, layer, by_value=False))
 
 
 def save_preset(
-    file: Path, layer: str, target: Path, category: str, doc: str, prim: str | None = None, variants: Variants = None
+    file: Path,
+    layer: str,
+    target: Path,
+    category: str,
+    doc: str,
+    prim: str | None = None,
+    variants: VariantChoice = None,
 ) -> None:
     """Write the parameters of a layer to a new preset of a library.
 
@@ -94,7 +100,7 @@ def save_preset(
         shader_copy.CreateIdAttr(shader.GetShaderId())
         for shader_input in shader.GetInputs():
             holder = Network(file).follow(shader_input.GetAttr())
-            if isinstance(holder, Source):
+            if isinstance(holder, OutputSource):
                 message = f"has a {holder.shader.GetShaderId()}, and a preset only constants"
                 raise LookError.at(file, shader_input.GetAttr().GetPath(), message, "make it a constant")
             if holder and holder.HasAuthoredValue():
@@ -134,7 +140,7 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     Sdf.AttributeSpec(stack_spec, "inputs:layer1", _TYPES.Token).connectionPathList.explicitItems = [output]
     for part, attribute in authored.items():
         spec, holder = Sdf.AttributeSpec(stack_spec, f"inputs:layer1{part}", _KINDS[part]), network.follow(attribute)
-        if isinstance(holder, Source):
+        if isinstance(holder, OutputSource):
             target = moved_path(holder.path.AppendProperty(f"outputs:{holder.output}"), new_paths)
             if target is None:
                 hint = "move it into the material to copy the layer"
@@ -162,7 +168,7 @@ def _replace_interface(
         targets = spec.connectionPathList.GetAddedOrExplicitItems() if spec else ()
         if spec and any(target.GetPrimPath() == _ROOT for target in targets):
             holder = network.follow(stage.GetAttributeAtPath(moved_path(path, origins)))
-            if isinstance(holder, Source):
+            if isinstance(holder, OutputSource):
                 raise LookError.at("", holder.path, "feeds the interface", "copy its source instead")
             spec.connectionPathList.ClearEdits()
             if holder and holder.HasValue():

@@ -12,7 +12,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.errors import LookError, nearest_hint
 from lookdev.material import VIEW
-from lookdev.material.expression import Expression, ExpressionError, Kind, parse
+from lookdev.material.expression import Expression, ExpressionError, ExpressionKind, parse
 from lookdev.material.library.nodes import clear_input, free_path, relative_asset
 
 IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
@@ -24,7 +24,7 @@ _FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGES)}), primvar:NAME, or
 
 
 @dataclass(frozen=True)
-class Image:
+class MaskImage:
     """The absolute path of an image, and a channel: ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour."""
 
     file: Path
@@ -45,7 +45,7 @@ class UvName:
     name: str
 
 
-Source: TypeAlias = float | Image | PrimvarName | UvName
+MaskInput: TypeAlias = float | MaskImage | PrimvarName | UvName
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,15 @@ class Computed:
     """An expression, and the sources of its names."""
 
     expression: Expression
-    inputs: Mapping[str, Source] = field(default_factory=dict)
+    inputs: Mapping[str, MaskInput] = field(default_factory=dict)
 
 
-Mask: TypeAlias = Source | Computed
+MaskSource: TypeAlias = MaskInput | Computed
 
 
 def parse_mask(
-    text: str, inputs: Iterable[str] = (), folder: Path = Path(), what: str = "mask", kind: Kind = "float"
-) -> Mask:
+    text: str, inputs: Iterable[str] = (), folder: Path = Path(), name: str = "mask", kind: ExpressionKind = "float"
+) -> MaskSource:
     """Parse the source of a mask, or of a parameter that is a float or a colour.
 
     Parameters
@@ -72,7 +72,7 @@ def parse_mask(
         Sources of names in an expression: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for coordinates.
     folder
         The folder to which paths of images are relative.
-    what, kind
+    name, kind
         ``"mask"``, or the name of the parameter, and its kind. The image of a colour is read as ``:rgb``.
 
     Raises
@@ -80,7 +80,7 @@ def parse_mask(
     LookError
         `text` is none of these, or an input is not a name of the expression.
     """
-    source = _parse_source(text, what, ("r", "g", "b", "a") if kind == "float" else ("rgb",), folder)
+    source = _parse_source(text, name, ("r", "g", "b", "a") if kind == "float" else ("rgb",), folder)
     if source is not None:
         if extra := list(inputs):
             raise LookError.at("--input", extra[0], "only an expression has inputs")
@@ -88,11 +88,11 @@ def parse_mask(
     try:
         expression = parse(text)
     except ExpressionError as error:
-        raise LookError.at(what, "", f"is not {_FORMS}: {error}") from error
+        raise LookError.at(name, "", f"is not {_FORMS}: {error}") from error
     return Computed(expression, dict(_parse_inputs(inputs, expression, folder)))
 
 
-def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -> Iterator[tuple[str, Source]]:
+def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -> Iterator[tuple[str, MaskInput]]:
     for text in inputs:
         name, _, value = text.partition("=")
         if name not in expression.names:
@@ -105,7 +105,7 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
         yield name, source
 
 
-def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Path) -> Source | None:
+def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Path) -> MaskInput | None:
     """Parse a number, an image or a primvar; None where it is something else."""
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
         value = float(text)
@@ -124,7 +124,7 @@ def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Pa
         file = (folder / match["file"]).absolute()
         if "<UDIM>" not in file.name and not file.is_file():
             raise LookError.at(subject, "", f"no such image file: {match['file']}", f"from {folder.absolute()}")
-        return Image(file, channel)
+        return MaskImage(file, channel)
     return None
 
 
@@ -143,10 +143,12 @@ class MaskWriter:
     `states` are inputs of the replaced expression: a name without a new source keeps its old state.
     """
 
-    def __init__(self, stage: Usd.Stage, scope: Sdf.Path, states: Mapping[str, Held], kind: Kind = "float") -> None:
+    def __init__(
+        self, stage: Usd.Stage, scope: Sdf.Path, states: Mapping[str, Held], kind: ExpressionKind = "float"
+    ) -> None:
         self._stage, self._scope, self._states, self._kind = stage, scope, states, kind
 
-    def write(self, attribute: Usd.Attribute, name: str, mask: Mask) -> None:
+    def write(self, attribute: Usd.Attribute, name: str, mask: MaskSource) -> None:
         """Make `mask` the source of an input. The node is named `name`, with a number where the name is in use.
 
         Raises
@@ -158,7 +160,7 @@ class MaskWriter:
         """
         clear_input(attribute)
         match mask:
-            case Image():
+            case MaskImage():
                 attribute.SetConnections([self._write_image(name, mask)])
             case PrimvarName():
                 color = attribute.GetTypeName() == _TYPES.Color3f
@@ -170,7 +172,7 @@ class MaskWriter:
             case _:
                 attribute.Set(mask)
 
-    def _write_image(self, name: str, image: Image) -> Sdf.Path:
+    def _write_image(self, name: str, image: MaskImage) -> Sdf.Path:
         node = self._define_node(name, "UsdUVTexture")
         node.CreateInput("file", _TYPES.Asset).Set(Sdf.AssetPath(relative_asset(image.file, self._stage)))
         color = image.channel == "rgb"
@@ -199,7 +201,7 @@ class MaskWriter:
     def _write_expression(self, name: str, mask: Computed) -> Sdf.Path:
         node = self._define_node(name, "LookdevExpression")
         node.CreateInput("expression", _TYPES.String).Set(mask.expression.text)
-        kinds: dict[str, Kind] = {}
+        kinds: dict[str, ExpressionKind] = {}
         for input_name in mask.expression.names:
             source, state = mask.inputs.get(input_name), self._states.get(input_name)
             if source is None and state is None and input_name == VIEW:
@@ -234,8 +236,8 @@ def _create_output(node: UsdShade.Shader, name: str, type_name: Sdf.ValueTypeNam
     return node.CreateOutput(name, type_name).GetAttr().GetPath()
 
 
-def _input_type(source: Source | None) -> Sdf.ValueTypeName:
+def _input_type(source: MaskInput | None) -> Sdf.ValueTypeName:
     """Return the type of an input of an expression for its source."""
     if isinstance(source, UvName):
         return _TYPES.Float2
-    return _TYPES.Color3f if isinstance(source, Image) and source.channel == "rgb" else _TYPES.Float
+    return _TYPES.Color3f if isinstance(source, MaskImage) and source.channel == "rgb" else _TYPES.Float

@@ -8,17 +8,17 @@ from pxr import Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter, layer_shaders
 from lookdev.errors import LookError, ModelError, nearest_hint
-from lookdev.material.expression import Kind
+from lookdev.material.expression import ExpressionKind
 from lookdev.material.library.edit import INPUT_TYPES, edit_material, replace_source
-from lookdev.material.library.masks import Mask
+from lookdev.material.library.masks import MaskSource
 from lookdev.material.library.nodes import find_sites
 from lookdev.material.library.stack import layer_shader
-from lookdev.material.usd import Variants
+from lookdev.material.usd import VariantChoice
 from lookdev.material.usd.network import is_set, shader_id
 
 
 def set_source(
-    file: Path, layer: str, name: str, source: Mask, prim: str | None = None, variants: Variants = None
+    file: Path, layer: str, name: str, source: MaskSource, prim: str | None = None, variants: VariantChoice = None
 ) -> None:
     """Set the source of a parameter to an image, a primvar or an expression, with nodes beside the layer's shader.
 
@@ -32,11 +32,11 @@ def set_source(
         attribute = shader.CreateInput(name, INPUT_TYPES[parameter.kind]).GetAttr()
         path = shader.GetPath()
         node_name = f"{path.name}{name[:1].upper()}{name[1:]}"
-        kind: Kind = "color" if parameter.kind == "color" else "float"
+        kind: ExpressionKind = "color" if parameter.kind == "color" else "float"
         replace_source(material, attribute, path.GetParentPath(), node_name, source, kind)
 
 
-def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, variants: Variants = None) -> None:
+def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, variants: VariantChoice = None) -> None:
     """Reset a parameter of a layer to the model's default, in every variant.
 
     Opinions of other files, such as presets, are blocked. Nodes that only the parameter used are removed.

@@ -25,7 +25,7 @@ from lookdev.material import Input, Layer, Primvar, Texture
 from lookdev.material.library.nodes import clear_input, free_path
 from lookdev.material.points import ImagePoints
 from lookdev.material.usd.network import shader_id
-from lookdev.material.values import Values, presence
+from lookdev.material.values import SourceValues, presence
 
 _FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
 _TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
@@ -162,7 +162,7 @@ def _map_layer(layer: Layer) -> dict[str, Floats]:
 
 def _mean_value(value: Input, parameter: Parameter) -> Floats:
     assert not isinstance(value, str), "a token has no mean"
-    values = np.asarray(Values(_Grid()).of(value, parameter))
+    values = np.asarray(SourceValues(_Grid()).of(value, parameter))
     return np.asarray(values.mean(axis=(0, 1)) if values.ndim >= 2 else values)
 
 

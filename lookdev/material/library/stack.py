@@ -11,8 +11,8 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.brdf import Mode, layer_shaders
 from lookdev.errors import LookError, nearest_hint
 from lookdev.material.library.nodes import find_sites, free_path, remove_prims
-from lookdev.material.usd import Variants, open_material
-from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
+from lookdev.material.usd import VariantChoice, open_material
+from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, OutputSource, shader_id
 
 _TYPES = Sdf.ValueTypeNames
 LAYER_PARTS = ("", "Mask", "Enabled", "Mode")
@@ -67,7 +67,7 @@ class Stack:
     def shader(self, number: int) -> UsdShade.Shader | None:
         """Return the shader of a layer, or of the base, number 0; None where none is connected."""
         source = self.network.follow(self.attribute(number, ""))
-        return source.shader if isinstance(source, Source) else None
+        return source.shader if isinstance(source, OutputSource) else None
 
     def is_enabled(self, number: int) -> bool:
         """Return whether a layer, or the base, is not switched off."""
@@ -106,7 +106,7 @@ class Stack:
 
 
 @dataclass(frozen=True)
-class Entry:
+class LayerEntry:
     """A layer in a stack: its number and name, whether it is enabled, and its mode."""
 
     number: int
@@ -116,14 +116,14 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Outline:
+class LookOutline:
     """All layers of a look, enabled or not, and the variants and the selection of each variant set."""
 
-    entries: tuple[Entry, ...]
+    entries: tuple[LayerEntry, ...]
     variants: Mapping[str, tuple[tuple[str, ...], str]]
 
 
-def read_outline(file: Path, prim: str | None = None, variants: Variants = None) -> Outline:
+def read_outline(file: Path, prim: str | None = None, variants: VariantChoice = None) -> LookOutline:
     """Return the layers and variant sets of a look; raises LookError where the file is not a look."""
     with open_material(file, prim, variants) as material:
         variant_sets = material.GetPrim().GetVariantSets()
@@ -133,12 +133,12 @@ def read_outline(file: Path, prim: str | None = None, variants: Variants = None)
             sets[name] = tuple(variant_set.GetVariantNames()), variant_set.GetVariantSelection()
         stack = find_stack(material)
         if stack is None:
-            return Outline((Entry(0, require_surface(material).path.name),), sets)
-        entries = [Entry(0, stack.base)]
+            return LookOutline((LayerEntry(0, require_surface(material).path.name),), sets)
+        entries = [LayerEntry(0, stack.base)]
         for number, name in stack.layers.items():
             transmits = stack.network.read_constant(stack.attribute(number, "Mode"), _TYPES.Token) == "transmit"
-            entries.append(Entry(number, name, stack.is_enabled(number), "transmit" if transmits else "over"))
-        return Outline(tuple(entries), sets)
+            entries.append(LayerEntry(number, name, stack.is_enabled(number), "transmit" if transmits else "over"))
+        return LookOutline(tuple(entries), sets)
 
 
 def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade.Shader]:
@@ -157,7 +157,7 @@ def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade
     return number, shader
 
 
-def require_surface(material: UsdShade.Material) -> Source:
+def require_surface(material: UsdShade.Material) -> OutputSource:
     """Return the shader of the stack, or of the only layer, of a look; raises LookError where it has none."""
     network = _network_of(material)
     source = network.surface_source(material)
@@ -184,7 +184,7 @@ def find_stack(material: UsdShade.Material) -> Stack | None:
         match = LAYER_INPUT.fullmatch(shader_input.GetBaseName())
         if shader_input.GetBaseName() == "base" or (match and not match[2] and attribute.HasAuthoredConnections()):
             layer = network.follow(attribute)
-            names[int(match[1]) if match else 0] = layer.path.name if isinstance(layer, Source) else ""
+            names[int(match[1]) if match else 0] = layer.path.name if isinstance(layer, OutputSource) else ""
     return Stack(network, surface.shader.GetPrim(), names.pop(0, ""), dict(sorted(names.items())))
 
 

@@ -21,7 +21,15 @@ from lookdev.material import Primvar
 from lookdev.material.definitions import USD_TYPES
 from lookdev.material.library import SUFFIXES
 from lookdev.material.library.nodes import relative_path
-from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d, Value, parse_constant, read_value
+from lookdev.material.materialx.inputs import (
+    TYPES,
+    DocumentValue,
+    ImageNode,
+    Sampled,
+    Transform2d,
+    parse_constant,
+    read_value,
+)
 from lookdev.material.materialx.network import DocumentNetwork
 from lookdev.mtlx import library_inputs
 
@@ -44,7 +52,7 @@ class ImportedMaterial:
     """A surfacematerial as one Disney layer; `inputs` omits inputs that have the layer's defaults."""
 
     name: str
-    inputs: dict[str, Value]
+    inputs: dict[str, DocumentValue]
 
 
 @dataclass(frozen=True)
@@ -69,7 +77,7 @@ def import_materialx(file: Path) -> Imported:
     nodes = network.document.getMaterialNodes()
     network.connect(nodes)
     network.raise_faults()
-    layers: dict[str, dict[str, Value]] = {}
+    layers: dict[str, dict[str, DocumentValue]] = {}
     materials = tuple(imported for material in nodes if (imported := _read_material(network, material, layers)))
     if not nodes:
         network.add_fault("", "holds no surfacematerial", f"one whose surface shader is a {NODE} is right")
@@ -104,7 +112,7 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
 
 
 def _read_material(
-    network: DocumentNetwork, material: mx.Node, layers: dict[str, dict[str, Value]]
+    network: DocumentNetwork, material: mx.Node, layers: dict[str, dict[str, DocumentValue]]
 ) -> ImportedMaterial | None:
     """Read a material; None, with a loss added, for another surface shader. `layers` caches layers by shader path."""
     port = material.getInput("surfaceshader")
@@ -121,21 +129,21 @@ def _read_material(
     return None
 
 
-def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Value]:
+def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, DocumentValue]:
     definitions = library_inputs(NODE, f"ND_{NODE}")
     names = [port.getName() for port in shader.getInputs()]
     network.mark_carried(shader, *names)
     for name in names:
         if name not in definitions:
             network.add_value_loss(shader.getInput(name), f"unknown input; {nearest_hint(name, list(definitions))}")
-    inputs: dict[str, Value] = {}
+    inputs: dict[str, DocumentValue] = {}
     for name, definition in definitions.items():
         parameter, port = _PARAMETERS.get(name), shader.getInput(name)
         if parameter is None:
             if port:
                 network.add_value_loss(port, _LOSS_REASONS.get(name, "LookdevDisney has no such input"))
             continue
-        value: Value | None = None
+        value: DocumentValue | None = None
         if port and port.getType() != TYPES[parameter.kind]:
             network.add_fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {definition.getType()}")
         elif port:
@@ -165,7 +173,7 @@ class _Writer:
         self._material = UsdShade.Material.Define(stage, f"/{name}")
         self._source, self._target = source, target
         self._names: set[str] = set()
-        self._written: dict[Image | Primvar | str, UsdShade.Shader] = {}
+        self._written: dict[ImageNode | Primvar | str, UsdShade.Shader] = {}
 
     def write(self, material: ImportedMaterial) -> None:
         customs = {"file": self._source.name, "material": material.name}
@@ -201,7 +209,7 @@ class _Writer:
         kind = _TYPES.Float3 if sampled.channel == "rgb" else _TYPES.Float
         return self._written[image].CreateOutput(sampled.channel, kind)
 
-    def _write_coordinates(self, image: Image) -> UsdShade.Output:
+    def _write_coordinates(self, image: ImageNode) -> UsdShade.Output:
         if image.st not in self._written:
             self._written[image.st] = self._define_node(image.st, "UsdPrimvarReader_float2", varname=image.st)
         output = self._written[image.st].CreateOutput("result", _TYPES.Float2)

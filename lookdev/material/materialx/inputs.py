@@ -10,8 +10,9 @@ from typing import Literal
 import MaterialX as mx
 
 from lookdev.brdf import Parameter
-from lookdev.material import Channel, Color, Primvar, Wrap
-from lookdev.material.materialx.network import DocumentNetwork, Source
+from lookdev.material import Channel, Primvar, Wrap
+from lookdev.material.materialx.network import DocumentNetwork, PortSource
+from lookdev.space import Color
 from lookdev.stage.colorspaces import srgb_to_linear
 
 Colorspace = Literal["sRGB", "raw"]
@@ -45,7 +46,7 @@ class Transform2d:
 
 
 @dataclass(frozen=True)
-class Image:
+class ImageNode:
     """An image node. `file` is relative to the document; `transforms` apply in their order."""
 
     name: str
@@ -61,11 +62,11 @@ class Image:
 class Sampled:
     """The channel of an image, or its colour, that is the value of an input."""
 
-    image: Image
+    image: ImageNode
     channel: Channel
 
 
-Value = float | Color | Sampled | Primvar
+DocumentValue = float | Color | Sampled | Primvar
 
 
 def _parse_numbers(text: str) -> tuple[float, ...]:
@@ -88,7 +89,7 @@ def _as_constant(numbers: tuple[float, ...]) -> float | Color | None:
     return numbers[0] if numbers else None
 
 
-def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -> Value | None:
+def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -> DocumentValue | None:
     """Read an input of a layer; None where its source cannot be carried over or, with a fault added, is wrong."""
     source, kind = network.source_of(port), TYPES[parameter.kind]
     # A constant may also be a chain of nodes.
@@ -131,7 +132,7 @@ def _read_primvar(network: DocumentNetwork, node: mx.Node, parameter: Parameter)
     return None if fallback is None else Primvar(name, fallback)
 
 
-def _read_rgb(network: DocumentNetwork, source: Source) -> Sampled | None:
+def _read_rgb(network: DocumentNetwork, source: PortSource) -> Sampled | None:
     if source.channels or source.element.getType() != "color3":
         return None
     image = _read_image(network, source.element)
@@ -167,7 +168,7 @@ def _split_channel(network: DocumentNetwork, splitter: mx.Node, output: str) -> 
     return output.removeprefix("out")
 
 
-def _read_image(network: DocumentNetwork, node: mx.Node) -> Image | None:
+def _read_image(network: DocumentNetwork, node: mx.Node) -> ImageNode | None:
     tiled = node.getCategory() == "tiledimage"
     port = node.getInput("file") if tiled or node.getCategory() == "image" else None
     if port is None or not _check_constant(network, port, "the image is not taken"):
@@ -193,7 +194,7 @@ def _read_image(network: DocumentNetwork, node: mx.Node) -> Image | None:
     # MaterialX converts the colour space only of images that are read as colours.
     colorspace = _read_colorspace(network, holder) if node.getType().startswith("color") else "raw"
     placed = tuple(transform for transform in transforms if transform != Transform2d())
-    return Image(node.getName(), file, colorspace, wraps[0], wraps[1], st, placed)
+    return ImageNode(node.getName(), file, colorspace, wraps[0], wraps[1], st, placed)
 
 
 def _read_coordinates(network: DocumentNetwork, image: mx.Node) -> tuple[str, tuple[Transform2d, ...]]:

@@ -15,11 +15,11 @@ import MaterialX as mx
 
 from lookdev.errors import Fault, LookError
 from lookdev.mtlx import read_document
-from lookdev.text import TextError, read_bytes
+from lookdev.safe_text import TextError, read_bytes
 
 
 @dataclass(frozen=True)
-class Source:
+class PortSource:
     """The source of a value: a node that computes it, or the port that states it.
 
     `output` and `channels` select a part of the node's result; both may be empty.
@@ -47,7 +47,7 @@ class DocumentNetwork:
     def __init__(self, file: Path) -> None:
         self.file = file
         self._nodes: dict[str, mx.Node] = {}
-        self._sources: dict[str, Source] = {}
+        self._sources: dict[str, PortSource] = {}
         self._carried: set[str] = set()
         self._losses: dict[Fault, None] = {}
         self._faults: dict[Fault, None] = {}
@@ -98,7 +98,7 @@ class DocumentNetwork:
                 if not isinstance(node, mx.Output) and node.getNamePath() not in self._nodes:
                     self.add_loss(node, f"<{node.getCategory()}> is not carried over", "no imported material uses it")
 
-    def source_of(self, port: mx.Input) -> Source:
+    def source_of(self, port: mx.Input) -> PortSource:
         """Return the source of an input of a node that `connect` has reached."""
         return self._sources[port.getNamePath()]
 
@@ -126,7 +126,7 @@ class DocumentNetwork:
         except CycleError as error:
             self.add_fault(error.args[1][0], "its connections run in a cycle")
 
-    def _follow(self, port: mx.PortElement) -> Source | None:
+    def _follow(self, port: mx.PortElement) -> PortSource | None:
         """Return the source of a port, through interface inputs and node graphs; None, with a fault, where broken."""
         start, channels = port.getNamePath(), port.getAttribute("channels")
         seen: set[str] = set()
@@ -143,12 +143,12 @@ class DocumentNetwork:
             elif node:
                 name, target = node, scope.getChild(node)
                 if isinstance(target, mx.Node):
-                    return Source(target, output, channels)
+                    return PortSource(target, output, channels)
                 target = None
             elif output:
                 name, target = output, scope.getOutput(output)
             else:
-                return Source(port, "", "")
+                return PortSource(port, "", "")
             if target is None:
                 self.add_fault(path, f"is connected to '{name}', which is not there")
                 return None

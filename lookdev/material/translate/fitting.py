@@ -23,7 +23,7 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.fresnel import schlick_weight
-from lookdev.brdf.lobes import Directions
+from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import ONE, disney_lobe
@@ -51,7 +51,7 @@ def hidden_energy(alpha: float) -> float:
 def _lobe_albedo(view: Floats, alpha: float, *, correlated: bool) -> float:
     lobe = disney_lobe("specular", view, metallic=1.0, baseColor=ONE, roughness=np.sqrt(alpha))
     wi, weight = half_vector_grid(view, max(alpha, 0.001), _CELLS)
-    energy = np.asarray(lobe.evaluate(Directions.of(view, wi)))[:, 0] * wi[:, 2]
+    energy = np.asarray(lobe.evaluate(DirectionPair.of(view, wi)))[:, 0] * wi[:, 2]
     if correlated:
         # G1 = 2 / (1 + root), and G2 = 2 / (root_i + root_o).
         i, o = (np.sqrt(1.0 + alpha * alpha * (1.0 / cosine**2 - 1.0)) for cosine in (wi[:, 2], view[2]))
@@ -63,7 +63,7 @@ def sheen_albedo(roughness: float) -> float:
     """Return the albedo of Estevez and Kulla's distribution over MaterialX's denominator."""
     inverse = 1.0 / max(roughness, 0.005)
 
-    def f(d: Directions) -> Floats:
+    def f(d: DirectionPair) -> Floats:
         cosine = np.asarray(d.wm)[..., 2]
         sine2 = np.maximum(1.0 - cosine * cosine, 0.0)
         distribution = (2.0 + inverse) * sine2 ** (0.5 * inverse) / (2.0 * np.pi)
@@ -88,7 +88,7 @@ def oren_nayar_albedo(roughness: float) -> float:
     variance = roughness * roughness
     a, b = 1.0 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
 
-    def f(d: Directions) -> Floats:
+    def f(d: DirectionPair) -> Floats:
         i, o = np.asarray(d.cos_theta_i), np.asarray(d.cos_theta_o)
         s = (d.wo * d.wi).sum(axis=-1) - i * o
         return np.asarray((a + b * np.maximum(s, 0.0) / np.maximum(i, o)) / np.pi)
@@ -136,9 +136,9 @@ def _mean_over_views(albedo: Callable[[Floats], float]) -> float:
     return float(sum(1.5 * w * c * c * albedo(view) for view, c, w in zip(views, cosines, weight, strict=True)))
 
 
-def _albedo_of(f: Callable[[Directions], Floats]) -> Callable[[Floats], float]:
+def _albedo_of(f: Callable[[DirectionPair], Floats]) -> Callable[[Floats], float]:
     wi, weight = hemisphere_grid(64)
-    return lambda view: float((f(Directions.of(view, wi)) * wi[:, 2]) @ weight)
+    return lambda view: float((f(DirectionPair.of(view, wi)) * wi[:, 2]) @ weight)
 
 
 if __name__ == "__main__":

@@ -20,11 +20,19 @@ from lookdev.brdf.parameters import expand_tokens
 from lookdev.errors import Fault, LookError, ModelError, nearest_hint
 from lookdev.material import UNITS, Displacement, Input, Layer, Look, Mask, depends_on_view
 from lookdev.material.usd.inputs import read_input
-from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
+from lookdev.material.usd.network import (
+    LAYER_INPUT,
+    TERMINAL,
+    Network,
+    OutputSource,
+    authored_properties,
+    is_set,
+    shader_id,
+)
 from lookdev.material.variants import expand_wildcards
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
-Variants: TypeAlias = Mapping[str, str] | None
+VariantChoice: TypeAlias = Mapping[str, str] | None
 """The selected variant of each set of a material, or of prims above it; other sets keep the file's selections."""
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
@@ -36,7 +44,12 @@ MODES: tuple[Mode, ...] = ("over", "transmit")
 
 
 def read_look(
-    file: Path, prim: str | None = None, variants: Variants = None, name: str | None = None, *, open_images: bool = True
+    file: Path,
+    prim: str | None = None,
+    variants: VariantChoice = None,
+    name: str | None = None,
+    *,
+    open_images: bool = True,
 ) -> Look:
     """Read a look.
 
@@ -75,12 +88,12 @@ def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
     """Return the faults of a layer that is not part of a look, such as a preset, as faults of `file`."""
     network = Network(file)
     with usd_errors_as_faults(file):
-        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over")
+        _read_layer(network, layer.GetIdAttr(), OutputSource(layer, "layer"), 1.0, "over")
     return network.faults
 
 
 @contextmanager
-def open_material(file: Path, prim: str | None, variants: Variants = None) -> Iterator[UsdShade.Material]:
+def open_material(file: Path, prim: str | None, variants: VariantChoice = None) -> Iterator[UsdShade.Material]:
     """Yield a material of a file with variants selected; LookError where there is none, or USD reports errors."""
     stage, network = open_stage(file), Network(file)
     with usd_errors_as_faults(file):
@@ -205,7 +218,7 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
     terminal = material.GetPath().AppendProperty(TERMINAL)
     attribute = material.GetPrim().GetAttribute(TERMINAL)
     source = network.follow(attribute) if attribute else None
-    if isinstance(source, Source):
+    if isinstance(source, OutputSource):
         if shader_id(source.shader) == "LookdevLayers":
             return _read_stack(network, source.shader)
         layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers",))
@@ -286,7 +299,7 @@ def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
 
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
     source = network.follow(attribute)
-    if isinstance(source, Source):
+    if isinstance(source, OutputSource):
         return _read_layer(network, attribute, source, mask, mode)
     if source is not None:
         network.add_fault(attribute, "is not connected to a layer", f"connect it to a {_layer_shader_names()} shader")
@@ -294,7 +307,12 @@ def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask
 
 
 def _read_layer(
-    network: Network, attribute: Usd.Attribute, source: Source, mask: Mask, mode: Mode, others: tuple[str, ...] = ()
+    network: Network,
+    attribute: Usd.Attribute,
+    source: OutputSource,
+    mask: Mask,
+    mode: Mode,
+    others: tuple[str, ...] = (),
 ) -> Layer | None:
     """Read the layer of a shader; `others` are identifiers that would be right too."""
     model = layer_shaders().get(identifier := shader_id(source.shader))
@@ -329,7 +347,7 @@ def _read_displacement(network: Network, material: UsdShade.Material) -> Displac
     if not terminal:
         return None
     source = network.follow(terminal)
-    if not isinstance(source, Source):
+    if not isinstance(source, OutputSource):
         if source is not None:
             network.add_fault(terminal, "is not connected", "connect it to a LookdevDisplacement shader")
         return None

@@ -15,14 +15,14 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.brdf import MODELS, Parameter
 from lookdev.errors import Fault, LookError, TextureError, close_hint
 from lookdev.material import Bump, Displacement, Input, Layer, Look, Mask, Texture
-from lookdev.material import Source as FormulaSource
+from lookdev.material import InputSource as FormulaSource
 from lookdev.material.textures import lacks_negatives, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders, layer_parameters
-from lookdev.material.usd import Variants, check_composition, find_material, read_look_at, read_material
-from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
+from lookdev.material.usd import VariantChoice, check_composition, find_material, read_look_at, read_material
+from lookdev.material.usd.network import TERMINAL, Network, OutputSource, shader_id
 from lookdev.material.usd.nodes import NODES
 from lookdev.material.usd.reader import Reader, node_category
-from lookdev.material.usd.terms import NotCarriedError, Term
+from lookdev.material.usd.terms import NodeValue, NotCarriedError
 from lookdev.mtlx import NOTES
 from lookdev.stage import Composed, open_stage, usd_errors_as_faults
 
@@ -87,13 +87,15 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
             except NotCarriedError as error:
                 look = material.grey_look(str(error))
             missing_images |= dict.fromkeys(material.reader.missing)
-            looks[path] = BoundLook(look, material.lost)
+            looks[path] = BoundLook(look, material.losses)
     if missing_images and composed.composition.missing == "error":
         raise LookError(missing_images)
     return looks
 
 
-def read_any_look(file: Path, prim: str | None = None, variants: Variants = None, name: str | None = None) -> BoundLook:
+def read_any_look(
+    file: Path, prim: str | None = None, variants: VariantChoice = None, name: str | None = None
+) -> BoundLook:
     """Read a material of a file, of `lookdev` or of another model; parameters as `read_look`.
 
     Images of a material of `lookdev` are not opened. Raises LookError as `read_look` and `read_foreign`.
@@ -130,10 +132,10 @@ def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
             look = material.read(stage.GetPrimAtPath(path))
         except NotCarriedError as error:
             network.add_fault(path, str(error))
-            raise LookError((*network.faults, *material.lost)) from error
+            raise LookError((*network.faults, *material.losses)) from error
     if missing_images := (*network.faults, *material.reader.missing):
         raise LookError(dict.fromkeys(missing_images))
-    return BoundLook(look, material.lost)
+    return BoundLook(look, material.losses)
 
 
 def _model_title(model: str) -> str:
@@ -150,7 +152,7 @@ class _Material:
         self.reader = Reader(self.network, NODES)
 
     @property
-    def lost(self) -> tuple[Fault, ...]:
+    def losses(self) -> tuple[Fault, ...]:
         """The faults of what is not carried over, missing images last."""
         return (*self.network.faults, *dict.fromkeys(self.reader.missing))
 
@@ -187,7 +189,7 @@ class _Material:
     def _read_surface(self, attribute: Usd.Attribute, depth: int) -> list[Layer]:
         """Return the layers of the shader that an input or a terminal is connected to; NotCarriedError for others."""
         source = self.network.follow(attribute)
-        if not isinstance(source, Source):
+        if not isinstance(source, OutputSource):
             raise NotCarriedError("" if source is None else "is not connected to a shader")
         if depth == _MOST_LAYERS:
             raise NotCarriedError(f"more than {_MOST_LAYERS} shaders are connected in a row")
@@ -206,13 +208,13 @@ class _Material:
         raise NotCarriedError(f"{message}; {', '.join(titles)} are")
 
     @staticmethod
-    def _input_attribute(source: Source, name: str) -> Usd.Attribute:
+    def _input_attribute(source: OutputSource, name: str) -> Usd.Attribute:
         attribute = source.shader.GetPrim().GetAttribute(f"inputs:{name}")
         if not attribute:
             raise NotCarriedError(f"<{source.path}> has no inputs:{name}")
         return attribute
 
-    def _read_mix(self, source: Source, depth: int) -> list[Layer]:
+    def _read_mix(self, source: OutputSource, depth: int) -> list[Layer]:
         """Return the layers of a mix of two surface shaders, one over the other by a mask."""
         beneath = self._read_surface(self._input_attribute(source, "bg"), depth + 1)
         above = self._read_surface(self._input_attribute(source, "fg"), depth + 1)
@@ -224,7 +226,7 @@ class _Material:
             raise NotCarriedError(f"<{source.path}> mixes two mixtures, which no stack of layers does")
         return [*beneath, replace(above[0], mask=_mask_source(mask))]
 
-    def _read_layer(self, source: Source, model: str, defaults: Mapping[str, Input]) -> Layer:
+    def _read_layer(self, source: OutputSource, model: str, defaults: Mapping[str, Input]) -> Layer:
         inputs: dict[str, Input] = {}
         parameters = layer_parameters(model)
         for shader_input in source.shader.GetInputs():
@@ -243,7 +245,7 @@ class _Material:
                 self.add_fault(f"{source.path}.inputs:{name}", reason)
         return Layer(source.shader.GetPrim().GetName(), model, {**defaults, **inputs})
 
-    def _read_input(self, source: Source, attribute: Usd.Attribute, parameter: Parameter) -> Input | None:
+    def _read_input(self, source: OutputSource, attribute: Usd.Attribute, parameter: Parameter) -> Input | None:
         """Return the value of an input of a layer; None where it is unset or, with a fault added, not carried over."""
         try:
             if parameter.kind == "token":
@@ -285,7 +287,7 @@ class _Material:
             self.add_fault(attribute, f"{number_text} is outside [{low:g}, {high:g}]", f"{clipped_text} is taken")
         return (clipped[0], clipped[1], clipped[2]) if isinstance(value, tuple) else clipped[0]
 
-    def _check_normal(self, source: Source, attribute: Usd.Attribute, term: Term) -> None:
+    def _check_normal(self, source: OutputSource, attribute: Usd.Attribute, term: NodeValue) -> None:
         """Add faults of normal maps that are decoded as colours or biased; NotCarriedError for world space."""
         if node_category(source.shader) not in _TANGENT_SPACE and not term.tangent:
             hint = "only one of a normalmap or a bump, in tangent space, is supported"
@@ -303,19 +305,19 @@ class _Material:
         except TextureError as error:
             raise NotCarriedError(str(error)) from error
 
-    def _check_displacement(self, attribute: Usd.Attribute, source: Source) -> None:
+    def _check_displacement(self, attribute: Usd.Attribute, source: OutputSource) -> None:
         prim = source.shader.GetPrim()
         while prim and not prim.IsA(UsdShade.Material):
             prim = prim.GetParent()
         if prim and not any(_is_connected(prim, name) for name in _DISPLACEMENTS):
             holder = self.network.follow(attribute)
-            if isinstance(holder, Source) or (holder is not None and holder.Get()):
+            if isinstance(holder, OutputSource) or (holder is not None and holder.Get()):
                 self.add_fault(attribute, "has no effect: outputs:displacement of the material is not connected")
 
     def _has_value(self, attribute: Usd.Attribute) -> bool:
         """Return whether an input has a value, directly or through inputs of the material."""
         holder = self.network.follow(attribute)
-        return isinstance(holder, Source) or bool(holder and holder.HasAuthoredValue())
+        return isinstance(holder, OutputSource) or bool(holder and holder.HasAuthoredValue())
 
     def _read_displacement(self, prim: Usd.Prim) -> Displacement | None:
         """Return the displacement of a material along the normal, in units of the file; None where it has none."""
@@ -324,7 +326,7 @@ class _Material:
             return None
         try:
             source = self.network.follow(terminal)
-            if not isinstance(source, Source):
+            if not isinstance(source, OutputSource):
                 raise NotCarriedError("" if source is None else "is not connected to a shader")
             kind = node_category(source.shader)
             if kind not in ("displacement", *_TANGENT_SPACE):
@@ -346,7 +348,7 @@ class _Material:
 _TANGENT_SPACE = ("UsdPreviewSurface", "UsdPreviewSurface_surfaceshader")
 _PREVIEWS = ("preview_surface", "materialx_preview_surface")
 _PRINCIPLED: Mapping[str, Input] = {"baseColor": (0.16, 0.16, 0.16)}
-_ZERO = Term("0", 1, numbers=(0.0,))
+_ZERO = NodeValue("0", 1, numbers=(0.0,))
 
 
 def _is_connected(prim: Usd.Prim, name: str) -> bool:
@@ -354,7 +356,7 @@ def _is_connected(prim: Usd.Prim, name: str) -> bool:
     return bool(attribute and attribute.HasAuthoredConnections())
 
 
-def _mask_source(term: Term) -> Mask:
+def _mask_source(term: NodeValue) -> Mask:
     source = term.source()
     if not isinstance(source, Mask):
         raise NotCarriedError("is not a float")

@@ -15,22 +15,22 @@ from lookdev.material import (
     VIEW,
     Bump,
     Channel,
-    Color,
     Coordinates,
     Formula,
     Input,
     Primvar,
     Texture,
-    View,
+    ViewCosine,
     Wrap,
     to_transform,
     transform2d,
 )
-from lookdev.material import Source as FormulaInput
+from lookdev.material import InputSource as FormulaInput
 from lookdev.material.definitions import USD_TYPES
-from lookdev.material.expression import ExpressionError, Kind, parse
+from lookdev.material.expression import ExpressionError, ExpressionKind, parse
 from lookdev.material.textures import check_images, lacks_negatives, resolve_texture
-from lookdev.material.usd.network import Network, Source, asset_file, image_path, is_set, shader_id
+from lookdev.material.usd.network import Network, OutputSource, asset_file, image_path, is_set, shader_id
+from lookdev.space import Color
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
@@ -52,7 +52,7 @@ def read_input(
     if not network.check_type(attribute, attribute, expected):
         return None
     holder = network.follow(attribute)
-    if isinstance(holder, Source):
+    if isinstance(holder, OutputSource):
         return _read_varying(network, attribute, parameter, holder, enclosing)
     value: float | str | Gf.Vec3f | None = None if holder is None else network.read_value(attribute, holder, expected)
     if parameter.file and value is not None:
@@ -98,7 +98,11 @@ def _check_range(
 
 
 def _read_varying(
-    network: Network, attribute: Usd.Attribute, parameter: Parameter, source: Source, enclosing: tuple[Sdf.Path, ...]
+    network: Network,
+    attribute: Usd.Attribute,
+    parameter: Parameter,
+    source: OutputSource,
+    enclosing: tuple[Sdf.Path, ...],
 ) -> Input | None:
     kind = parameter.kind
     if kind == "token":
@@ -121,7 +125,7 @@ def _read_varying(
 
 
 def _read_formula(
-    network: Network, attribute: Usd.Attribute, kind: str, source: Source, enclosing: tuple[Sdf.Path, ...]
+    network: Network, attribute: Usd.Attribute, kind: str, source: OutputSource, enclosing: tuple[Sdf.Path, ...]
 ) -> Formula | None:
     """Read an expression node and its sources; a node that several inputs share is read once."""
     if source.path in enclosing:
@@ -142,7 +146,9 @@ def _read_formula(
     return formula
 
 
-def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tuple[Sdf.Path, ...]) -> Formula | None:
+def _read_new_formula(
+    network: Network, kind: str, source: OutputSource, enclosing: tuple[Sdf.Path, ...]
+) -> Formula | None:
     where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
     text = network.read_constant(attribute, Sdf.ValueTypeNames.String)
@@ -156,7 +162,7 @@ def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tu
         network.add_fault(where, str(error))
         return None
     network.check_inputs(source.shader, ("expression", *expression.names))
-    kinds: dict[str, Kind] = {}
+    kinds: dict[str, ExpressionKind] = {}
     inputs: dict[str, FormulaInput] = {}
     for name in expression.names:
         read = _read_formula_input(network, source, name, (*enclosing, source.path))
@@ -177,14 +183,14 @@ def _read_new_formula(network: Network, kind: str, source: Source, enclosing: tu
 
 
 def _read_formula_input(
-    network: Network, node: Source, name: str, enclosing: tuple[Sdf.Path, ...]
-) -> tuple[Kind, FormulaInput] | None:
+    network: Network, node: OutputSource, name: str, enclosing: tuple[Sdf.Path, ...]
+) -> tuple[ExpressionKind, FormulaInput] | None:
     attribute = node.shader.GetPrim().GetAttribute(f"inputs:{name}")
     where = f"{node.path}.inputs:{name}"
     if name == VIEW and not (attribute and is_set(attribute)):
         if attribute and not network.check_type(attribute, attribute, _TYPES["float"]):
             return None
-        return "float", View()
+        return "float", ViewCosine()
     if not attribute:
         message = f"the expression reads '{name}', which is not an input of its node"
         network.add_fault(where, message, f"add float inputs:{name}")
@@ -193,19 +199,19 @@ def _read_formula_input(
     if value_type == Sdf.ValueTypeNames.Float2.type:
         coordinates = _read_coordinates(network, node.shader, name)
         return ("color", coordinates) if coordinates else None
-    kind: Kind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(value_type)  # type: ignore[assignment]
+    kind: ExpressionKind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(value_type)  # type: ignore[assignment]
     if kind is None:
         hint = "it must be float, color3f or, for coordinates, float2"
         network.add_fault(where, f"has type {attribute.GetTypeName()}", hint)
         return None
     fault_count = len(network.faults)
     value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), enclosing)
-    if value is None and len(network.faults) == fault_count and not isinstance(network.follow(attribute), Source):
+    if value is None and len(network.faults) == fault_count and not isinstance(network.follow(attribute), OutputSource):
         network.add_unset_fault(where)
     return None if value is None or isinstance(value, str | Bump) else (kind, value)
 
 
-def _check_normal_map(network: Network, source: Source, texture: Texture) -> None:
+def _check_normal_map(network: Network, source: OutputSource, texture: Texture) -> None:
     if texture.colorspace == "sRGB":
         message = f"{texture.file} would be decoded as sRGB, but a normal map is data"
         network.add_fault(f"{source.path}.inputs:sourceColorSpace", message, "set it to 'raw'")
@@ -215,7 +221,7 @@ def _check_normal_map(network: Network, source: Source, texture: Texture) -> Non
         network.add_fault(f"{source.path}.inputs:bias", message, hint)
 
 
-def _read_bump(network: Network, source: Source) -> Bump | None:
+def _read_bump(network: Network, source: OutputSource) -> Bump | None:
     shader = source.shader
     network.check_inputs(shader, ("height", "scale"))
     attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
@@ -224,20 +230,22 @@ def _read_bump(network: Network, source: Source) -> Bump | None:
     return Bump(height, factor) if height else None
 
 
-def _read_height(network: Network, bump: Source, attribute: Usd.Attribute) -> Texture | None:
+def _read_height(network: Network, bump: OutputSource, attribute: Usd.Attribute) -> Texture | None:
     if attribute and not network.check_type(attribute, attribute, _TYPES["float"]):
         return None
     source = network.follow(attribute) if attribute else attribute
-    if isinstance(source, Source) and shader_id(source.shader) == "UsdUVTexture":
+    if isinstance(source, OutputSource) and shader_id(source.shader) == "UsdUVTexture":
         return _read_texture(network, attribute, _CHANNELS["float"], source)
     if source is not None:
-        message = f"comes from <{source.path}>" if isinstance(source, Source) else "is not connected"
+        message = f"comes from <{source.path}>" if isinstance(source, OutputSource) else "is not connected"
         hint = "only a UsdUVTexture has a slope; connect it to outputs:r, g, b or a of one"
         network.add_fault(f"{bump.path}.inputs:height", message, hint)
     return None
 
 
-def _read_primvar(network: Network, attribute: Usd.Attribute, parameter: Parameter, source: Source) -> Primvar | None:
+def _read_primvar(
+    network: Network, attribute: Usd.Attribute, parameter: Parameter, source: OutputSource
+) -> Primvar | None:
     shader = source.shader
     network.check_node(attribute, source)
     name = _read_varname(network, shader)
@@ -255,7 +263,7 @@ def _read_varname(network: Network, shader: UsdShade.Shader) -> str:
 
 
 def _read_texture(
-    network: Network, attribute: Usd.Attribute, channels: tuple[Channel, ...], source: Source
+    network: Network, attribute: Usd.Attribute, channels: tuple[Channel, ...], source: OutputSource
 ) -> Texture | None:
     shader = source.shader
     network.check_node(attribute, source, channels)
@@ -301,7 +309,7 @@ def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> C
     while True:
         attribute = shader.GetPrim().GetAttributeAtPath(path)
         source = network.follow(attribute) if attribute else None
-        if not isinstance(source, Source):
+        if not isinstance(source, OutputSource):
             if not attribute or source is not None:
                 network.add_fault(path, "texture coordinates are not connected", _ST_HINT)
             return None

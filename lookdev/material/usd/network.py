@@ -30,7 +30,7 @@ _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 
 
 @dataclass(frozen=True)
-class Source:
+class OutputSource:
     """The shader output that computes the value of an input."""
 
     shader: UsdShade.Shader
@@ -77,13 +77,13 @@ class Network:
         """Add a fault of another file."""
         self._faults.append(fault)
 
-    def surface_source(self, material: UsdShade.Material) -> Source | None:
+    def surface_source(self, material: UsdShade.Material) -> OutputSource | None:
         """Return the shader of the stack, or of the only layer, of a material; None where none is connected."""
         attribute = material.GetPrim().GetAttribute(TERMINAL)
         source = self.follow(attribute) if attribute else None
-        return source if isinstance(source, Source) else None
+        return source if isinstance(source, OutputSource) else None
 
-    def follow(self, attribute: Usd.Attribute) -> Usd.Attribute | Source | None:
+    def follow(self, attribute: Usd.Attribute) -> Usd.Attribute | OutputSource | None:
         """Return the attribute that holds the value of an input, or the shader output that computes it.
 
         The search follows connections through interface inputs and node graphs. None, with a fault added, where a
@@ -101,7 +101,7 @@ class Network:
                 self.add_fault(path, "its connections run in a cycle")
                 return None
             if prim and prim.IsA(UsdShade.Shader) and kind == UsdShade.AttributeType.Output:
-                return Source(UsdShade.Shader(prim), name)
+                return OutputSource(UsdShade.Shader(prim), name)
             attribute = prim.GetAttribute(target.name) if prim and not prim.IsA(UsdShade.Shader) else None
             if not attribute:
                 message = "which is neither an output of a shader nor an interface input"
@@ -142,7 +142,7 @@ class Network:
         if not attribute or not self.check_type(attribute, attribute, expected):
             return None
         holder = self.follow(attribute)
-        if isinstance(holder, Source):
+        if isinstance(holder, OutputSource):
             self.add_fault(attribute, f"is computed by <{holder.path}>", "it must be a constant")
             return None
         return None if holder is None else self.read_value(attribute, holder, expected)
@@ -173,7 +173,7 @@ class Network:
             return None
         return value if isinstance(value, kind) else None
 
-    def check_node(self, attribute: object, source: Source, outputs: Sequence[str] = ("result",)) -> None:
+    def check_node(self, attribute: object, source: OutputSource, outputs: Sequence[str] = ("result",)) -> None:
         """Add faults of inputs that a node of USD's does not have, and of an output that `attribute` cannot use."""
         self.check_inputs(source.shader, _sdr_node(source.shader).GetShaderInputNames())
         if source.output not in outputs:

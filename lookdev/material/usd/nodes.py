@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from lookdev.material import Bump, Texture
 from lookdev.material.usd import sampling
-from lookdev.material.usd.reader import Node
-from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
+from lookdev.material.usd.reader import UsdNode
+from lookdev.material.usd.terms import NodeValue, NotCarriedError, constant, convert_channels
 
 SOBEL_SCALE = 1.0 / 16.0
 """The factor of heighttonormal for slopes: mx_heighttonormal of the MaterialX library."""
@@ -66,29 +66,29 @@ _FORMULAS = {
 }
 
 
-def _formula_reader(entry: _Formula) -> Callable[[Node], Term]:
-    def read(node: Node) -> Term:
+def _formula_reader(entry: _Formula) -> Callable[[UsdNode], NodeValue]:
+    def read(node: UsdNode) -> NodeValue:
         operands = {name: node.read_any_term(name, default) for name, default in entry.defaults.items()}
         return node.terms.apply(entry.text, operands, entry.linear)
 
     return read
 
 
-def _read_dot(node: Node) -> Term:
+def _read_dot(node: UsdNode) -> NodeValue:
     node.ignore("note")
     return node.read_any_term("in", 0.0)
 
 
-def _read_convert(node: Node) -> Term:
+def _read_convert(node: UsdNode) -> NodeValue:
     term = node.read_any_term("in", 0.0)
     return replace(convert_channels(term, node.width), tangent=term.tangent)
 
 
-def _read_extract(node: Node) -> Term:
+def _read_extract(node: UsdNode) -> NodeValue:
     return node.terms.channel(node.read_any_term("in", 0.0), int(node.read_numbers("index", 0.0)[0]))
 
 
-def _read_channels(node: Node) -> Term:
+def _read_channels(node: UsdNode) -> NodeValue:
     """Read separate2 to separate4, by the output, or swizzle, by the letters of its input ``channels``.
 
     Letters are ``rgba`` or ``xyzw``; the digits 0 and 1 are constants.
@@ -106,7 +106,7 @@ def _read_channels(node: Node) -> Term:
     return channels[0] if len(channels) == 1 else node.terms.join_channels(*channels)
 
 
-def _read_combine(node: Node) -> Term:
+def _read_combine(node: UsdNode) -> NodeValue:
     count = int(node.identifier.removeprefix("ND_combine")[0])
     parts = [node.read_any_term(f"in{number}", 0.0) for number in range(1, count + 1)]
     channels = [node.terms.channel(part, index) for part in parts for index in range(4 if part.alpha else part.width)]
@@ -115,13 +115,13 @@ def _read_combine(node: Node) -> Term:
     return node.terms.join_channels(*channels)
 
 
-def _read_switch(node: Node) -> Term:
+def _read_switch(node: UsdNode) -> NodeValue:
     index = int(node.read_numbers("which", 0.0)[0])
     node.ignore(*(f"in{number}" for number in range(1, 11)))
     return node.read_any_term(f"in{index + 1}", 0.0) if 0 <= index < 10 else constant(0.0)
 
 
-def _read_range(node: Node) -> Term:
+def _read_range(node: UsdNode) -> NodeValue:
     (gamma,), (is_clamped,) = node.read_numbers("gamma", 1.0), node.read_numbers("doclamp", 0.0)
     terms = {name: node.read_any_term(name, default) for name, default in _RANGE.items()}
     if gamma == 1.0:
@@ -136,12 +136,12 @@ def _read_range(node: Node) -> Term:
 _LUMA = (0.2722287, 0.6740818, 0.0536895)  # of ACEScg: MaterialX's default
 
 
-def _luma(node: Node, color: Term) -> Term:
+def _luma(node: UsdNode, color: NodeValue) -> NodeValue:
     weights = node.read_numbers("lumacoeffs", *_LUMA)
     return _weighted_sum(node, color, *map(constant, weights))
 
 
-def _weighted_sum(node: Node, color: Term, *weights: Term) -> Term:
+def _weighted_sum(node: UsdNode, color: NodeValue, *weights: NodeValue) -> NodeValue:
     """Return the weighted sum of the channels of a colour."""
     total = constant(0.0)
     for index, weight in enumerate(weights):
@@ -151,38 +151,38 @@ def _weighted_sum(node: Node, color: Term, *weights: Term) -> Term:
     return total
 
 
-def _read_luminance(node: Node) -> Term:
+def _read_luminance(node: UsdNode) -> NodeValue:
     color = node.read_any_term("in", 0.0, 0.0, 0.0)
     gray = convert_channels(_luma(node, color), 3)
     return replace(gray, alpha=color.alpha)
 
 
-def _read_saturate(node: Node) -> Term:
+def _read_saturate(node: UsdNode) -> NodeValue:
     color, amount = node.read_any_term("in", 0.0, 0.0, 0.0), node.read_term("amount", 1, 1.0)
     gray = _luma(node, color)
     return node.terms.apply("mix({gray}, {color}, {amount})", {"color": color, "gray": gray, "amount": amount})
 
 
-def _read_dot_product(node: Node) -> Term:
+def _read_dot_product(node: UsdNode) -> NodeValue:
     a, b = node.read_any_term("in1", 0.0, 0.0), node.read_any_term("in2", 0.0, 0.0)
     return _weighted_sum(node, a, *(node.terms.channel(b, index) for index in range(min(a.width, b.width))))
 
 
-def _read_magnitude(node: Node) -> Term:
+def _read_magnitude(node: UsdNode) -> NodeValue:
     vector = node.read_any_term("in", 0.0, 0.0)
     squares = _weighted_sum(node, vector, *(node.terms.channel(vector, index) for index in range(vector.width)))
     return node.terms.apply("sqrt({a})", {"a": squares})
 
 
-def _read_normalize(node: Node) -> Term:
+def _read_normalize(node: UsdNode) -> NodeValue:
     vector = node.read_any_term("in", 0.0, 0.0)
     if vector.tangent:  # a normal may have any length
         return vector
     return node.terms.apply("{a} / {b}", {"a": vector, "b": _read_magnitude(node)})
 
 
-def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> Callable[[Node], Term]:
-    def read(node: Node) -> Term:
+def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> Callable[[UsdNode], NodeValue]:
+    def read(node: UsdNode) -> NodeValue:
         coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
         terms = {"t": coordinate, "low": node.read_any_term(low, 0.0), "high": node.read_any_term(high, 0.0)}
         if is_split:
@@ -193,7 +193,7 @@ def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> C
     return read
 
 
-def _read_noise(node: Node) -> Term:
+def _read_noise(node: UsdNode) -> NodeValue:
     """Read a noise as the noise of expressions, which has the same scale and range, and another pattern."""
     uv = sampling.read_coordinates(node, "texcoord")
     x, y = (node.terms.channel(uv, index) for index in (0, 1))
@@ -207,7 +207,7 @@ def _read_noise(node: Node) -> Term:
     return convert_channels(scaled, node.width)
 
 
-def _read_normal_map(node: Node) -> Term:
+def _read_normal_map(node: UsdNode) -> NodeValue:
     if (space := node.read_text("space", "tangent")) != "tangent":
         raise NotCarriedError(f"a normal map in {space:.40} space is not supported, only one in tangent space")
     scale = node.read_any_term("scale", 1.0)
@@ -216,18 +216,18 @@ def _read_normal_map(node: Node) -> Term:
     return sampling.tangent_normal(node, encoded, scale)
 
 
-def _read_bump(node: Node) -> Term:
+def _read_bump(node: UsdNode) -> NodeValue:
     bump = _height_bump(node, node.read_term("height", 1, 0.0), 1.0)
     return _scale_bump(node, bump, node.read_any_term("scale", 1.0))
 
 
-def _read_height_to_normal(node: Node) -> Term:
+def _read_height_to_normal(node: UsdNode) -> NodeValue:
     node.ignore("texcoord")
     (scale,) = node.read_numbers("scale", 1.0)
     return _height_bump(node, node.read_term("in", 1, 0.0), scale)
 
 
-def _height_bump(node: Node, height: Term, scale: float) -> Term:
+def _height_bump(node: UsdNode, height: NodeValue, scale: float) -> NodeValue:
     if height.numbers is not None:
         return replace(constant(0.0, 0.0, 1.0), tangent=True)
     if not isinstance(height.leaf, Texture):
@@ -235,7 +235,7 @@ def _height_bump(node: Node, height: Term, scale: float) -> Term:
     return replace(node.terms.leaf_term(Bump(height.leaf, scale * SOBEL_SCALE), 3, node.name), tangent=True)
 
 
-def _scale_bump(node: Node, bump: Term, scale: Term) -> Term:
+def _scale_bump(node: UsdNode, bump: NodeValue, scale: NodeValue) -> NodeValue:
     if not isinstance(bump.leaf, Bump):
         return bump
     if scale.numbers is None or len(set(scale.numbers)) != 1:
@@ -244,7 +244,7 @@ def _scale_bump(node: Node, bump: Term, scale: Term) -> Term:
     return replace(node.terms.leaf_term(scaled, 3, node.name), tangent=True)
 
 
-NODES: dict[str, Callable[[Node], Term]] = {
+NODES: dict[str, Callable[[UsdNode], NodeValue]] = {
     **{name: _formula_reader(entry) for name, entry in _FORMULAS.items()},
     **{
         f"UsdPrimvarReader{kind}": sampling.read_primvar

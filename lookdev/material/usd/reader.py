@@ -13,9 +13,9 @@ from typing import TypeAlias
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
-from lookdev.material import Color
-from lookdev.material.usd.network import Network, Source, is_set, shader_id
-from lookdev.material.usd.terms import NotCarriedError, Term, Terms, constant, convert_channels
+from lookdev.material.usd.network import Network, OutputSource, is_set, shader_id
+from lookdev.material.usd.terms import NodeValue, NotCarriedError, Terms, constant, convert_channels
+from lookdev.space import Color
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 
 Plain: TypeAlias = "tuple[float, ...] | str | Sdf.AssetPath"
@@ -36,16 +36,16 @@ class Reader:
     `missing` lists images that are missing or unreadable and have no fallback; they are not faults of the network.
     """
 
-    def __init__(self, network: Network, node_readers: Mapping[str, Callable[[Node], Term]]) -> None:
+    def __init__(self, network: Network, node_readers: Mapping[str, Callable[[UsdNode], NodeValue]]) -> None:
         self.network = network
         self.terms = Terms()
         self.missing: list[Fault] = []
         self.fallbacks: dict[str, float | Color] = {}  # of primvars
         self._node_readers = node_readers
-        self._terms_by_output: dict[tuple[Sdf.Path, str], Term | None] = {}
+        self._terms_by_output: dict[tuple[Sdf.Path, str], NodeValue | None] = {}
         self._open_nodes: list[tuple[Sdf.Path, str]] = []
 
-    def read_term(self, attribute: Usd.Attribute | None, width: int) -> Term | None:
+    def read_term(self, attribute: Usd.Attribute | None, width: int) -> NodeValue | None:
         """Return the value of an input, converted to `width` channels; None where the input is missing or not set.
 
         Raises NotCarriedError where the value cannot be carried over.
@@ -55,7 +55,7 @@ class Reader:
         holder = self.network.follow(attribute)
         if holder is None:
             raise NotCarriedError
-        if isinstance(holder, Source):
+        if isinstance(holder, OutputSource):
             return self._fit_channels(attribute, self.read_node(attribute, holder), width)
         value = self.read_constant(attribute)
         if value is None:
@@ -67,7 +67,7 @@ class Reader:
             value = (*to_linear_rec709(value[:3], space).tolist(), *value[3:])
         return self._fit_channels(attribute, constant(*value), width)
 
-    def read_node(self, attribute: Usd.Attribute, source: Source) -> Term:
+    def read_node(self, attribute: Usd.Attribute, source: OutputSource) -> NodeValue:
         """Return the value of an output of a node; raises NotCarriedError where it cannot be carried over."""
         key = source.path, source.output
         if key in self._open_nodes:
@@ -90,12 +90,12 @@ class Reader:
             raise NotCarriedError
         return term
 
-    def _compute(self, source: Source) -> Term:
+    def _compute(self, source: OutputSource) -> NodeValue:
         kind = node_category(source.shader)
         if kind not in self._node_readers:
             identifier = shader_id(source.shader) or "no info:id"
             raise NotCarriedError(f"a node of {identifier} is not supported")
-        node = Node(self, source)
+        node = UsdNode(self, source)
         term = self._node_readers[kind](node)
         node.add_unread_faults()
         return term
@@ -108,7 +108,7 @@ class Reader:
         holder = self.network.follow(attribute)
         if holder is None:
             raise NotCarriedError
-        if isinstance(holder, Source):
+        if isinstance(holder, OutputSource):
             raise NotCarriedError(f"{attribute.GetPath()} is computed by <{holder.path}>; a constant would be right")
         if holder.GetNumTimeSamples():
             self.network.add_fault(attribute, "is animated", "its first sample is taken")
@@ -133,7 +133,7 @@ class Reader:
             self.network.add_fault(attribute, f"the colour space '{name:.40}' is unknown", f"{substitute} is taken")
         return colorspace
 
-    def _fit_channels(self, attribute: Usd.Attribute, term: Term, width: int) -> Term:
+    def _fit_channels(self, attribute: Usd.Attribute, term: NodeValue, width: int) -> NodeValue:
         channels = 4 if term.alpha else term.width
         if width == 1 and channels > 1:
             self.network.add_fault(attribute, f"is a float, connected to {channels} channels", "the first is taken")
@@ -143,10 +143,10 @@ class Reader:
         return convert_channels(term, width)
 
 
-class Node:
+class UsdNode:
     """A node, with typed access to its inputs, that records the inputs that are read."""
 
-    def __init__(self, reader: Reader, source: Source) -> None:
+    def __init__(self, reader: Reader, source: OutputSource) -> None:
         self.reader = reader
         self.terms = reader.terms
         self.shader = source.shader
@@ -177,18 +177,18 @@ class Node:
         """Count inputs that do not affect the result as read."""
         self._used.update(names)
 
-    def read_term(self, name: str, width: int, *default: float) -> Term:
+    def read_term(self, name: str, width: int, *default: float) -> NodeValue:
         """Return the value of an input, or its default, converted to `width` channels."""
         term = self.reader.read_term(self.attribute(name), width)
         return convert_channels(constant(*default), width) if term is None else term
 
-    def read_any_term(self, name: str, *default: float) -> Term:
+    def read_any_term(self, name: str, *default: float) -> NodeValue:
         """Return the value of an input, or its default, with its own number of channels."""
         attribute = self.attribute(name)
         if attribute is None:
             return constant(*default)
         holder = self.reader.network.follow(attribute)
-        if isinstance(holder, Source):
+        if isinstance(holder, OutputSource):
             return self.reader.read_node(attribute, holder)
         value = self.reader.read_constant(attribute)
         if value is not None and not isinstance(value, tuple):

@@ -18,8 +18,8 @@ from lookdev.errors import Fault, TextureError
 from lookdev.material import WRAPS, Coordinates, Primvar, Texture, Transform, Wrap, to_transform, transform2d
 from lookdev.material.textures import check_images, resolve_texture
 from lookdev.material.usd.network import image_path
-from lookdev.material.usd.reader import Node
-from lookdev.material.usd.terms import NotCarriedError, Term, constant, convert_channels
+from lookdev.material.usd.reader import UsdNode
+from lookdev.material.usd.terms import NodeValue, NotCarriedError, constant, convert_channels
 from lookdev.stage.colorspaces import colorspace_of
 
 _WrapMode = Wrap | Literal["useMetadata"]
@@ -30,10 +30,10 @@ _MATERIALX_WRAPS: dict[str, _WrapMode] = _ADDRESS_MODES | {"black": "black", "re
 _DEFAULT_UV_HINT = "the UV set st is taken"
 
 
-def read_uv_texture(node: Node) -> Term:
+def read_uv_texture(node: UsdNode) -> NodeValue:
     """Read UsdUVTexture, also as a node of MaterialX."""
     file = _read_file(node, "fallback", 4)
-    if isinstance(file, Term):
+    if isinstance(file, NodeValue):
         node.ignore("st", "wrapS", "wrapT", "scale", "bias", "sourceColorSpace", "isSRGB")
         return _select_output(node, file)
     st, transform = _read_image_coordinates(node, "st")
@@ -51,7 +51,7 @@ def read_uv_texture(node: Node) -> Term:
     return _select_output(node, _texel_term(node, texture, 4))
 
 
-def _select_output(node: Node, rgba: Term) -> Term:
+def _select_output(node: UsdNode, rgba: NodeValue) -> NodeValue:
     """Return the channels of a texture that the connected output of the node has."""
     if node.output in ("r", "g", "b", "a"):
         return node.terms.channel(rgba, "rgba".index(node.output))
@@ -60,12 +60,12 @@ def _select_output(node: Node, rgba: Term) -> Term:
     raise NotCarriedError(f"has no outputs:{node.output}; r, g, b, a and rgb are there")
 
 
-def read_image(node: Node) -> Term:
+def read_image(node: UsdNode) -> NodeValue:
     """Read MaterialX's image."""
     return _read_image_node(node, np.eye(3), _read_address_modes(node))
 
 
-def read_tiled_image(node: Node) -> Term:
+def read_tiled_image(node: UsdNode) -> NodeValue:
     """Read tiledimage: NG_tiledimage of the MaterialX library."""
     tiling = np.array(node.read_numbers("uvtiling", 1.0, 1.0))
     offset = np.array(node.read_numbers("uvoffset", 0.0, 0.0))
@@ -77,7 +77,7 @@ def read_tiled_image(node: Node) -> Term:
     return _read_image_node(node, matrix, ["repeat", "repeat"])
 
 
-def read_gltf_image(node: Node) -> Term:
+def read_gltf_image(node: UsdNode) -> NodeValue:
     """Read gltf_image, gltf_colorimage and gltf_normalmap, with the transform of glTF's textures."""
     scale = np.array(node.read_numbers("scale", 1.0, 1.0))
     (x, y), (turn,) = node.read_numbers("offset", 0.0, 0.0), node.read_numbers("rotate", 0.0)
@@ -96,7 +96,7 @@ def read_gltf_image(node: Node) -> Term:
     return node.terms.apply("{a} * {b}", {"a": texels, "b": node.read_any_term("factor", 1.0)}, ("a", "b"))
 
 
-def tangent_normal(node: Node, encoded: Term, scale: Term) -> Term:
+def tangent_normal(node: UsdNode, encoded: NodeValue, scale: NodeValue) -> NodeValue:
     """Return the normal of a normal map, which encodes -1 to 1 as 0 to 1: mx_normalmap of the MaterialX library."""
     centred = node.terms.apply("{a} * 2 - 1", {"a": convert_channels(encoded, 3)}, ("a",))
     if scale.numbers == (1.0,) * len(scale.numbers or ()) and scale.numbers:
@@ -106,13 +106,13 @@ def tangent_normal(node: Node, encoded: Term, scale: Term) -> Term:
     return replace(node.terms.apply("{a} * {b}", {"a": centred, "b": wide}, ("a", "b")), tangent=True)
 
 
-def read_texcoord(node: Node) -> Term:
+def read_texcoord(node: UsdNode) -> NodeValue:
     """Read texcoord: UV set st, st1, ..."""
     (index,) = node.read_numbers("index", 0.0)
     return _uv_term(node, "st" if index == 0.0 else f"st{index:.0f}")
 
 
-def read_primvar(node: Node) -> Term:
+def read_primvar(node: UsdNode) -> NodeValue:
     """Read UsdPrimvarReader or geompropvalue."""
     name = node.read_word("geomprop" if "geomprop" in node.identifier else "varname")
     if not name:
@@ -137,14 +137,14 @@ def read_primvar(node: Node) -> Term:
     return node.terms.leaf_term(Primvar(name, first_fallback), width, name)
 
 
-def read_transform2d(node: Node) -> Term:
+def read_transform2d(node: UsdNode) -> NodeValue:
     """Read UsdTransform2d: ``in * scale * rotate + translation``, counter-clockwise degrees."""
     scale, translation = node.read_numbers("scale", 1.0, 1.0), node.read_numbers("translation", 0.0, 0.0)
     (rotation,) = node.read_numbers("rotation", 0.0)
     return _transform_coordinates(node, "in", transform2d(scale, rotation, translation))
 
 
-def read_place2d(node: Node) -> Term:
+def read_place2d(node: UsdNode) -> NodeValue:
     """Read place2d: NG_place2d_vector2 of the MaterialX library, whose rotation is clockwise."""
     defaults = {"pivot": 0.0, "scale": 1.0, "offset": 0.0}
     pivot, scale, offset = (np.array(node.read_numbers(name, number, number)) for name, number in defaults.items())
@@ -154,22 +154,22 @@ def read_place2d(node: Node) -> Term:
     return _transform_coordinates(node, "texcoord", matrix)
 
 
-def read_rotate2d(node: Node) -> Term:
+def read_rotate2d(node: UsdNode) -> NodeValue:
     """Read rotate2d, in clockwise degrees."""
     (amount,) = node.read_numbers("amount", 0.0)
     return _transform_coordinates(node, "in", transform2d((1.0, 1.0), -amount, (0.0, 0.0)))
 
 
-def read_coordinates(node: Node, name: str) -> Term:
+def read_coordinates(node: UsdNode, name: str) -> NodeValue:
     """Return the value of an input of texture coordinates; the UV set st where it is unset."""
     return node.reader.read_term(node.attribute(name), 2) or _uv_term(node, "st")
 
 
-def _uv_term(node: Node, name: str) -> Term:
+def _uv_term(node: UsdNode, name: str) -> NodeValue:
     return node.terms.leaf_term(Coordinates(name), 2, name)
 
 
-def _check_nonzero(node: Node, scale: Floats) -> Floats:
+def _check_nonzero(node: UsdNode, scale: Floats) -> Floats:
     if not np.all(np.abs(scale) > 1e-18):
         raise NotCarriedError("has a scale of 0, which divides the texture coordinates")
     return scale
@@ -187,7 +187,7 @@ def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floa
     return np.asarray(shift(pivot - offset) @ rotation @ scaling @ shift(-pivot))
 
 
-def _transform_coordinates(node: Node, name: str, matrix: Floats) -> Term:
+def _transform_coordinates(node: UsdNode, name: str, matrix: Floats) -> NodeValue:
     term = node.reader.read_term(node.attribute(name), 2)
     if term is None:
         node.add_fault(name, "texture coordinates are not connected", _DEFAULT_UV_HINT)
@@ -205,7 +205,7 @@ def _to_square_matrix(transform: Transform) -> Floats:
     return np.vstack([np.reshape(transform, (2, 3)), [0.0, 0.0, 1.0]])
 
 
-def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
+def _read_image_coordinates(node: UsdNode, name: str) -> tuple[str, Transform]:
     """Return the UV set and the transform of the texture coordinates of an image node."""
     try:
         term = read_coordinates(node, name)
@@ -225,18 +225,18 @@ def _read_image_coordinates(node: Node, name: str) -> tuple[str, Transform]:
     return term.leaf.st, term.leaf.transform
 
 
-def _read_address_modes(node: Node) -> list[_WrapMode]:
+def _read_address_modes(node: UsdNode) -> list[_WrapMode]:
     modes = [node.read_text(f"{axis}addressmode", "periodic", list(_ADDRESS_MODES)) for axis in "uv"]
     return [_ADDRESS_MODES[mode] for mode in modes]
 
 
-def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: int = 0) -> Term:
+def _read_image_node(node: UsdNode, matrix: Floats, wraps: list[_WrapMode], width: int = 0) -> NodeValue:
     """Return the value of an image node of MaterialX; `matrix` transforms its texture coordinates."""
     width = width or node.width
     file = _read_file(node, "default", width)
     if node.read_text("filtertype", "linear") != "linear":
         node.add_fault("filtertype", "is not carried", "images are looked up linearly")
-    if isinstance(file, Term):
+    if isinstance(file, NodeValue):
         node.ignore("texcoord")
         return file
     st, transform = _read_image_coordinates(node, "texcoord")
@@ -247,7 +247,7 @@ def _read_image_node(node: Node, matrix: Floats, wraps: list[_WrapMode], width: 
     return _texel_term(node, texture, width)
 
 
-def _texel_term(node: Node, texture: Texture, width: int) -> Term:
+def _texel_term(node: UsdNode, texture: Texture, width: int) -> NodeValue:
     if node.reader.network.opens_images:
         texture = resolve_texture(texture)
     if width == 1:
@@ -258,7 +258,7 @@ def _texel_term(node: Node, texture: Texture, width: int) -> Term:
     return replace(rgb, alpha=node.terms.leaf_term(replace(texture, channel="a"), 1, f"{node.name}_a"))
 
 
-def _read_file_colorspace(node: Node) -> str:
+def _read_file_colorspace(node: UsdNode) -> str:
     """Return the authored colour space of the file of a node; "" where none is authored."""
     attribute = node.attribute("file")
     holder = node.reader.network.follow(attribute) if attribute else None
@@ -266,7 +266,7 @@ def _read_file_colorspace(node: Node) -> str:
     return node.reader.colorspace(attribute, name) if name and attribute else ""
 
 
-def _read_file(node: Node, fallback: str, width: int) -> Path | Term:
+def _read_file(node: UsdNode, fallback: str, width: int) -> Path | NodeValue:
     """Return the image file of a node, or its fallback where it names no file or the file cannot be read."""
     node.ignore(fallback, "note")
     attribute = node.attribute("file")

@@ -1,7 +1,7 @@
 """Values of shading networks as text of the expression language: built bottom up, with constants folded.
 
-The value of a node is a `Term`. Linear arithmetic on a single texture or UV set is folded too: it becomes the scale and
-bias of the texture, or the transform of the coordinates, and costs nothing at rendering.
+The value of a node is a `NodeValue`. Linear arithmetic on a single texture or UV set is folded too: it becomes the
+scale and bias of the texture, or the transform of the coordinates, and costs nothing at rendering.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lookdev.material import Bump, Channel, Color, Coordinates, Formula, Primvar, Source, Texture, to_transform
-from lookdev.material.expression import ExpressionError, Kind, parse
+from lookdev.material import Bump, Channel, Coordinates, Formula, InputSource, Primvar, Texture, to_transform
+from lookdev.material.expression import ExpressionError, ExpressionKind, parse
 from lookdev.material.expression.shaping import CONSTANTS, LARGEST
 from lookdev.material.expression.syntax import LONGEST
+from lookdev.space import Color
 
 Leaf = Texture | Primvar | Coordinates | Bump
 
@@ -33,7 +34,7 @@ class NotCarriedError(Exception):
 
 
 @dataclass(frozen=True)
-class Term:
+class NodeValue:
     """The value of a node.
 
     text
@@ -55,22 +56,22 @@ class Term:
     inputs: Mapping[str, Leaf] = field(default_factory=dict)
     numbers: tuple[float, ...] | None = None
     leaf: Leaf | None = None
-    alpha: Term | None = None
+    alpha: NodeValue | None = None
     tangent: bool = False
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> ExpressionKind:
         """The type of the text."""
         return "float" if self.width == 1 else "color"
 
-    def source(self) -> Source | Bump:
+    def source(self) -> InputSource | Bump:
         """Return the term as the input of a layer; raises NotCarriedError where the expression is too large."""
         if self.numbers is not None:
             return self.numbers[0] if self.width == 1 else _to_color(self.numbers)
         if self.leaf is not None:
             return self.leaf
-        sources: dict[str, Source] = {}
-        kinds: dict[str, Kind] = {}
+        sources: dict[str, InputSource] = {}
+        kinds: dict[str, ExpressionKind] = {}
         try:
             expression = parse(self.text)
             for name in expression.names:
@@ -79,20 +80,20 @@ class Term:
                 sources[name], kinds[name] = leaf, _leaf_kind(leaf)
             expression.check(kinds)
         except ExpressionError as error:
-            raise NotCarriedError(error.what) from error
+            raise NotCarriedError(error.summary) from error
         return Formula(expression, sources, kinds)
 
 
-def constant(*numbers: float) -> Term:
+def constant(*numbers: float) -> NodeValue:
     """Return a constant term of one to four channels."""
     clipped = tuple(min(max(float(number), -LARGEST), LARGEST) for number in numbers)
     if len(clipped) == 4:
         return replace(constant(*clipped[:3]), alpha=constant(clipped[3]))
     texts = [_format_number(number) for number in (clipped if len(clipped) == 1 else _to_color(clipped))]
-    return Term(texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]", len(clipped), numbers=clipped)
+    return NodeValue(texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]", len(clipped), numbers=clipped)
 
 
-def convert_channels(term: Term, width: int) -> Term:
+def convert_channels(term: NodeValue, width: int) -> NodeValue:
     """Return a term with `width` channels: one is repeated, extra ones are dropped, missing ones are 0 (alpha 1)."""
     channels = 4 if term.alpha else term.width
     if width == channels:
@@ -116,7 +117,7 @@ class Terms:
     def __init__(self) -> None:
         self._names: dict[Leaf, str] = {}
 
-    def leaf_term(self, leaf: Leaf, width: int, hint: str) -> Term:
+    def leaf_term(self, leaf: Leaf, width: int, hint: str) -> NodeValue:
         """Return the term of a source. Its name in expressions derives from `hint`, such as the node's name."""
         if leaf not in self._names:
             stem = re.sub(r"[^A-Za-z0-9_]", "_", hint)[:24].lstrip("0123456789") or "value"
@@ -126,9 +127,9 @@ class Terms:
                 number += 1
             self._names[leaf] = name
         name = self._names[leaf]
-        return Term(name, width, {name: leaf}, leaf=leaf)
+        return NodeValue(name, width, {name: leaf}, leaf=leaf)
 
-    def apply(self, template: str, operands: Mapping[str, Term], linear: Sequence[str] = ()) -> Term:
+    def apply(self, template: str, operands: Mapping[str, NodeValue], linear: Sequence[str] = ()) -> NodeValue:
         """Return the value of a template, which has the names of operands in braces; it applies per channel.
 
         The template is linear in each of the operands `linear`, the others fixed. Raises NotCarriedError where the
@@ -154,9 +155,9 @@ class Terms:
         inputs = {name: leaf for operand in operands.values() for name, leaf in operand.inputs.items()}
         vectors = [operand for operand in operands.values() if operand.width > 1 and operand.numbers is None]
         tangent = bool(vectors) and all(vector.tangent for vector in vectors)
-        return Term(text, max(operand.width for operand in operands.values()), inputs, tangent=tangent)
+        return NodeValue(text, max(operand.width for operand in operands.values()), inputs, tangent=tangent)
 
-    def _fold(self, template: str, operands: Mapping[str, Term], name: str) -> Term | None:
+    def _fold(self, template: str, operands: Mapping[str, NodeValue], name: str) -> NodeValue | None:
         """Return a texture or coordinates with the scale and bias of a template that is linear in it, else None."""
         term = operands[name]
         leaf, width = term.leaf, term.width
@@ -178,7 +179,7 @@ class Terms:
         biased = np.array(leaf.bias) * full_scale + full_bias
         return self.leaf_term(replace(leaf, scale=_to_scale(scaled), bias=_to_scale(biased)), width, hint)
 
-    def channel(self, term: Term, index: int) -> Term:
+    def channel(self, term: NodeValue, index: int) -> NodeValue:
         """Return one channel of a term; raises NotCarriedError where it has no such channel."""
         channels = 4 if term.alpha else term.width
         if index >= channels:
@@ -195,9 +196,9 @@ class Terms:
             return self.leaf_term(replace(term.leaf, channel=single), 1, f"{self._names[term.leaf]}_{single}")
         if isinstance(term.leaf, Bump):
             raise NotCarriedError("a bump has no value to compute with")
-        return Term(f"{_parenthesize(term.text)}[{index}]", 1, term.inputs)
+        return NodeValue(f"{_parenthesize(term.text)}[{index}]", 1, term.inputs)
 
-    def join_channels(self, *channels: Term) -> Term:
+    def join_channels(self, *channels: NodeValue) -> NodeValue:
         """Return two to four terms of one channel as one term."""
         if len(channels) == 4:
             return replace(self.join_channels(*channels[:3]), alpha=channels[3])
@@ -205,15 +206,15 @@ class Terms:
             return constant(*(channel.numbers[0] for channel in channels if channel.numbers))
         texts = [channel.text for channel in channels] + ["0"] * (3 - len(channels))
         inputs = {name: leaf for channel in channels for name, leaf in channel.inputs.items()}
-        return Term(f"[{', '.join(texts)}]", len(channels), inputs)
+        return NodeValue(f"[{', '.join(texts)}]", len(channels), inputs)
 
 
-def _evaluate(template: str, operands: Mapping[str, Term]) -> Term:
+def _evaluate(template: str, operands: Mapping[str, NodeValue]) -> NodeValue:
     text = template.format_map({name: _parenthesize(operand.text) for name, operand in operands.items()})
     try:
         value = np.atleast_1d(parse(text).evaluate({}, {}))
     except ExpressionError as error:
-        raise NotCarriedError(error.what) from error
+        raise NotCarriedError(error.summary) from error
     return constant(*value.tolist()[: max(operand.width for operand in operands.values())])
 
 
@@ -225,7 +226,7 @@ def _format_number(number: float) -> str:
     return f"{number:.17g}" if number >= 0.0 else f"(-{-number:.17g})"
 
 
-def _leaf_kind(leaf: Source) -> Kind:
+def _leaf_kind(leaf: InputSource) -> ExpressionKind:
     match leaf:
         case Texture(channel=channel):
             return "color" if channel == "rgb" else "float"

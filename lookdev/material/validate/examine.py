@@ -24,7 +24,7 @@ from lookdev.material.library.stack import Stack, find_stack
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
 from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, is_set, shader_id
-from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
+from lookdev.material.validate.report import SEVERITIES, Severity, ValidationFinding, ValidationReport
 from lookdev.material.values import presence
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
 
@@ -57,13 +57,13 @@ _Unused: TypeAlias = tuple[str, str, str]
 """A prim or property without effect: its path, what is wrong, and what would be right or ""."""
 
 
-def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Report:
+def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> ValidationReport:
     """Examine every material of a file, or the one at `prim`, in every combination of variants.
 
     `variants` fixes the variants of some sets. In a file without materials, such as a preset, the layers are examined.
     Raises nothing: a file that cannot be read is a finding too.
     """
-    findings: list[Finding] = []
+    findings: list[ValidationFinding] = []
     looks: list[int] = []
     try:
         stage = open_stage(file)
@@ -82,26 +82,30 @@ def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str
         findings += map(_from_fault, error.faults)
     ordered = sorted(dict.fromkeys(findings), key=lambda finding: SEVERITIES.index(finding.severity))
     if more := len(ordered[MOST_FINDINGS:]):
-        last = Finding(ordered[MOST_FINDINGS].severity, "", "", f"{more} more findings", "mend those above first")
+        last = ValidationFinding(
+            ordered[MOST_FINDINGS].severity, "", "", f"{more} more findings", "mend those above first"
+        )
         ordered = [*ordered[:MOST_FINDINGS], last]
-    return Report(str(file), tuple(ordered), len(looks), sum(looks))
+    return ValidationReport(str(file), tuple(ordered), len(looks), sum(looks))
 
 
-def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[str, str]) -> tuple[list[Finding], int]:
+def _examine_material(
+    file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[str, str]
+) -> tuple[list[ValidationFinding], int]:
     """Return the findings of a material, and the number of combinations of variants that were examined."""
     network, session = Network(file), stage.GetSessionLayer()
     path = find_material(network, stage, prim, fixed)
     if path is None or network.faults:
         session.Clear()
         return list(map(_from_fault, network.faults)), 0
-    findings: list[Finding] = []
+    findings: list[ValidationFinding] = []
     combinations = _combinations(stage, path, fixed)
     if sum(1 for _ in islice(_combinations(stage, path, fixed), MOST_COMBINATIONS + 1)) > MOST_COMBINATIONS:
         combinations = islice(_single_variants(stage, path, fixed), _MOST_VARIANTS)
         message = f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
         hint = "each variant was, with the other sets as the file has them"
-        findings.append(Finding("note", prim, "", message, hint))
-    looks: dict[str, tuple[Finding, ...]] = {}
+        findings.append(ValidationFinding("note", prim, "", message, hint))
+    looks: dict[str, tuple[ValidationFinding, ...]] = {}
     foreign: set[str] = set()
     for selection in combinations:
         looks[label := _combination_label(selection)] = tuple(dict.fromkeys(_examine_look(file, stage, path)))
@@ -111,12 +115,12 @@ def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[st
     return [*findings, *_merge_findings(looks, foreign)], len(looks)
 
 
-def _examine_layers(file: Path, stage: Usd.Stage) -> list[Finding]:
+def _examine_layers(file: Path, stage: Usd.Stage) -> list[ValidationFinding]:
     shaders = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Shader)]
     layers = [shader for shader in shaders if shader_id(shader) in layer_shaders()]
     if not layers:
         hint = lights_hint(stage) or "define a Material prim"
-        return [Finding("error", "", "", "holds no material and no layer", hint)]
+        return [ValidationFinding("error", "", "", "holds no material and no layer", hint)]
     return [_from_fault(fault) for layer in layers for fault in layer_faults(file, layer)]
 
 
@@ -124,13 +128,15 @@ def _combination_label(selection: Mapping[str, str]) -> str:
     return ", ".join(f"{name}={choice or '(none)'}" for name, choice in selection.items())
 
 
-def _merge_findings(looks: Mapping[str, tuple[Finding, ...]], foreign: set[str]) -> Iterator[Finding]:
+def _merge_findings(
+    looks: Mapping[str, tuple[ValidationFinding, ...]], foreign: set[str]
+) -> Iterator[ValidationFinding]:
     """Yield findings that all combinations share, and errors and warnings of some combinations with their labels.
 
     Notes on some combinations are omitted, as another variant may use an element that one does not. Notes on `foreign`
     combinations are not omitted: they are on losses.
     """
-    labelled: dict[Finding, list[str]] = {}
+    labelled: dict[ValidationFinding, list[str]] = {}
     for label, findings in looks.items():
         for finding in findings:
             labelled.setdefault(finding, []).append(label)
@@ -170,13 +176,15 @@ def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Sel
                 variant_set.ClearVariantSelection()
 
 
-def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Finding]:
+def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[ValidationFinding]:
     """Yield the findings of a material in its present composition."""
     prim = stage.GetPrimAtPath(path)
     reader_findings, layers = _read_material(file, stage, path)
     yield from reader_findings
     if _is_huge(prim):
-        yield Finding("note", str(path), "", _TOO_LARGE, f"at most {_MOST_PROPERTIES} prims and properties would be")
+        yield ValidationFinding(
+            "note", str(path), "", _TOO_LARGE, f"at most {_MOST_PROPERTIES} prims and properties would be"
+        )
         return
     usd_findings = _usd_findings(list(Usd.PrimRange(prim)), reader_findings)
     if is_foreign(prim):  # read leniently: the material renders in spite of errors that USD finds
@@ -186,7 +194,7 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
     yield from usd_findings
     stack = find_stack(UsdShade.Material(prim))
     for where, message, hint in (*(_unseen_layers(stack, layers) if stack else ()), *_unread_shaders(prim)):
-        yield Finding("note", *_split_path(where), message, hint)
+        yield ValidationFinding("note", *_split_path(where), message, hint)
     if stack and (switches := _disabled_switches(stack)):
         # Faults of a disabled layer are warnings: enable all layers for a moment to find them.
         session = stage.GetSessionLayer()
@@ -246,20 +254,24 @@ def _is_huge(prim: Usd.Prim) -> bool:
     return any(count > _MOST_PROPERTIES for count in counts)
 
 
-def _read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> tuple[tuple[Finding, ...], tuple[Layer, ...]]:
+def _read_material(
+    file: Path, stage: Usd.Stage, path: Sdf.Path
+) -> tuple[tuple[ValidationFinding, ...], tuple[Layer, ...]]:
     """Return the reader's findings in a material, and its layers; only notes for a material of another model."""
     try:
         if is_foreign(stage.GetPrimAtPath(path)):
             bound = read_foreign(file, stage, path)
-            read_as = Finding("note", str(path), "", f"is read as {' and '.join(dict.fromkeys(bound.titles))}")
+            read_as = ValidationFinding(
+                "note", str(path), "", f"is read as {' and '.join(dict.fromkeys(bound.titles))}"
+            )
             return (read_as, *(replace(_from_fault(fault), severity="note") for fault in bound.lost)), ()
         return (), read_material(file, stage, path).layers
     except LookError as error:
         return tuple(map(_from_fault, error.faults)), ()
 
 
-def _from_fault(fault: Fault) -> Finding:
-    return Finding("error", *_split_path(fault.where), fault.what, fault.hint)
+def _from_fault(fault: Fault) -> ValidationFinding:
+    return ValidationFinding("error", *_split_path(fault.where), fault.what, fault.hint)
 
 
 def _split_path(where: str) -> tuple[str, str]:
@@ -268,7 +280,9 @@ def _split_path(where: str) -> tuple[str, str]:
     return prim, name
 
 
-def _usd_findings(target: Usd.Stage | list[Usd.Prim], reader_findings: Iterable[Finding]) -> Iterator[Finding]:
+def _usd_findings(
+    target: Usd.Stage | list[Usd.Prim], reader_findings: Iterable[ValidationFinding]
+) -> Iterator[ValidationFinding]:
     """Yield the findings of USD's validators that are not among `reader_findings`."""
     reported = tuple(reader_findings)
     for error in UsdValidation.ValidationContext(_validators()).Validate(target)[:MOST_FINDINGS]:
@@ -283,7 +297,7 @@ def _usd_findings(target: Usd.Stage | list[Usd.Prim], reader_findings: Iterable[
         if (name and (prim, name) in places) or any(file_name in finding.what for finding in reported):
             continue
         severity = _SEVERITIES.get(error.GetName()) or _USD_SEVERITIES[error.GetType().name]
-        yield Finding(severity, "" if prim == "/" else prim, name, message)
+        yield ValidationFinding(severity, "" if prim == "/" else prim, name, message)
 
 
 @cache

@@ -13,7 +13,7 @@ _MOST_COMBINATIONS_SHOWN = 4  # of variants that the text lists for one finding;
 
 
 @dataclass(frozen=True)
-class Finding:
+class ValidationFinding:
     """A fault of a look, or a note on it.
 
     `prim` and `input` are its place; both may be empty. `hint` is what would be right. `variants` has the combinations
@@ -29,11 +29,11 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Report:
+class ValidationReport:
     """The findings in a file."""
 
     file: str
-    findings: tuple[Finding, ...]
+    findings: tuple[ValidationFinding, ...]
     materials: int = 0
     combinations: int = 0
 
@@ -60,7 +60,7 @@ class Report:
         return "\n".join(lines)
 
 
-def _finding_lines(finding: Finding) -> list[str]:
+def _finding_lines(finding: ValidationFinding) -> list[str]:
     first_line, *more = finding.what.split("\n")  # an expression and a caret are on further lines
     head = f"  {finding.severity:<7}  "
     margin = " " * len(head)

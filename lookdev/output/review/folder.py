@@ -11,7 +11,7 @@ from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FRAME_PATTERN, frame_files
 from lookdev.output.manifest import STATE_FOLDER, read_manifest
-from lookdev.output.review.page import Reel, ReviewFrame, Version, Written, write_page
+from lookdev.output.review.page import ReviewFrame, ReviewReel, Version, WrittenPage, write_page
 from lookdev.scene.charts.props import FOLDER, STRIP
 
 PAGE_FOLDER = "review"
@@ -26,7 +26,7 @@ def review(
     to: Path | None = None,
     view: str | None = None,
     report: Callable[[int, int], None] = lambda done, of: None,
-) -> tuple[Path, Written, tuple[str, ...]]:
+) -> tuple[Path, WrittenPage, tuple[str, ...]]:
     """Write the review page of an output folder; return its index, counts of its files, and notes for the user.
 
     Parameters
@@ -97,7 +97,7 @@ def read_version(folder: Path, page: Path) -> Version:
     for key, frames in sorted(reels.items(), key=lambda item: item[0][0] == FOLDER):  # props after the looks
         if key[0] != FOLDER:
             frames = [replace(frame, over=props.get(frame.file.relative_to(folder / key[0]))) for frame in frames]
-        complete.append(Reel(*key, tuple(frames)))
+        complete.append(ReviewReel(*key, tuple(frames)))
     return Version(folder.name, folder, tuple(complete), tuple(problems))
 
 
@@ -117,7 +117,7 @@ def _job_view(folder: Path) -> DisplayView:
 
 
 def _distinct_names(folders: list[Path]) -> list[str]:
-    """Return the shortest ends of the paths of folders by which they differ."""
+    """Return the shortest ends of the paths of folders that tell them apart."""
     depth = 1
     while len({folder.parts[-depth:] for folder in folders}) < len(folders):
         depth += 1

@@ -27,7 +27,7 @@ from lookdev.output.display import composite, to_display, write_image
 from lookdev.output.frame_name import FrameName
 from lookdev.output.review.pixels import SQUARE, Comparison, compare_frames, read_pixels, write_pixels_script
 from lookdev.output.review.view import view_shader
-from lookdev.text import read_json_object
+from lookdev.safe_text import read_json_object
 
 FORMAT = 1
 """Part of the names of a page's files: after a change of it, all files are written anew."""
@@ -51,7 +51,7 @@ class ReviewFrame:
 
 
 @dataclass(frozen=True)
-class Reel:
+class ReviewReel:
     """The frames of a turntable of a look under a rig, at least one."""
 
     look: str
@@ -71,16 +71,16 @@ class Version:
 
     name: str
     folder: Path
-    reels: tuple[Reel, ...]
+    reels: tuple[ReviewReel, ...]
     problems: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenPage:
     """Number of files of a page that were written now, number that were kept, and bytes of all."""
 
-    made: int
-    kept: int
+    new_files: int
+    unchanged_files: int
     size: int
 
 
@@ -90,7 +90,7 @@ def write_page(
     view: DisplayView,
     title: str,
     report: Callable[[int, int], None] = lambda *_: None,
-) -> Written:
+) -> WrittenPage:
     """Write the page of one version, or of a new and an old version, into a folder; undamaged files there are kept.
 
     Each file is written complete or not at all, files that refer to others after them, and files that no longer belong
@@ -111,7 +111,7 @@ class _Page:
         self._listed: dict[str, str] = {}  # SHA-256 of each file of this page by its name
         self._written: set[str] = set()
 
-    def write(self, versions: Sequence[Version], title: str, report: Callable[[int, int], None]) -> Written:
+    def write(self, versions: Sequence[Version], title: str, report: Callable[[int, int], None]) -> WrittenPage:
         shader = view_shader(self._view)
         frames = [frame for version in versions for reel in version.reels for frame in reel.frames]
         keys: dict[Path, str] = {}
@@ -141,7 +141,7 @@ class _Page:
         write_file(self._folder / _LEDGER, json.dumps(self._listed, indent=0, sort_keys=True))
         self._remove_others()
         size = sum((self._folder / name).stat().st_size for name in self._listed)
-        return Written(len(self._written), len(self._listed) - len(self._written), size)
+        return WrittenPage(len(self._written), len(self._listed) - len(self._written), size)
 
     def _write_frame(self, frame: ReviewFrame) -> str:
         """Write the picture and the script of a frame, and return the key in their names."""
@@ -155,7 +155,7 @@ class _Page:
             self._write_file(picture, lambda path: write_image(path, to_display(light, self._view), _JPEG))
         return key
 
-    def _write_reel(self, version: int, reel: Reel, keys: Mapping[Path, str]) -> dict[str, Any]:
+    def _write_reel(self, version: int, reel: ReviewReel, keys: Mapping[Path, str]) -> dict[str, Any]:
         """Write the sprites and the provenance of a reel, and return its entry in the index."""
         names = [keys[frame.file] for frame in reel.frames]
         key = _content_key(FORMAT, THUMBNAIL, names)
@@ -254,14 +254,14 @@ def _differing_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[t
     ]
 
 
-def _command(reel: Reel, frame: ReviewFrame) -> str:
+def _command(reel: ReviewReel, frame: ReviewFrame) -> str:
     """Return the command that renders a frame again, or "" where its header does not name a job."""
     name = str(FrameName(*reel.key, frame.number))
     job = frame.header.get("job")
     return f"lookdev render {shlex.quote(job)} --force --frame {shlex.quote(name)}" if job else ""
 
 
-def _rotating_part(reel: Reel) -> str:
+def _rotating_part(reel: ReviewReel) -> str:
     """Return the part that rotates in a reel: "lighting" where only the light does, otherwise "element"."""
     element = {frame.header.get("pose.element") for frame in reel.frames}
     lighting = {frame.header.get("pose.lighting") for frame in reel.frames}

@@ -21,9 +21,6 @@ from lookdev.output.display import laid_over
 from lookdev.output.exr import frame_space, read_layer, read_shown
 from lookdev.space import REC709, error_in_rec709
 
-PLANES = "RGBAE"
-"""The planes of a script: colour, alpha, and the standard error of the colour where it is known."""
-
 BEYOND = 3.0
 """z above which noise does not explain a pixel: 0.27 % of pixels exceed it by chance, where noise is Gaussian."""
 
@@ -38,7 +35,7 @@ _LARGEST = float(np.finfo(np.float16).max)
 
 
 @dataclass(frozen=True)
-class Pixels:
+class PremultipliedPixels:
     """Premultiplied linear Rec.709 (H, W, 3), alpha (H, W), and the error of the colour (H, W) or None."""
 
     beauty: Floats32
@@ -46,7 +43,7 @@ class Pixels:
     error: Floats32 | None
 
 
-def read_pixels(frame: Path, over: Path | None = None) -> Pixels:
+def read_pixels(frame: Path, over: Path | None = None) -> PremultipliedPixels:
     """Return the pixels of a frame, with another frame laid over it, rounded to the half floats of the page.
 
     Raises OutputError where a frame is damaged.
@@ -57,7 +54,9 @@ def read_pixels(frame: Path, over: Path | None = None) -> Pixels:
         beauty, alpha = laid_over(props, (beauty, alpha))
         if error is not None:
             error = None if props_error is None else np.hypot((1.0 - props[1]) * error, props_error)
-    return Pixels(_round_to_half(beauty), _round_to_half(alpha), None if error is None else _round_to_half(error))
+    return PremultipliedPixels(
+        _round_to_half(beauty), _round_to_half(alpha), None if error is None else _round_to_half(error)
+    )
 
 
 def _read_error(frame: Path) -> Floats32 | None:
@@ -68,11 +67,11 @@ def _read_error(frame: Path) -> Floats32 | None:
     return pooled_error(error if space == REC709 else error_in_rec709(error, space).astype(np.float32))
 
 
-def write_pixels_script(path: Path, name: str, pixels: Pixels) -> None:
+def write_pixels_script(path: Path, name: str, pixels: PremultipliedPixels) -> None:
     """Write a script that calls ``review.put(name, {...})``, complete or not at all.
 
-    ``data`` is base64 of zlib of half floats, plane by plane in the order of `PLANES`. In a plane, high bytes precede
-    low bytes, because high bytes compress to a fifth and low bytes are noise.
+    ``data`` is base64 of zlib of half floats, plane by plane: red, green, blue, alpha, and if it is known the error.
+    In a plane, high bytes precede low bytes, because high bytes compress to a fifth and low bytes are noise.
     """
     planes = [*np.moveaxis(pixels.beauty, -1, 0), pixels.alpha, *([] if pixels.error is None else [pixels.error])]
     halves = np.stack(planes).astype(">f2").reshape(len(planes), -1, 1)
@@ -108,7 +107,9 @@ class Comparison:
         return self.relmse is None or self.relmse > 0.0
 
 
-def compare_frames(new: Pixels, old: Pixels, header: Mapping[str, str], old_header: Mapping[str, str]) -> Comparison:
+def compare_frames(
+    new: PremultipliedPixels, old: PremultipliedPixels, header: Mapping[str, str], old_header: Mapping[str, str]
+) -> Comparison:
     """Compare a frame with that of another version by their pixels and headers."""
     changed = changed_parts(header, old_header)
     if new.alpha.shape != old.alpha.shape:

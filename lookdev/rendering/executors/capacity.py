@@ -20,27 +20,27 @@ _GROWTH = 1.5  # times the peak memory of a worker so far
 
 @dataclass(frozen=True)
 class Use:
-    """The seconds of a clock, and the core seconds used until then: by some processes (`own`), and by all."""
+    """The seconds of a clock, and the core seconds used until then: by some `processes`, and by the whole `machine`."""
 
     clock: float
-    own: float
+    processes: float
     machine: float
 
     @classmethod
     def of(cls, processes: Iterable[int]) -> Use:
         """Return the use of some running processes and of this one."""
-        own = sum(map(_cpu_seconds, {os.getpid(), *processes}))
+        used = sum(map(_cpu_seconds, {os.getpid(), *processes}))
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
         rows = (line.split() for line in Path("/proc/stat").read_text().splitlines())
         # In a row: user, nice, system, idle, waiting, interrupts (2), hypervisor. All but idle and waiting are use.
         busy = sum(sum(map(int, row[1:4])) + sum(map(int, row[6:9])) for row in rows if row[0] in allowed)
-        return cls(time.monotonic(), own, busy / _TICKS)
+        return cls(time.monotonic(), used, busy / _TICKS)
 
 
 def idle_cores(before: Use, now: Use) -> float:
     """Return the mean number of idle cores between two measurements."""
     seconds = now.clock - before.clock
-    used = max(now.own - before.own, now.machine - before.machine)
+    used = max(now.processes - before.processes, now.machine - before.machine)
     return max(cores() - used / seconds, 0.0) if seconds > 0.0 else 0.0
 
 

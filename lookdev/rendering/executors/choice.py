@@ -10,11 +10,11 @@ from pathlib import Path
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.executors.local import LocalExecutor
-from lookdev.rendering.executors.protocol import Executor, Place, Store
+from lookdev.rendering.executors.protocol import Executor, Store, WorkerFiles
 
 
 @dataclass(frozen=True)
-class Choice:
+class ExecutorOptions:
     """The options of the command line that determine the executor.
 
     Attributes
@@ -44,7 +44,7 @@ class Choice:
         return not self.address
 
 
-LOCAL = Choice()
+LOCAL = ExecutorOptions()
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class ExecutorKind:
 
     help: str
     address: str
-    open: Callable[[Choice, Place, Store], Executor]
+    open: Callable[[ExecutorOptions, WorkerFiles, Store], Executor]
     needs_address: bool = False
     counts: bool = False  # whether the user sets the number of its workers
     storing: bool = False  # whether its workers can write the files of frames
@@ -68,11 +68,11 @@ _VISIBLE_DEVICES = {
 }
 
 
-def _open_local(choice: Choice, files: Place, store: Store) -> Executor:
+def _open_local(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
     return LocalExecutor(files, choice.workers, devices_of(choice))
 
 
-def _open_dask(choice: Choice, files: Place, store: Store) -> Executor:
+def _open_dask(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
     from lookdev.rendering.executors.dask import DaskExecutor
 
     if choice.address and choice.workers is not None:
@@ -80,7 +80,7 @@ def _open_dask(choice: Choice, files: Place, store: Store) -> Executor:
     return DaskExecutor(files, choice.address, choice.workers, store if choice.stored else None)
 
 
-def _open_warm(choice: Choice, files: Place, store: Store) -> Executor:
+def _open_warm(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
     from lookdev.rendering.executors.warm import WarmExecutor
 
     return WarmExecutor(files, Path(choice.address))
@@ -101,12 +101,12 @@ EXECUTORS: dict[str, ExecutorKind] = {
 }
 
 
-def open_executor(choice: Choice, files: Place, store: Store) -> Executor:
+def open_executor(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
     """Return the executor of a choice, a context manager; raises LookdevError where the options contradict it."""
     return EXECUTORS[choice.kind].open(choice, files, store)
 
 
-def choose(executor: str, *, workers: int | None, device: str | None, stored: bool) -> Choice:
+def choose(executor: str, *, workers: int | None, device: str | None, stored: bool) -> ExecutorOptions:
     """Return the choice of options of the command line, such as ``dask:tcp://host:8786`` and ``cuda:0,1``.
 
     Raises LookdevError where an option is wrong, or does not fit the executor.
@@ -128,7 +128,7 @@ def choose(executor: str, *, workers: int | None, device: str | None, stored: bo
     name, numbers = _parse_device(device) if device is not None else (None, ())
     if numbers and kind != "local":
         raise LookdevError(f"--device: executor '{kind}' has devices of its own: write --device {name}")
-    return Choice(kind, address, workers, name, numbers, stored)
+    return ExecutorOptions(kind, address, workers, name, numbers, stored)
 
 
 def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
@@ -146,7 +146,7 @@ def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
     return kind, tuple(dict.fromkeys(map(int, numbers.split(","))))
 
 
-def devices_of(choice: Choice) -> tuple[Mapping[str, str], ...]:
+def devices_of(choice: ExecutorOptions) -> tuple[Mapping[str, str], ...]:
     """Return the environment variables that give workers their devices; workers take turns with the entries.
 
     With several devices and workers, an entry has one device; a single worker has all of them.

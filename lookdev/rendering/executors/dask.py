@@ -28,11 +28,11 @@ from lookdev.cache import Content
 from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.rendering.executors.capacity import free_memory
 from lookdev.rendering.executors.dask_worker import (
-    Answers,
-    Lacks,
+    ChunkAnswers,
+    ChunkResult,
+    MissingFiles,
     Order,
-    Result,
-    Unfit,
+    UnfitWorker,
     Unwritable,
     WorkerEvent,
     receive,
@@ -41,15 +41,15 @@ from lookdev.rendering.executors.dask_worker import (
 from lookdev.rendering.executors.protocol import (
     CRASH_TRIES,
     Finished,
+    FrameFilter,
     GivenUp,
     Happening,
-    Place,
     Progressed,
     Remarked,
     Retried,
     Started,
     Store,
-    Wanted,
+    WorkerFiles,
 )
 from lookdev.rendering.executors.shares import ChunkShares
 from lookdev.rendering.executors.versions import mismatch, versions
@@ -99,7 +99,7 @@ class DaskExecutor:
 
     def __init__(
         self,
-        files: Place,
+        files: WorkerFiles,
         address: str = "",
         workers: int | None = None,
         store: Store | None = None,
@@ -172,7 +172,7 @@ class DaskExecutor:
     def prepare(self, scene: SceneTask) -> None:
         """Do nothing: the worker of the scene is not known yet."""
 
-    def render(self, tasks: Sequence[FrameTask], is_needed: Wanted) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[Happening]:
         """Render tasks, as `Executor.render`."""
         backend = tasks[0].scene.backend
         self._check_versions(backend)
@@ -237,7 +237,7 @@ class DaskExecutor:
         return f"lookdev-{self._run}"
 
     def _shared_mark(self) -> Path | None:
-        """Create and return a file in the output folder, by which workers check that they see the same folder."""
+        """Create and return a file in the output folder: workers that see it see the same folder."""
         if self._store is None:
             return None
         mark = self._files.scratch / f"shared-{self._run}"
@@ -261,21 +261,21 @@ class DaskExecutor:
         """Handle the result of a chunk, and yield the events of its frames."""
         if chunk.future.status in ("cancelled", "lost"):
             raise WorkerError(f"{self._cluster} has dropped the run; run the same command again to continue")
-        result: Result
+        result: ChunkResult
         try:
             result = self._result_of(chunk)
         except Exception as error:  # noqa: BLE001  whatever the worker raised, or Dask of lost workers
             yield from self._render_again(chunk, _brief(error))
             return
         match result:
-            case Lacks(worker, files):
+            case MissingFiles(worker, files):
                 if worker in chunk.sent:
                     raise WorkerError(f"worker {worker} lacks {files[0].digest}{files[0].suffix}, which it was sent")
                 self._send(worker, files)
                 chunk.sent.add(worker)
                 chunk.worker = worker
                 self._submit(chunk)
-            case Unfit(worker, reason):
+            case UnfitWorker(worker, reason):
                 yield from self._leave_out(worker, reason)
                 fit = sorted(set(self._addresses()) - self._unfit.keys())
                 if not fit:
@@ -284,22 +284,22 @@ class DaskExecutor:
                 self._submit(chunk)
             case Unwritable(reason):
                 raise OutputError(reason)
-            case Answers(worker, answers):
+            case ChunkAnswers(worker, answers):
                 self._fill(sorted(self._workers - self._unfit.keys()))
                 for answer in answers:
                     task = chunk.tasks[answer.number]
-                    if isinstance(answer.made, str):
-                        yield GivenUp(task, answer.made, None)
+                    if isinstance(answer.result, str):
+                        yield GivenUp(task, answer.result, None)
                     else:
                         self._waiting.record_time(task, answer.seconds, worker)
-                        yield Finished(task, answer.made, answer.seconds)
+                        yield Finished(task, answer.result, answer.seconds)
 
-    def _result_of(self, chunk: _Chunk) -> Result:
+    def _result_of(self, chunk: _Chunk) -> ChunkResult:
         """Return the result of a chunk; raises TimeoutError where it does not arrive, soon if its worker is lost."""
         deadline = time.monotonic() + _CONNECT
         while True:
             try:
-                result: Result = chunk.future.result(timeout=_POLL)
+                result: ChunkResult = chunk.future.result(timeout=_POLL)
                 return result
             except TimeoutError:
                 # Where Dask chose the worker, its address is not known here.

@@ -59,24 +59,24 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Answer:
+class FrameAnswer:
     """The result of a frame, by its number in the chunk, and its seconds."""
 
     number: int
-    made: Rendered | Stored | str  # a reason if the frame failed
+    result: Rendered | Stored | str  # a reason if the frame failed
     seconds: float
 
 
 @dataclass(frozen=True)
-class Answers:
+class ChunkAnswers:
     """The results of the frames of a chunk."""
 
     worker: str
-    frames: list[Answer]
+    frames: list[FrameAnswer]
 
 
 @dataclass(frozen=True)
-class Lacks:
+class MissingFiles:
     """A worker renders nothing until it is sent these files."""
 
     worker: str
@@ -84,7 +84,7 @@ class Lacks:
 
 
 @dataclass(frozen=True)
-class Unfit:
+class UnfitWorker:
     """A worker cannot render, for this reason."""
 
     worker: str
@@ -98,7 +98,7 @@ class Unwritable:
     reason: str
 
 
-Result = Answers | Lacks | Unfit | Unwritable
+ChunkResult = ChunkAnswers | MissingFiles | UnfitWorker | Unwritable
 
 
 class WorkerEvent(TypedDict, total=False):
@@ -114,32 +114,32 @@ class WorkerEvent(TypedDict, total=False):
     relmse: float | None
 
 
-def render_order(order: Order) -> Result:
+def render_order(order: Order) -> ChunkResult:
     """Render a chunk on this worker of Dask."""
     from distributed import get_worker
 
     host = get_worker()
     if problem := mismatch(order.versions, versions(order.backend), f"worker {host.address}"):
-        return Unfit(host.address, problem)
+        return UnfitWorker(host.address, problem)
     tasks: list[FrameTask] = pickle.loads(order.frames)
     if order.shared is not None and not _wait_for_file(order.shared):
-        return Unfit(
+        return UnfitWorker(
             host.address,
             f"worker {host.address} does not see {order.shared.parent}: mount the output folder there under the same "
             "path, or leave out --shared",
         )
     try:
         if missing := tuple(file for file in sorted(files_of_task(tasks[0].scene), key=str) if not file.is_whole()):
-            return Lacks(host.address, missing)
+            return MissingFiles(host.address, missing)
         with _RENDERER.borrow(order, host) as worker, _stop_if_cancelled(host, worker) as is_cancelled:
             frames = [
                 _render_frame(order, number, task, worker, host, is_cancelled) for number, task in enumerate(tasks)
             ]
-            return Answers(host.address, frames)
+            return ChunkAnswers(host.address, frames)
     except OutputError as error:
         return Unwritable(f"worker {host.address}: {error}")
     except WorkerError as error:
-        return Unfit(host.address, f"worker {host.address}: {error}")
+        return UnfitWorker(host.address, f"worker {host.address}: {error}")
 
 
 def receive(name: str, digest: str, offset: int, data: bytes, last: bool) -> str:
@@ -153,7 +153,7 @@ def receive(name: str, digest: str, offset: int, data: bytes, last: bool) -> str
             return ""
         suffix = Path(name).suffix
         try:
-            content = Content.written(suffix, lambda path: shutil.move(part, path))
+            content = Content.store_written(suffix, lambda path: shutil.move(part, path))
         finally:
             part.unlink(missing_ok=True)
     except (OSError, LookdevError) as error:
@@ -172,7 +172,7 @@ def _wait_for_file(file: Path) -> bool:
 
 def _render_frame(
     order: Order, number: int, task: FrameTask, worker: Worker, host: DaskWorker, is_cancelled: Callable[[], bool]
-) -> Answer:
+) -> FrameAnswer:
     started, last_report = time.monotonic(), [0.0]
 
     def log_event(**fields: Unpack[WorkerEvent]) -> None:
@@ -187,13 +187,13 @@ def _render_frame(
         log_event(reason=retry.reason, attempt=retry.attempt, attempts=retry.attempts)
 
     if is_cancelled():
-        return Answer(number, "cancelled", 0.0)
+        return FrameAnswer(number, "cancelled", 0.0)
     log_event(started=True)
     rendered = render_with_retries(worker, task, on_progress, on_retry, is_cancelled)
     seconds = time.monotonic() - started
     if isinstance(rendered, GivenUp):
-        return Answer(number, f"{rendered.reason} (on {host.address}, log: {rendered.log})", seconds)
-    return Answer(number, rendered if order.store is None else order.store(task, rendered), seconds)
+        return FrameAnswer(number, f"{rendered.reason} (on {host.address}, log: {rendered.log})", seconds)
+    return FrameAnswer(number, rendered if order.store is None else order.store(task, rendered), seconds)
 
 
 @contextmanager

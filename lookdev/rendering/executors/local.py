@@ -16,12 +16,12 @@ from lookdev.errors import WorkerError
 from lookdev.rendering.executors.capacity import Use, free_memory, idle_cores, is_worth_another
 from lookdev.rendering.executors.protocol import (
     Finished,
+    FrameFilter,
     GivenUp,
     Happening,
-    Place,
     Progressed,
     Started,
-    Wanted,
+    WorkerFiles,
 )
 from lookdev.rendering.executors.shares import Shares
 from lookdev.rendering.executors.tries import render_with_retries
@@ -111,7 +111,9 @@ class LocalExecutor:
         Environment variables that give a worker its devices; workers take turns with the entries.
     """
 
-    def __init__(self, files: Place, workers: int | None = 1, devices: Sequence[Mapping[str, str]] = ({},)) -> None:
+    def __init__(
+        self, files: WorkerFiles, workers: int | None = 1, devices: Sequence[Mapping[str, str]] = ({},)
+    ) -> None:
         self._files = files
         self._workers = workers
         self._devices = devices
@@ -138,7 +140,7 @@ class LocalExecutor:
         """Send a scene to the first worker while that is starting."""
         self._slots[0].worker.prepare(scene)
 
-    def render(self, tasks: Sequence[FrameTask], is_needed: Wanted) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[Happening]:
         """Render tasks, as `Executor.render`."""
         shares = Shares(tasks)
         self._use_before = None
@@ -179,7 +181,7 @@ class LocalExecutor:
         self._use_before = None if is_worth_it else now  # measured anew when the next worker renders
         return is_worth_it
 
-    def _fill(self, slot: _Slot, shares: Shares, is_needed: Wanted) -> None:
+    def _fill(self, slot: _Slot, shares: Shares, is_needed: FrameFilter) -> None:
         """Assign frames to a worker until it has enough."""
         limit = 2 if slot.seconds is not None and slot.seconds < _SHORT_FRAME else 1
         while slot.assigned < limit and (task := shares.next_for(slot)) is not None:

@@ -79,7 +79,7 @@ class Remarked:
 
 
 Happening = Started | Progressed | Retried | Finished | GivenUp | Remarked
-Wanted = Callable[[FrameTask], bool]
+FrameFilter = Callable[[FrameTask], bool]
 Store = Callable[[FrameTask, Rendered], Stored]
 """Writes the file of a frame. A function of a module, so that it can be pickled to other machines."""
 
@@ -93,7 +93,7 @@ class Executor(AbstractContextManager["Executor"], Protocol):
     def prepare(self, scene: SceneTask) -> None:
         """Take a scene ahead of its frames, so that frames of its looks start sooner, if the executor can."""
 
-    def render(self, tasks: Sequence[FrameTask], is_needed: Wanted) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[Happening]:
         """Render tasks of one backend, in any order, and yield events.
 
         `is_needed` is called in this thread just before a frame goes to a worker; a frame for which it returns false is
@@ -104,7 +104,7 @@ class Executor(AbstractContextManager["Executor"], Protocol):
 
 
 @dataclass(frozen=True)
-class Place:
+class WorkerFiles:
     """The files of an executor on this machine, and the command and the patience of its workers."""
 
     scratch: Path  # an existing folder; the caller removes it

@@ -9,7 +9,7 @@ import sys
 import threading
 
 from lookdev.cache import package_digest
-from lookdev.lifetime import end_with_parent
+from lookdev.processes import end_with_parent
 
 
 def main() -> None:

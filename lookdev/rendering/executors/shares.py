@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Hashable, Iterable
 
-from lookdev.rendering.executors.protocol import Wanted
+from lookdev.rendering.executors.protocol import FrameFilter
 from lookdev.rendering.task import FrameTask, SceneTask
 
 _CHANGE = 2.0
@@ -85,7 +85,7 @@ class ChunkShares:
     that the number of pixels in a chunk is limited.
     """
 
-    def __init__(self, tasks: Iterable[FrameTask], is_needed: Wanted, *, answered: bool) -> None:
+    def __init__(self, tasks: Iterable[FrameTask], is_needed: FrameFilter, *, answered: bool) -> None:
         self._shares = Shares(tasks)
         self._is_needed = is_needed
         self._answered = answered

@@ -24,7 +24,7 @@ from lookdev.cache import package_digest
 from lookdev.errors import LookdevError, WorkerError
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.executors.local import LocalExecutor
-from lookdev.rendering.executors.protocol import Place
+from lookdev.rendering.executors.protocol import WorkerFiles
 from lookdev.rendering.task import SceneTask
 
 IDLE = 900
@@ -38,7 +38,7 @@ _LONGEST_PATH = 100  # bytes of a socket's path (sockaddr_un)
 class WarmExecutor(LocalExecutor):
     """Renders on the warm worker at a socket."""
 
-    def __init__(self, files: Place, path: Path) -> None:
+    def __init__(self, files: WorkerFiles, path: Path) -> None:
         _send_question(path, {"ping": True})
         super().__init__(replace(files, command=relay_command(path, files.command)))
 
@@ -117,7 +117,7 @@ def _send_question(path: Path, question: dict[str, bool]) -> None:
 
 
 class Server:
-    """A renderer, and the socket by which runs use it, one after the other."""
+    """A renderer, and the socket through which runs use it, one after the other."""
 
     def __init__(self, path: Path, command: tuple[str, ...], idle: float, scratch: Path) -> None:
         self._path, self._command, self._idle = path, command, idle

@@ -26,7 +26,7 @@ from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
 from lookdev.scene.scene import Film, Scene, link_lights
 from lookdev.space import REC709, Space
 
-Place = Literal["bottom", "top", "left", "right"]
+FrameSide = Literal["bottom", "top", "left", "right"]
 
 FOLDER = "charts"
 """The folder of the frames of props, beside those of looks."""
@@ -70,27 +70,27 @@ class Box:
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of a frame that has the props, along the edge `place`; `size` is its part of the height or width."""
+    """The strip of a frame that has the props, along the edge `side`; `size` is its part of the height or width."""
 
-    place: Place
+    side: FrameSide
     size: float
     resolution: tuple[int, int]
 
     @property
     def label(self) -> str:
         """The strip as text, in frames of any resolution."""
-        return f"{self.place} {self.size!r}"
+        return f"{self.side} {self.size!r}"
 
     @classmethod
     def of_label(cls, label: str, resolution: tuple[int, int]) -> Self:
         """Return the strip of a label."""
-        place, _, size = label.partition(" ")
-        return cls(cast("Place", place), float(size), resolution)
+        side, _, size = label.partition(" ")
+        return cls(cast("FrameSide", side), float(size), resolution)
 
     @property
     def upright(self) -> bool:
         """Whether the props are above one another."""
-        return self.place in ("left", "right")
+        return self.side in ("left", "right")
 
     @property
     def thickness(self) -> float:
@@ -108,7 +108,7 @@ class Strip:
         """The `Camera.shift` that centres the picture in the part of the frame beside the strip."""
         half = 0.5 * self.thickness / self.resolution[0]
         sides = {"bottom": (0.0, -half), "top": (0.0, half), "left": (-half, 0.0), "right": (half, 0.0)}
-        return sides[self.place]
+        return sides[self.side]
 
     @property
     def box(self) -> Box:
@@ -116,8 +116,8 @@ class Strip:
         width, height = self.resolution
         across = self.thickness
         if self.upright:
-            return Box(0.0 if self.place == "left" else width - across, 0.0, across, float(height))
-        return Box(0.0, 0.0 if self.place == "top" else height - across, float(width), across)
+            return Box(0.0 if self.side == "left" else width - across, 0.0, across, float(height))
+        return Box(0.0, 0.0 if self.side == "top" else height - across, float(width), across)
 
     @property
     def props(self) -> tuple[Box, Box, Box]:
@@ -137,7 +137,7 @@ class Strip:
         return boxes[0], boxes[1], boxes[2]
 
     @property
-    def measured(self) -> dict[str, Box]:
+    def measured_boxes(self) -> dict[str, Box]:
         """The squares whose means are measured, by name: in the middle of the grey ball and of each patch."""
         _, grey, chart = self.props
         cell = chart.width / _COLUMNS
@@ -154,13 +154,13 @@ class Strip:
         used = chart.top + chart.height - chrome.top if self.upright else chart.left + chart.width - chrome.left
         if used > length:
             most = math.floor(1e3 * self.size * length / used) / 1e3
-            problem = f"the props need {math.ceil(used)} pixels along the {self.place} edge, the frame has {length}"
+            problem = f"the props need {math.ceil(used)} pixels along the {self.side} edge, the frame has {length}"
             return problem, f"size = {most:g} at most, or another place"
         return "", ""
 
     def too_small(self) -> str:
         """Return the reason why patches cannot be measured, with a hint; "" if they can."""
-        side = self.measured["black 2"].width
+        side = self.measured_boxes["black 2"].width
         if side >= _FEWEST + 1.0:
             return ""
         least = math.ceil(1e3 * self.size * (_FEWEST + 1.0) / side) / 1e3
@@ -214,7 +214,7 @@ def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome
     return make_asset(FOLDER, meshes, instances, slots, convex=True)
 
 
-def cropped(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera:
+def crop_camera(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera:
     """Return the camera whose frame is the square `box` of the frame of `camera`, which has a resolution."""
     width, height = resolution
     x, y = box.middle

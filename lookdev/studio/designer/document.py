@@ -22,13 +22,13 @@ from lookdev.material.library.fragments import copy_layer, save_preset
 from lookdev.scene import Scene
 from lookdev.studio.designer.edited_job import EditedJob, Read, shipped_lights
 from lookdev.studio.designer.edits import Edit, check_value, shape_of
-from lookdev.studio.designer.history import State
-from lookdev.studio.designer.looks import Looks, looks_of
-from lookdev.studio.designer.operations import Operation, parse_operation
+from lookdev.studio.designer.history import EditState
+from lookdev.studio.designer.looks import JobLooks, looks_of
+from lookdev.studio.designer.operations import FolderOperation, parse_operation
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.studio.designer.rows import layer_rows
 from lookdev.studio.designer.snapshots import Snapshots
-from lookdev.studio.designer.sources import Opened, Place, images_below
+from lookdev.studio.designer.sources import LookLocation, OpenedLook, images_below
 from lookdev.studio.designer.workspace import Workspace
 from lookdev.studio.viewport import SceneView, view_scene
 
@@ -49,8 +49,8 @@ class Document:
         self._lock = threading.RLock()
         self._workspace = Workspace(recovery)
         self._workspace.sources.add(edited_job.file, edited_job.content)
-        self._looks = Looks(edited_job, self._workspace.sources)
-        self._solo: tuple[Place, int] | None = None
+        self._looks = JobLooks(edited_job, self._workspace.sources)
+        self._solo: tuple[LookLocation, int] | None = None
         self._view: tuple[Scene, tuple[Look, ...], SceneView] | None = None
         self._revision = 0
 
@@ -106,7 +106,9 @@ class Document:
         """The visible scene, with the edits of its looks."""
         with self._lock:
             edited = dict(zip(map(id, self._originals), self._visible_looks(), strict=True))
-            return replace(self._scene, wears={path: edited[id(look)] for path, look in self._scene.wears.items()})
+            return replace(
+                self._scene, look_of_slot={path: edited[id(look)] for path, look in self._scene.look_of_slot.items()}
+            )
 
     @property
     def looks(self) -> list[Look]:
@@ -129,19 +131,19 @@ class Document:
             scene = self.scene
             original, looks = self._scene, tuple(self._visible_looks())
             if self._view is None or self._view[0] is not original or self._view[1] != looks:
-                self._view = original, looks, view_scene(scene, view=self.job.outputs.shown("png"))
+                self._view = original, looks, view_scene(scene, view=self.job.outputs.display_view("png"))
             return self._view[2]
 
-    def location(self, number: int) -> Place | None:
+    def location(self, number: int) -> LookLocation | None:
         """Return the location of a look, or None if the look cannot be edited."""
         location = self._location_or_reason(number)
-        return location if isinstance(location, Place) else None
+        return location if isinstance(location, LookLocation) else None
 
-    def _location_or_reason(self, number: int) -> Place | str:
+    def _location_or_reason(self, number: int) -> LookLocation | str:
         """Return the location of a look, or the reason why it cannot be edited."""
         return self._looks.location(self._current_job, self.scene_key, number)
 
-    def _open_look(self, number: int) -> Opened:
+    def _open_look(self, number: int) -> OpenedLook:
         return self._looks.open_look(self._current_job, self.scene_key, number, self._workspace.state)
 
     def edit(self, edit: Edit) -> bool:
@@ -251,23 +253,23 @@ class Document:
                 raise LookdevError(f"there is nothing to {'undo' if direction < 0 else 'do again'}")
             return self._adopt_state(*before)
 
-    def _editable_location(self, number: int) -> Place:
+    def _editable_location(self, number: int) -> LookLocation:
         location = self._location_or_reason(number)
         if isinstance(location, str):
             raise LookdevError(f"{location}: it cannot be edited here")
         return location
 
-    def _variants_of(self, location: Place) -> dict[str, str]:
+    def _variants_of(self, location: LookLocation) -> dict[str, str]:
         return {**location.variants, **self._workspace.state.variants.get(location.key, {})}
 
-    def _image_roots(self, location: Place) -> list[Path]:
+    def _image_roots(self, location: LookLocation) -> list[Path]:
         return list(dict.fromkeys([location.file.parent, self._edited_job.file.parent, Path.cwd()]))
 
-    def _edit_file(self, number: int, label: str, edit: Operation, gesture: str = "") -> bool:
+    def _edit_file(self, number: int, label: str, edit: FolderOperation, gesture: str = "") -> bool:
         """Edit the content of a look's file; nothing changes if that fails, or if the new scene cannot be shown."""
         return self._push_state(label, self._workspace.apply_edit(self._editable_location(number).file, edit), gesture)
 
-    def _show_variant(self, number: int, location: Place, name: str, choice: str) -> bool:
+    def _show_variant(self, number: int, location: LookLocation, name: str, choice: str) -> bool:
         """Show another variant in place of the job's choice; this does not change the look's file."""
         choices, _ = self._open_look(number).outline.variants.get(name, ((), ""))
         if choice not in choices:
@@ -278,7 +280,7 @@ class Document:
             f"show variant {name}: {choice}", replace(state, variants={**state.variants, location.key: variants})
         )
 
-    def _push_state(self, label: str, state: State, gesture: str = "") -> bool:
+    def _push_state(self, label: str, state: EditState, gesture: str = "") -> bool:
         before, revision, history, scene_key = (
             (self._scene, self._visible_looks()),
             self._revision,
@@ -353,7 +355,7 @@ class Document:
             compiles, work = False, self._workspace.offered_work
             if restore and work is not None:
                 state, before = self._workspace.recovered_state(), self.scene_key
-                self.scene_key = work.shown if self._has_scene(work.shown) else before
+                self.scene_key = work.visible if self._has_scene(work.visible) else before
                 compiles = self._push_state("restore unsaved work", state) or before != self.scene_key
             self._workspace.forget_offer()
             self._revision += 1
@@ -372,9 +374,9 @@ class Document:
         """Go back to the state of a snapshot, as a step that can be undone; return whether shaders or scene change."""
         with self._lock:
             snapshot = self.snapshots[number]
-            before, self.scene_key = self.scene_key, snapshot.chosen
+            before, self.scene_key = self.scene_key, snapshot.visible
             try:
-                return self._push_state(f"go back to {snapshot.name}", snapshot.state) or before != snapshot.chosen
+                return self._push_state(f"go back to {snapshot.name}", snapshot.state) or before != snapshot.visible
             except LookdevError:
                 self.scene_key = before
                 raise
@@ -390,12 +392,12 @@ class Document:
 
     def _stack(self, number: int) -> dict[str, Any]:
         location, opened = self._location_or_reason(number), self._open_look(number)
-        editable = isinstance(location, Place)
+        editable = isinstance(location, LookLocation)
         solo = self._solo[1] if self._solo is not None and self._solo_index(number) is not None else None
-        folder = location.file.parent if isinstance(location, Place) else None
+        folder = location.file.parent if isinstance(location, LookLocation) else None
         return {
             "name": self._originals[number].name,
-            "file": str(location.file) if isinstance(location, Place) else "",
+            "file": str(location.file) if isinstance(location, LookLocation) else "",
             "locked": "" if editable else location,
             "unsaved": self.is_unsaved(number),
             "solo": solo,

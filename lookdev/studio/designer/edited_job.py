@@ -26,9 +26,9 @@ from lookdev.job.schema import JobIbl, JobRig
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.material.library import find_preset, library_folders
 from lookdev.material.library.edit import new_look
-from lookdev.scene.dress import asset_parts
+from lookdev.safe_text import decode
+from lookdev.scene.parts import asset_parts
 from lookdev.shipped import BUILTIN_RIGS
-from lookdev.text import decode
 
 _LOOK = re.compile(r"look\[(\d+)\]")
 _FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import MODELS, complete_parameters
-from lookdev.brdf.parameters import Value
+from lookdev.brdf.parameters import ParameterValue
 from lookdev.errors import ModelError, nearest_hint
 from lookdev.material import Bump, Formula, Layer, Look, Primvar, Texture
 
@@ -25,7 +25,7 @@ class Edit:
     look: int
     layer: int
     parameter: str
-    value: Value
+    value: ParameterValue
     gesture: str = ""
 
 
@@ -41,7 +41,7 @@ def shape_of(look: Look) -> Any:
     ]
 
 
-def check_value(layer: Layer, edit: Edit) -> Value:
+def check_value(layer: Layer, edit: Edit) -> ParameterValue:
     """Return the value of an edit in the type of its parameter; raise ModelError if the parameter cannot have it."""
     name, value = edit.parameter, edit.value
     if name == "mask":

@@ -28,7 +28,7 @@ from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
-from lookdev.studio.websocket import Cancelled, Ticket
+from lookdev.studio.websocket import ComputationCancelled, Ticket
 
 LONGEST_SIDE = {"mitsuba": 640, "exact": 320}
 """Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""
@@ -40,7 +40,7 @@ _TRIES = 3  # starts of a renderer that dies without a round
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RequestedView:
     """The view of the page: its camera, rotations in degrees, and the size of its picture in pixels."""
 
     camera: Camera
@@ -117,7 +117,7 @@ class Exact:
         if self._current is ticket and worker is not None and digest:
             worker.cancel(digest)
 
-    def render(self, scene: Scene, view: Wanted, ticket: Ticket, deliver: Deliver) -> None:
+    def render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
         """Render rounds of a scene until the error is small, and deliver the sum after each round; runs in `thread`.
 
         Delivered are facts about the picture, and arrays: ``beauty`` (h, w, 3), premultiplied and linear; ``direct``
@@ -131,7 +131,7 @@ class Exact:
         finally:
             self._current, self._digest = None, ""
 
-    def _render(self, scene: Scene, view: Wanted, ticket: Ticket, deliver: Deliver) -> None:
+    def _render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
         began = time.perf_counter()
         name = backend_for(scene)
         task = task_of(scene, view, name)
@@ -165,7 +165,7 @@ class Exact:
         deliver({"done": True}, {})
 
     def _render_round(
-        self, task: SceneTask, view: Wanted, samples: int, number: int, ticket: Ticket, deliver: Deliver
+        self, task: SceneTask, view: RequestedView, samples: int, number: int, ticket: Ticket, deliver: Deliver
     ) -> Rendered:
         worker = self._start_worker(task.backend, deliver)
         self._count += 1
@@ -190,7 +190,7 @@ class Exact:
         self._worker.start()
         if self._closed:
             self._worker.kill()
-            raise Cancelled("the server ends")
+            raise ComputationCancelled("the server ends")
         return self._worker
 
     @property
@@ -230,7 +230,7 @@ def backend_title(backend: str) -> str:
     }[backend]()
 
 
-def task_of(scene: Scene, view: Wanted, backend: str) -> SceneTask:
+def task_of(scene: Scene, view: RequestedView, backend: str) -> SceneTask:
     """Return the task of a picture, reduced to the size that the backend renders in time."""
     shrink = min(1.0, LONGEST_SIDE[backend] / max(view.size))
     width, height = (max(4, round(shrink * side)) for side in view.size)
@@ -238,7 +238,7 @@ def task_of(scene: Scene, view: Wanted, backend: str) -> SceneTask:
     return scene_task(small_scene, Sampling(passes=("direct",)), backend, "cpu")
 
 
-def parse_view(body: Mapping[str, Any]) -> Wanted:
+def parse_view(body: Mapping[str, Any]) -> RequestedView:
     """Return the view in a message of the page; raise LookdevError if the message is not valid."""
 
     def number(value: Any) -> float:
@@ -274,4 +274,4 @@ def parse_view(body: Mapping[str, Any]) -> Wanted:
     if not (1 <= width <= 8192 and 1 <= height <= 8192):
         raise LookdevError("a picture has from 1 to 8192 pixels along a side")
     pose = Pose(number(body.get("element")) % 360.0, number(body.get("lighting")) % 360.0)
-    return Wanted(parsed_camera, pose, (width, height))
+    return RequestedView(parsed_camera, pose, (width, height))

@@ -9,11 +9,11 @@ from typing import Any
 
 from starlette.websockets import WebSocket
 
+from lookdev.safe_text import TextError, parse_json
 from lookdev.scene import Scene
 from lookdev.studio.designer.exact import Exact, parse_view
 from lookdev.studio.packets import packet
 from lookdev.studio.websocket import PageSocket, Ticket
-from lookdev.text import TextError, parse_json
 
 
 class ExactPictures:

@@ -13,7 +13,7 @@ LARGEST = 256 << 20
 
 
 @dataclass(frozen=True)
-class State:
+class EditState:
     """The contents of edited files, and the variants that only the page shows, by look (``file<prim>``)."""
 
     files: Mapping[Path, bytes] = field(default_factory=dict)
@@ -23,7 +23,7 @@ class State:
 @dataclass(frozen=True)
 class _Step:
     label: str
-    state: State
+    state: EditState
     gesture: str = ""
 
 
@@ -31,11 +31,11 @@ class History:
     """A list of states, each reached by a step with a label. Steps of one gesture are merged into one step."""
 
     def __init__(self) -> None:
-        self._steps = [_Step("", State())]
+        self._steps = [_Step("", EditState())]
         self._at = 0
 
     @property
-    def state(self) -> State:
+    def state(self) -> EditState:
         return self._steps[self._at].state
 
     @property
@@ -48,7 +48,7 @@ class History:
         """The label of the step that redo would redo; None if there is none."""
         return self._steps[self._at + 1].label if self._at + 1 < len(self._steps) else None
 
-    def push(self, label: str, state: State, gesture: str = "") -> None:
+    def push(self, label: str, state: EditState, gesture: str = "") -> None:
         """Add a step to a new state; steps that were undone are dropped."""
         del self._steps[self._at + 1 :]
         if gesture and self._at and self._steps[-1].gesture == gesture:

@@ -15,16 +15,15 @@ from lookdev.errors import LookdevError
 from lookdev.light import Light
 from lookdev.light.rig.emission import COLDEST, HOTTEST, black_body
 from lookdev.scene import Scene
+from lookdev.space import Color
 from lookdev.studio.viewport import light_rows
 
 MOST_STOPS = 10.0
 """Largest change of a light's radiance, in stops."""
 
-Color = tuple[float, float, float]
-
 
 @dataclass(frozen=True)
-class Setting:
+class LightSetting:
     """The changes of one light: on or off, stops, and a colour, multiplied by that of a black body at `kelvin`."""
 
     on: bool = True
@@ -41,14 +40,14 @@ class Setting:
         return r, g, b
 
 
-class Lights:
+class LightSettings:
     """The settings of each rig's lights, by the lights' numbers. Methods are thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._settings: dict[str, dict[int, Setting]] = {}
+        self._settings: dict[str, dict[int, LightSetting]] = {}
 
-    def set(self, rig: str, scene: Scene, number: int, setting: Setting) -> None:
+    def set(self, rig: str, scene: Scene, number: int, setting: LightSetting) -> None:
         """Set a light; raise LookdevError if the rig has no light of that number."""
         if not 0 <= number < len(scene.lights):
             raise LookdevError(f"rig '{rig}' has {len(scene.lights)} lights, none of number {number}")
@@ -64,7 +63,7 @@ class Lights:
         """Return a scene of a rig with the settings of its lights applied."""
         with self._lock:
             settings = dict(self._settings.get(rig, {}))
-        changed = {number: setting for number, setting in settings.items() if setting != Setting()}
+        changed = {number: setting for number, setting in settings.items() if setting != LightSetting()}
         if not changed:
             return scene
         lights = tuple(
@@ -84,7 +83,7 @@ class Lights:
                     "kind": light.kind.replace("_", " "),
                     "path": light.emission.path,
                     "color": list(light.emission.color),
-                    **asdict(settings.get(number, Setting())),
+                    **asdict(settings.get(number, LightSetting())),
                 }
                 for number, light in enumerate(scene.lights)
             ],
@@ -94,12 +93,12 @@ class Lights:
         }
 
 
-def _apply_setting(light: Light, setting: Setting) -> Light:
+def _apply_setting(light: Light, setting: LightSetting) -> Light:
     r, g, b = (a * f for a, f in zip(light.emission.color, setting.factor, strict=True))
     return light.with_emission(replace(light.emission, color=(r, g, b)))
 
 
-def parse_setting(body: Mapping[str, Any]) -> tuple[int, Setting]:
+def parse_setting(body: Mapping[str, Any]) -> tuple[int, LightSetting]:
     """Return the light's number and the setting in a request of a page; raise LookdevError if it is not valid."""
 
     def number(value: Any, low: float, high: float, quantity: str) -> float:
@@ -114,4 +113,4 @@ def parse_setting(body: Mapping[str, Any]) -> tuple[int, Setting]:
         raise LookdevError("a light's colour has three numbers")
     r, g, b = (number(component, 0.0, 100.0, "colour") for component in color)
     temperature = None if kelvin is None else number(kelvin, COLDEST, HOTTEST, "temperature")
-    return light, Setting(on, number(body.get("stops"), -MOST_STOPS, MOST_STOPS, "stops"), (r, g, b), temperature)
+    return light, LightSetting(on, number(body.get("stops"), -MOST_STOPS, MOST_STOPS, "stops"), (r, g, b), temperature)

@@ -10,11 +10,11 @@ from pathlib import Path
 from lookdev.brdf import MODELS
 from lookdev.errors import LookdevError, ModelError
 from lookdev.material import Look
-from lookdev.material.library.stack import Entry, Outline
+from lookdev.material.library.stack import LayerEntry, LookOutline
 from lookdev.scene import Scene
 from lookdev.studio.designer.edited_job import EditedJob, Read
-from lookdev.studio.designer.history import State
-from lookdev.studio.designer.sources import Opened, Place, Sources
+from lookdev.studio.designer.history import EditState
+from lookdev.studio.designer.sources import LookLocation, OpenedLook, SourceFiles
 
 _SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
 
@@ -24,47 +24,47 @@ def looks_of(scene: Scene) -> list[Look]:
     return list({id(look): look for look in scene.looks}.values())
 
 
-class Looks:
+class JobLooks:
     """The looks of a job's scenes, and their locations, which stay the same while the job is edited."""
 
-    def __init__(self, edited_job: EditedJob, sources: Sources) -> None:
+    def __init__(self, edited_job: EditedJob, sources: SourceFiles) -> None:
         self._edited_job = edited_job
         self._sources = sources
-        self._locations: dict[tuple[str, tuple[tuple[str, str], ...]], Place | str] = {}
+        self._locations: dict[tuple[str, tuple[tuple[str, str], ...]], LookLocation | str] = {}
 
-    def location(self, read_job: Read, scene_key: tuple[str, str], number: int) -> Place | str:
+    def location(self, read_job: Read, scene_key: tuple[str, str], number: int) -> LookLocation | str:
         """Return the location of a look, or why it cannot be edited; raise ModelError if there is no such look."""
         scene = read_job.scenes.scenes[scene_key]
         looks = looks_of(scene)
         if not 0 <= number < len(looks):
             raise ModelError(f"there are {len(looks)} looks, none of number {number}")
-        slot = next(path for path, slot_look in scene.wears.items() if slot_look is looks[number])
+        slot = next(path for path, slot_look in scene.look_of_slot.items() if slot_look is looks[number])
         variants = self._edited_job.variants(read_job, scene_key, slot)
         key = (looks[number].source, tuple(variants.items()))
         if key not in self._locations:
             self._locations[key] = self._locate(looks[number], variants)
         return self._locations[key]
 
-    def open_look(self, read_job: Read, scene_key: tuple[str, str], number: int, state: State) -> Opened:
+    def open_look(self, read_job: Read, scene_key: tuple[str, str], number: int, state: EditState) -> OpenedLook:
         """Return a look with the edits of a state; raise LookError if the edited file has no valid look."""
         location, original = (
             self.location(read_job, scene_key, number),
             looks_of(read_job.scenes.scenes[scene_key])[number],
         )
         if isinstance(location, str):
-            entries = (Entry(number, layer.name) for number, layer in enumerate(original.layers))
-            return Opened(original, Outline(tuple(entries), {}))
+            entries = (LayerEntry(number, layer.name) for number, layer in enumerate(original.layers))
+            return OpenedLook(original, LookOutline(tuple(entries), {}))
         opened = self._sources.open_look(location, state.files, state.variants.get(location.key, {}), original)
         return replace(opened, look=original) if opened.look.layers == original.layers else opened
 
-    def _locate(self, look: Look, variants: Mapping[str, str]) -> Place | str:
+    def _locate(self, look: Look, variants: Mapping[str, str]) -> LookLocation | str:
         match = _SOURCE.fullmatch(look.source)
         if not match or not Path(match["file"]).is_file():
             return f"look '{look.name}' is not in a file"
         if foreign := [layer for layer in look.layers if layer.model not in MODELS]:
             return f"look '{look.name}' is translated from {foreign[0].model}: it has no layers of its own"
         file = Path(match["file"]).absolute()
-        location = Place(file, match["prim"], variants)
+        location = LookLocation(file, match["prim"], variants)
         try:
             self._sources.track(file)
             # The job reads its look from disk: the file may have been saved since it was first read here.

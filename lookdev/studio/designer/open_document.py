@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from lookdev.job import load_job
+from lookdev.safe_text import TextError, read_bytes
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edited_job import EditedJob, stated_path
 from lookdev.studio.designer.recovery import Recovery
-from lookdev.text import TextError, read_bytes
 
 ASSET_JOB = """# Made by 'lookdev design'.
 output = "out/{name}"

@@ -8,23 +8,27 @@ from typing import Any
 
 from lookdev.brdf import MODELS
 from lookdev.errors import ModelError, shorten
-from lookdev.material.expression import Kind
+from lookdev.material.expression import ExpressionKind
 from lookdev.material.library import find_preset
 from lookdev.material.library.arrange import enable_layer, move_layer, rename_layer, select_variant, set_mode
 from lookdev.material.library.edit import add_layer, remove_layer, set_mask
 from lookdev.material.library.fragments import duplicate_layer, paste_layer
 from lookdev.material.library.parameters import set_source, unset_parameter
-from lookdev.material.library.stack import Outline
+from lookdev.material.library.stack import LookOutline
 from lookdev.studio.designer.rows import read_source
-from lookdev.studio.designer.sources import Opened, Place
+from lookdev.studio.designer.sources import LookLocation, OpenedLook
 
-Operation = Callable[[Path], object]
+FolderOperation = Callable[[Path], object]
 """A function that edits a file: a hidden copy beside the look's file."""
 
 
 def parse_operation(
-    body: Mapping[str, Any], location: Place, opened: Opened, variants: Mapping[str, str], roots: Sequence[Path]
-) -> tuple[str, Operation]:
+    body: Mapping[str, Any],
+    location: LookLocation,
+    opened: OpenedLook,
+    variants: Mapping[str, str],
+    roots: Sequence[Path],
+) -> tuple[str, FolderOperation]:
     """Return the label and the edit of a request for a look; raise LookdevError if the request is not valid."""
     parsed = _parse_stack_operation(body, location, opened.outline, variants)
     parsed = parsed or _parse_source_operation(body, location, opened, variants, list(roots))
@@ -34,8 +38,8 @@ def parse_operation(
 
 
 def _parse_stack_operation(
-    body: Mapping[str, Any], location: Place, outline: Outline, variants: Mapping[str, str]
-) -> tuple[str, Operation] | None:
+    body: Mapping[str, Any], location: LookLocation, outline: LookOutline, variants: Mapping[str, str]
+) -> tuple[str, FolderOperation] | None:
     """Return the label and the edit of a request that changes layers or variants, or None for another request."""
     prim = location.prim
 
@@ -75,8 +79,8 @@ def _parse_stack_operation(
 
 
 def _parse_source_operation(
-    body: Mapping[str, Any], location: Place, opened: Opened, variants: Mapping[str, str], roots: list[Path]
-) -> tuple[str, Operation] | None:
+    body: Mapping[str, Any], location: LookLocation, opened: OpenedLook, variants: Mapping[str, str], roots: list[Path]
+) -> tuple[str, FolderOperation] | None:
     """Return the label and the edit of a request that changes a mask or a parameter, or None for another request."""
     prim, folder = location.prim, location.file.parent
 
@@ -105,7 +109,7 @@ def _parse_source_operation(
     return None
 
 
-def _layer_name(outline: Outline, layer: int) -> str:
+def _layer_name(outline: LookOutline, layer: int) -> str:
     """Return the name of a layer by its number; raise ModelError if there is no such layer."""
     names = [entry.name for entry in outline.entries if entry.number == layer]
     if not names:
@@ -113,7 +117,7 @@ def _layer_name(outline: Outline, layer: int) -> str:
     return names[0]
 
 
-def _parameter_kind(opened: Opened, layer: int, parameter: str) -> Kind:
+def _parameter_kind(opened: OpenedLook, layer: int, parameter: str) -> ExpressionKind:
     """Return whether a parameter of a layer takes colours or numbers."""
     enabled = [entry.number for entry in opened.outline.entries if entry.enabled]
     model = opened.look.layers[enabled.index(layer)].model if layer in enabled else ""

@@ -33,13 +33,13 @@ def state_folder() -> Path:
 class Work:
     """Unsaved work: file contents, each with the digest of the file that was on disk; variants; seconds of the epoch.
 
-    `shown` has the names of the visible look and rig.
+    `visible` has the names of the visible look and rig.
     """
 
     files: Mapping[Path, tuple[bytes, str]]
     variants: Mapping[str, Mapping[str, str]]
     time: float
-    shown: tuple[str, str] = ("", "")
+    visible: tuple[str, str] = ("", "")
 
     def to_json(self) -> str:
         """Return the work as JSON."""
@@ -47,7 +47,7 @@ class Work:
             str(file): [base64.b64encode(content).decode(), disk_digest]
             for file, (content, disk_digest) in self.files.items()
         }
-        return json.dumps({"files": files, "variants": self.variants, "time": self.time, "shown": self.shown})
+        return json.dumps({"files": files, "variants": self.variants, "time": self.time, "shown": self.visible})
 
     @staticmethod
     def from_json(text: str) -> Work:

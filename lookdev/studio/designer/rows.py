@@ -11,9 +11,9 @@ from lookdev.brdf import MASK, MODELS, Parameter
 from lookdev.codegen.program.look import live_name
 from lookdev.errors import LookdevError
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
-from lookdev.material.expression import Kind
-from lookdev.material.library.masks import Computed, Image, Mask, parse_mask
-from lookdev.material.library.stack import Entry, Outline
+from lookdev.material.expression import ExpressionKind
+from lookdev.material.library.masks import Computed, MaskImage, MaskSource, parse_mask
+from lookdev.material.library.stack import LayerEntry, LookOutline
 from lookdev.material.usd import MODES
 
 NO_PART = (
@@ -22,13 +22,15 @@ NO_PART = (
 )
 
 
-def layer_rows(look: Look, outline: Outline | None, folder: Path | None, solo: int | None) -> Iterator[dict[str, Any]]:
+def layer_rows(
+    look: Look, outline: LookOutline | None, folder: Path | None, solo: int | None
+) -> Iterator[dict[str, Any]]:
     """Yield a row for each layer of a stack, base first, with disabled layers.
 
     ``number`` is the layer's number in the stack; ``place`` is its index in the look, which lacks disabled layers.
     `solo` is the number of the only visible layer, if there is one.
     """
-    entries = outline.entries if outline else [Entry(k, layer.name) for k, layer in enumerate(look.layers)]
+    entries = outline.entries if outline else [LayerEntry(k, layer.name) for k, layer in enumerate(look.layers)]
     index = 0
     for entry in entries:
         if not entry.enabled:
@@ -139,8 +141,8 @@ def read_source(
     folder: Path,
     roots: list[Path],
     target: str = "mask",
-    kind: Kind = "float",
-) -> Mask:
+    kind: ExpressionKind = "float",
+) -> MaskSource:
     """Return the mask, or the source of a parameter, in a text of the page; images are relative to the look's folder.
 
     Raises LookdevError if the text is not valid, or an image is outside of the folders that the page may read.
@@ -153,7 +155,9 @@ def read_source(
         raise LookdevError(f"{target}: {text.strip()} is a constant: its slider sets it")
     sources = [source] if not isinstance(source, Computed) else list(source.inputs.values())
     for image in sources:
-        if isinstance(image, Image) and not any(image.file.resolve().is_relative_to(root.resolve()) for root in roots):
+        if isinstance(image, MaskImage) and not any(
+            image.file.resolve().is_relative_to(root.resolve()) for root in roots
+        ):
             below = ", ".join(map(str, roots))
             raise LookdevError(f"{image.file}: this page reads images below {below} alone; copy it there")
     return source

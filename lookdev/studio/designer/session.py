@@ -8,7 +8,7 @@ from typing import Any
 from lookdev.material.library import Library, library_folders, read_library
 from lookdev.scene import Scene
 from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.lights import Lights
+from lookdev.studio.designer.lights import LightSettings
 
 
 class Session:
@@ -16,7 +16,7 @@ class Session:
 
     def __init__(self, document: Document) -> None:
         self.document = document
-        self.lights = Lights()
+        self.lights = LightSettings()
         self._library: Library | None = None
 
     def scene_with_lights(self) -> Scene:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lookdev.errors import LookdevError
-from lookdev.studio.designer.history import State
+from lookdev.studio.designer.history import EditState
 
 MOST = 24
 LARGEST = 4 << 20
@@ -21,8 +21,8 @@ class Snapshot:
 
     number: int
     picture: bytes
-    state: State
-    chosen: tuple[str, str]
+    state: EditState
+    visible: tuple[str, str]
     time: float
 
     @property
@@ -37,7 +37,7 @@ class Snapshots:
         self._snapshots: dict[int, Snapshot] = {}
         self._next = 1
 
-    def store(self, picture: bytes, state: State, scene_key: tuple[str, str]) -> None:
+    def store(self, picture: bytes, state: EditState, scene_key: tuple[str, str]) -> None:
         """Store a snapshot; raise LookdevError if the picture is not a PNG, or is too large."""
         if not picture.startswith(_PNG) or len(picture) > LARGEST:
             raise LookdevError(f"a snapshot is a PNG of at most {LARGEST >> 20} MiB")
@@ -62,8 +62,8 @@ class Snapshots:
                 "number": snapshot.number,
                 "name": snapshot.name,
                 "time": snapshot.time,
-                "look": snapshot.chosen[0],
-                "rig": snapshot.chosen[1],
+                "look": snapshot.visible[0],
+                "rig": snapshot.visible[1],
             }
             for snapshot in self._snapshots.values()
         ]

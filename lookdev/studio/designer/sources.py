@@ -17,7 +17,7 @@ from lookdev.errors import LookdevError
 from lookdev.material import Look
 from lookdev.material.library.edit import report_faults_for
 from lookdev.material.library.masks import IMAGES
-from lookdev.material.library.stack import Outline, read_outline
+from lookdev.material.library.stack import LookOutline, read_outline
 from lookdev.material.usd import read_look
 
 LARGEST = 64 << 20
@@ -37,7 +37,7 @@ class ConflictError(LookdevError):
 
 
 @dataclass(frozen=True)
-class Place:
+class LookLocation:
     """The location of a look: a file, a prim, and the variants that the job chooses."""
 
     file: Path
@@ -50,14 +50,14 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Opened:
+class OpenedLook:
     """A look, and the outline of its layers and variants in its file."""
 
     look: Look
-    outline: Outline
+    outline: LookOutline
 
 
-class Sources:
+class SourceFiles:
     """The original contents of files, by path, and the digests of the contents that are known to be on disk."""
 
     def __init__(self) -> None:
@@ -151,8 +151,8 @@ class Sources:
             temporary.unlink(missing_ok=True)
 
     def open_look(
-        self, location: Place, files: Mapping[Path, bytes], variants: Mapping[str, str], original: Look
-    ) -> Opened:
+        self, location: LookLocation, files: Mapping[Path, bytes], variants: Mapping[str, str], original: Look
+    ) -> OpenedLook:
         """Return the look at a location, with edits; raise LookError if there is no valid look."""
         content = self.content(files, location.file)
         opened = self._read_cached(
@@ -160,12 +160,12 @@ class Sources:
         )
         return replace(opened, look=replace(opened.look, name=original.name, source=original.source))
 
-    def _read_look(self, content: bytes, file: Path, prim: str, variants: tuple[tuple[str, str], ...]) -> Opened:
+    def _read_look(self, content: bytes, file: Path, prim: str, variants: tuple[tuple[str, str], ...]) -> OpenedLook:
         choices = dict(variants)
         if content == self._original_contents[file] and self.digest_on_disk(file) == digest(content):
-            return Opened(read_look(file, prim, choices), read_outline(file, prim, choices))
+            return OpenedLook(read_look(file, prim, choices), read_outline(file, prim, choices))
         with self.copy_beside(file, content) as temporary:
-            return Opened(read_look(temporary, prim, choices), read_outline(temporary, prim, choices))
+            return OpenedLook(read_look(temporary, prim, choices), read_outline(temporary, prim, choices))
 
 
 def images_below(folder: Path) -> list[str]:

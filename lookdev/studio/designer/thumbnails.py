@@ -13,14 +13,14 @@ from matplotlib.image import imsave
 from lookdev.cache import Content, cached_files, code_digest, file_digest
 from lookdev.material.library import Preset
 from lookdev.plotting.figure import picture
-from lookdev.plotting.options import Options
+from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.solid import sphere_values
 from lookdev.plotting.subject import read_subject
 
 SIZE = 56
 """Side of a thumbnail, in pixels."""
 
-_OPTIONS = Options(size=SIZE)
+_OPTIONS = PlotOptions(size=SIZE)
 _lock = threading.Lock()  # one thumbnail at a time: the page and its picture come first
 
 
@@ -32,7 +32,7 @@ def thumbnail(preset: Preset) -> Path:
     rooms = ("brdf", "light", "plotting", "material")
     key = hashlib.sha256(f"{code_digest(*rooms)} {file_digest(preset.file)} {preset.prim} {SIZE}".encode()).hexdigest()
     with _lock:
-        return cached_files("thumbnails", key, lambda: (Content.holding(_draw(preset), ".png"),))[0].path
+        return cached_files("thumbnails", key, lambda: (Content.store_bytes(_draw(preset), ".png"),))[0].path
 
 
 def _draw(preset: Preset) -> bytes:

@@ -11,10 +11,10 @@ from typing import Any
 
 from lookdev.cache import write_file
 from lookdev.errors import LookdevError
-from lookdev.studio.designer.history import History, State
-from lookdev.studio.designer.operations import Operation
+from lookdev.studio.designer.history import EditState, History
+from lookdev.studio.designer.operations import FolderOperation
 from lookdev.studio.designer.recovery import Recovery, Work
-from lookdev.studio.designer.sources import ConflictError, Sources, digest
+from lookdev.studio.designer.sources import ConflictError, SourceFiles, digest
 
 _FILE_NAME = re.compile(r"[\w][\w .-]{0,100}")
 
@@ -24,11 +24,11 @@ class Workspace:
 
     def __init__(self, recovery: Recovery | None) -> None:
         self.history = History()
-        self.sources = Sources()
+        self.sources = SourceFiles()
         self._recovery = recovery
 
     @property
-    def state(self) -> State:
+    def state(self) -> EditState:
         """The present state."""
         return self.history.state
 
@@ -36,7 +36,7 @@ class Workspace:
         """Return the edited content of a file."""
         return self.sources.content(self.state.files, file)
 
-    def apply_edit(self, file: Path, operation: Operation) -> State:
+    def apply_edit(self, file: Path, operation: FolderOperation) -> EditState:
         """Return the state after an operation on a file; the present state stays."""
         with self.sources.copy_beside(file, self.content(file)) as copy:
             operation(copy)
@@ -111,7 +111,7 @@ class Workspace:
         ]
         return {"time": work.time, "files": files}
 
-    def recovered_state(self) -> State:
+    def recovered_state(self) -> EditState:
         """Return the present state with the offered work; raise LookdevError if there is no offer."""
         work = self.offered_work
         if work is None:
@@ -120,7 +120,7 @@ class Workspace:
             self.sources.track(file)
             self.sources.set_known_digest(file, known_digest)
         files = {**self.state.files, **{file: content for file, (content, _) in work.files.items()}}
-        return State(files, {**self.state.variants, **work.variants})
+        return EditState(files, {**self.state.variants, **work.variants})
 
     def forget_offer(self) -> None:
         """Remove the record of the offered work."""

@@ -19,8 +19,8 @@ from starlette.websockets import WebSocket
 from lookdev.errors import LookdevError, shorten
 from lookdev.plotting import SUFFIXES, draw
 from lookdev.studio.explorer.catalogue import catalogue
-from lookdev.studio.explorer.channel import Channel, parse_options
-from lookdev.studio.explorer.frames import Frames
+from lookdev.studio.explorer.channel import ExplorerConnection, parse_options
+from lookdev.studio.explorer.frames import ExactFrames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.scripts import Scripts
 from lookdev.studio.websocket import log
@@ -37,7 +37,7 @@ class ExplorerApp:
 
     def __init__(self, surfaces: Surfaces, first: Sequence[str]) -> None:
         self._surfaces = surfaces
-        self._frames = Frames()
+        self._frames = ExactFrames()
         self._threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
         self._rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
         self._figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is not thread-safe
@@ -70,7 +70,7 @@ class ExplorerApp:
         return Response(self._start_data, media_type="application/json", headers={"cache-control": "no-store"})
 
     async def _open_channel(self, socket: WebSocket) -> None:
-        await Channel(socket, self._surfaces, self._frames, self._threads, self._rendering).run()
+        await ExplorerConnection(socket, self._surfaces, self._frames, self._threads, self._rendering).run()
 
     async def _store_upload(self, request: Request) -> Response:
         name = request.query_params.get("name", "upload")

@@ -11,7 +11,7 @@ from lookdev.material.library import SUFFIXES, library_folders, read_library
 from lookdev.plotting.curves import FRESNEL_RANGE
 from lookdev.plotting.figure import COLORS
 from lookdev.plotting.kinds import KINDS
-from lookdev.plotting.options import AXES, CHANNELS, SCALES, Options
+from lookdev.plotting.options import AXES, CHANNELS, SCALES, PlotOptions
 from lookdev.studio.explorer.shading import live_parameters
 from lookdev.studio.roots import LARGEST_UPLOAD, Roots
 
@@ -29,7 +29,7 @@ def catalogue(roots: Roots, library: Path | None) -> dict[str, object]:
             name: {"text": kind.text, "uses": kind.uses, "most": kind.most, "slow": kind.draft is not None}
             for name, kind in KINDS.items()
         },
-        "options": {option.name: option.default for option in fields(Options)},
+        "options": {option.name: option.default for option in fields(PlotOptions)},
         "choices": {"scale": SCALES, "angles": SCALES[:2], "axis": AXES, "channels": CHANNELS},
         "colors": COLORS,
         "fresnelRange": FRESNEL_RANGE,

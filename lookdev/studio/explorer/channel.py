@@ -17,14 +17,14 @@ from functools import partial
 from starlette.websockets import WebSocket
 
 from lookdev.errors import LookdevError, shorten
-from lookdev.plotting import Options, kind_named
+from lookdev.plotting import PlotOptions, kind_named
 from lookdev.plotting.sampling import sampling_note
+from lookdev.safe_text import TextError, parse_json
 from lookdev.studio.explorer import shading, usd
-from lookdev.studio.explorer.frames import Frames
+from lookdev.studio.explorer.frames import ExactFrames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import packet
-from lookdev.studio.websocket import Answer, PageSocket, Ticket, log
-from lookdev.text import TextError, parse_json
+from lookdev.studio.websocket import PageSocket, SocketMessage, Ticket, log
 
 _MOST_WAITING = 64
 _MOST_LOGGED = 20
@@ -36,14 +36,14 @@ class Refused(LookdevError):
     """A message is not a valid request."""
 
 
-class Channel:
+class ExplorerConnection:
     """The server's end of one websocket: it reads requests and answers them, until the page is gone."""
 
     def __init__(
         self,
         socket: WebSocket,
         surfaces: Surfaces,
-        frames: Frames,
+        frames: ExactFrames,
         threads: ThreadPoolExecutor,
         rendering: ThreadPoolExecutor,
     ) -> None:
@@ -101,7 +101,7 @@ class Channel:
             with suppress(RuntimeError):  # the loop has ended
                 asyncio.run_coroutine_threadsafe(self._socket.send({"id": request["id"], "progress": state}), loop)
 
-        def compute() -> Answer:
+        def compute() -> SocketMessage:
             look = self._surfaces.rendered_look(_text_value(request, "surface"))
             facts, arrays = self._frames.render(look, ticket, report)
             return packet({"id": request["id"], **facts}, arrays)
@@ -142,11 +142,11 @@ def _text_value(request: Mapping[str, object], key: str, default: str | None = N
     return value
 
 
-def parse_options(data: object) -> Options:
+def parse_options(data: object) -> PlotOptions:
     """Return the options of a plot from JSON data; raise LookdevError if they are not valid."""
     if not isinstance(data, dict):
         raise Refused("options: an object would be right")
-    defaults = {option.name: option.default for option in fields(Options)}
+    defaults = {option.name: option.default for option in fields(PlotOptions)}
     values = dict(data)
     for name, value in data.items():
         if name not in defaults:
@@ -157,10 +157,10 @@ def parse_options(data: object) -> Options:
         if type(value) is not type(default) or value != value:  # NaN
             raise Refused(f"options: {name} is {shorten(repr(value), 40)}; {default!r} would be right")
         values[name] = value
-    return Options(**values)
+    return PlotOptions(**values)
 
 
-def _values(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
+def _values(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
     kind, options = _text_value(request, "kind"), parse_options(request.get("options", {}))
     kind_named(kind)
     plot_values = surfaces.values(
@@ -172,11 +172,11 @@ def _values(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     return packet(header, plot_values)
 
 
-def _describe(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
+def _describe(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
     return {"id": request["id"], **surfaces.describe(_text_value(request, "surface"))}
 
 
-def _shader(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
+def _shader(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
     extra = request.get("live", [])
     if not isinstance(extra, list) or not all(isinstance(name, str) for name in extra):
         raise Refused("live: a list of names would be right")
@@ -184,19 +184,19 @@ def _shader(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     return packet({"id": request["id"], **header}, tables)
 
 
-def _pairs(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
+def _pairs(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
     return packet({"id": request["id"]}, shading.pairs(surfaces, _text_value(request, "surface")))
 
 
-def _dome(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
+def _dome(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
     return packet({"id": request["id"]}, shading.dome())
 
 
-def _usd(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
+def _usd(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
     return {"id": request["id"], "text": usd.usd_text(surfaces, _text_value(request, "surface"))}
 
 
-def _command(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
+def _command(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
     words = request.get("surfaces", [])
     if not isinstance(words, list) or not all(isinstance(surface, str) for surface in words):
         raise Refused("surfaces: a list of texts would be right")
@@ -204,7 +204,7 @@ def _command(surfaces: Surfaces, request: Mapping[str, object]) -> Answer:
     return {"id": request["id"], "text": text}
 
 
-_DO: dict[str, Callable[[Surfaces, Mapping[str, object]], Answer]] = {
+_DO: dict[str, Callable[[Surfaces, Mapping[str, object]], SocketMessage]] = {
     "values": _values,
     "describe": _describe,
     "shader": _shader,

@@ -12,7 +12,7 @@ from lookdev.asset import load_asset
 from lookdev.errors import WorkerError
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
-from lookdev.plotting.figure import Values
+from lookdev.plotting.figure import PlotValues
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.results import Progress
 from lookdev.rendering.scene import scene_task
@@ -31,7 +31,7 @@ _SAMPLES = 256
 _ERROR = 0.004
 
 
-class Frames:
+class ExactFrames:
     """The renderer of exact frames: one frame at a time, while other pages wait. The worker ends with `close`."""
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class Frames:
 
     def render(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
-    ) -> tuple[dict[str, float], Values]:
+    ) -> tuple[dict[str, float], PlotValues]:
         """Render a look on a sphere in the studio dome; return facts about the frame, and its pixels.
 
         `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises Cancelled and the
@@ -63,7 +63,7 @@ class Frames:
 
     def _render_frame(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
-    ) -> tuple[dict[str, float], Values]:
+    ) -> tuple[dict[str, float], PlotValues]:
         began = time.perf_counter()
         report({"state": "starting the renderer" if self._worker is None else "preparing"})
         worker = self._worker

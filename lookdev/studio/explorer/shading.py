@@ -8,14 +8,14 @@ from functools import lru_cache
 import numpy as np
 from scipy.stats import qmc
 
-from lookdev.arrays import Array, Floats32
+from lookdev.arrays import Elements, Floats32
 from lookdev.brdf import MODELS, evaluate_cosine, pdf
 from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH
 from lookdev.codegen.glsl.look import look_functions
 from lookdev.codegen.program.look import live_name
 from lookdev.light import load_environment, prepare_light
 from lookdev.material.textures import image_file
-from lookdev.plotting.figure import Values
+from lookdev.plotting.figure import PlotValues
 from lookdev.studio.explorer.surfaces import Surfaces
 
 DOME = "studio"
@@ -33,7 +33,7 @@ def live_parameters(model: str) -> frozenset[str]:
     )
 
 
-def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple[dict[str, object], Values]:
+def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple[dict[str, object], PlotValues]:
     """Return the GLSL functions of a surface with their inputs, and their tables, (rows, `TABLE_WIDTH`).
 
     `extra` are further parameters that are uniforms: the normal of a lobe, or a part of the model that the defaults
@@ -58,13 +58,13 @@ def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple
     return header, {f"look_table{k}": _rows(np.load(table.path)) for k, table in enumerate(functions.program.tables)}
 
 
-def _rows(values: Array) -> Floats32:
+def _rows(values: Elements) -> Floats32:
     texels = np.zeros((-(-values.size // TABLE_WIDTH), TABLE_WIDTH), np.float32)
     texels.ravel()[: values.size] = values.ravel()
     return texels
 
 
-def pairs(surfaces: Surfaces, words: str) -> Values:
+def pairs(surfaces: Surfaces, words: str) -> PlotValues:
     """Return random pairs of directions `wo`, `wi` (n, 3), with `value`, f times the cosine, and `pdf`, by Python.
 
     Directions are rounded to float32, so that page and Python evaluate the same ones.
@@ -90,7 +90,7 @@ def pairs(surfaces: Surfaces, words: str) -> Values:
 
 
 @lru_cache(maxsize=1)
-def dome() -> Values:
+def dome() -> PlotValues:
     """Return the studio dome as a map and as samples.
 
     `radiance` (h, w, 4) has radiance and pdf by direction. `drawn` (2, n, 4) has samples: directions and pdf in its

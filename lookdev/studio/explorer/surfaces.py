@@ -13,14 +13,14 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Model, StackLayer
 from lookdev.brdf.vectors import Parameters, are_equal
-from lookdev.codegen.program.arrays import Compiled, compile_layers
+from lookdev.codegen.program.arrays import CompiledProgram, compile_layers
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import symbol, symbols
 from lookdev.errors import LookdevError
 from lookdev.material import Input, Layer, Look
 from lookdev.material.usd import read_look
-from lookdev.plotting import Options, Subject, kind_named, read_subject
-from lookdev.plotting.figure import Values
+from lookdev.plotting import PlotOptions, PlotSubject, kind_named, read_subject
+from lookdev.plotting.figure import PlotValues
 from lookdev.plotting.subject import LOOK, read_parameters, split_label
 from lookdev.studio.roots import Roots
 
@@ -49,7 +49,7 @@ class _Frozen:
 
 
 @lru_cache(maxsize=_CACHE_SIZE)
-def _compile_frozen(frozen: _Frozen) -> Compiled:
+def _compile_frozen(frozen: _Frozen) -> CompiledProgram:
     def make_layers(graph: Graph) -> list[StackLayer]:
         layers = []
         for name, mode, mask, values in frozen.layers:
@@ -67,7 +67,7 @@ def _compile_frozen(frozen: _Frozen) -> Compiled:
     return compile_layers(make_layers)
 
 
-def accelerate(subject: Subject, moving: str = "") -> Subject:
+def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
     """Return a subject whose f runs a compiled program, in which the parameter `moving` may change.
 
     Subjects of measured data would gain little, and subjects whose parameters change with the view cannot be compiled:
@@ -102,22 +102,22 @@ class Surfaces:
 
     roots: Roots
     library: Path | None = None
-    _known: dict[str, Subject] = field(default_factory=dict)
+    _subjects: dict[str, PlotSubject] = field(default_factory=dict)
 
-    def subject(self, words: str, fresh: bool = False) -> Subject:
+    def subject(self, words: str, fresh: bool = False) -> PlotSubject:
         """Return the subject of words; with `fresh`, read its files again. Raises what `read_subject` raises."""
         if len(words) > LONGEST_WORDS:
             raise LookdevError(f"a surface of {len(words)} characters; at most {LONGEST_WORDS} would be right")
-        subject = None if fresh else self._known.get(words)
+        subject = None if fresh else self._subjects.get(words)
         if subject is None:
             subject = read_subject(words, self.library, self.roots.locate)
-            self._known[words] = subject
+            self._subjects[words] = subject
             # Several threads may remove the same entry.
-            for old in list(self._known)[:-_CACHE_SIZE]:
-                self._known.pop(old, None)
+            for old in list(self._subjects)[:-_CACHE_SIZE]:
+                self._subjects.pop(old, None)
         return subject
 
-    def values(self, kind: str, words: str, options: Options, draft: bool = False, moving: str = "") -> Values:
+    def values(self, kind: str, words: str, options: PlotOptions, draft: bool = False, moving: str = "") -> PlotValues:
         """Return the values of a surface in a plot; the next request may change the parameter `moving`."""
         plot_kind = kind_named(kind)
         compute = plot_kind.draft if draft and plot_kind.draft else plot_kind.values
@@ -159,7 +159,7 @@ class Surfaces:
             "title": _title(subject, model),
         }
 
-    def _default_values(self, base: str, subject: Subject, model: Model | None) -> dict[str, object]:
+    def _default_values(self, base: str, subject: PlotSubject, model: Model | None) -> dict[str, object]:
         """Return the values that the parameters have where the words do not state them."""
         if model is None or subject.parameters is None:
             return {}
@@ -167,12 +167,12 @@ class Surfaces:
             return {name: _plain_value(parameter.default) for name, parameter in model.parameters.items()}
         return _values(model, self.subject(base))
 
-    def command(self, kind: str, surfaces: Sequence[str], options: Options) -> str:
+    def command(self, kind: str, surfaces: Sequence[str], options: PlotOptions) -> str:
         """Return the command line that writes a plot of surfaces."""
         uses = kind_named(kind).uses
         words = [shlex.quote(self.roots.path_words(subject)) for subject in surfaces]
         parts = ["lookdev", "plot", kind, *words, "-o", f"{kind}.png"]
-        for name, value in options.given().items():
+        for name, value in options.changed_options().items():
             if name in uses:
                 parts += (
                     [f"--{name}"]
@@ -242,7 +242,7 @@ def _parse_value(model: Model | None, name: str, text: str) -> str | float | lis
     return numbers if len(numbers) == 3 else numbers * 3
 
 
-def _values(model: Model | None, subject: Subject) -> dict[str, object]:
+def _values(model: Model | None, subject: PlotSubject) -> dict[str, object]:
     """Return the parameters of a single layer, without the path of a file."""
     parameters = model.parameters if model else {}
     return {
@@ -254,7 +254,7 @@ def _plain_value(value: object) -> object:
     return value if isinstance(value, str) else np.asarray(value).tolist()
 
 
-def _title(subject: Subject, model: Model | None) -> str:
+def _title(subject: PlotSubject, model: Model | None) -> str:
     if model is not None:
         return model.title
     return f"stack of {len(subject.layers)} layers" if subject.layers else "look"

@@ -9,8 +9,8 @@ from pathlib import Path
 from lookdev.brdf import MODELS
 from lookdev.errors import LookdevError
 from lookdev.material.library.edit import model_look
+from lookdev.safe_text import read_text
 from lookdev.studio.explorer.surfaces import Surfaces, non_default_parameters
-from lookdev.text import read_text
 
 _LARGEST = 1 << 20
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lookdev.arrays import Array
+from lookdev.arrays import Elements
 
 _FORMATS = {("float32", 1): "R32F", ("float32", 4): "RGBA32F", ("float16", 4): "RGBA16F", ("int32", 1): "R32I"}
 
@@ -19,7 +19,7 @@ class Buffers:
 
     content: dict[str, bytes] = field(default_factory=dict)
 
-    def texture(self, texels: Array) -> Mapping[str, str | int]:
+    def texture(self, texels: Elements) -> Mapping[str, str | int]:
         """Add a texture (H, W) or (H, W, 4); return its digest, its format by WebGL's name, and its size."""
         channels = 1 if texels.ndim == 2 else texels.shape[2]
         height, width = texels.shape[:2]
@@ -30,14 +30,14 @@ class Buffers:
             "height": height,
         }
 
-    def array(self, values: Array) -> str:
+    def array(self, values: Elements) -> str:
         """Add an array; return its digest."""
         data = np.ascontiguousarray(values).tobytes()
         name = hashlib.sha256(data).hexdigest()[:32]
         self.content[name] = data
         return name
 
-    def rows(self, numbers: Array, width: int) -> Mapping[str, str | int]:
+    def rows(self, numbers: Elements, width: int) -> Mapping[str, str | int]:
         """Add numbers (n,), or texels (n, 4), as a texture with rows of `width` texels; as `texture` does."""
         count = len(numbers)
         padded = np.zeros((-(-count // width) * width, *numbers.shape[1:]), numbers.dtype)

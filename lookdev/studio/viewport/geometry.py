@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.arrays import Array, Floats, Floats32, Ints, Records
+from lookdev.arrays import Elements, Floats, Floats32, Ints, Records
 from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
@@ -27,7 +27,7 @@ _FIRST = 2  # texels before the attributes of looks: position, handedness, norma
 
 
 @dataclass(frozen=True)
-class Range:
+class TriangleRange:
     """The triangles of a slot of the asset: `first` up to, without, `last`."""
 
     slot: int
@@ -36,7 +36,7 @@ class Range:
 
 
 @dataclass(frozen=True, eq=False)
-class Corners:
+class CornerTexels:
     """The corners of all triangles, slot by slot: `texels` (n, 4) float32, `stride` texels for each corner.
 
     The first texel of a corner is its position relative to the asset's centre, in metres, and -1 if its instance is
@@ -52,7 +52,7 @@ class Corners:
     vertices: Records
     indices: NDArray[np.uint32]
     stride: int
-    ranges: tuple[Range, ...]
+    ranges: tuple[TriangleRange, ...]
     attributes: dict[AttributeBinding, tuple[int, int]]
     occluders: int = 0
     nodes: int = 0
@@ -66,7 +66,7 @@ class Corners:
 @lru_cache(maxsize=1)
 def corners_of(
     asset: Asset, order: tuple[int, ...], bindings: tuple[AttributeBinding, ...], *, occluding: bool = False
-) -> Corners:
+) -> CornerTexels:
     """Return the corners of an asset, slots in the given `order`, with the attributes of `bindings`.
 
     With `occluding`, they include the hierarchy for shadow rays. The last result is cached: edits of a look seldom
@@ -101,10 +101,10 @@ def corners_of(
     vertices, indices = _number_vertices(sorted_rows[:, :, 0, :3])
     corner_texels = np.asarray(sorted_rows.reshape(-1, 4), np.float32)
     if not occluding:
-        return Corners(corner_texels, vertices, indices, stride, ranges, locations)
+        return CornerTexels(corner_texels, vertices, indices, stride, ranges, locations)
     hierarchy = Hierarchy.of(sorted_rows[:, :, 0, :3], sorted_rows[:, 0, 1, 3])
     texels = np.concatenate([corner_texels, hierarchy.texels]).astype(np.float32, copy=False)
-    return Corners(texels, vertices, indices, stride, ranges, locations, len(corner_texels), hierarchy.nodes)
+    return CornerTexels(texels, vertices, indices, stride, ranges, locations, len(corner_texels), hierarchy.nodes)
 
 
 def _instance_texels(
@@ -130,13 +130,13 @@ def _instance_texels(
     return texels
 
 
-def _sort_by_slot(rows: Floats32, slots: Ints, order: Sequence[int]) -> tuple[Floats32, tuple[Range, ...]]:
+def _sort_by_slot(rows: Floats32, slots: Ints, order: Sequence[int]) -> tuple[Floats32, tuple[TriangleRange, ...]]:
     """Return the rows of triangles in the order of their slots, and the range of each slot."""
     rank = np.empty(len(order), np.int64)
     rank[np.asarray(order)] = np.arange(len(order))
     ranks = rank[slots]
     ends = np.cumsum(np.bincount(ranks, minlength=len(order))).tolist()
-    ranges = tuple(Range(slot, *pair) for slot, *pair in zip(order, [0, *ends], ends, strict=False))
+    ranges = tuple(TriangleRange(slot, *pair) for slot, *pair in zip(order, [0, *ends], ends, strict=False))
     return rows[np.argsort(ranks, kind="stable")], ranges
 
 
@@ -189,7 +189,7 @@ def _pack_attributes(bindings: dict[AttributeBinding, None]) -> tuple[int, dict[
     return _FIRST + len(used_components), locations
 
 
-def _corner_values(binding: AttributeBinding, mesh: Mesh) -> Array:
+def _corner_values(binding: AttributeBinding, mesh: Mesh) -> Elements:
     if binding.attribute == HANDEDNESS:
         return handedness(mesh)
     values = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)

@@ -13,7 +13,7 @@ from lookdev.asset import Asset
 from lookdev.codegen.glsl.functions import PRELUDE
 from lookdev.codegen.glsl.look import LOOK_UPS, LookFunctions
 from lookdev.codegen.glsl.rig import RigFunctions
-from lookdev.studio.viewport.geometry import WIDTH, Corners
+from lookdev.studio.viewport.geometry import WIDTH, CornerTexels
 from lookdev.studio.viewport.hierarchy import FIRST_BITS
 
 _HEAD = """#version 300 es
@@ -87,7 +87,7 @@ class Shadows(IntEnum):
 
 
 def look_shaders(
-    look: LookFunctions, rig: RigFunctions, corners: Corners, shadows: Shadows, convex: bool
+    look: LookFunctions, rig: RigFunctions, corners: CornerTexels, shadows: Shadows, convex: bool
 ) -> LookShaders:
     """Return the fragment shaders of a look under a rig, on an asset that may be `convex`."""
     visible, relight = _sections("visible.glsl"), _sections("relight.glsl")

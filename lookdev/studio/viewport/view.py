@@ -9,13 +9,13 @@ from typing import TypedDict
 
 import numpy as np
 
-from lookdev.arrays import Array, Floats32
+from lookdev.arrays import Elements, Floats32
 from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import TABLE_WIDTH
 from lookdev.codegen.glsl.look import LookFunctions, look_functions
 from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
 from lookdev.codegen.program.look import Live, stated_constants
-from lookdev.light import Dome, Stand
+from lookdev.light import Dome, RigOrigin
 from lookdev.light.dome.environment import read_exr
 from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
@@ -24,7 +24,7 @@ from lookdev.output.color import DisplayView
 from lookdev.output.review.view import view_shader
 from lookdev.scene import Camera, Scene
 from lookdev.studio.viewport.buffers import Buffers
-from lookdev.studio.viewport.geometry import WIDTH, Corners, corners_of
+from lookdev.studio.viewport.geometry import WIDTH, CornerTexels, corners_of
 from lookdev.studio.viewport.shaders import (
     LookShaders,
     Shadows,
@@ -92,8 +92,8 @@ def view_scene(
     looks = list({id(look): look for look in scene.looks}.values())
     numbers = {id(look): number for number, look in enumerate(looks)}
     look_numbers = [numbers[id(look)] for look in scene.looks]
-    rig_origin = Stand(scene.asset.center, scene.camera.pivot)
-    rig = rig_functions(scene.lights, scene.lit_by, rig_origin, scene.grouped)
+    rig_origin = RigOrigin(scene.asset.center, scene.camera.pivot)
+    rig = rig_functions(scene.lights, scene.slot_lights, rig_origin, scene.slot_groups)
     functions = [look_functions(look, resolve, live(look), split=rig.split) for look in looks]
     order = tuple(sorted(range(len(look_numbers)), key=lambda slot: (look_numbers[slot], slot)))
     bindings = tuple(binding for look in functions for binding in look.program.attributes)
@@ -132,10 +132,10 @@ def light_rows(scene: Scene) -> Floats32:
 
     A change of a light's radiance changes these numbers, and no shader.
     """
-    return CodedRig.of(scene.lights).rows(Stand(scene.asset.center, scene.camera.pivot))
+    return CodedRig.of(scene.lights).rows(RigOrigin(scene.asset.center, scene.camera.pivot))
 
 
-def _parts(scene: Scene, look_numbers: Sequence[int], corners: Corners) -> list[_Part]:
+def _parts(scene: Scene, look_numbers: Sequence[int], corners: CornerTexels) -> list[_Part]:
     """Return the slots of the asset, each with the number of its look and its range of triangles."""
     ranges = {triangles.slot: triangles for triangles in corners.ranges}
     return [
@@ -144,7 +144,7 @@ def _parts(scene: Scene, look_numbers: Sequence[int], corners: Corners) -> list[
     ]
 
 
-def _geometry(corners: Corners, buffers: Buffers) -> Mapping[str, object]:
+def _geometry(corners: CornerTexels, buffers: Buffers) -> Mapping[str, object]:
     return {
         "corners": buffers.rows(corners.texels, WIDTH),
         "vertices": buffers.array(corners.vertices),
@@ -209,7 +209,7 @@ def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, object]:
     return {"textures": textures}
 
 
-def _dome(dome: Dome) -> Mapping[str, Array]:
+def _dome(dome: Dome) -> Mapping[str, Elements]:
     assert dome.points_file and dome.slots_file  # noqa: PT018
     return {
         "map": _colors(dome.radiance_file),

@@ -14,7 +14,7 @@ from pxr import Sdr
 
 from lookdev.brdf import MODELS, Parameter, StackLayer, evaluate, stack_bsdf
 from lookdev.brdf.parameters import complete
-from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.codegen.osl.surface import generate_surface
@@ -68,7 +68,7 @@ def surface(layers: tuple[Layer, ...]) -> Any:
 
 def lobes_of(*layers: Layer) -> list[tuple[str, str]]:
     graph = Graph()
-    bsdf = look_bsdf(Look("look", layers), Inputs(graph, no_textures))
+    bsdf = look_bsdf(Look("look", layers), SymbolicSurface(graph, no_textures))
     return [(lobe.model, lobe.name) for lobe in present_lobes(graph, bsdf)]
 
 
@@ -168,7 +168,7 @@ def test_a_constant_look_has_no_more_lobes_than_it_needs(translation: Translatio
     source = surface((layer,))
     assert (source.transmits, source.see_through) == (False, False)
     assert generate_nodes_exact(Look("look", (layer,)), no_textures, bounces=0).trees
-    assert len(look_layers(Look("look", (layer,)), Inputs(Graph(), no_textures))) == 2
+    assert len(look_layers(Look("look", (layer,)), SymbolicSurface(Graph(), no_textures))) == 2
 
 
 def test_a_smooth_metal_has_no_ground() -> None:

@@ -16,9 +16,9 @@ from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.light import Dome
 from lookdev.output.exr import read_frame
 from lookdev.plan import Plan
-from lookdev.rendering.executors.choice import Choice, open_executor
+from lookdev.rendering.executors.choice import ExecutorOptions, open_executor
 from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
-from lookdev.rendering.executors.protocol import Finished, GivenUp, Place, Remarked, Retried
+from lookdev.rendering.executors.protocol import Finished, GivenUp, Remarked, Retried, WorkerFiles
 from lookdev.rendering.task import files_of_task
 from lookdev.run.frame_file import store
 from lookdev.run.render import run_plan
@@ -51,9 +51,9 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
     """Return a plan whose files are in the cache of this process."""
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "here"))
     plan = case.make_plan(case.make_job(tmp_path))
-    maps = [Content.holding(part.encode(), ".exr") for part in "rpsb"]
+    maps = [Content.store_bytes(part.encode(), ".exr") for part in "rpsb"]
     scene = plan.frames[0].task.scene
-    scene = replace(scene, asset=Content.holding(os.urandom(99), ".npz"), lights=(Dome(*maps, 64, 32, "119147"),))
+    scene = replace(scene, asset=Content.store_bytes(os.urandom(99), ".npz"), lights=(Dome(*maps, 64, 32, "119147"),))
     return replace(plan, frames=tuple(replace(frame, task=replace(frame.task, scene=scene)) for frame in plan.frames))
 
 
@@ -67,7 +67,7 @@ def executor(cluster: Any, tmp_path: Path, plan: Plan) -> Iterator[DaskExecutor]
 
 def make_executor(address: str, folder: Path, **options: Any) -> DaskExecutor:
     (folder / "scratch").mkdir(exist_ok=True)
-    files = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 60.0)
+    files = WorkerFiles(folder / "scratch", lambda name: folder / f"{name}.log", (), 60.0)
     return DaskExecutor(files, address, command=case.command(folder), **options)
 
 
@@ -250,9 +250,9 @@ def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
     for address in ("nowhere", "tpc://127.0.0.1:8786"):
         with pytest.raises(LookdevError, match=f"'{address}' is no address .*: write dask:tcp://HOST:8786"):
             make_executor(address, tmp_path).__enter__()
-    files = Place(tmp_path, lambda name: tmp_path / name, ())
+    files = WorkerFiles(tmp_path, lambda name: tmp_path / name, ())
     with pytest.raises(LookdevError, match="has workers of its own"):
-        open_executor(Choice("dask", address, workers=2), files, store)
+        open_executor(ExecutorOptions("dask", address, workers=2), files, store)
 
 
 def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -76,7 +76,7 @@ def test_idle_cores_are_those_that_neither_these_processes_nor_others_use(monkey
 
 def test_use_and_memory_are_those_of_this_machine() -> None:
     before = Use.of(())
-    while Use.of(()).own < before.own + 0.3:
+    while Use.of(()).processes < before.processes + 0.3:
         sum(range(1 << 16))
     after = Use.of(())
     # The kernel samples the machine's time in ticks of 10 ms, a hypervisor's guest with some of them late.

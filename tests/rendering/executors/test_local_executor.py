@@ -7,9 +7,9 @@ import batch_case as case
 import pytest
 
 from lookdev.errors import LookdevError, OutputError, WorkerError
-from lookdev.rendering.executors.choice import Choice, choose, devices_of
+from lookdev.rendering.executors.choice import ExecutorOptions, choose, devices_of
 from lookdev.rendering.executors.local import LocalExecutor
-from lookdev.rendering.executors.protocol import Finished, GivenUp, Place, Retried
+from lookdev.rendering.executors.protocol import Finished, GivenUp, Retried, WorkerFiles
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.threads import cores, share_of_cores
 
@@ -19,9 +19,9 @@ pytestmark = pytest.mark.both_pythons
 Tasks = list[FrameTask]
 
 
-def executor_files(folder: Path, command: tuple[str, ...] | None = None) -> Place:
+def executor_files(folder: Path, command: tuple[str, ...] | None = None) -> WorkerFiles:
     (folder / "scratch").mkdir(exist_ok=True)
-    return Place(folder / "scratch", lambda name: folder / f"{name}.log", command or case.command(folder), 20.0)
+    return WorkerFiles(folder / "scratch", lambda name: folder / f"{name}.log", command or case.command(folder), 20.0)
 
 
 def names(tasks: Iterable[FrameTask]) -> list[str]:
@@ -111,14 +111,14 @@ def test_without_a_number_workers_are_added_while_cores_are_idle(
 
 def test_workers_divide_cores_and_take_turns_with_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(8)))
-    devices = devices_of(Choice(workers=3, device="cuda", numbers=(0, 2)))
+    devices = devices_of(ExecutorOptions(workers=3, device="cuda", numbers=(0, 2)))
     with LocalExecutor(executor_files(tmp_path), 3, devices) as executor:
         for _ in range(2):
             executor._slots.append(executor._new_slot())
         workers = [slot.worker for slot in executor._slots]
     assert [worker._environment["CUDA_VISIBLE_DEVICES"] for worker in workers] == ["0", "2", "0"]
     assert [sorted(worker._cores or ()) for worker in workers] == [[0, 1], [2, 3, 4], [5, 6, 7]]
-    assert devices_of(Choice(device="optix", numbers=(1, 3))) == ({"CUDA_VISIBLE_DEVICES": "1,3"},)
+    assert devices_of(ExecutorOptions(device="optix", numbers=(1, 3))) == ({"CUDA_VISIBLE_DEVICES": "1,3"},)
 
 
 @pytest.mark.parametrize("expected", [[4], [2, 2], [1, 1, 2], [1] * 4, [1] * 6])

@@ -6,7 +6,7 @@ import batch_case as case
 import pytest
 
 from lookdev.errors import LookdevError, WorkerError
-from lookdev.rendering.executors.protocol import Finished, Place
+from lookdev.rendering.executors.protocol import Finished, WorkerFiles
 from lookdev.rendering.executors.warm import Server, WarmExecutor, start, stop
 from lookdev.rendering.task import FrameTask
 
@@ -35,7 +35,7 @@ def warm_socket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pat
 
 def make_executor(path: Path, folder: Path, command: tuple[str, ...] | None = None) -> WarmExecutor:
     (folder / "scratch").mkdir(exist_ok=True)
-    files = Place(folder / "scratch", lambda name: folder / f"{name}.log", command or case.command(folder), 20.0)
+    files = WorkerFiles(folder / "scratch", lambda name: folder / f"{name}.log", command or case.command(folder), 20.0)
     return WarmExecutor(files, path)
 
 

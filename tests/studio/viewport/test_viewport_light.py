@@ -24,7 +24,7 @@ from lookdev.cache import Content
 from lookdev.job import load_job
 from lookdev.light import LIGHT_KINDS, Emission, Light, Shaping
 from lookdev.light.dome.maps import load_dome
-from lookdev.light.ies import Profile
+from lookdev.light.ies import IesProfile
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.reference.mesh import MeshScene
@@ -96,7 +96,7 @@ def compare(
         films.append(page.accumulate(count).astype(np.float64))
     covered = np.argwhere(films[0][..., 3] > 0.0)
     rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
-    reference = MeshScene(scene.asset, scene.looks, scene.lit_by, scene.grouped, shadows=shadows)
+    reference = MeshScene(scene.asset, scene.looks, scene.slot_lights, scene.slot_groups, shadows=shadows)
     expected = frame_pixels(
         reference, scene.lights, scene.camera, POSE, scene.film.resolution, rows[:, ::-1].copy(), samples=samples
     )
@@ -142,8 +142,8 @@ def test_a_rig_lights_as_its_lamps_and_domes(name: str, samples: int, page: View
 
 def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: ViewportPage) -> None:
     angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [120.0, 0.5, 4.0, 0.5], [360.0, 3.0, 1.0, 0.5]])
-    table = Content.written(".npy", lambda file: np.save(file, angles.astype(np.float32)))
-    beam = Shaping(120.0, 0.5, 1.0, (0.1, 0.2, 0.3), Profile(table, 0.5, 1.5))
+    table = Content.store_written(".npy", lambda file: np.save(file, angles.astype(np.float32)))
+    beam = Shaping(120.0, 0.5, 1.0, (0.1, 0.2, 0.3), IesProfile(table, 0.5, 1.5))
     # The rig also has a lamp of another kind, and one of the same kind, both without a profile.
     lamps = [LIGHT_KINDS[kind].example() for kind in ("sphere", "sphere", "rect")]
     shaped = replace(lamps[0], emission=replace(lamps[0].emission, shaping=beam))  # type: ignore[type-var]

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from lookdev.errors import AssetError, Fault, LookError
-from lookdev.text import MAX_DEPTH, TextError, parse_json, parse_toml, read_text
+from lookdev.safe_text import MAX_DEPTH, TextError, parse_json, parse_toml, read_text
 
 
 def test_a_text_is_read_with_or_without_a_mark(tmp_path):

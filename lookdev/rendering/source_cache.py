@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from lookdev.brdf import MODELS, Parameter
 from lookdev.cache import code_digest, file_digest, load_cached, store_cached
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import ShaderSource, Source
+from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.errors import TextureError
 from lookdev.images import check_file
 from lookdev.material import Bump, Look, Primvar, Texture
@@ -21,7 +21,9 @@ _ROOM = "sources"
 _SOURCE: TypeAdapter[ShaderSource] = TypeAdapter(ShaderSource)
 
 
-def cached_source(backend: Backend, look: Look, setting: SourceSetting, light_code: tuple[object, ...]) -> Source:
+def cached_source(
+    backend: Backend, look: Look, setting: SourceSetting, light_code: tuple[object, ...]
+) -> GeneratedSource:
     """Return ``backend.generate(look, setting)``, from the cache if it is there; raises what `generate` raises.
 
     The cache has OSL alone, of looks without expressions, measurements and sets of tiles: that depends only on the

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.guard import MEMORY_VARIABLE, SECONDS_VARIABLE
+from lookdev.sandbox import MEMORY_VARIABLE, SECONDS_VARIABLE
 
 pytestmark = pytest.mark.both_pythons
 
 _PROGRAM = """
 import ctypes, os, signal, sys, time
 from pathlib import Path
-from lookdev.guard import opened, reading, run_supervised
-from lookdev.lifetime import end_at_signals
+from lookdev.sandbox import reading, report_opened, run_supervised
+from lookdev.processes import end_at_signals
 def program():
 {body}
 try:
@@ -93,7 +93,7 @@ _SWELLS = "held = b'x' * (64 << 20)"
         (f"with reading(Path('a.usd')):\n  with reading(Path('b.usd')): {_SWELLS}\n  time.sleep(10)", False),
         (f"{_SWELLS}\nwith reading(Path('a.usd')): time.sleep(0.2)", True),
         (f"with reading(Path('large')): {_SWELLS}; time.sleep(0.2)", True),
-        (f"with reading(Path('a.usd')): opened(Path('large')); {_SWELLS}; time.sleep(0.2)", True),
+        (f"with reading(Path('a.usd')): report_opened(Path('large')); {_SWELLS}; time.sleep(0.2)", True),
     ],
     ids=["swells", "inside", "before", "large", "layer"],
 )

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from lookdev.errors import LookdevError, shorten
-from lookdev.lifetime import end_with_parent
+from lookdev.processes import end_with_parent
 
 MEMORY_VARIABLE = "LOOKDEV_READ_MEMORY"
 """Environment variable: MiB of memory that reading a file may take, plus `_MEMORY_PER_MIB` for each of its MiB."""
@@ -68,14 +68,14 @@ def reading(file: Path) -> Iterator[None]:
         yield
         return
     _report(reads=str(file))
-    opened(file)
+    report_opened(file)
     try:
         yield
     finally:
         _report(read=str(file))
 
 
-def opened(file: Path) -> None:
+def report_opened(file: Path) -> None:
     """Report to the parent a further file, such as a layer of a USD file: its size raises the limits."""
     if _pipe_to_parent is not None and file.is_file():
         _report(opened=str(file), bytes=file.stat().st_size)
