@@ -1,4 +1,4 @@
-"""The types of arrays, named by their elements.
+"""The types of arrays, named by their elements, and the largest number that is read.
 
 Shapes are in the docstrings of the functions that take them: the type checker does not know them.
 """
@@ -16,3 +16,6 @@ Indices = NDArray[np.intp]
 Bools = NDArray[np.bool_]
 Bytes = NDArray[np.uint8]
 Records = NDArray[np.void]  # with named fields
+
+MAX_MAGNITUDE = 1e18
+"""The largest magnitude of numbers in files and expressions: the product of two is still a float32."""

@@ -17,7 +17,7 @@ VARIANTS = [
     (name, dict(zip(forms, values, strict=True)) | options)
     for name, model in CONTINUOUS.items()
     for forms in [model.forms()]
-    for options in ({}, {"options": "drawn"})[: 1 + bool(model.options_left_out())]
+    for options in ({}, {"options": "drawn"})[: 1 + bool(model.optional_defaults())]
     for values in product(*forms.values())
 ]
 EVERY = pytest.mark.parametrize(("model", "tokens"), VARIANTS, ids=str)

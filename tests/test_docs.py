@@ -23,7 +23,7 @@ from lookdev.job import json_schema, load_job, parse_job
 from lookdev.light.rig import load_rig
 from lookdev.light.rig.attributes import OURS
 from lookdev.light.rig.find import USD_LIGHTS
-from lookdev.material.library import SHIPPED, read_library
+from lookdev.material.library import SHIPPED_FOLDERS, read_library
 from lookdev.material.usd import read_look
 
 ROOT = Path(__file__).parents[1]
@@ -74,7 +74,7 @@ def tables() -> dict[str, str]:
 
 
 def _preset_table() -> str:
-    presets = read_library([ROOT / folder for folder in SHIPPED]).presets
+    presets = read_library([ROOT / folder for folder in SHIPPED_FOLDERS]).presets
     rows = [(f"[{p.name}](../{p.file.relative_to(ROOT)})", p.category, p.model, p.doc) for p in presets]
     return _markdown([("preset", "category", "model", "what it is"), *rows])
 

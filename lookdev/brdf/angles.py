@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike
 from lookdev.arrays import Floats
 
 
-def towards(theta: ArrayLike, phi: ArrayLike = 0.0) -> Floats:
-    """Return the unit directions (..., 3) at an angle from the normal, `theta`, and an azimuth, `phi`."""
+def spherical_direction(theta: ArrayLike, phi: ArrayLike = 0.0) -> Floats:
+    """Return the unit directions (..., 3) at the angle `theta` from the normal and the azimuth `phi`."""
     theta, phi = np.broadcast_arrays(np.asarray(theta, np.float64), np.asarray(phi, np.float64))
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
 
 
-def at_cosine(cosine: Floats, phi: Floats) -> Floats:
+def direction_at_cosine(cosine: Floats, phi: Floats) -> Floats:
     """Return the unit directions (..., 3) above the horizon at a cosine to the normal and an azimuth, (...)."""
     sine = np.sqrt(1.0 - cosine * cosine)
     return np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)

@@ -1,10 +1,7 @@
 """Metals: their measured eta and k, and the colour that follows from them.
 
 The numbers in ``data/metals.csv`` are those of the refractiveindex.info database (public domain, CC0), from 365 to
-821 nm, with fewer wavelengths where the curves are smooth. Publications differ by some hundredths of reflectance,
-because their samples were prepared differently. Gold is measured on a smooth film, and is 0.05 brighter in green than
-Johnson and Christy's. Silver is a fit to several sources: it is 0.03 to 0.06 darker than Johnson and Christy's fresh
-film and slightly warm, as in the usual look-dev tables.
+821 nm, with fewer wavelengths where the curves are smooth. docs/notebook/metal-spectra.md compares publications.
 
 A metal's colour is its reflectance at normal incidence, seen by the CIE 1931 observer under D65, the white of Rec.709.
 A surface that reflects all light is exactly (1, 1, 1).

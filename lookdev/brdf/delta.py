@@ -20,7 +20,7 @@ import numpy as np
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Bsdf, Delta
-from lookdev.brdf.metal import OF_INDICES, named_metal
+from lookdev.brdf.metal import INDEX_QUOTES, named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_name
 from lookdev.brdf.vectors import TINY, Array, BooleanArray, Parameters, Real, scale, vector
@@ -30,14 +30,14 @@ _NORMAL = normal_parameter("normal", "Normal of the surface, as of a normal map;
 
 def _frame_and_view(normal: Array, wo: Array) -> tuple[Frame, Array, Array, Array]:
     """Return the frame about a normal, bent towards the view, and the x, y and z of the view in that frame."""
-    frame = frame_of(normal).facing(wo)
+    frame = frame_of(normal).bend_towards(wo)
     local = frame.to_local(wo)
     # Rounding may make z negative where the view is at a right angle to the bent normal.
     return frame, local[..., 0], local[..., 1], np.maximum(local[..., 2], 0.0)
 
 
 def _direction_above(frame: Frame, w: Array) -> Array:
-    """Express a direction of `frame` in the shading frame; set z to 0 where it is below the shading frame's horizon."""
+    """Express a direction of a frame in the shading frame; z becomes 0 below the horizon of the shading frame."""
     out = frame.from_local(w)
     return vector(out[..., 0], out[..., 1], np.maximum(out[..., 2], 0.0))
 
@@ -101,7 +101,8 @@ def _model(
 ) -> Model:
     by_name = parameters_by_name(*parameters, _NORMAL)
     return Model(name, title, text, by_name, bsdf, f"Lookdev{title}", preview=Preview({}, preview), delta=True,
-        quotes={key: quote for key, quote in OF_INDICES.items() if key in by_name}, quoted="Trent 2017, section 4",
+        quotes={key: quote for key, quote in INDEX_QUOTES.items() if key in by_name},
+        quote_source="Trent 2017, section 4",
     )  # fmt: skip
 
 

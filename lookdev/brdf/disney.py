@@ -6,7 +6,7 @@
 
 Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
 ``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. Section 6 and
-appendix B suggest a normal for each lobe, the general GTR and thin films. Two inputs are not of the published model:
+appendix B suggest a normal for each lobe, the general GTR and thin films. Two inputs extend the published model:
 `presence`, the coverage of the surface, and the exact Fresnel term of metals.
 """
 
@@ -111,10 +111,10 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return mf.smith_ggx_aniso(w, alpha_x, alpha_y)
 
     # GGX, of which the visible normals are sampled, or the general distribution of appendix B.
-    ggx = are_equal(p["gamma"], 2.0)
+    is_ggx = are_equal(p["gamma"], 2.0)
 
     def distribution(wm: Array) -> Array:
-        return mf.gtr2_aniso(wm, alpha_x, alpha_y) if ggx else mf.gtr_aniso(wm, alpha_x, alpha_y, p["gamma"])
+        return mf.gtr2_aniso(wm, alpha_x, alpha_y) if is_ggx else mf.gtr_aniso(wm, alpha_x, alpha_y, p["gamma"])
 
     def evaluate(d: DirectionPair) -> Array:
         # D F G / (4 cos_theta_i cos_theta_o), the denominator absorbed by both shadowing terms.
@@ -122,19 +122,19 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return scale(specular_fresnel(p, d.cos_theta_d), distribution(d.wm) * g)
 
     def density(d: DirectionPair) -> Array:
-        if ggx:
+        if is_ggx:
             return mf.visible_ggx_pdf(d.wo, distribution(d.wm), alpha_x, alpha_y)
         return distribution(d.wm) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
     def sample(u1: Array, u2: Array) -> Array:
-        if ggx:
+        if is_ggx:
             return reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2))
         return reflect(wo, mf.sample_gtr_aniso(alpha_x, alpha_y, p["gamma"], u1, u2))
 
     return Lobe(
         "disney",
         "specular",
-        # Microfacets lean away from the normal: with F0 = 0 the lobe is not black as seen along the normal.
+        # Microfacets are tilted: with F0 = 0, the lobe is not black for a view along the normal.
         np.maximum(mean(specular_fresnel(p, wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=density,
@@ -249,12 +249,12 @@ def _bsdf(parameters: Parameters) -> Bsdf:
     presence = parameters["presence"]
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
-        frame = frame_of(parameters["normal"]).facing(wo)
+        frame = frame_of(parameters["normal"]).bend_towards(wo)
 
         def lobe(build: Callable[[Parameters, Array, Frame], Lobe], normal: str) -> Lobe:
             # Lobes with the same normal share a frame.
             shared = are_equal(parameters[normal], parameters["normal"])
-            lobe_frame = frame if shared else frame_of(parameters[normal]).facing(wo)
+            lobe_frame = frame if shared else frame_of(parameters[normal]).bend_towards(wo)
             return build(parameters, lobe_frame.to_local(wo), lobe_frame).blend(presence)
 
         parts = (_diffuse, "normal"), (_specular, "specularNormal"), (_clearcoat, "clearcoatNormal")
@@ -265,13 +265,13 @@ def _bsdf(parameters: Parameters) -> Bsdf:
 
 def _reflectance(p: Parameters, wo: Array) -> Real:
     """Return the albedo of the specular lobe, fitted for the variant of 2014 and gamma 2."""
-    cos_theta = frame_of(p["specularNormal"]).facing(wo).to_local(wo)[..., 2]
+    cos_theta = frame_of(p["specularNormal"]).bend_towards(wo).to_local(wo)[..., 2]
     alpha_x, alpha_y = _alphas(p)
     # An anisotropic lobe has about the albedo of an isotropic one of the geometric mean of both alphas.
     alpha = np.minimum(np.sqrt(alpha_x * alpha_y), 1.0)
     if is_exact(p) or not are_equal(p["filmThickness"], 0.0):
-        whole, typical = ggx_albedo(cos_theta, alpha)
-        return whole * mean(specular_fresnel(p, typical))
+        unweighted, typical_cosine = ggx_albedo(cos_theta, alpha)
+        return unweighted * mean(specular_fresnel(p, typical_cosine))
     return ggx_reflectance(cos_theta, alpha, mean(_f0(p)))
 
 
@@ -305,5 +305,5 @@ DISNEY = Model(
         {"diffuseColor": "baseColor", "metallic": "metallic", "roughness": "roughness", "opacity": "presence"}, _preview
     ),
     quotes=_QUOTES,
-    quoted="Burley 2012, sections 5.2, 5.4 and 6.3",
+    quote_source="Burley 2012, sections 5.2, 5.4 and 6.3",
 )

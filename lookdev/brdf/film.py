@@ -51,15 +51,15 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
     cos_theta, inside = _cosines(cos_theta, ior)
     colors = _path_colors(2.0 * inside * thickness)
     root = np.sqrt(np.minimum(bare, 1.0))
-    whole = (1.0 - root) / (1.0 + root)
+    bare_ratio = (1.0 - root) / (1.0 + root)
     total: Real = 0.0
     # An amplitude r is written as a ratio of admittances, (1 + r) / (1 - r); the ratios of successive faces multiply.
     for face in (cos_theta / inside, inside / (ior * ior * cos_theta)):
         a = np.expand_dims(face, -1)
-        b = whole / a
-        below, both = 1.0 - b, (1.0 + whole) * (a + b)
+        b = bare_ratio / a
+        below, both = 1.0 - b, (1.0 + bare_ratio) * (a + b)
         incoherent = (a * below * below + b * (1.0 - a) * (1.0 - a)) / both
-        transmitted = 4.0 * whole / both
+        transmitted = 4.0 * bare_ratio / both
         product = (a - 1.0) * below / ((a + 1.0) * (1.0 + b))
         # The series in powers of minus the product of both faces' amplitudes, by Horner's rule.
         series: Real = 0.0

@@ -1,4 +1,4 @@
-"""Frames of lobes: the frame of the shading normal, or a frame about another normal.
+"""Frames of lobes, about the shading normal or another normal.
 
 - Duff, T. et al. 2017. Building an Orthonormal Basis, Revisited. JCGT 6(1).
 """
@@ -16,13 +16,13 @@ from lookdev.brdf.vectors import Array, are_equal, dot, normalize, scale, vector
 ZENITH: Floats = np.array([0.0, 0.0, 1.0])
 """The shading normal in its own frame."""
 
-_LOWEST = 0.01
-_LEAN = 1e-4
+_MIN_NORMAL_Z = 0.01
+_MIN_VIEW_COSINE = 1e-4
 
 
 @dataclass(frozen=True)
-class Upright:
-    """The shading frame itself."""
+class UprightFrame:
+    """The frame of a lobe that has the shading normal: the shading frame."""
 
     normal: ClassVar[Array] = ZENITH
     """The unit z axis of the frame, (..., 3), above the horizon of the shading frame."""
@@ -35,14 +35,14 @@ class Upright:
         """Express directions (..., 3) of this frame in the shading frame."""
         return w
 
-    def facing(self, wo: Array) -> Upright:
+    def bend_towards(self, wo: Array) -> UprightFrame:
         """Return the frame bent towards unit views (..., 3), above the horizon, until ``normal . wo`` is positive."""
         return self
 
 
 @dataclass(frozen=True, eq=False)
-class Leaning:
-    """The frame about a unit normal (..., 3) that is not the shading normal; its methods are those of `Upright`."""
+class TiltedFrame:
+    """The frame about another unit normal (..., 3); its methods are those of `UprightFrame`."""
 
     normal: Array
 
@@ -54,10 +54,10 @@ class Leaning:
         tangent, bitangent = self._axes()
         return scale(tangent, w[..., 0]) + scale(bitangent, w[..., 1]) + scale(self.normal, w[..., 2])
 
-    def facing(self, wo: Array) -> Leaning:
-        lean = dot(self.normal, wo)
-        bent = self.normal + scale(wo, np.maximum(np.minimum(wo[..., 2], _LEAN) - lean, 0.0))
-        return Leaning(normalize(bent))
+    def bend_towards(self, wo: Array) -> TiltedFrame:
+        cosine = dot(self.normal, wo)
+        bent_normal = self.normal + scale(wo, np.maximum(np.minimum(wo[..., 2], _MIN_VIEW_COSINE) - cosine, 0.0))
+        return TiltedFrame(normalize(bent_normal))
 
     # Duff et al. 2017, listing 3, for z > -1: exactly the shading frame's axes where the normal is the zenith.
     def _axes(self) -> tuple[Array, Array]:
@@ -67,13 +67,13 @@ class Leaning:
         return vector(1.0 + x * x * a, b, -x), vector(b, 1.0 + y * y * a, -y)
 
 
-Frame: TypeAlias = Upright | Leaning
+Frame: TypeAlias = UprightFrame | TiltedFrame
 
 
 def frame_of(normal_map: Array) -> Frame:
-    """Return the frame about a normal, (..., 3), as of a normal map: of any length, its z raised to at least 0.01."""
-    normal = normalize(vector(normal_map[..., 0], normal_map[..., 1], np.maximum(normal_map[..., 2], _LOWEST)))
-    return Upright() if are_equal(normal, ZENITH) else Leaning(normal)
+    """Return the frame about a normal (..., 3) of any length, as of a normal map; z is raised to at least 0.01."""
+    normal = normalize(vector(normal_map[..., 0], normal_map[..., 1], np.maximum(normal_map[..., 2], _MIN_NORMAL_Z)))
+    return UprightFrame() if are_equal(normal, ZENITH) else TiltedFrame(normal)
 
 
 def mirror_across_surface(w: Array) -> Array:

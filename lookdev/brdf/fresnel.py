@@ -55,7 +55,8 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     """
     cos2 = cos_theta * cos_theta
     sin2 = np.maximum(1.0 - cos2, 0.0)
-    # The square of the relative index less 1, which would cancel for similar media, and half of its imaginary part.
+    # The square of the relative index less 1, and half of its imaginary part. For similar media, the difference of
+    # squares would cancel.
     inverse = 1.0 / (external_ior * external_ior)
     excess, cross = ((eta - external_ior) * (eta + external_ior) - k * k) * inverse, eta * k * inverse
     real = excess + cos2
@@ -87,7 +88,7 @@ def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
 
 def square_root(real: Real, half: Real) -> tuple[Array, Array]:
     """Return a and b, both at least 0, of ``a + ib``, the square root of ``real + 2i half``, with half at least 0."""
-    # a^2 - b^2 = real and a b = half. The larger part comes first; by itself, the other would be a small difference.
+    # a^2 - b^2 = real and a b = half. The larger part comes first: the smaller one, as a difference, would cancel.
     large = np.sqrt(0.5 * (np.sqrt(real * real + 4.0 * half * half) + np.absolute(real)))
     small = half / np.maximum(large, TINY)
     is_real = real >= 0.0

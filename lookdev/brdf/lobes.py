@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from lookdev.brdf.frames import Frame, Leaning, Upright, mirror_across_surface
+from lookdev.brdf.frames import Frame, TiltedFrame, UprightFrame, mirror_across_surface
 from lookdev.brdf.vectors import TINY, Array, BooleanArray, Parameters, Real, dot, scale, vector
 
 LobeGroup = Literal["diffuse", "specular", "clearcoat"]
@@ -37,7 +37,7 @@ class DirectionPair:
     cos_theta_d: Array
 
     @classmethod
-    def of(cls, wo: Array, wi: Array) -> DirectionPair:
+    def from_directions(cls, wo: Array, wi: Array) -> DirectionPair:
         """Derive the half vector and the cosines from `wo` and `wi`."""
         x, y, z = wo[..., 0] + wi[..., 0], wo[..., 1] + wi[..., 1], wo[..., 2] + wi[..., 2]
         # The floor is for opposite directions along the horizon: its square is still a normal float32.
@@ -70,11 +70,11 @@ class Lobe:
     transmits
         Whether light and viewer are on opposite sides; the functions above take and return the light's direction
         mirrored to the viewer's side.
-    own_side
-        Whether, where the lobe leans, the lobe's normal alone decides on which side a direction is. Otherwise the
-        shading normal must agree.
+    has_own_horizon
+        Whether the lobe's normal alone decides on which side of a tilted lobe a direction is. Otherwise the direction
+        must be on the same side of the shading normal, too.
     broad
-        Whether the lobe is nearly constant: samples in proportion to light times cosine suit it as well as its own.
+        Whether the lobe is nearly constant, so that samples of light times cosine suit it as well as its own samples.
     weight : (...)
         Factor in [0, 1] of f in a blend with other surfaces.
     values
@@ -90,29 +90,29 @@ class Lobe:
     pdf: Callable[[DirectionPair], Array]
     sample: Callable[[Array, Array], Array]
     group: LobeGroup
-    frame: Frame = field(default_factory=Upright)
+    frame: Frame = field(default_factory=UprightFrame)
     transmits: bool = False
-    own_side: bool = False
+    has_own_horizon: bool = False
     broad: bool = False
     weight: Real = 1.0
     values: Parameters = field(default_factory=dict)
     parts: Mapping[PartGroup, Callable[[DirectionPair], Array]] = field(default_factory=dict)
 
     @property
-    def leans(self) -> bool:
+    def is_tilted(self) -> bool:
         """Whether the lobe has a normal other than the shading normal."""
-        return isinstance(self.frame, Leaning)
+        return isinstance(self.frame, TiltedFrame)
 
     @property
-    def crosses(self) -> bool:
+    def crosses_surface(self) -> bool:
         """Whether the lobe reflects to, or transmits from, both sides of the shading normal."""
-        return self.leans and self.own_side
+        return self.is_tilted and self.has_own_horizon
 
     def blend(self, weight: Real) -> Lobe:
         """Return the lobe, its weight and share multiplied by a weight (...) in a blend."""
         return replace(self, share=self.share * weight, weight=self.weight * weight)
 
-    def pair(self, wo: Array, wi: Array) -> tuple[Array, Array]:
+    def local_directions(self, wo: Array, wi: Array) -> tuple[Array, Array]:
         """Express directions of the shading frame in the lobe's frame, `wi` mirrored if the lobe transmits."""
         wi = self.frame.to_local(wi)
         return self.frame.to_local(wo), mirror_across_surface(wi) if self.transmits else wi
@@ -120,13 +120,13 @@ class Lobe:
     def draw(self, u1: Array, u2: Array) -> Array:
         """Draw a direction in the shading frame, with z = 0 where this lobe is 0 in the direction.
 
-        The pdf of the mixture excludes this lobe there. So the direction must not be used, even if another lobe is
+        The pdf of the mixture excludes this lobe there, so the direction must not be used, even where another lobe is
         above 0.
         """
         local = self.sample(u1, u2)
         wi = self.frame.from_local(mirror_across_surface(local) if self.transmits else local)
         valid = local[..., 2] > 0.0
-        if self.leans and not self.crosses:
+        if self.is_tilted and not self.crosses_surface:
             valid = valid & ((wi[..., 2] < 0.0) if self.transmits else (wi[..., 2] > 0.0))
         return vector(wi[..., 0], wi[..., 1], np.where(valid, wi[..., 2], 0.0))
 
@@ -164,8 +164,8 @@ class Bsdf:
     functions of `lookdev.brdf.mixture` exclude. A `two_sided` surface is thin: for a view below the horizon, f is that
     of both directions flipped. Other surfaces are black from below.
 
-    `deltas` is a function of the view and of a mask, (...), that is true where the viewer is inside the solid that the
-    surface bounds: where the solid's normals point away from the viewer. The functions of `lookdev.brdf.mixture`
+    `deltas` is a function of the view and of a mask (...). The mask is true where the viewer is inside the solid that
+    the surface bounds, so that the solid's normals point away from the viewer. The functions of `lookdev.brdf.mixture`
     exclude these terms.
     """
 
@@ -183,8 +183,9 @@ class Bsdf:
         """Return a BSDF whose f is in the coordinates of another linear colour space.
 
         `matrix` (3, 3) converts from linear Rec.709 to that space; its rows sum to 1. Models are evaluated as
-        published, in linear Rec.709: tints by luminance, exact metals and films, which are sums over a spectrum, keep
-        their colours. A term that is linear in a colour parameter equals the term of the converted colour.
+        published, in linear Rec.709, so that tints by luminance, and exact metals and films, which are sums over a
+        spectrum, keep their colours. A term that is linear in a colour parameter equals the term of the converted
+        colour.
         """
         rows = np.asarray(matrix, np.float64).tolist()
 

@@ -1,6 +1,6 @@
 """Parameters of Fresnel's equations, and metals that reflect by them.
 
-`METAL_TABLE` has eta and k of metals by name; `lookdev.brdf.metal_fits` makes it.
+`METAL_TABLE_FILE` has eta and k of metals by name; `lookdev.brdf.metal_fits` makes it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ INTERFACE = parameters_by_name(
 )
 """Parameters of an interface between a dielectric and a dielectric or conductor, at one wavelength."""
 
-METAL_TABLE = Path(__file__).parent / "data" / "metal_indices.json"
+METAL_TABLE_FILE = Path(__file__).parent / "data" / "metal_indices.json"
 """The file with eta and k of each channel, by name of the metal."""
 
 CONDUCTOR = "conductor"
@@ -37,7 +37,7 @@ METAL_COLORS = ("nearest", "bands")
 
 _NONE = "none"
 
-OF_INDICES = {
+INDEX_QUOTES = {
     "eta": "the internal IOR (η_i) is the index of refraction of the material itself",
     "k": "the extinction coefficient (k) is effectively how conductive the material is",
     "externalIor": "the external IOR (η_o) is the index of refraction of the material the object is contained in.",
@@ -63,8 +63,8 @@ class MetalEntry(TypedDict):
 
 @cache
 def metal_table() -> dict[str, MetalEntry]:
-    """Return the data of `METAL_TABLE` by metal."""
-    table: dict[str, MetalEntry] = json.loads(METAL_TABLE.read_text())
+    """Return the data of `METAL_TABLE_FILE` by metal."""
+    table: dict[str, MetalEntry] = json.loads(METAL_TABLE_FILE.read_text())
     return table
 
 
@@ -88,27 +88,27 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
             "metal",
             (_NONE, *METALS),
             f"Stands for {', '.join([*other_tokens, 'eta and k'])} of a metal.",
-            among="own",
-            stands=expand_tokens,
+            agreement="own",
+            expand=expand_tokens,
         ),
         token_parameter(
             "metalColor",
             METAL_COLORS,
             "Of a metal by name. nearest: as its spectra reflect red, green, blue. bands: means over wavelengths.",
-            among="own",
-            stands=expand_tokens,
+            agreement="own",
+            expand=expand_tokens,
         ),
     )
 
 
-def metal_parameters(among: Literal["apart", "own"]) -> tuple[Parameter, ...]:
-    """Return the parameters of a model with exact metals; `among` is `Parameter.among` of the token ``"fresnel"``."""
+def metal_parameters(agreement: Literal["apart", "own"]) -> tuple[Parameter, ...]:
+    """Return the parameters of a model with exact metals; `agreement` is that of the token ``"fresnel"``."""
     return (
         token_parameter(
             "fresnel",
             ("schlick", CONDUCTOR),
             "Of metals. schlick: as published. conductor: the exact curve of eta and k.",
-            among=among,
+            agreement=agreement,
         ),
         replace(INTERFACE["eta"], kind="color", default=(1.5, 1.5, 1.5)),
         replace(INTERFACE["k"], kind="color", default=(0.0, 0.0, 0.0)),

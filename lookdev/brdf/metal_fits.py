@@ -22,7 +22,7 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf.conductor import METALS, metal_curve, metal_indices
 from lookdev.brdf.fresnel import conductor_fresnel
-from lookdev.brdf.metal import INTERFACE, METAL_TABLE, MetalEntry, MetalIndex
+from lookdev.brdf.metal import INTERFACE, METAL_TABLE_FILE, MetalEntry, MetalIndex
 
 COSINES: Floats = np.cos(np.radians(np.arange(91.0)))
 """Cosines of the angles at which curves are compared."""
@@ -37,14 +37,15 @@ def largest_deviation(index: Floats, target: Floats) -> Floats:
     return np.asarray(np.abs(curve - target).max(axis=-1))
 
 
-# Gulbrandsen 2014, section 3: the search is over the reflectance r at normal incidence and eta; good fits agree in r.
+# Gulbrandsen 2014, section 3. The search is over r, the reflectance at normal incidence, and u, the position of eta in
+# its range for r. Good fits have nearly the same r.
 def nearest_index(target: Floats) -> Floats:
     """Return the eta and k, (2,), with the least deviation from reflectances at `COSINES`, by shrinking grids."""
     ranges = np.array([INTERFACE[name].hard for name in ("eta", "k")]).T
 
     def eta_and_k(r: Floats, u: Floats) -> Floats:
-        least = (1.0 - np.sqrt(r)) / (1.0 + np.sqrt(r))
-        eta = least ** (1.0 - 2.0 * u)  # from `least` to its inverse; at both, k is 0
+        min_eta = (1.0 - np.sqrt(r)) / (1.0 + np.sqrt(r))
+        eta = min_eta ** (1.0 - 2.0 * u)  # from `min_eta` to its inverse; at both, k is 0
         k = np.sqrt(np.maximum(r * (eta + 1.0) ** 2 - (eta - 1.0) ** 2, 0.0) / (1.0 - r))
         return np.asarray(np.clip(np.stack([eta, k], axis=-1), *ranges))
 
@@ -56,7 +57,7 @@ def nearest_index(target: Floats) -> Floats:
     return eta_and_k(*centre)
 
 
-# Trent 2017, section 4.2, but without the factor of the band's width in the integral of p: with it, this is not a mean.
+# Trent 2017, section 4.2. His integral of p has the band's width as a factor, with which the result is not a mean.
 def band_means(name: str) -> Floats:
     """Return the means of eta and of k, (3, 2), over three bands, weighted by p."""
     rows = []
@@ -94,4 +95,4 @@ def _round(values: Iterable[float]) -> list[float]:
 
 
 if __name__ == "__main__":
-    METAL_TABLE.write_text(json.dumps(make_table(), indent=1) + "\n")
+    METAL_TABLE_FILE.write_text(json.dumps(make_table(), indent=1) + "\n")

@@ -1,4 +1,4 @@
-"""The mixture of lobes: how they are selected, summed and weighted.
+"""The mixture of lobes: their selection, sums and weights.
 
 `Mixture` is the only definition. The functions below evaluate it over arrays; code generation traces it, and adds only
 the control flow that skips lobes at a point.
@@ -18,7 +18,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf, DirectionPair, Lobe
 from lookdev.brdf.vectors import TINY, Array, BooleanArray, Real, normalize, scale
 
-BELOW_ONE = 0.99999994
+ONE_MINUS_EPSILON = 0.99999994
 """The largest float32 below 1, the upper limit of uniform numbers."""
 
 
@@ -54,26 +54,26 @@ class LobeTerms:
 class LobeChoice:
     """One lobe of the mixture, and its interval of the uniform numbers; each begins where the previous one ends.
 
-    below : (...)
+    is_below_end : (...)
         Whether the number is below the end of the interval.
-    stretched : (...)
+    remapped : (...)
         The position of the number in the interval, in [0, 1): stratified numbers stay stratified within each lobe.
     """
 
     lobe: Lobe
-    below: BooleanArray
-    stretched: Array
+    is_below_end: BooleanArray
+    remapped: Array
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """The lobes of a surface for unit views `wo`, (..., 3), above the horizon; a lobe's probability is as its share."""
+    """The lobes of a surface for unit views `wo`, (..., 3), above the horizon, selected in proportion to shares."""
 
     lobes: Sequence[Lobe]
     wo: Array
 
     @property
-    def total(self) -> Real:
+    def total_share(self) -> Real:
         """Sum of the shares, (...)."""
         return functools.reduce(operator.add, (lobe.share for lobe in self.lobes), 0.0)
 
@@ -95,21 +95,21 @@ class Mixture:
         """Return the pdf (...) of the mixture from the sum of the densities of its terms."""
         if len(self.lobes) < 2:
             return density
-        return density / np.where(self.total > 0.0, self.total, 1.0)
+        return density / np.where(self.total_share > 0.0, self.total_share, 1.0)
 
     def choices(self, u: Array) -> Iterator[LobeChoice]:
         """Yield the lobes in the order of their intervals of the uniform numbers (...)."""
         if len(self.lobes) == 1:
             yield LobeChoice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
             return
-        position = u * self.total
+        position = u * self.total_share
         rest, upper = position, 0.0
         for lobe in self.lobes:
             upper = upper + lobe.share  # type: ignore[assignment]
             width = np.where(lobe.share > 0.0, lobe.share, 1.0)
             # Clipped before the division, which could overflow, and after it, as it may round to 1.
-            stretched = np.minimum(np.clip(rest, 0.0, width) / width, BELOW_ONE)
-            yield LobeChoice(lobe, position < upper, stretched)
+            remapped = np.minimum(np.clip(rest, 0.0, width) / width, ONE_MINUS_EPSILON)
+            yield LobeChoice(lobe, position < upper, remapped)
             rest = rest - lobe.share
 
     def response(self, wi: Array) -> tuple[Array, Array]:
@@ -125,17 +125,17 @@ class Mixture:
         wi: Array = np.zeros(3)
         remaining: BooleanArray = np.ones((), np.bool_)
         # A number that float32 rounds to 1 would be in no interval.
-        for choice in self.choices(np.minimum(u1, BELOW_ONE)):
-            is_selected = remaining & choice.below
-            wi = np.where(np.expand_dims(is_selected, -1), choice.lobe.draw(choice.stretched, u2), wi)
+        for choice in self.choices(np.minimum(u1, ONE_MINUS_EPSILON)):
+            is_selected = remaining & choice.is_below_end
+            wi = np.where(np.expand_dims(is_selected, -1), choice.lobe.draw(choice.remapped, u2), wi)
             remaining = remaining & ~is_selected
         return wi
 
 
 def estimate_albedo(mixture: Mixture) -> Array:
-    """Return an estimate (..., 3) of the albedo without noise: the sum of the lobes' f cos / pdf in a middle direction.
+    """Return an estimate (..., 3) of the albedo without noise: the sum of f cos / pdf of each lobe at u = (0.5, 0.5).
 
-    It is exact for lobes whose pdf is in proportion to f times the cosine.
+    It is exact for lobes whose pdf is proportional to f times the cosine.
     """
     total: Array = np.zeros(3)
     for lobe in mixture.lobes:
@@ -156,17 +156,20 @@ def mean_normal(mixture: Mixture) -> Array:
 
 def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[DirectionPair, BooleanArray]:
     """Return directions in the frame of a lobe, and the mask of valid ones; invalid directions become the normal."""
-    local_o, local_i = lobe.pair(wo, wi)
+    local_o, local_i = lobe.local_directions(wo, wi)
     below, above = wi[..., 2] < 0.0, wi[..., 2] > 0.0
-    valid = below | above if lobe.crosses else below if lobe.transmits else above
-    if lobe.leans:
+    valid = below | above if lobe.crosses_surface else below if lobe.transmits else above
+    if lobe.is_tilted:
         valid = valid & (local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)
-    return DirectionPair.of(np.where(mask, local_o, ZENITH), np.where(mask, local_i, ZENITH)), valid
+    return DirectionPair.from_directions(np.where(mask, local_o, ZENITH), np.where(mask, local_i, ZENITH)), valid
 
 
 def _mixture_for_view(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, BooleanArray]:
-    """Return the mixture for views `wo`, lights `wi` flipped with the views from behind, and where f may be above 0."""
+    """Return the mixture for views, the directions of light, and the mask of views from above.
+
+    A two-sided BSDF turns views from behind, and their directions of light, to the front.
+    """
     if bsdf.two_sided:
         behind = wo[..., 2:] < 0.0
         wo, wi = np.where(behind, -wo, wo), np.where(behind, -wi, wi)
@@ -176,7 +179,10 @@ def _mixture_for_view(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array,
 
 
 def bsdf_for_views(bsdf: Bsdf, wo: Floats) -> Bsdf:
-    """Return a BSDF for views (..., 3), above the horizon unless it is two-sided, whose lobes are computed once."""
+    """Return a BSDF whose lobes are computed once, for views (..., 3).
+
+    The views are above the horizon, unless the BSDF is two-sided.
+    """
     lobes = bsdf.lobes(np.where(wo[..., 2:] < 0.0, -wo, wo) if bsdf.two_sided else wo)
     return replace(bsdf, lobes=lambda _: tuple(lobes))
 
@@ -191,8 +197,8 @@ def evaluate(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     cosine = np.abs(light[..., 2])
     total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
     for term in mixture.terms(light):
-        # The quotient comes first: for the shading normal it is exactly 1, however small the cosines are. For another
-        # normal it has no bound at the horizon; the floor keeps it finite.
+        # The quotient comes first: for the shading normal it is exactly 1, also for tiny cosines. For another normal it
+        # has no bound at the horizon; the floor keeps it finite.
         ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
         total = total + scale(term.f, np.where(above & term.valid, ratio, 0.0))
     return np.asarray(total)

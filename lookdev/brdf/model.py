@@ -41,8 +41,8 @@ class Preview:
     """A model's approximation by UsdPreviewSurface.
 
     `same` maps inputs of UsdPreviewSurface to parameters of the same meaning, ``opacity`` to the presence of a layer.
-    `derived` computes the other inputs that differ from their defaults from all parameters: tokens, and float64 arrays,
-    () or (3,). Its ``f0``, the reflectance at normal incidence, determines the index of refraction.
+    `derived` maps all parameters (tokens, and float64 arrays, () or (3,)) to the other inputs that differ from their
+    defaults. Its ``f0``, the reflectance at normal incidence, determines the index of refraction.
     """
 
     same: Mapping[str, str] = field(default_factory=dict)
@@ -65,9 +65,9 @@ class Model:
     identifier
         `info:id` of the UsdShade shader.
     energy
-        Function of the tokens, by name, that returns an upper bound of the directional albedo. The bound holds where
-        all normals are the shading normal, optional numbers have their defaults, and numbers whose default is at most 1
-        are at most 1. It is above 1 where the published model does not conserve energy.
+        Function of the tokens, by name, that returns an upper bound of the directional albedo. It is above 1 where the
+        published model does not conserve energy. The bound holds if all normals are the shading normal, optional
+        numbers have their defaults, and numbers whose default is at most 1 are at most 1.
     reciprocal
         Function of the tokens, by name, that returns the names of the lobes with f(wo, wi) = f(wi, wo) where all
         normals are the shading normal.
@@ -85,7 +85,7 @@ class Model:
     delta
         Whether the model scatters along single directions only, and has no lobes.
     quotes
-        Verbatim quotations about parameters, by parameter; `quoted` has the publication and the section.
+        Verbatim quotations about parameters, by parameter; `quote_source` has the publication and the section.
     """
 
     name: str
@@ -104,7 +104,7 @@ class Model:
     preview: Preview = field(default_factory=Preview)
     delta: bool = False
     quotes: Mapping[str, str] = field(default_factory=dict)
-    quoted: str = ""
+    quote_source: str = ""
 
     def stack(self, layers: Sequence[StackLayer]) -> Bsdf:
         """Combine layers of this model, base first, into one surface; raises ModelError for tokens that differ."""
@@ -126,15 +126,16 @@ class Model:
                 blended[_PRESENCE] = presence
         return blended
 
-    def options_left_out(self) -> dict[str, float]:
+    def optional_defaults(self) -> dict[str, float]:
         """Return the defaults of optional numbers, by name."""
         optional = {name: parameter.default for name, parameter in self.parameters.items() if parameter.optional}
         return {name: default for name, default in optional.items() if isinstance(default, float)}
 
-    def must_blend_apart(self, first: Parameters, second: Parameters) -> bool:
+    def must_blend_separately(self, first: Parameters, second: Parameters) -> bool:
         """Return whether layers with these parameters differ in a token that the model cannot combine."""
         return any(
-            parameter.among == "apart" and first[name] != second[name] for name, parameter in self.parameters.items()
+            parameter.agreement == "apart" and first[name] != second[name]
+            for name, parameter in self.parameters.items()
         )
 
     def forms(self) -> dict[str, tuple[str, ...]]:
@@ -142,7 +143,7 @@ class Model:
         return {
             parameter.name: parameter.choices
             for parameter in self.parameters.values()
-            if parameter.choices and not parameter.stands
+            if parameter.choices and not parameter.expand
         }
 
     def tokens(self, values: Mapping[str, str]) -> dict[str, str]:

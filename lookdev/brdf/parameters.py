@@ -29,9 +29,11 @@ class Parameter:
     the same. `optional` numbers belong to parts of the model that their defaults leave out. A token with a function
     `file` may also be the path of a file, which that function reads; such a token must be given.
 
-    `among` states how layers that one model combines may differ in a token. ``"alike"``: they must not differ.
+    `help` is for users. It is part of the digests of node trees, so a new text renders their frames again.
+
+    `agreement` states how layers that one model combines may differ in a token. ``"alike"``: they must not differ.
     ``"apart"``: layers that differ are blended as layers of different models are. ``"own"``: each layer has its own.
-    A token with a function `stands` is an abbreviation, not a form of the model. The function maps all tokens of the
+    A token with a function `expand` is an abbreviation, not a form of the model. The function maps all tokens of the
     layer to values of other parameters; when these have been set, the token has its default.
     """
 
@@ -45,8 +47,8 @@ class Parameter:
     unit: str = ""
     follows: str = ""
     optional: bool = False
-    among: Literal["alike", "apart", "own"] = "alike"
-    stands: Callable[[Mapping[str, str]], Mapping[str, ParameterValue]] | None = None
+    agreement: Literal["alike", "apart", "own"] = "alike"
+    expand: Callable[[Mapping[str, str]], Mapping[str, ParameterValue]] | None = None
     file: Callable[[str], object] | None = None
 
 
@@ -59,11 +61,11 @@ def token_parameter(
     name: str,
     choices: tuple[str, ...],
     help: str,
-    among: Literal["alike", "apart", "own"] = "alike",
-    stands: Callable[[Mapping[str, str]], Mapping[str, ParameterValue]] | None = None,
+    agreement: Literal["alike", "apart", "own"] = "alike",
+    expand: Callable[[Mapping[str, str]], Mapping[str, ParameterValue]] | None = None,
 ) -> Parameter:
     """Return a parameter that is one of `choices`, by default the first."""
-    return Parameter(name, "token", choices[0], choices=choices, help=help, among=among, stands=stands)
+    return Parameter(name, "token", choices[0], choices=choices, help=help, agreement=agreement, expand=expand)
 
 
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:
@@ -96,7 +98,7 @@ def expand_tokens(
 
     Raises ModelError where a token is not one of its choices, or where one of `values` contradicts an expansion.
     """
-    shorthands = {name for name in values if name in parameters and parameters[name].stands}
+    shorthands = {name for name in values if name in parameters and parameters[name].expand}
     if not shorthands:
         return dict(values)
     tokens = {name: str(parameter.default) for name, parameter in parameters.items() if parameter.kind == "token"}
@@ -105,7 +107,7 @@ def expand_tokens(
     }
     expanded: dict[str, _T | ParameterValue] = {name: value for name, value in values.items() if name not in shorthands}
     for name in shorthands:
-        expand = parameters[name].stands
+        expand = parameters[name].expand
         for target, value in (expand(tokens) if expand else {}).items():
             if target in values and not _equals(values[target], value):
                 both = f"{owner}.{target} is {values[target]!r}, but {name} '{tokens[name]}' stands for {value!r}"

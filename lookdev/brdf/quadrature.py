@@ -5,27 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.angles import at_cosine
+from lookdev.brdf.angles import direction_at_cosine
 
 
 def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return directions (n, 3) above the horizon, and their quadrature weights (n,) in steradians.
 
     The grid has `cells` along slope and azimuth of the half vector, with two Gauss nodes a cell in each. With
-    ``t = tan^2 theta_h`` the first coordinate is ``log(1 + t / t0) / L``: even within a lobe of width `alpha`,
-    logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``; beyond, no direction is above the horizon.
-    `view`, (3,), is a unit direction above the horizon.
+    ``t = tan^2 theta_h``, the first coordinate is ``log(1 + t / t0) / L``, where L makes its largest value 1. Cells are
+    even in t within a lobe of width `alpha`, and logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``;
+    beyond, no direction is above the horizon. `view`, (3,), is a unit direction above the horizon.
     """
     t0 = (0.5 * alpha) ** 2
     nodes, weights = np.polynomial.legendre.leggauss(2)  # type: ignore[no-untyped-call]
-    a, phi = (((np.arange(n)[:, None] + 0.5 * (nodes + 1.0)) / n).ravel() for n in cells)
+    slope_fraction, azimuth_fraction = (((np.arange(n)[:, None] + 0.5 * (nodes + 1.0)) / n).ravel() for n in cells)
     weight = np.outer(*(np.tile(0.5 * weights, n) / n for n in cells))
-    length = np.log1p((2.0 / view[2]) ** 2 / t0)
-    grown = np.exp(a * length)
-    t = t0 * (grown - 1.0)
+    log_range = np.log1p((2.0 / view[2]) ** 2 / t0)
+    growth = np.exp(slope_fraction * log_range)
+    t = t0 * (growth - 1.0)
     # d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
-    weight *= (np.pi * t0 * length * grown / (1.0 + t) ** 1.5)[:, None]
-    cos_h, azimuth = 1.0 / np.sqrt(1.0 + t), 2.0 * np.pi * phi
+    weight *= (np.pi * t0 * log_range * growth / (1.0 + t) ** 1.5)[:, None]
+    cos_h, azimuth = 1.0 / np.sqrt(1.0 + t), 2.0 * np.pi * azimuth_fraction
     sin_h = np.sqrt(t) * cos_h
     x, y = np.outer(sin_h, np.cos(azimuth)), np.outer(sin_h, np.sin(azimuth))
     wm = np.stack([x, y, np.broadcast_to(cos_h[:, None], x.shape)], axis=-1)
@@ -37,10 +37,12 @@ def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tupl
     return wi[above], weight[above]
 
 
-def hemisphere_grid(nodes: int) -> tuple[Floats, Floats]:
+def hemisphere_grid(node_count: int) -> tuple[Floats, Floats]:
     """Return directions (n, 3) and weights (n,) in steradians for functions that are smooth over the hemisphere."""
-    x, w = np.polynomial.legendre.leggauss(nodes)  # type: ignore[no-untyped-call]
+    x, w = np.polynomial.legendre.leggauss(node_count)  # type: ignore[no-untyped-call]
     cos = 0.5 * (x + 1.0)
     # The azimuth is periodic: the midpoint rule converges as Gauss's does.
-    azimuth = 2.0 * np.pi * (np.arange(nodes) + 0.5) / nodes
-    return at_cosine(*np.meshgrid(cos, azimuth, indexing="ij")).reshape(-1, 3), np.repeat(w * np.pi / nodes, nodes)
+    azimuth = 2.0 * np.pi * (np.arange(node_count) + 0.5) / node_count
+    return direction_at_cosine(*np.meshgrid(cos, azimuth, indexing="ij")).reshape(-1, 3), np.repeat(
+        w * np.pi / node_count, node_count
+    )

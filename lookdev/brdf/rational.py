@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
 from lookdev.brdf.vectors import Real
 
@@ -20,6 +23,13 @@ class Rational:
     def __call__(self, x: Real, y: Real = 0.0) -> Real:
         """Evaluate at x and y, (...), within the fitted domain."""
         return polynomial(self.numerator, x, y) / polynomial(self.denominator, x, y)
+
+
+@cache
+def load_rational(file: Path, name: str) -> Rational:
+    """Return the function of a name in a JSON file of fits."""
+    entry = json.loads(file.read_text())[name]
+    return Rational(entry["numerator"], entry["denominator"])
 
 
 def polynomial(rows: Coefficients, x: Real, y: Real) -> Real:

@@ -1,4 +1,4 @@
-"""Special functions in plain arithmetic, which can be traced, and which keep their digits in float32.
+"""Special functions in plain arithmetic, which can be traced and are precise in float32.
 
 The logarithm near 1, the exponential near 0 and the arc cosine have errors of 1e-7 or more in OSL's library. NumPy
 lacks the complementary error function. Coefficients were fitted at Chebyshev nodes.
@@ -34,14 +34,14 @@ _ANGLE = Rational(
 )
 
 
-def log1p_ratio(x: Real, whole: Real) -> Array:
-    """Return ``ln(1 + x) / x`` for x above -1, 1 at 0; `whole` is ``1 + x``, which may be more precise than the sum."""
+def log1p_ratio(x: Real, one_plus_x: Real) -> Array:
+    """Return ``ln(1 + x) / x`` for x above -1, 1 at 0; `one_plus_x` may be more precise than the sum ``1 + x``."""
     is_near = np.absolute(x) < _NEAR
     small = np.where(is_near, x, 0.0)
     z = small / (2.0 + small)
     series = polynomial(_LOG1P_SERIES, z * z, 0.0) * 2.0 / (2.0 + small)
     # The inverse of the floor is a normal float32.
-    far = np.log(np.maximum(whole, TINY * TINY)) / np.where(is_near, 1.0, x)
+    far = np.log(np.maximum(one_plus_x, TINY * TINY)) / np.where(is_near, 1.0, x)
     return np.where(is_near, series, far)
 
 

@@ -1,8 +1,8 @@
 """Stacks of layers of any models as one BSDF.
 
-From the base upwards, the rule of the base's model combines layers of that model. This ends at the first layer that is
-of another model, that is a coat, or that differs in a token whose layers are blended apart. From there on, the masks
-blend evaluated BSDFs.
+From the base upwards, the base's model combines the layers of that model, up to the first layer that is of another
+model, is a coat, or differs in a token whose agreement is ``"apart"``. From this layer on, the masks blend evaluated
+BSDFs.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
 
 
 def split_by_combination(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
-    """Split layers into groups that one model combines: the base with the layers like it, then single layers."""
+    """Split layers into groups that one model combines: the base with layers of its model, then single layers."""
     base, *others = layers
     model = model_named(base.model)
     alike = takewhile(
         lambda layer: (
             layer.model == base.model
             and layer.mode != "coat"
-            and not model.must_blend_apart(base.parameters, layer.parameters)
+            and not model.must_blend_separately(base.parameters, layer.parameters)
         ),
         others,
     )

@@ -68,7 +68,7 @@ Parameters: TypeAlias = Mapping[str, Any]
 """Values of a model's parameters by name: arrays, and strings for tokens."""
 
 TINY = 1e-18
-"""A floor for divisors: its square and the inverse of its square are normal float32 numbers."""
+"""A floor for divisors; its square, and the inverse of its square, are normal float32 numbers."""
 
 
 def vector(x: Array, y: Array, z: Array) -> Array:

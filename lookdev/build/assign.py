@@ -55,7 +55,7 @@ def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
         with findings.collect(table_key):
             read = read_any_look(table.material, table.prim, table.variants, name)
             materials[-1] = read.look
-            findings.note(*loss_notes(read.lost))
+            findings.note(*loss_notes(read.losses))
     return materials
 
 
@@ -98,7 +98,7 @@ def assign_looks(
     looks: dict[int | str | None, Look] = {**dict(enumerate(materials)), None: NEUTRAL_LOOK}
     looks |= {path: material.look for path, material in bound.items()}
     looks |= {name: display_color_look(_COLOR, opacity=name == _OPACITY) for name in (_COLOR, _OPACITY)}
-    findings.note(*loss_notes(fault for material in bound.values() for fault in material.lost))
+    findings.note(*loss_notes(fault for material in bound.values() for fault in material.losses))
     for number in sorted(set(range(len(materials))) - {material_number(part) for part in parts}):
         table = f"assign[{number}]" if number < len(look.assign) else "'material'"
         findings.note(f"look '{look.name}': {table} covers no part: others come first for all that it fits")

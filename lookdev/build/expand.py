@@ -10,7 +10,7 @@ from lookdev.build.faults import Findings
 from lookdev.job.parts import JobLook
 from lookdev.job.schema import SEVERAL_JOBS, Job, excess_frames
 from lookdev.material.usd import expand_variants
-from lookdev.material.variants import MOST_COMBINATIONS
+from lookdev.material.variants import MAX_COMBINATIONS
 
 
 def expand_material(
@@ -40,8 +40,8 @@ def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job
                 looks.append(table.model_copy(update={"name": name, "variants": variants}))
                 keys[name] = key
                 taken.add(name.casefold())
-    if len(looks) > MOST_COMBINATIONS and any("*" in look.variants.values() for look in job.look):
-        problem = f"'*' expands to variants that make {len(looks)} looks, at most {MOST_COMBINATIONS} would be right"
+    if len(looks) > MAX_COMBINATIONS and any("*" in look.variants.values() for look in job.look):
+        problem = f"'*' expands to variants that make {len(looks)} looks, at most {MAX_COMBINATIONS} would be right"
         findings.add("look", problem, "name a variant of some of the sets")
         findings.raise_faults()
     if excess := excess_frames(len(looks), len(job.rigs), job.turntable):

@@ -218,7 +218,7 @@ def job_grounds(
     look = None
     if table.material is not None:
         bound = read_any_look(table.material, table.prim, table.variants, "ground")
-        findings.note(*loss_notes(bound.lost))
+        findings.note(*loss_notes(bound.losses))
         look = bound.look
         if look.displacement is not None:
             findings.note(f"{table.material}: the ground is flat: the displacement of its look is left out")

@@ -15,7 +15,7 @@ from scipy import stats
 
 from lookdev.arrays import Floats
 from lookdev.asset import load_asset
-from lookdev.brdf.angles import towards
+from lookdev.brdf.angles import spherical_direction
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve
 from lookdev.checks.frames import Alter, RenderHalves, alter_shaders, keep_shader
@@ -143,7 +143,7 @@ def _measure(
 ) -> _Curves:
     azimuth = float(rng.uniform(0.0, 360.0))
     # In the card's frame: x right, y up, z towards its front.
-    views = towards(np.radians(angles), np.radians(azimuth))
+    views = spherical_direction(np.radians(angles), np.radians(azimuth))
     # Of a constant look, only the view is read.
     bsdfs = [look_bsdf(look, SinglePoint(wo[2])) for wo in views]
     surfaces = list(zip(bsdfs, views, strict=True))
@@ -226,7 +226,7 @@ def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Flo
     point, estimator, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
     curve = curves[point]
     estimate = (curve.sampled, curve.cycles)[estimator]
-    wo = towards(np.radians(angles), np.radians(curve.azimuth))[view]
+    wo = spherical_direction(np.radians(angles), np.radians(curve.azimuth))[view]
     layers = look_layers(curve.look, SinglePoint(wo[2]))
     case = {
         "deviation": float(excess[point, estimator, view, side, channel]),

@@ -261,7 +261,7 @@ def _parse_layer(
     parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
     # An optional number folds at its default: the code is that of looks without it.
-    defaults = MODELS[model].options_left_out()
+    defaults = MODELS[model].optional_defaults()
     folds = {
         name: default for name, default in defaults.items() if parameters[name] == default and name not in formulas
     }

@@ -12,7 +12,7 @@ from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.brdf import MODELS, Parameter
-from lookdev.brdf.angles import at_cosine
+from lookdev.brdf.angles import direction_at_cosine
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, round_to_float32
 from lookdev.codegen.points import PointLayer
@@ -56,7 +56,10 @@ def moderate_numbers(layers: Sequence[PointLayer], count: int, rng: Rng) -> tupl
     no_case, all_cases = np.zeros(count, np.bool_), np.ones(count, np.bool_)
     drawn = []
     for layer in layers:
-        numbers, left_out = _draw_numbers(layer, count, no_case, all_cases, rng), MODELS[layer.model].options_left_out()
+        numbers, left_out = (
+            _draw_numbers(layer, count, no_case, all_cases, rng),
+            MODELS[layer.model].optional_defaults(),
+        )
         numbers |= {name: np.full(count, default) for name, default in left_out.items() if name in numbers}
         drawn.append({n: np.minimum(v, 1.0) if _amplifies(layer.model, n) else v for n, v in numbers.items()})
     return tuple(drawn)
@@ -73,15 +76,15 @@ def _draw_directions(count: int, absurd: Bools, rng: Rng, *, thin: bool) -> tupl
         return np.where(absurd & (rng.random(count) < 0.7), odd, usual)
 
     phi = rng.uniform(0.0, 2.0 * np.pi, count)
-    wo = at_cosine(draw_cosines(0), phi)
+    wo = direction_at_cosine(draw_cosines(0), phi)
     kind = rng.integers(5, size=count)[:, None]
-    wo = np.where(kind == 4, at_cosine(draw_cosines(3), phi), wo)
-    opposed = at_cosine(draw_cosines(3), phi + np.pi + rng.choice([0, 1e-7, 1e-4, 1e-3], count))
+    wo = np.where(kind == 4, direction_at_cosine(draw_cosines(3), phi), wo)
+    opposed = direction_at_cosine(draw_cosines(3), phi + np.pi + rng.choice([0, 1e-7, 1e-4, 1e-3], count))
     mirrored = wo * (-1.0, -1.0, 1.0)
     near = mirrored + rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-7.0, -1.0, (count, 1))
     near[:, 2] = np.abs(near[:, 2])
     near /= np.linalg.norm(near, axis=-1, keepdims=True)
-    anywhere = at_cosine(draw_cosines(0), rng.uniform(0.0, 2.0 * np.pi, count))
+    anywhere = direction_at_cosine(draw_cosines(0), rng.uniform(0.0, 2.0 * np.pi, count))
     wi = np.select([kind == 0, kind == 1, kind == 2, kind == 3], [anywhere, wo, mirrored, near], opposed)
     if thin:
         through, straight, behind = (rng.random((count, 1)) < share for share in (0.4, 0.1, 0.2))

@@ -13,7 +13,7 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Bsdf, sample
-from lookdev.brdf.angles import at_cosine
+from lookdev.brdf.angles import direction_at_cosine
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns, round_to_float32
 from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve
@@ -136,7 +136,7 @@ def _draw_upper(rng: np.random.Generator, count: int) -> Floats:
     cos = rng.random(count)
     quarter = rng.permutation(count)[: count // 4]
     cos[quarter] = 10.0 ** rng.uniform(-4.0, 0.0, quarter.size)
-    return at_cosine(cos, rng.uniform(0.0, 2.0 * np.pi, count))
+    return direction_at_cosine(cos, rng.uniform(0.0, 2.0 * np.pi, count))
 
 
 def _normalize(w: Floats) -> Floats:
@@ -170,7 +170,7 @@ def _option_rounding(batch: Batch, expected: Floats) -> Floats:
     """Return the change of values by a rounding of optional numbers: phases and exponents, which magnify it."""
     change = np.zeros_like(expected)
     for number, layer in enumerate(batch.layers):
-        for name, default in MODELS[layer.model].options_left_out().items():
+        for name, default in MODELS[layer.model].optional_defaults().items():
             values = {**layer.constants, **batch.numbers[number]}
             if name in values and np.any(values[name] != np.asarray(default)):
                 numbers = list(batch.numbers)

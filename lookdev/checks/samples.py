@@ -135,7 +135,7 @@ class _RandomPoint:
         if depends_on_view(source):
             return self._fix_formula(source) if isinstance(source, Formula) else source
         color = kind == "color"
-        value = np.asarray(SourceValues(self.points).read(source, color))
+        value = np.asarray(SourceValues(self.points).source_value(source, color))
         number = (value[self.index] if value.ndim > color else value).tolist()
         return tuple(number) if color else number
 

@@ -88,14 +88,14 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
 
     def default_layer(name: str) -> PointLayer:
         tokens = {p.name: p.choices[0] for p in MODELS[name].parameters.values() if p.choices}
-        return PointLayer(name, tokens, constants=MODELS[name].options_left_out())
+        return PointLayer(name, tokens, constants=MODELS[name].optional_defaults())
 
     choices = MODELS[model].forms()
     stacks: dict[str, tuple[PointLayer, ...]] = {}
     for values in product(*choices.values()):
         form = dict(zip(choices, values, strict=True))
         stacks[" ".join([model, *form.values()])] = (replace(default_layer(model), tokens=form),)
-    if MODELS[model].options_left_out():
+    if MODELS[model].optional_defaults():
         stacks[f"{model} with options"] = (replace(default_layer(model), constants={}),)
     stacks[f"{model} over {model}"] = (default_layer(model), default_layer(model))
     for mode in MODELS[model].modes[1:]:

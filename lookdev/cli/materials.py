@@ -159,6 +159,6 @@ def import_document(
 
     imported = import_materialx(document)
     write_usda(imported, look)
-    for fault in imported.unmapped:
+    for fault in imported.losses:
         say(f"not carried over: {fault}", err=True)
     say(f"{look}: {', '.join(f'/{material.name}' for material in imported.materials)}")

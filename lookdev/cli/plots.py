@@ -148,8 +148,7 @@ def fit(
         if value:
             raise LookdevError(f"{name} has no meaning {'with' if picture else 'without'} --picture")
     if picture is None:
-        from lookdev.fitting import fit as fit_model
-        from lookdev.fitting import format_fit
+        from lookdev.fitting import fit_model, format_fit
         from lookdev.material.library.edit import model_look
         from lookdev.plotting import draw, read_subject
         from lookdev.plotting.figure import check_suffix
@@ -166,18 +165,18 @@ def fit(
             model_look(look, result.model, result.values)
         return
     from lookdev.fitting.picture.fit import PictureFitRequest, fit_picture
-    from lookdev.fitting.picture.search import Settings
+    from lookdev.fitting.picture.search import SearchSettings
     from lookdev.run.progress import show_fit
 
     if samples & (samples - 1):
         raise LookdevError(f"--samples {samples}: a power of two would be right")
-    if starts is not None and not 1 <= starts <= Settings.tried:
-        raise LookdevError(f"--starts {starts}: 1 to {Settings.tried} would be right")
+    if starts is not None and not 1 <= starts <= SearchSettings.start_count:
+        raise LookdevError(f"--starts {starts}: 1 to {SearchSettings.start_count} would be right")
     request = PictureFitRequest(
         picture, Path(source), tuple(name for name in parameters.split(",") if name.strip()), frame,
         look or Path(f"{picture.stem}_fitted.usda"), output or Path(f"{picture.stem}_fit.html"), mask, exposure,
         look_named=look is not None, force=force, pixels=pixels,
-        settings=Settings(followed=starts or Settings.followed, finest=samples),
+        settings=SearchSettings(followed_count=starts or SearchSettings.followed_count, final_samples=samples),
     )  # fmt: skip
     with show_fit(sys.stderr) as report:
         fit_result = fit_picture(request, report)

@@ -1,4 +1,4 @@
-"""Stand-ins: the closures of Cycles that approximate a lobe where only closures can be used, by model and lobe.
+"""Stand-ins: closures of Cycles that approximate a lobe for backends of closures, by model and lobe.
 
 Each lobe has one function and an entry in the `STAND_INS` of its model's file. Factors that depend on the light are
 fitted: ``python -m lookdev.closures.fitting`` makes the table of fits.

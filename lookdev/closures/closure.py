@@ -1,4 +1,4 @@
-"""Closures of Cycles in NumPy, as Cycles evaluates them, to compute how far they are from the lobes they stand for.
+"""Closures of Cycles in NumPy, as Cycles evaluates them; fits and tests compare them with lobes.
 
 The weights of closures contain a lobe's view-dependent factors exactly. The rest is fitted (`lookdev.closures.fits`):
 the shape of the lobe, and a factor over the view that restores its directional albedo. The formulas are those of
@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.frames import ZENITH, Frame, Upright
+from lookdev.brdf.frames import ZENITH, Frame, UprightFrame
 from lookdev.brdf.fresnel import conductor_fresnel, schlick_weight
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.microfacet import gtr2_aniso
@@ -59,7 +59,7 @@ class Closure:
     weight: Array
     alpha_x: Real = 1.0
     alpha_y: Real = 1.0
-    frame: Frame = field(default_factory=Upright)
+    frame: Frame = field(default_factory=UprightFrame)
     ior: Real = 1.0
     f0: Array = field(default_factory=lambda: np.zeros(3))
     roughness: Real = 0.0
@@ -125,7 +125,7 @@ def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
 
 
 def oren_nayar_g(cos_theta: Array) -> Array:
-    """Return the integral of Oren and Nayar's rough term over the light, (...)."""
+    """Return the integral of Oren and Nayar's rough term over all lights, (...)."""
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
     theta = np.arctan2(sin_theta, cos_theta)

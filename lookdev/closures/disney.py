@@ -19,7 +19,7 @@ from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.microfacet import smith_ggx
 from lookdev.brdf.vectors import TINY, Array, Real, are_equal, mix, mix_color, scale
 from lookdev.closures.closure import Closure, StandIn, rough_diffuse_albedo
-from lookdev.closures.fits import AnisotropicShape, CoatShape, fit, table
+from lookdev.closures.fits import AnisotropicShape, CoatShape, closure_fit, closure_table
 from lookdev.errors import CodegenError
 
 
@@ -30,7 +30,7 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """
     p, cos_theta = lobe.values, lobe.frame.to_local(wo)[..., 2]
     dielectric, subsurface, roughness = p["dielectric"], p["subsurface"], p["roughness"]
-    sheen = scale(scale(p["sheen_color"], dielectric), fit("sheen")(cos_theta))
+    sheen = scale(scale(p["sheen_color"], dielectric), closure_fit("sheen")(cos_theta))
     closures: tuple[Closure, ...] = (Closure("sheen", sheen, frame=lobe.frame),)
     if not are_equal(subsurface, 0.0):
         color = scale(p["baseColor"], dielectric * subsurface)
@@ -59,11 +59,11 @@ def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Fram
     """Return a closure with a directional albedo, (..., 3), whose retroreflection grows with `retro`, (...)."""
     if are_equal(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
-    sigma = table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
+    sigma = closure_table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
     # The floor: Cycles divides by 1 minus an albedo that is nearly 1, in float32.
     sigma = np.maximum(sigma, 0.01)
-    # Of the light that is not scattered once, white scatters all again, a colour about the square of itself.
-    single = np.expand_dims(rough_diffuse_albedo(sigma, fit("retro")(cos_theta)), -1)
+    # Further scattering loses nothing of white, and leaves about the square of any other colour.
+    single = np.expand_dims(rough_diffuse_albedo(sigma, closure_fit("retro")(cos_theta)), -1)
     base_color = reflected / mix(single, 1.0, _square(np.minimum(reflected, 1.0)))
     return Closure("rough_diffuse", np.ones(3), frame=frame, f0=base_color, roughness=sigma)
 
@@ -78,7 +78,7 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
     wide, even = 2.5 * fss, 0.625 * (1.0 - fss)
     cosine = np.maximum(cos_theta, TINY)
     reflected = wide * (1.0 - cosine * np.log(1.0 + 1.0 / cosine)) + even
-    ratio = fit("subsurface")(cos_theta, roughness) / reflected
+    ratio = closure_fit("subsurface")(cos_theta, roughness) / reflected
     return (
         Closure("ggx", scale(color, ratio * wide), frame=frame),
         Closure("diffuse", scale(color, ratio * even), frame=frame),
@@ -100,30 +100,30 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
             "would be right"
         )
     alphas, variant, cos_theta = (p["alpha_x"], p["alpha_y"]), p["variant"], wo[..., 2]
-    alphas_of_view = SeenAlphas(alphas[0], alphas[0], 1.0)
+    apparent = ApparentAlphas(alphas[0], alphas[0], 1.0)
     x, y = alphas
-    within: Real = 1.0
+    shadowing: Real = 1.0
     if not are_equal(*alphas):
-        alphas_of_view = seen_alphas(alphas, wo, table()["shapes"]["anisotropic"])
+        apparent = apparent_alphas(alphas, wo, closure_table()["shapes"]["anisotropic"])
         # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
-        # Shadowing removes about the part of a wider lobe that the limit cuts off. Shadowing of the 2012 variant does
+        # Shadowing removes about the part of a wider lobe that the limit cuts off. In the 2012 variant, shadowing does
         # not depend on the alphas.
-        within = x / alphas[0]
-    ratio, grazing = (fit(f"specular_{name}{variant}")(cos_theta, alphas_of_view.ratio) for name in ("", "grazing_"))
+        shadowing = x / alphas[0]
+    ratio, grazing = (closure_fit(f"specular_{name}{variant}")(cos_theta, apparent.ratio) for name in ("", "grazing_"))
     # The cosine of a typical light to the half vector.
-    typical = np.clip(fit(f"specular_cosine_{variant}")(cos_theta, alphas_of_view.cosine), 0.0, 1.0)
+    typical_cosine = np.clip(closure_fit(f"specular_cosine_{variant}")(cos_theta, apparent.cosine), 0.0, 1.0)
     if variant == "2012":
-        within = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical, p["roughness"])
-    ratio, grazing = (np.clip(within * value, 0.001, 1.0) for value in (ratio, grazing))
-    mean = schlick_weight(typical) * alphas_of_view.skew
+        shadowing = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical_cosine, p["roughness"])
+    ratio, grazing = (np.clip(shadowing * value, 0.001, 1.0) for value in (ratio, grazing))
+    mean = schlick_weight(typical_cosine) * apparent.skew
     # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
     # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
     metal_mean = ratio * mean / grazing
     fresnel = mix_color(p["f0"], np.ones(3), mean)
     if not are_equal(p["filmThickness"], 0.0):
         # All microfacets get the colour of the film at the typical cosine.
-        film = typical, p["filmThickness"], p["filmIor"]
+        film = typical_cosine, p["filmThickness"], p["filmIor"]
         color = film_reflectance(fresnel, *film)
         if is_exact(p):
             color = mix_color(color, metal_film_reflectance(p["eta"], p["k"], *film), p["metallic"])
@@ -132,7 +132,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     metal_f0 = (reflected / np.expand_dims(grazing, -1) - np.expand_dims(metal_mean, -1)) / np.expand_dims(
         np.maximum(1.0 - metal_mean, 0.001), -1
     )
-    # GGX, whose microfacets reflect alike at all angles, adds the reflectance that f in [0, 1] does not reach.
+    # GGX, whose microfacets reflect alike at all angles, adds the reflectance beyond that of f0 in [0, 1].
     rest = np.maximum(reflected - np.expand_dims(grazing, -1), 0.0)
     weight = np.expand_dims(grazing, -1) * np.ones(3)
     closures = (
@@ -157,8 +157,8 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 
 
 @dataclass(frozen=True)
-class SeenAlphas:
-    """Alphas (...) of the isotropic lobes that an anisotropic lobe resembles from one view.
+class ApparentAlphas:
+    """The alphas (...) of the isotropic lobes that an anisotropic lobe resembles from one view.
 
     ratio, cosine : arguments of the fits of these names.
     skew : factor of the mean of Schlick's weight.
@@ -169,8 +169,8 @@ class SeenAlphas:
     skew: Real
 
 
-def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> SeenAlphas:
-    """Return the alphas for a view `wo`, (..., 3): their mean from above, the one along its azimuth at grazing views.
+def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> ApparentAlphas:
+    """Return the alphas for views `wo`, (..., 3): the mean from above, the alpha along the azimuth at grazing views.
 
     `shape` has three numbers: `azimuth` is the share of the alpha along the azimuth in the ratio's alpha; `skew` is for
     a lobe of mean alpha 1 at grazing views; `skew_rise` is its increase towards a view from above.
@@ -182,13 +182,13 @@ def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape)
     exponent = (shape["skew"] + shape["skew_rise"] * wo[..., 2]) * np.sqrt(mean2)
     skew = np.power(alphas[0] / alphas[1], -exponent * azimuth_cosine)
     ratio, cosine = (np.minimum(np.sqrt(square), 1.0) for square in (mix(mean2, along2, shape["azimuth"]), along2))
-    return SeenAlphas(ratio, cosine, skew)
+    return ApparentAlphas(ratio, cosine, skew)
 
 
 def clearcoat_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for the clearcoat lobe: GTR1 as three GGX lobes."""
     weight, alpha, frame = lobe.values["weight"], lobe.values["alpha"], lobe.frame
-    ratio = weight * fit("clearcoat")(frame.to_local(wo)[..., 2], alpha)
+    ratio = weight * closure_fit("clearcoat")(frame.to_local(wo)[..., 2], alpha)
     return tuple(
         Closure(
             "metal",
@@ -198,7 +198,7 @@ def clearcoat_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
             frame,
             f0=COAT_F0 * np.ones(3),
         )
-        for share, part_alpha in coat_mix(alpha, table()["shapes"]["clearcoat"])
+        for share, part_alpha in coat_mix(alpha, closure_table()["shapes"]["clearcoat"])
     )
 
 

@@ -13,7 +13,7 @@ from typing import NotRequired, TypedDict
 
 from lookdev.brdf.rational import Rational
 
-DATA = Path(__file__).parent / "data" / "closure_fits.json"
+FITS_FILE = Path(__file__).parent / "data" / "closure_fits.json"
 """The file of the table."""
 
 
@@ -42,7 +42,7 @@ class HighlightShape(TypedDict):
 
 
 class AnisotropicShape(TypedDict):
-    """The parameters of `lookdev.closures.disney.seen_alphas`, and the errors of albedos."""
+    """The parameters of `lookdev.closures.disney.apparent_alphas`, and the errors of albedos."""
 
     azimuth: float
     skew: float
@@ -80,14 +80,14 @@ class ClosureTable(TypedDict):
 
 
 @cache
-def table() -> ClosureTable:
+def closure_table() -> ClosureTable:
     """Return the whole table."""
-    loaded: ClosureTable = json.loads(DATA.read_text())
+    loaded: ClosureTable = json.loads(FITS_FILE.read_text())
     return loaded
 
 
 @cache
-def fit(name: str) -> Rational:
+def closure_fit(name: str) -> Rational:
     """Return the fit of a name in the table."""
-    entry = table()["fits"][name]
+    entry = closure_table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])

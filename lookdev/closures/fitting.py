@@ -2,11 +2,11 @@
 
 The script integrates lobes and closures by quadrature. It takes some seconds and is deterministic.
 
-First it searches the shapes: the mixes of closures whose directional energy has the smallest L1 distance from the
-lobe's, averaged over views. Then it fits the ratios: a lobe's directional albedo divided by that of its mix, and the
-cosine at which Schlick's weight is its mean over the lobe. Views up to 85 degrees have equal weights; beyond, weights
-fall. A residual is the largest and the root mean square error of the directional albedo up to 85 degrees, relative to
-at least 0.1.
+First it searches the shapes, which are mixes of closures. The best shape has the directional energy with the smallest
+L1 distance from the lobe's, averaged over views. Then it fits the ratios, which are a lobe's directional albedo divided
+by that of its mix, and the cosine at which Schlick's weight is its mean over the lobe. Views up to 85 degrees have
+equal weights; beyond, weights fall. A residual is the largest and the root mean square error of the directional albedo
+up to 85 degrees, relative to at least 0.1.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import relative_cosine
 from lookdev.closures.closure import Closure, closure_cosine, oren_nayar_g
-from lookdev.closures.disney import seen_alphas, shadowing_2012
+from lookdev.closures.disney import apparent_alphas, shadowing_2012
 from lookdev.closures.fits import (
-    DATA,
+    FITS_FILE,
     AnisotropicShape,
     ClosureFit,
     ClosureShapes,
@@ -40,20 +40,20 @@ from lookdev.closures.fits import (
     RetroShape,
 )
 from lookdev.closures.pixar import ggx_share
-from lookdev.closures.rational import Degree, Problem, fit_rational
+from lookdev.closures.rational import Degree, RationalProblem, fit_rational
 from lookdev.closures.setups import (
     COARSE,
     FULL,
-    ONE,
     SHAPE_ANGLES,
+    WHITE,
     Albedos,
     LobeGrid,
     LobeSetup,
     coat_setups,
     disney_lobe,
-    distance,
     highlight_setups,
-    measure,
+    measure_albedos,
+    mix_distance,
     setup_values,
     specular_setups,
     view_at,
@@ -64,13 +64,13 @@ _SHAPE_GRID = replace(FULL, angles=SHAPE_ANGLES)
 
 
 @dataclass(frozen=True, eq=False)
-class Goal:
-    """A problem of least squares, and how to judge its fit.
+class FitGoal:
+    """A problem of least squares, and the errors of its fit.
 
     `error` maps the values (n,) of a fit to relative errors of albedo. `angle` is that of the view in degrees, (n,).
     """
 
-    problem: Problem
+    problem: RationalProblem
     error: Callable[[Floats], Floats]
     angle: Floats
 
@@ -84,37 +84,37 @@ def _tolerance_factor(angle: Floats) -> Floats:
     return np.where(angle > 85.0, np.exp2(angle - 84.0), 1.0)
 
 
-def ratio_goal(a: Albedos, x: Floats, target: Floats) -> Goal:
+def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
     """Return the goal for a factor of the weight, which should be `target`."""
-    relative = a.whole / np.maximum(a.whole, _FLOOR)
+    relative = a.unweighted / np.maximum(a.unweighted, _FLOOR)
     tolerance = _TOLERANCE * target * _tolerance_factor(a.angle)
-    return Goal(
-        Problem(x, a.alpha, target, tolerance), lambda values: np.abs(values / target - 1.0) * relative, a.angle
+    return FitGoal(
+        RationalProblem(x, a.alpha, target, tolerance), lambda values: np.abs(values / target - 1.0) * relative, a.angle
     )
 
 
-def grazing_goal(a: Albedos, factor: Floats) -> Goal:
+def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
     """Return the goal for the lobe's albedo over the mix's, both with Schlick's weight, divided by a known factor."""
-    # Where this is a small part of the whole, the tolerance is larger.
+    # A small part of the unweighted albedo has a larger tolerance.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
     target = a.weighted / a.mix_weighted / factor
-    problem = Problem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _tolerance_factor(a.angle))
-    return Goal(problem, lambda values: np.abs(values / target - 1.0) * relative, a.angle)
+    problem = RationalProblem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _tolerance_factor(a.angle))
+    return FitGoal(problem, lambda values: np.abs(values / target - 1.0) * relative, a.angle)
 
 
-def cosine_goal(a: Albedos) -> Goal:
+def cosine_goal(a: Albedos) -> FitGoal:
     """Return the goal for the cosine at which Schlick's weight is its mean over the lobe."""
-    mean = a.weighted / a.whole
-    allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.whole)
+    mean = a.weighted / a.unweighted
+    allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.unweighted)
     root = mean**0.2
     tolerance = np.minimum((mean + allowed) ** 0.2 - root, 0.3) * _tolerance_factor(a.angle)
-    problem = Problem(a.cosine, a.alpha, 1.0 - root, tolerance)
-    return Goal(problem, lambda values: np.abs(schlick_weight(values) - mean) / allowed * _TOLERANCE, a.angle)
+    problem = RationalProblem(a.cosine, a.alpha, 1.0 - root, tolerance)
+    return FitGoal(problem, lambda values: np.abs(schlick_weight(values) - mean) / allowed * _TOLERANCE, a.angle)
 
 
 def diffuse_goal(
     grid: LobeGrid, closure: Closure, base_color: float, roughness: Sequence[float], **parameters: float
-) -> Goal:
+) -> FitGoal:
     """Return the goal for a closure's weight in Disney's diffuse lobe, over the cosine of the view and roughness."""
     wi, weight = hemisphere_grid(96)
     rows = []
@@ -122,29 +122,31 @@ def diffuse_goal(
         wo = view_at(angle)
         closure_albedo = closure_cosine(closure, wo, wi)[:, 0] @ weight
         for level in roughness:
-            lobe = disney_lobe("diffuse", wo, baseColor=base_color * ONE, roughness=level, **parameters)
+            lobe = disney_lobe("diffuse", wo, baseColor=base_color * WHITE, roughness=level, **parameters)
             rows.append(
                 (
                     angle,
                     wo[2],
                     level,
                     closure_albedo,
-                    (lobe.evaluate(DirectionPair.of(wo, wi))[:, 0] * wi[:, 2]) @ weight,
+                    (lobe.evaluate(DirectionPair.from_directions(wo, wi))[:, 0] * wi[:, 2]) @ weight,
                 )
             )
     angle, x, y, closure_albedo, albedo = np.array(rows).T
     floored = np.maximum(albedo, _FLOOR)
-    problem = Problem(x, y, albedo / closure_albedo, _TOLERANCE * floored / closure_albedo * _tolerance_factor(angle))
-    return Goal(problem, lambda values: np.abs(values * closure_albedo - albedo) / floored, angle)
+    problem = RationalProblem(
+        x, y, albedo / closure_albedo, _TOLERANCE * floored / closure_albedo * _tolerance_factor(angle)
+    )
+    return FitGoal(problem, lambda values: np.abs(values * closure_albedo - albedo) / floored, angle)
 
 
-def retro_goal(grid: LobeGrid) -> Goal:
+def retro_goal(grid: LobeGrid) -> FitGoal:
     """Return the goal for the albedo of Oren and Nayar's rough term, over the cosine of the view."""
     x = np.cos(np.radians(grid.angles))
     target = np.asarray(oren_nayar_g(x))
-    problem = Problem(x, np.zeros_like(x), target, _TOLERANCE * _tolerance_factor(grid.angles))
+    problem = RationalProblem(x, np.zeros_like(x), target, _TOLERANCE * _tolerance_factor(grid.angles))
     # The rough term contributes at most 1 / pi of itself to an albedo.
-    return Goal(problem, lambda values: np.abs(values - target) / np.pi, grid.angles)
+    return FitGoal(problem, lambda values: np.abs(values - target) / np.pi, grid.angles)
 
 
 def retro_shape() -> RetroShape:
@@ -153,15 +155,15 @@ def retro_shape() -> RetroShape:
     lobes = []
     for angle, roughness in product((50.0, 65.0, 75.0, 83.0), (0.5, 0.75, 1.0)):
         wo = view_at(angle)
-        lobe = disney_lobe("diffuse", wo, baseColor=0.5 * ONE, roughness=roughness)
-        energy = np.asarray(lobe.evaluate(DirectionPair.of(wo, wi)))[:, 0] * wi[:, 2] * weight
+        lobe = disney_lobe("diffuse", wo, baseColor=0.5 * WHITE, roughness=roughness)
+        energy = np.asarray(lobe.evaluate(DirectionPair.from_directions(wo, wi)))[:, 0] * wi[:, 2] * weight
         lobes.append((wo, roughness, energy / energy.sum()))
 
     def distances(strength: float) -> list[float]:
         values = []
         for wo, roughness, lobe in lobes:
             sigma = strength * roughness * (1.0 - wo[2]) ** 3
-            closure = Closure("rough_diffuse", ONE, f0=0.5 * ONE, roughness=sigma)
+            closure = Closure("rough_diffuse", WHITE, f0=0.5 * WHITE, roughness=sigma)
             energy = closure_cosine(closure, wo, wi)[:, 0] * weight
             values.append(float(0.5 * np.abs(energy / energy.sum() - lobe).sum()))
         return values
@@ -178,7 +180,7 @@ def coat_shape() -> CoatShape:
     powers = [round(0.05 * k, 2) for k in range(2, 21)]
     lobes = _normalised_lobes(
         coat_setups({"shares": [1.0], "powers": [1.0]}, grid),
-        lambda alpha: [Closure("metal", ONE, alpha**k, alpha**k, f0=COAT_F0 * ONE) for k in powers],
+        lambda alpha: [Closure("metal", WHITE, alpha**k, alpha**k, f0=COAT_F0 * WHITE) for k in powers],
     )
     tenths = range(1, 9)
     shares = np.array([(a, b, 10 - a - b) for a in tenths for b in tenths if a + b < 10]) / 10.0
@@ -200,8 +202,8 @@ def highlight_shape() -> HighlightShape:
     lobes = _normalised_lobes(
         setups,
         lambda alpha: [
-            Closure("beckmann", ONE, alpha, alpha),
-            *(Closure("ggx", ONE, k * alpha, k * alpha) for k in widths),
+            Closure("beckmann", WHITE, alpha, alpha),
+            *(Closure("ggx", WHITE, k * alpha, k * alpha) for k in widths),
         ],
     )
 
@@ -238,53 +240,55 @@ def _normalised_lobes(
 def make_shapes() -> MixShapes:
     """Search the shapes of clearcoat and highlight, and add their distances from the lobes."""
     coat, highlight = coat_shape(), highlight_shape()
-    coat["distance"] = _summary([distance(setup) for setup in coat_setups(coat, _SHAPE_GRID)])
-    highlight["distance"] = _summary([distance(setup) for setup in highlight_setups(highlight, grid=_SHAPE_GRID)])
+    coat["distance"] = _summary([mix_distance(setup) for setup in coat_setups(coat, _SHAPE_GRID)])
+    highlight["distance"] = _summary([mix_distance(setup) for setup in highlight_setups(highlight, grid=_SHAPE_GRID)])
     return {"clearcoat": coat, "highlight": highlight}
 
 
 def make_fits(
     shapes: MixShapes, grid: LobeGrid = FULL, load_fit: Callable[[str], Rational] | None = None
-) -> dict[str, tuple[Rational, Goal]]:
+) -> dict[str, tuple[Rational, FitGoal]]:
     """Return every fit for mixes of these shapes, with its goal; `load_fit` returns stored fits instead, by name."""
-    fits: dict[str, tuple[Rational, Goal]] = {}
+    fits: dict[str, tuple[Rational, FitGoal]] = {}
 
-    def add(name: str, goal: Goal, above: Degree, below: Degree) -> Rational:
+    def add(name: str, goal: FitGoal, above: Degree, below: Degree) -> Rational:
         rational = load_fit(name) if load_fit else fit_rational(goal.problem, above, below)
         fits[name] = rational, goal
         return rational
 
-    add("sheen", diffuse_goal(grid, Closure("sheen", ONE), 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _CONSTANT)
+    add("sheen", diffuse_goal(grid, Closure("sheen", WHITE), 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _CONSTANT)
     add("retro", retro_goal(grid), Degree(4, 0, 4), _CONSTANT)
     levels = [0.0, 0.25, 0.5, 0.75, 1.0]
     add(
         "subsurface",
-        diffuse_goal(grid, Closure("diffuse", ONE), 1.0, levels, subsurface=1.0),
+        diffuse_goal(grid, Closure("diffuse", WHITE), 1.0, levels, subsurface=1.0),
         Degree(2, 2, 4),
         Degree(2, 0, 2),
     )
 
-    a = measure(specular_setups("2014", grid))
-    add("specular_2014", ratio_goal(a, a.cosine, a.whole / a.mix), Degree(2, 2, 2), Degree(2, 2, 2))
+    a = measure_albedos(specular_setups("2014", grid))
+    add("specular_2014", ratio_goal(a, a.cosine, a.unweighted / a.mix), Degree(2, 2, 2), Degree(2, 2, 2))
     add("specular_cosine_2014", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))
     add("specular_grazing_2014", grazing_goal(a, np.ones(1)), Degree(2, 2, 2), Degree(2, 2, 2))
 
-    a = measure(specular_setups("2012", grid))
+    a = measure_albedos(specular_setups("2012", grid))
     typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
     # The weight contains Smith's factors of 2012, for the view and for a typical light.
     roughness = np.tile(grid.roughness, len(grid.angles))
     factors = (shadowing_2012(cosine, roughness) for cosine in (a.cosine, np.clip(typical, 0.0, 1.0)))
     shadowing = np.prod([*factors], axis=0)
-    add("specular_2012", ratio_goal(a, a.cosine, a.whole / a.mix / shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
+    add("specular_2012", ratio_goal(a, a.cosine, a.unweighted / a.mix / shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
     add("specular_grazing_2012", grazing_goal(a, shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
 
-    a = measure(coat_setups(shapes["clearcoat"], grid))
-    add("clearcoat", ratio_goal(a, a.cosine, a.whole / a.mix), Degree(3, 2, 3), Degree(2, 1, 2))
+    a = measure_albedos(coat_setups(shapes["clearcoat"], grid))
+    add("clearcoat", ratio_goal(a, a.cosine, a.unweighted / a.mix), Degree(3, 2, 3), Degree(2, 1, 2))
 
-    a = measure(highlight_setups(shapes["highlight"], grid=grid))
+    a = measure_albedos(highlight_setups(shapes["highlight"], grid=grid))
     add("highlight", _relative_goal(a), Degree(3, 3, 4), Degree(3, 3, 3))
     add("highlight_cosine", cosine_goal(a), Degree(4, 4, 4), Degree(2, 2, 2))
-    straight, *bent = (measure(highlight_setups(shapes["highlight"], bend, grid)) for bend in (0.0, *grid.bends))
+    straight, *bent = (
+        measure_albedos(highlight_setups(shapes["highlight"], bend, grid)) for bend in (0.0, *grid.iors_minus_one)
+    )
     unbent = add("transmitted", _relative_goal(straight), Degree(3, 3, 4), Degree(3, 3, 3))
     add("transmitted_tilt", _tilt_goal(shapes["highlight"], bent, unbent), Degree(1, 1, 2), _CONSTANT)
     return fits
@@ -300,20 +304,17 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
         parameters = {"roughness": roughness, "anisotropic": anisotropic}
         aspect = np.sqrt(1.0 - 0.9 * anisotropic)
         x, y = roughness**2 / aspect, roughness**2 * aspect
-        whole = disney_lobe("specular", wo, metallic=1.0, baseColor=ONE, **parameters)
+        whole = disney_lobe("specular", wo, metallic=1.0, baseColor=WHITE, **parameters)
         weighted = disney_lobe("specular", wo, specular=0.0, **parameters)
-        albedos = measure([LobeSetup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", ONE, x, y),))])
-        cases.append(((x, y), wo, albedos.whole, albedos.weighted, albedos.mix))
+        albedos = measure_albedos([LobeSetup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", WHITE, x, y),))])
+        cases.append(((x, y), wo, albedos.unweighted, albedos.weighted, albedos.mix))
 
     def errors(shape: AnisotropicShape) -> Floats:
         deviations = []
         for alphas, wo, whole, weighted, mix in cases:
-            alphas_of_view = seen_alphas(alphas, wo, shape)
-            mean = (
-                schlick_weight(np.asarray(fits["specular_cosine_2014"](wo[2], alphas_of_view.cosine)))
-                * alphas_of_view.skew
-            )
-            reflected = fits["specular_2014"](wo[2], alphas_of_view.ratio) * mix
+            apparent = apparent_alphas(alphas, wo, shape)
+            mean = schlick_weight(np.asarray(fits["specular_cosine_2014"](wo[2], apparent.cosine))) * apparent.skew
+            reflected = fits["specular_2014"](wo[2], apparent.ratio) * mix
             for f0 in (0.04, 1.0):
                 value, target = reflected * (f0 + (1.0 - f0) * mean), f0 * whole + (1.0 - f0) * weighted
                 deviations.append(np.abs(value - target) / np.maximum(target, _FLOOR))
@@ -332,11 +333,11 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
 _CONSTANT = Degree(0, 0, 0)
 
 
-def _relative_goal(a: Albedos) -> Goal:
-    return ratio_goal(a, np.asarray(relative_cosine(a.cosine, a.alpha)), a.whole / a.mix)
+def _relative_goal(a: Albedos) -> FitGoal:
+    return ratio_goal(a, np.asarray(relative_cosine(a.cosine, a.alpha)), a.unweighted / a.mix)
 
 
-def _tilt_goal(shape: HighlightShape, bent: Sequence[Albedos], straight: Rational) -> Goal:
+def _tilt_goal(shape: HighlightShape, bent: Sequence[Albedos], straight: Rational) -> FitGoal:
     """Return the goal for the change of a wide lobe's ratio in a refracted view, over the tilt.
 
     The tilt is 1 minus the cosine of the angle by which refraction bends the view.
@@ -347,8 +348,10 @@ def _tilt_goal(shape: HighlightShape, bent: Sequence[Albedos], straight: Rationa
     factor = factor[factor > 0.0]
     base = np.asarray(straight(relative_cosine(a.cosine, a.alpha), a.alpha))
     whole = _relative_goal(a)
-    problem = Problem(a.tilt, a.cosine, (whole.problem.target - base) / factor, whole.problem.tolerance / factor)
-    return Goal(problem, lambda values: whole.error(base + factor * values), a.angle)
+    problem = RationalProblem(
+        a.tilt, a.cosine, (whole.problem.target - base) / factor, whole.problem.tolerance / factor
+    )
+    return FitGoal(problem, lambda values: whole.error(base + factor * values), a.angle)
 
 
 def fit_entry(rational: Rational, error: Floats) -> ClosureFit:
@@ -386,7 +389,7 @@ def main() -> None:
     text = json.dumps(make_table(), indent=1)
     # A line has one row of numbers.
     text = re.sub(r"\[[^][]+\]", lambda row: " ".join(row[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
-    DATA.write_text(text + "\n")
+    FITS_FILE.write_text(text + "\n")
 
 
 if __name__ == "__main__":

@@ -13,17 +13,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from lookdev.brdf.frames import Frame, Leaning
+from lookdev.brdf.frames import Frame, TiltedFrame
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.reflectance import relative_cosine
 from lookdev.brdf.vectors import Array, are_equal, dot, scale
 from lookdev.closures.closure import Closure, ClosureKind, StandIn
-from lookdev.closures.fits import HighlightShape, fit, table
+from lookdev.closures.fits import HighlightShape, closure_fit, closure_table
 
-IOR = 1000.0
+TRANSMITTED_IOR = 1000.0
 """Index of refraction of transmitted highlights."""
 
-_LARGEST_RATIO = 1.25
+_MAX_RATIO = 1.25
 
 
 def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
@@ -42,15 +42,15 @@ def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     relative = relative_cosine(cos_theta, alpha)
     if lobe.transmits:
         tilt = 1.0 - np.minimum(dot(local, view), 1.0)
-        factor = ggx_share(alpha, table()["shapes"]["highlight"]) * alpha * tilt
-        ratio = fit("transmitted")(relative, alpha) + factor * fit("transmitted_tilt")(tilt, cos_theta)
+        factor = ggx_share(alpha, closure_table()["shapes"]["highlight"]) * alpha * tilt
+        ratio = closure_fit("transmitted")(relative, alpha) + factor * closure_fit("transmitted_tilt")(tilt, cos_theta)
     else:
-        ratio = fit("highlight")(relative, alpha)
-    # In the last half degree before grazing, the fits are far off.
-    ratio = np.clip(ratio, 0.0, _LARGEST_RATIO)
-    typical = np.clip(fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
-    fresnel = p["term"].weight(typical)
-    mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, table()["shapes"]["highlight"])
+        ratio = closure_fit("highlight")(relative, alpha)
+    # The limits apply in the last half degree before grazing, where the fits are far off.
+    ratio = np.clip(ratio, 0.0, _MAX_RATIO)
+    typical_cosine = np.clip(closure_fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
+    fresnel = p["term"].weight(typical_cosine)
+    mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, closure_table()["shapes"]["highlight"])
     return tuple(replace(closure, weight=scale(fresnel, ratio * closure.weight)) for closure in mix)
 
 
@@ -66,7 +66,11 @@ def highlight_mix(
     ior = 1.0
     if transmits:
         alpha = 2.0 * alpha * np.sqrt(view[..., 2])
-        frame, ior, kinds = Leaning(frame.from_local(view)), IOR, ("beckmann_refraction", "ggx_refraction")
+        frame, ior, kinds = (
+            TiltedFrame(frame.from_local(view)),
+            TRANSMITTED_IOR,
+            ("beckmann_refraction", "ggx_refraction"),
+        )
     parts = (kinds[0], 1.0 - share, alpha), (kinds[1], share, shape["width"] * alpha)
     return tuple(
         Closure(kind, part, np.minimum(part_alpha, 1.0), np.minimum(part_alpha, 1.0), frame, ior)

@@ -1,7 +1,7 @@
 """Least squares for rational functions, for `lookdev.closures.fitting`.
 
-Levenberg-Marquardt with an analytic Jacobian; between rounds, weights change towards the smallest largest error
-(Lawson's algorithm). A step is taken only if the denominator stays above a floor on the whole domain: no pole appears.
+Levenberg-Marquardt with an analytic Jacobian. Between rounds, weights change so that the largest error decreases
+(Lawson's algorithm). A step is taken only if the denominator stays above a floor on the whole domain, without poles.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _ROUNDS, _STEPS, _TRIES = 8, 40, 8
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class RationalProblem:
     """Values `target` at `x` and `y` and their tolerances, all (n,)."""
 
     x: Floats
@@ -40,7 +40,7 @@ class Degree:
         return [(i, j) for i in range(self.x + 1) for j in range(self.y + 1) if i + j <= self.total]
 
 
-def fit_rational(problem: Problem, numerator: Degree, denominator: Degree) -> Rational:
+def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degree) -> Rational:
     """Fit a rational: return the coefficients of the step whose largest error is the smallest."""
     above, below = numerator.terms(), denominator.terms()[1:]
     numerator_terms = _powers(above, problem.x, problem.y) / problem.tolerance[:, None]
@@ -91,7 +91,7 @@ def _powers(terms: list[tuple[int, int]], x: Floats, y: Floats) -> Floats:
     return np.array([x**i * y**j for i, j in terms]).reshape(len(terms), x.size).T
 
 
-def _box(problem: Problem) -> tuple[Floats, Floats]:
+def _box(problem: RationalProblem) -> tuple[Floats, Floats]:
     """Return points (n,) of the whole domain: x from 0 to 1, y from the least to the greatest."""
     x, y = np.meshgrid(np.linspace(0.0, 1.0, 101), np.linspace(problem.y.min(), problem.y.max(), 41))
     return x.ravel(), y.ravel()

@@ -13,36 +13,36 @@ import json
 import numpy as np
 
 from lookdev.brdf.fresnel import schlick_weight
-from lookdev.brdf.reflectance import DATA, relative_cosine
+from lookdev.brdf.reflectance import FITS_FILE, relative_cosine
 from lookdev.closures.fits import ClosureFit
 from lookdev.closures.fitting import fit_entry
-from lookdev.closures.rational import Degree, Problem, fit_rational
-from lookdev.closures.setups import FULL, LobeGrid, measure, specular_setups
+from lookdev.closures.rational import Degree, RationalProblem, fit_rational
+from lookdev.closures.setups import FULL, LobeGrid, measure_albedos, specular_setups
 
 _TOLERANCE = 0.01
 
 
 def make_table(grid: LobeGrid = FULL) -> dict[str, ClosureFit]:
     """Return the table: coefficients and residuals of both fits."""
-    albedos = measure(specular_setups("2014", grid))
+    albedos = measure_albedos(specular_setups("2014", grid))
     inside = albedos.angle < 89.2  # beyond, both fits change faster than they matter
     x = np.asarray(relative_cosine(albedos.cosine, albedos.alpha))
-    problem = Problem(
-        x[inside], albedos.alpha[inside], albedos.whole[inside], np.full(np.count_nonzero(inside), _TOLERANCE)
+    problem = RationalProblem(
+        x[inside], albedos.alpha[inside], albedos.unweighted[inside], np.full(np.count_nonzero(inside), _TOLERANCE)
     )
     whole = fit_rational(problem, Degree(3, 3, 3), Degree(2, 2, 2))
     # Schlick's weight is (1 - cosine)^5.
-    root = (albedos.weighted / albedos.whole) ** 0.2
-    tolerance = np.minimum(((albedos.weighted + _TOLERANCE) / albedos.whole) ** 0.2 - root, 0.3)
-    problem = Problem(albedos.cosine[inside], albedos.alpha[inside], 1.0 - root[inside], tolerance[inside])
+    root = (albedos.weighted / albedos.unweighted) ** 0.2
+    tolerance = np.minimum(((albedos.weighted + _TOLERANCE) / albedos.unweighted) ** 0.2 - root, 0.3)
+    problem = RationalProblem(albedos.cosine[inside], albedos.alpha[inside], 1.0 - root[inside], tolerance[inside])
     cosine = fit_rational(problem, Degree(2, 2, 3), Degree(2, 2, 2))
     moderate = albedos.angle <= 85.0
     typical = np.clip(cosine(albedos.cosine, albedos.alpha), 0.0, 1.0)
     return {
-        "whole": fit_entry(whole, (np.clip(whole(x, albedos.alpha), 0.0, 1.0) - albedos.whole)[moderate]),
-        "cosine": fit_entry(cosine, (albedos.whole * schlick_weight(typical) - albedos.weighted)[moderate]),
+        "whole": fit_entry(whole, (np.clip(whole(x, albedos.alpha), 0.0, 1.0) - albedos.unweighted)[moderate]),
+        "cosine": fit_entry(cosine, (albedos.unweighted * schlick_weight(typical) - albedos.weighted)[moderate]),
     }
 
 
 if __name__ == "__main__":
-    DATA.write_text(json.dumps(make_table(), indent=1) + "\n")
+    FITS_FILE.write_text(json.dumps(make_table(), indent=1) + "\n")

@@ -9,18 +9,19 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, complete_parameters
+from lookdev.brdf.angles import spherical_direction
 from lookdev.brdf.disney import COAT_F0
-from lookdev.brdf.frames import Leaning, Upright, mirror_across_surface
+from lookdev.brdf.frames import TiltedFrame, UprightFrame, mirror_across_surface
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import DirectionPair, Lobe
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, PartitionLobe, partition_lobes
+from lookdev.brdf.pixar.partition import REFLECTED_LOBES, TRANSMITTED_LOBES, Partition, PartitionLobe, partition_lobes
 from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.closures.closure import Closure, closure_cosine
 from lookdev.closures.disney import coat_mix
 from lookdev.closures.fits import CoatShape, HighlightShape
 from lookdev.closures.pixar import highlight_mix
 
-ONE = np.ones(3)
+WHITE = np.ones(3)
 SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
 """Angles of the view, in degrees, at which shapes are compared."""
 
@@ -30,13 +31,13 @@ _CELLS = (48, 32)
 
 @dataclass(frozen=True, eq=False)
 class LobeGrid:
-    """Values at which lobes are integrated: views and cones in degrees; `bends` are indices of refraction minus 1."""
+    """Values at which lobes are integrated; angles of views and cones are in degrees."""
 
     angles: Floats
     roughness: Floats
     gloss: Floats
     cones: Floats
-    bends: Floats
+    iors_minus_one: Floats
 
 
 FULL = LobeGrid(
@@ -65,7 +66,7 @@ class LobeSetup:
     view: Floats
     width: float
     alpha: float
-    whole: Lobe
+    unweighted: Lobe
     weighted: Lobe
     mix: Sequence[Closure]
 
@@ -78,7 +79,7 @@ class Albedos:
     cosine: Floats
     tilt: Floats
     alpha: Floats
-    whole: Floats
+    unweighted: Floats
     weighted: Floats
     mix: Floats
     mix_weighted: Floats
@@ -93,9 +94,9 @@ def specular_setups(variant: str, grid: LobeGrid = FULL) -> list[LobeSetup]:
             wo,
             alpha := max(0.001, roughness * roughness),
             alpha,
-            disney_lobe("specular", wo, metallic=1.0, baseColor=ONE, roughness=roughness, variant=variant),
+            disney_lobe("specular", wo, metallic=1.0, baseColor=WHITE, roughness=roughness, variant=variant),
             disney_lobe("specular", wo, specular=0.0, roughness=roughness, variant=variant),
-            (Closure("ggx", ONE, alpha, alpha),),
+            (Closure("ggx", WHITE, alpha, alpha),),
         )
         for angle in grid.angles
         for roughness in grid.roughness
@@ -111,7 +112,9 @@ def coat_setups(shape: CoatShape, grid: LobeGrid = FULL) -> list[LobeSetup]:
             lobe = disney_lobe("clearcoat", wo, clearcoat=1.0, clearcoatGloss=gloss)
             width = 0.1 + (0.001 - 0.1) * gloss
             mix = coat_mix(width, shape)
-            closures = [Closure("metal", 0.25 * share * ONE, alpha, alpha, f0=COAT_F0 * ONE) for share, alpha in mix]
+            closures = [
+                Closure("metal", 0.25 * share * WHITE, alpha, alpha, f0=COAT_F0 * WHITE) for share, alpha in mix
+            ]
             setups.append(LobeSetup(angle, wo, wo, width, width, lobe, lobe, closures))
     return setups
 
@@ -128,26 +131,26 @@ def highlight_setups(shape: HighlightShape, bend: float | None = None, grid: Lob
             whole, weighted = (_highlight(cone, bend, normal, wo) for normal in (1.0, 0.0))
             # This is 1 / sqrt(power).
             alpha = float(np.sin(np.radians(cone)) / np.sqrt(np.log(10.0)))
-            mix = highlight_mix(np.array(alpha), view, Upright(), bend is not None, shape)
-            closures = [replace(closure, weight=closure.weight * ONE) for closure in mix]
+            mix = highlight_mix(np.array(alpha), view, UprightFrame(), bend is not None, shape)
+            closures = [replace(closure, weight=closure.weight * WHITE) for closure in mix]
             # A refraction is narrower than the lobe in the plane of incidence.
             width = alpha if bend is None else alpha * float(np.sqrt(view[2]))
             setups.append(LobeSetup(angle, wo, view, width, alpha, whole, weighted, closures))
     return setups
 
 
-def measure(setups: Sequence[LobeSetup]) -> Albedos:
+def measure_albedos(setups: Sequence[LobeSetup]) -> Albedos:
     """Integrate the lobes and mixes of setups over the light."""
     rows = []
     for setup in setups:
         wi, weight = half_vector_grid(setup.view, setup.width, _CELLS)
         values = setup_values(setup, wi)
         whole, weighted, mix = values @ weight
-        mix_weighted = (values[2] * schlick_weight(DirectionPair.of(setup.view, wi).cos_theta_d)) @ weight
-        if setup.whole.transmits:
+        mix_weighted = (values[2] * schlick_weight(DirectionPair.from_directions(setup.view, wi).cos_theta_d)) @ weight
+        if setup.unweighted.transmits:
             # A refraction is symmetric about its own normal, and twice as wide as half vectors.
             wi, weight = half_vector_grid(view_at(0.0), setup.width, _CELLS)
-            light = -np.asarray(Leaning(setup.view).from_local(wi))
+            light = -np.asarray(TiltedFrame(setup.view).from_local(wi))
             mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix) @ weight
         rows.append(
             (setup.angle, setup.view[2], 1.0 - setup.wo @ setup.view, setup.alpha, whole, weighted, mix, mix_weighted)
@@ -155,7 +158,7 @@ def measure(setups: Sequence[LobeSetup]) -> Albedos:
     return Albedos(*np.array(rows).T)
 
 
-def distance(setup: LobeSetup) -> float:
+def mix_distance(setup: LobeSetup) -> float:
     """Return half the L1 distance of a mix from its lobe over the light, both normalised: 0 to 1."""
     wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
     whole, _, mix = setup_values(setup, wi) * weight
@@ -164,17 +167,16 @@ def distance(setup: LobeSetup) -> float:
 
 def setup_values(setup: LobeSetup, wi: Floats) -> Floats:
     """Return the whole lobe, the weighted lobe and the mix, times the cosine, (3, n), for reflected `wi`, (n, 3)."""
-    directions = DirectionPair.of(setup.wo, wi)
-    light = np.asarray(mirror_across_surface(wi)) if setup.whole.transmits else wi
+    directions = DirectionPair.from_directions(setup.wo, wi)
+    light = np.asarray(mirror_across_surface(wi)) if setup.unweighted.transmits else wi
     mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix)
-    lobes = (np.asarray(lobe.evaluate(directions))[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted))
+    lobes = (np.asarray(lobe.evaluate(directions))[:, 0] * wi[:, 2] for lobe in (setup.unweighted, setup.weighted))
     return np.stack([*lobes, np.asarray(mix)])
 
 
 def view_at(angle: float, azimuth: float = 0.0) -> Floats:
     """Return the unit direction, (3,), at an angle from the normal and an azimuth around it, in degrees."""
-    theta, phi = np.radians(angle), np.radians(azimuth)
-    return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+    return spherical_direction(np.radians(angle), np.radians(azimuth))
 
 
 def disney_lobe(name: str, wo: Floats, **parameters: object) -> Lobe:
@@ -184,6 +186,8 @@ def disney_lobe(name: str, wo: Floats, **parameters: object) -> Lobe:
 
 
 def _highlight(cone: float, bend: float | None, normal: float, wo: Floats) -> Lobe:
-    terms = dict.fromkeys((*FRONT, *THROUGH), PartitionLobe(normal * ONE, ONE, cone, bend or 0.0))
-    lobes = partition_lobes(Partition(wo, terms, {"diffuse": Upright(), "highlight": Upright()}, 1.0))
+    terms = dict.fromkeys(
+        (*REFLECTED_LOBES, *TRANSMITTED_LOBES), PartitionLobe(normal * WHITE, WHITE, cone, bend or 0.0)
+    )
+    lobes = partition_lobes(Partition(wo, terms, {"diffuse": UprightFrame(), "highlight": UprightFrame()}, 1.0))
     return next(lobe for lobe in lobes if lobe.name == ("specular" if bend is None else "specularTransmission"))

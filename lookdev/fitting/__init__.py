@@ -4,6 +4,6 @@
 the search.
 """
 
-from lookdev.fitting.solve import fit, format_fit
+from lookdev.fitting.solve import fit_model, format_fit
 
-__all__ = ["fit", "format_fit"]
+__all__ = ["fit_model", "format_fit"]

@@ -1,4 +1,4 @@
-"""What a fit compares: pairs of directions, at the centres of cells of a MERL file, where no value is interpolated.
+"""The data of a fit: f at pairs of directions, the centres of cells of a MERL file, where nothing is interpolated.
 
 A loss is the root mean square of the difference of f cos theta_i of two surfaces, compressed or not.
 
@@ -23,14 +23,14 @@ from lookdev.errors import LookdevError
 LOSSES: dict[str, Callable[[Floats], Floats]] = {"log": np.log1p, "cbrt": np.cbrt, "linear": lambda value: value}
 """The function that compresses f cos theta_i, (...), by the name of the loss."""
 
-LIMIT = 80.0
+MAX_ANGLE = 80.0
 """Degrees from the normal beyond which measured data are not used, as they are unreliable (Ngan et al. 2005)."""
 
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Data:
+class ReflectanceSamples:
     """Pairs of unit directions `wo` and `wi`, (n, 3), and their f, (n, 3), in 1/sr."""
 
     wo: Floats
@@ -42,12 +42,14 @@ class Data:
         """The cosine of the light, (n, 1)."""
         return self.wi[:, 2:]
 
-    def part(self, step: int) -> Data:
+    def thin(self, step: int) -> ReflectanceSamples:
         """Return every `step`-th pair."""
-        return Data(self.wo[::step], self.wi[::step], self.f[::step])
+        return ReflectanceSamples(self.wo[::step], self.wi[::step], self.f[::step])
 
 
-def evaluate_pairs(bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 10, 4), limit: float = LIMIT) -> Data:
+def evaluate_pairs(
+    bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 10, 4), limit: float = MAX_ANGLE
+) -> ReflectanceSamples:
     """Evaluate a surface at counts of theta_h, theta_d and phi_d, up to `limit` degrees from the normal.
 
     theta_h is in even steps of its root. Each pair is rotated about the normal by a different azimuth, so that an
@@ -64,9 +66,9 @@ def evaluate_pairs(bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 1
     f = evaluate(bsdf, wo, wi)
     if not np.isfinite(f).all() or not f.any():
         raise LookdevError(f"{label}: has no f to fit within {limit:g} degrees of the normal")
-    # In this order, the pairs of `Data.part` are spread over all angles.
+    # In this order, the pairs of `ReflectanceSamples.thin` are spread over all angles.
     order = np.argsort((np.arange(len(wo)) * _GOLDEN) % 1.0)
-    return Data(wo[order], wi[order], f[order])
+    return ReflectanceSamples(wo[order], wi[order], f[order])
 
 
 def _cell_centres(count: int, size: int) -> Floats:

@@ -17,7 +17,7 @@ _LOGARITHMIC_RATIO = 100.0
 
 
 @dataclass(frozen=True)
-class Free:
+class FreeParameter:
     """A fitted parameter of `width` numbers, 1 or 3, between `low` and `high`."""
 
     parameter: Parameter
@@ -55,7 +55,7 @@ class Free:
         return np.asarray((value - self.low) / (self.high - self.low))
 
 
-def free_parameters(model: Model, fixed: Mapping[str, object], names: Sequence[str] = ()) -> tuple[Free, ...]:
+def free_parameters(model: Model, fixed: Mapping[str, object], names: Sequence[str] = ()) -> tuple[FreeParameter, ...]:
     """Return the parameters to fit: those of `names`, by default all numbers and colours that are not optional.
 
     By default, fixed parameters and presence, which does not change f, are not fitted. The range of a parameter is its
@@ -72,6 +72,6 @@ def free_parameters(model: Model, fixed: Mapping[str, object], names: Sequence[s
         parameter for name, parameter in numbers.items() if not parameter.optional and name not in ("presence", *fixed)
     ]
     return tuple(
-        Free(parameter, max(parameter.soft[0], parameter.hard[0]), min(parameter.soft[1], parameter.hard[1]))
+        FreeParameter(parameter, max(parameter.soft[0], parameter.hard[0]), min(parameter.soft[1], parameter.hard[1]))
         for parameter in selected
     )

@@ -1,7 +1,7 @@
 """The search: many random starts, then least squares within bounds from the best few.
 
-Models broadcast over their parameters. So one evaluation gives all differences of the Jacobian: the parameters have an
-axis over the number that is changed.
+Models broadcast over their parameters. One evaluation therefore gives all differences of the Jacobian: an axis of the
+parameters counts the number that is changed.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from lookdev.brdf import Model, evaluate
 from lookdev.brdf.parameters import add_followers
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.fitting.data import LOSSES, Data, evaluate_pairs
-from lookdev.fitting.parameters import Free, free_parameters
+from lookdev.fitting.data import LOSSES, ReflectanceSamples, evaluate_pairs
+from lookdev.fitting.parameters import FreeParameter, free_parameters
 from lookdev.plotting import PlotSubject, model_subject
 
 _TRIALS = 128
@@ -33,12 +33,12 @@ _NO_EFFECT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ModelFit:
     """The result of a fit.
 
     values
         Values of all fitted and fixed parameters by name: numbers, colours (3,), tokens.
-    unknown
+    without_effect
         Fitted parameters without an effect on f at the result; their values have no meaning.
     loss, per_channel
         Root mean square of the differences of compressed f cos theta_i, in all and for each of red, green and blue.
@@ -51,7 +51,7 @@ class Fit:
     model: Model
     subject: PlotSubject
     values: Mapping[str, object]
-    unknown: tuple[str, ...]
+    without_effect: tuple[str, ...]
     loss_name: str
     loss: float
     per_channel: tuple[float, float, float]
@@ -68,25 +68,25 @@ class Fit:
     def data(self) -> dict[str, object]:
         """Return the fit as plain data."""
         return {
-            "model": self.model.name, "parameters": self.parameters(), "without_effect": list(self.unknown),
+            "model": self.model.name, "parameters": self.parameters(), "without_effect": list(self.without_effect),
             "loss": {"name": self.loss_name, "value": self.loss, "per_channel": list(self.per_channel)},
             "starts": list(self.starts), "samples": self.samples, "seconds": self.seconds,
         }  # fmt: skip
 
 
-def format_fit(result: Fit) -> str:
+def format_fit(result: ModelFit) -> str:
     """Return a fit as lines of text."""
     channels = ", ".join(f"{loss:.3g}" for loss in result.per_channel)
     lines = [f"{result.model.title}: {result.loss_name} loss {result.loss:.3g} (red, green, blue: {channels})"]
     for name, value in result.parameters().items():
         numbers = value if isinstance(value, list) else [value]
         text = ", ".join(number if isinstance(number, str) else f"{number:.5g}" for number in numbers)
-        lines.append(f"  {name} = {text}" + "  (without effect)" * (name in result.unknown))
+        lines.append(f"  {name} = {text}" + "  (without effect)" * (name in result.without_effect))
     ends = ", ".join(f"{loss:.3g}" for loss in result.starts)
     return "\n".join([*lines, f"starts ended at {ends}; {result.samples} pairs, {result.seconds:.1f} s of CPU"])
 
 
-def fit(
+def fit_model(
     data: PlotSubject,
     model: Model,
     fixed: Mapping[str, object] | None = None,
@@ -95,7 +95,7 @@ def fit(
     loss: str = "log",
     starts: int = 4,
     seed: int = 0,
-) -> Fit:
+) -> ModelFit:
     """Fit a model's parameters to f of a surface.
 
     Parameters
@@ -104,7 +104,7 @@ def fit(
         The surface, of any origin; f is compared up to 80 degrees from the normal (`lookdev.fitting.data`).
     fixed
         Parameters, by name, that keep these values.
-    wanted
+    names
         Names of the parameters to fit; by default `lookdev.fitting.parameters.free_parameters`.
     loss
         One of `lookdev.fitting.data.LOSSES`.
@@ -125,7 +125,7 @@ def fit(
         raise LookdevError(f"--starts {starts}: 1 to {_TRIALS} would be right")
     start_time = time.process_time()
     constant = model.complete(fixed or {})
-    free: Sequence[Free] = free_parameters(model, fixed or {}, names)
+    free: Sequence[FreeParameter] = free_parameters(model, fixed or {}, names)
     if not free:
         raise LookdevError(f"{model.name}: nothing is left to fit")
     measured = evaluate_pairs(data.bsdf, data.label)
@@ -136,7 +136,7 @@ def fit(
     residual = problem.residual(unit[None])[0].reshape(-1, 3)
     effect = np.abs(problem.jacobian(unit)).max(axis=0)
     scale = float(np.abs(problem.target).max())
-    unknown = tuple(
+    without_effect = tuple(
         parameter.name
         for parameter, part in problem.parts(effect)
         if parameter.width == 1 and part.max() < _NO_EFFECT * scale
@@ -144,17 +144,17 @@ def fit(
     all_values = {**(fixed or {}), **{name: value.tolist() for name, value in values.items()}}
     subject = model_subject(model, all_values, f"{model.name}, fitted")
     red, green, blue = (float(np.sqrt(np.mean(residual[:, channel] ** 2))) for channel in range(3))
-    return Fit(
-        model, subject, all_values, unknown, loss, float(np.sqrt(np.mean(residual**2))), (red, green, blue),
+    return ModelFit(
+        model, subject, all_values, without_effect, loss, float(np.sqrt(np.mean(residual**2))), (red, green, blue),
         losses, len(problem.data.f), time.process_time() - start_time,
     )  # fmt: skip
 
 
 def _select_effective(
-    model: Model, constant: Parameters, free: Sequence[Free], data: Data, loss: str
-) -> Sequence[Free]:
+    model: Model, constant: Parameters, free: Sequence[FreeParameter], data: ReflectanceSamples, loss: str
+) -> Sequence[FreeParameter]:
     """Return the parameters that change f at some random point; those of other forms of the model do not."""
-    problem = _Problem(model, constant, free, data.part(_SPARSE), loss)
+    problem = _Problem(model, constant, free, data.thin(_SPARSE), loss)
     points = np.random.default_rng(0).random((_POINTS, problem.size))
     effect = np.max([np.abs(problem.jacobian(point)).max(axis=0) for point in points], axis=0)
     limit = _NO_EFFECT * float(np.abs(problem.target).max())
@@ -162,13 +162,15 @@ def _select_effective(
 
 
 class _Problem:
-    def __init__(self, model: Model, constant: Parameters, free: Sequence[Free], data: Data, loss: str) -> None:
+    def __init__(
+        self, model: Model, constant: Parameters, free: Sequence[FreeParameter], data: ReflectanceSamples, loss: str
+    ) -> None:
         self.model, self.constant, self.free, self.data, self.loss = model, constant, free, data, loss
         self.compress = LOSSES[loss]
         self.target = self.compress(data.f * data.cosine)
         self.size = sum(parameter.width for parameter in free)
 
-    def parts(self, unit: Floats) -> list[tuple[Free, Floats]]:
+    def parts(self, unit: Floats) -> list[tuple[FreeParameter, Floats]]:
         """Return each parameter with its part (..., width) of the numbers (..., size)."""
         ends = np.cumsum([parameter.width for parameter in self.free])
         return [
@@ -191,7 +193,7 @@ class _Problem:
 
     def solve(self, starts: int, seed: int) -> tuple[Floats, tuple[float, ...]]:
         """Return the best numbers (size,), and the losses of the followed starts."""
-        coarse = _Problem(self.model, self.constant, self.free, self.data.part(_COARSE), self.loss)
+        coarse = _Problem(self.model, self.constant, self.free, self.data.thin(_COARSE), self.loss)
         default = np.concatenate([parameter.unit(self.constant[parameter.name]) for parameter in self.free])
         trials = np.vstack([default, qmc.Sobol(self.size, rng=np.random.default_rng(seed)).random(_TRIALS)])
         quality = np.concatenate([np.mean(coarse.residual(part) ** 2, axis=1) for part in np.array_split(trials, 8)])

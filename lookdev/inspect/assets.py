@@ -169,7 +169,7 @@ def _subdivision_text(mesh: Mesh) -> str:
 
 def _inspect_material(path: str, bound: BoundLook) -> InspectedMaterial:
     look = bound.look
-    lost = tuple(str(fault).removeprefix(f"{fault.file}: ") for fault in bound.lost)
+    lost = tuple(str(fault).removeprefix(f"{fault.file}: ") for fault in bound.losses)
     return InspectedMaterial(path, bound.titles, _image_count(look), look.displacement is not None, lost)
 
 

@@ -19,7 +19,7 @@ _LIVE = "lookdev:live:"
 
 
 def look_with_value(look: Look, parameter: str, value: ParameterValue) -> Look:
-    """Return a look with another value of one of its `varied_names`.
+    """Return a look with another value of one of its `variable_inputs`.
 
     ``mask`` and the inputs of expressions may be an expression or a value of their kind. A name without its layer
     suffices where only one layer has such an input.
@@ -37,7 +37,7 @@ def look_with_value(look: Look, parameter: str, value: ParameterValue) -> Look:
 
 def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tuple[str, ...]]], str]:
     """Return the inputs of a look by name, and the full name of `parameter`; ModelError where none or several match."""
-    names = dict(varied_names(look))
+    names = dict(variable_inputs(look))
     matches = [full_name for full_name in names if full_name == parameter] or [
         full_name for full_name, (layer, _) in names.items() if full_name.removeprefix(f"{layer.name}.") == parameter
     ]
@@ -99,12 +99,12 @@ def look_with_live_inputs(look: Look, constants: Mapping[str, Constant]) -> Look
     A live input is a primvar of a reserved name, `live_primvar`, which no mesh has.
     """
     sources = [(constant, Primvar(live_primvar(key), _constant_value(constant))) for key, constant in constants.items()]
-    return _with_sources(look, sources)
+    return _replace_sources(look, sources)
 
 
-def with_constants(look: Look, constants: Iterable[Constant]) -> Look:
+def replace_constants(look: Look, constants: Iterable[Constant]) -> Look:
     """Return a look with other values of some constants."""
-    return _with_sources(look, [(constant, _constant_value(constant)) for constant in constants])
+    return _replace_sources(look, [(constant, _constant_value(constant)) for constant in constants])
 
 
 def _constant_value(constant: Constant) -> float | Color:
@@ -112,12 +112,12 @@ def _constant_value(constant: Constant) -> float | Color:
     return (red, *others) if others else red  # type: ignore[return-value]
 
 
-def _with_sources(look: Look, sources: Iterable[tuple[Constant, float | Color | Primvar]]) -> Look:
+def _replace_sources(look: Look, sources: Iterable[tuple[Constant, float | Color | Primvar]]) -> Look:
     layers = list(look.layers)
     for constant, source in sources:
         layer, (name, *inside) = layers[constant.layer], constant.path
-        new: Input = source if not inside else _with_operand(_formula_of(layer, name), inside[0], source)
-        layers[constant.layer] = _with_input(layer, name, new)
+        new: Input = source if not inside else _replace_operand(_formula_of(layer, name), inside[0], source)
+        layers[constant.layer] = _replace_input(layer, name, new)
     return replace(look, layers=tuple(layers))
 
 
@@ -132,11 +132,11 @@ def _formula_of(layer: Layer, name: str) -> Formula:
     return formula
 
 
-def _with_operand(formula: Formula, name: str, source: InputSource) -> Formula:
+def _replace_operand(formula: Formula, name: str, source: InputSource) -> Formula:
     return replace(formula, inputs={**formula.inputs, name: source})
 
 
-def _with_input(layer: Layer, name: str, source: Input) -> Layer:
+def _replace_input(layer: Layer, name: str, source: Input) -> Layer:
     if name == "mask":
         return replace(layer, mask=cast(Mask, source))
     return replace(layer, inputs={**layer.inputs, name: source})
@@ -152,7 +152,7 @@ def is_live(primvar: str) -> bool:
     return primvar.startswith(_LIVE)
 
 
-def varied_names(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]]]]:
+def variable_inputs(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]]]]:
     """Yield the full name of each input that can be varied, with its layer and its path in that layer."""
     for layer in look.layers:
         inputs: dict[str, Input] = dict.fromkeys(layer_parameters(layer.model), 0.0) | layer.inputs
@@ -171,30 +171,30 @@ def _change_layer(layer: Layer, path: tuple[str, ...], value: ParameterValue, fu
     new: Input
     if inside:
         formula = _formula_of(layer, name)
-        number = _checked_constant(full_name, Parameter(inside[0], formula.kinds[inside[0]], 0.0, (-1e18, 1e18)), value)
-        new = _with_operand(formula, inside[0], cast(float | Color, number))
+        number = _check_constant(full_name, Parameter(inside[0], formula.kinds[inside[0]], 0.0, (-1e18, 1e18)), value)
+        new = _replace_operand(formula, inside[0], cast(float | Color, number))
     elif isinstance(value, str) and parameter.kind in ("float", "color"):
-        new = _checked_formula(full_name, parameter, value, _input_of(layer, name))
+        new = _parse_formula(full_name, parameter, value, _input_of(layer, name))
     elif parameter.file or (parameter.kind == "token" and not alone):
         kind = "file" if parameter.file else "choice that layers share"
         raise ModelError(f"{full_name} is a {kind}, which cannot vary")
     else:
-        new = _checked_constant(full_name, parameter, value)
-    return _with_input(layer, name, new)
+        new = _check_constant(full_name, parameter, value)
+    return _replace_input(layer, name, new)
 
 
-def _checked_constant(
+def _check_constant(
     full_name: str, parameter: Parameter, value: ParameterValue
 ) -> float | tuple[float, float, float] | str:
     """Return a checked constant as plain Python; one number is a grey where a colour is needed."""
     grey = parameter.kind == "color" and isinstance(value, float | int)
     prefix, _, name = full_name.rpartition(".")
-    record = replace(parameter, name=name, stands=None, follows="")
+    record = replace(parameter, name=name, expand=None, follows="")
     checked: str | Floats = complete(prefix, {name: record}, {name: (value,) * 3 if grey else value})[name]
     return checked if isinstance(checked, str) else checked.tolist() if checked.ndim == 0 else tuple(checked.tolist())
 
 
-def _checked_formula(full_name: str, parameter: Parameter, text: str, source: Input | None) -> Formula:
+def _parse_formula(full_name: str, parameter: Parameter, text: str, source: Input | None) -> Formula:
     """Return the expression of a text as a formula over the inputs that `source`, the present one, has."""
     inputs = dict(source.inputs) if isinstance(source, Formula) else {}
     kinds = dict(source.kinds) if isinstance(source, Formula) else {}

@@ -81,24 +81,25 @@ def shader_definitions() -> str:
         _input_text("float", "midlevel", midlevel_help, "0.0", constant=True),
         _input_text("token", "units", units_help, '"object"', ("object", "world"), constant=True),
     ]
-    moved_doc = "The surface is moved along its normal by (height - midlevel) scale."
+    displacement_doc = "The surface is moved along its normal by (height - midlevel) scale."
     others = [
         _shader_text("LookdevLayers", stack_doc, layers, "token outputs:surface"),
         _shader_text("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", "math"),
-        _shader_text("LookdevDisplacement", moved_doc, displacement, "token outputs:displacement", "displacement"),
+        _shader_text(
+            "LookdevDisplacement", displacement_doc, displacement, "token outputs:displacement", "displacement"
+        ),
         _shader_text("LookdevExpression", expression_doc, expression, "float outputs:result", "math"),
     ]
     return _HEAD + "\n".join([*models, *others])
 
 
 def _layer_input_texts(name: str, beneath: str) -> list[str]:
-    combined = [model.title for model in MODELS.values() if model.combine]
-    takers = [model.title for model in MODELS.values() if "transmit" in model.modes]
+    combined = _layers_phrase([model.title for model in MODELS.values() if model.combine])
+    transmitting = _layers_phrase([model.title for model in MODELS.values() if "transmit" in model.modes])
     mode = (
-        f"over: covers what is beneath by the mask; {_layers_phrase(combined)} blend lobes, those of other models "
-        "parameters. "
-        f"transmit: what the layer transmits meets the layers beneath; for {_layers_phrase(takers)} over nothing but "
-        f"{_layers_phrase(takers)}."
+        f"over: covers what is beneath by the mask; {combined} blend lobes, those of other models parameters. "
+        "transmit: what the layer transmits meets the layers beneath; "
+        f"for {transmitting} over nothing but {transmitting}."
     )
     return [
         _input_text("token", name, f"The layer over {beneath}."),

@@ -43,19 +43,19 @@ _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slic
 class ImageHeader:
     """Channel names, depth and wrap modes that an image file states.
 
-    The integers of an `unsigned` image encode 0 to 1. `tagged_srgb` is whether the file states that it is sRGB.
+    The integers of an `is_unsigned` image encode 0 to 1. `is_tagged_srgb` is whether the file states that it is sRGB.
     """
 
     channels: tuple[str, ...]
-    eight_bit: bool
-    unsigned: bool
+    is_eight_bit: bool
+    is_unsigned: bool
     wraps: tuple[Wrap, Wrap]
-    tagged_srgb: bool
+    is_tagged_srgb: bool
 
     @property
     def is_srgb(self) -> bool:
         """Whether sourceColorSpace ``auto`` (UsdUVTexture) is sRGB: tagged, or an 8-bit image of 3 or 4 channels."""
-        return self.tagged_srgb or (self.eight_bit and len(self.channels) in (3, 4))
+        return self.is_tagged_srgb or (self.is_eight_bit and len(self.channels) in (3, 4))
 
 
 def image_header(file: Path) -> ImageHeader:
@@ -72,11 +72,11 @@ def image_header(file: Path) -> ImageHeader:
     s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
     # UsdUVTexture: black outside where the file has no wrap modes.
     wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
-    eight_bit, unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
+    is_eight_bit, is_unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
     # Not oiio:ColorSpace, which OpenImageIO sets also where a file states no colour space. 1 is sRGB in Exif.
     profile = spec.get_string_attribute("ICCProfile:profile_description")
     tagged = profile.startswith("sRGB") or spec.get_int_attribute("Exif:ColorSpace") == 1
-    return ImageHeader(tuple(spec.channelnames), eight_bit, unsigned, (wrap_s, wrap_t), tagged)
+    return ImageHeader(tuple(spec.channelnames), is_eight_bit, is_unsigned, (wrap_s, wrap_t), tagged)
 
 
 def resolve_texture(texture: Texture) -> Texture:
@@ -123,7 +123,7 @@ def lacks_negatives(texture: Texture) -> bool:
     A map with flipped or weakened axes is centred too, up to half a step of 8 bits. Raises as `check_images`.
     """
     centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
-    return not centred and image_header(next(iter(udim_tiles(texture).values()), texture).file).unsigned
+    return not centred and image_header(next(iter(udim_tiles(texture).values()), texture).file).is_unsigned
 
 
 def linear_texture(texture: Texture) -> Path:

@@ -1,6 +1,6 @@
 """Values of a look at points of a surface: numbers in the reference and the preview, symbols in generated code.
 
-This code alone turns constants, textures, primvars and expressions into values of parameters, over any `Surface`.
+Only this module turns constants, textures, primvars and expressions into values of parameters, over any `Surface`.
 """
 
 from __future__ import annotations
@@ -75,7 +75,11 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
     values = SourceValues(surface)
     stack = [
         StackLayer(
-            layer.model, _complete_parameters(layer, values), values.of(layer.mask, MASK), layer.mode, layer.name
+            layer.model,
+            _complete_parameters(layer, values),
+            values.parameter_value(layer.mask, MASK),
+            layer.mode,
+            layer.name,
         )
         for layer in look.layers
     ]
@@ -91,7 +95,7 @@ def _complete_parameters(layer: Layer, values: SourceValues) -> Parameters:
     for name, value in parameters.items():
         if records[name].kind == "normal" and name in constants and not isinstance(value, float | str):
             parameters[name] = values.in_shading_frame(value)
-    parameters |= {name: values.of(source, records[name]) for name, source in varying.items()}
+    parameters |= {name: values.parameter_value(source, records[name]) for name, source in varying.items()}
     return parameters | add_followers(records, {name: parameters[name] for name in inputs})
 
 
@@ -103,11 +107,11 @@ class SourceValues:
     # Keyed by identity: several inputs may share one formula. The formulas outlive this object.
     _formulas: dict[int, tuple[Array, bool]] = field(default_factory=dict)
 
-    def of(self, source: InputSource | Bump, parameter: Parameter) -> Real:
+    def parameter_value(self, source: InputSource | Bump, parameter: Parameter) -> Real:
         """Return the value of a parameter, clipped to its hard range: one number, or an array over the points."""
         if isinstance(source, Bump):
             return self.in_shading_frame(self._bump_normal(source))
-        value = self.read(source, color=parameter.kind == "color")
+        value = self.source_value(source, color=parameter.kind == "color")
         if isinstance(source, Varying):
             value = clip_to_range(value, parameter)
         return self.in_shading_frame(value) if parameter.kind == "normal" else value
@@ -120,7 +124,7 @@ class SourceValues:
         ones = 1.0 + 0.0 * hand
         return normal * vector(ones, hand, ones)
 
-    def read(self, source: InputSource, color: bool) -> Array:
+    def source_value(self, source: InputSource, color: bool) -> Array:
         """Return the value of a source, not clipped. For a `color`, a float becomes three equal channels."""
         value: Array
         match source:
@@ -143,12 +147,12 @@ class SourceValues:
 
     def _evaluate_formula(self, formula: Formula) -> tuple[Array, bool]:
         kinds = formula.kinds
-        values = {name: self.read(source, kinds[name] == "color") for name, source in formula.inputs.items()}
+        values = {name: self.source_value(source, kinds[name] == "color") for name, source in formula.inputs.items()}
         return formula.expression.evaluate(values, kinds), formula.expression.check(kinds) == "color"
 
     def _bump_normal(self, bump: Bump) -> Array:
         slopes = self.surface.slopes(bump.height) * bump.scale
-        # The chain rule: the image's coordinates are a transform of the surface's.
+        # The chain rule: the image's coordinates are a linear transform of the surface's.
         a, b, _, c, d, _ = bump.height.transform
         s, t = slopes[..., 0], slopes[..., 1]
         along_s, along_t = s * a + t * c, s * b + t * d

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from lookdev.errors import LookdevError, LookError
 
-MOST_COMBINATIONS = 1000
+MAX_COMBINATIONS = 1000
 """The largest number of combinations that ``"*"`` may expand to: in one look, and in all looks of a job."""
 
 
@@ -40,8 +40,8 @@ def expand_wildcards(
             for selection, set_variants in zip(selections, variants_by_selection, strict=True)
             for variant in set_variants
         ]
-        if len(selections) > MOST_COMBINATIONS:
+        if len(selections) > MAX_COMBINATIONS:
             count = f"{len(selections)} combinations of variants"
-            message = f"'*' stands for {count}, at most {MOST_COMBINATIONS} would be right"
+            message = f"'*' expands to {count}, at most {MAX_COMBINATIONS} would be right"
             raise LookError.at(file, prim, message, "name a variant of some of the sets")
     return tuple(selections)

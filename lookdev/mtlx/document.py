@@ -15,6 +15,9 @@ import MaterialX as mx
 from lookdev.errors import Fault, LookError
 from lookdev.safe_text import TextError, decode
 
+INVALID_IMAGE_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
+"""Matches control characters, and tokens in the path of an image other than that of a UDIM tile."""
+
 # 1.38 is the first version with a disney_principled node.
 _FIRST, _LAST = (1, 38), tuple(mx.getVersionIntegers()[:2])
 _MAX_DEPTH = 32

@@ -21,16 +21,16 @@ from pathlib import Path
 import MaterialX as mx
 from pxr import Ar, Sdf, Tf
 
+from lookdev.arrays import MAX_MAGNITUDE
 from lookdev.cache import Content
 from lookdev.errors import Fault, LookError
-from lookdev.mtlx.document import library_inputs, read_document
+from lookdev.mtlx.document import INVALID_IMAGE_PATH, library_inputs, read_document
 from lookdev.safe_text import TextError, read_bytes
 
-NOTES = "lookdev:notes"
-"""Key of a layer's customLayerData: what the layer lacks of the document, as lines of file, place, text and hint."""
+NOTES_KEY = "lookdev:notes"
+"""Key of a layer's customLayerData, for what the layer lacks of the document: lines of file, path, text and hint."""
 
-_MOST_PRIMS = 100_000
-_LARGEST = 1e18  # the product of two larger numbers is not a float32
+_MAX_PRIMS = 100_000
 _TYPES = {
     "float": Sdf.ValueTypeNames.Float,
     "integer": Sdf.ValueTypeNames.Int,
@@ -53,8 +53,6 @@ _INTERFACES |= {"UsdPreviewSurface": "usd_preview_surface"}
 # Suffixes of node definitions whose version is not the default.
 _VERSIONS = {("standard_surface", "1.0.0"): "_100"}
 _TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
-# Control characters, and tokens in a path other than that of a UDIM tile.
-_NO_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
 
 
 def document_layer(path: str) -> Path:
@@ -109,7 +107,7 @@ class _Writer:
         self._layer.defaultPrim = "MaterialX"
         if self.notes:
             lines = ("\t".join(" ".join(text.split()) for text in astuple(note)) for note in self.notes)
-            self._layer.customLayerData = {NOTES: "\n".join(lines)}
+            self._layer.customLayerData = {NOTES_KEY: "\n".join(lines)}
         return str(self._layer.ExportToString())
 
     def _add_note(self, element: mx.Element, message: str, hint: str = "") -> None:
@@ -118,8 +116,8 @@ class _Writer:
     def _define_prim(self, parent: Sdf.Layer | Sdf.PrimSpec, name: str, kind: str) -> Sdf.PrimSpec:
         """Define a prim under a MaterialX name, which is made valid and unique."""
         self._prims += 1
-        if self._prims > _MOST_PRIMS:
-            message = f"its materials are made of more than {_MOST_PRIMS} nodes, each counted for every material"
+        if self._prims > _MAX_PRIMS:
+            message = f"its materials are made of more than {_MAX_PRIMS} nodes, each counted for every material"
             raise LookError([Fault(self.file, "", message)])
         siblings = parent.rootPrims if isinstance(parent, Sdf.Layer) else parent.nameChildren
         valid = Tf.MakeValidIdentifier(name.replace(":", "__"))
@@ -277,7 +275,7 @@ class _Writer:
             except ValueError:
                 numbers = ()
             whole = kind != "integer" or all(number.is_integer() for number in numbers)
-            if whole and len(numbers) == _COUNTS[kind] and all(abs(number) <= _LARGEST for number in numbers):
+            if whole and len(numbers) == _COUNTS[kind] and all(abs(number) <= MAX_MAGNITUDE for number in numbers):
                 scale = self._unit_scale(port)
                 numbers = tuple(number * scale for number in numbers)
                 return int(numbers[0]) if kind == "integer" else numbers[0] if len(numbers) == 1 else numbers
@@ -285,7 +283,7 @@ class _Writer:
             self._add_note(port, f"a value of type '{kind:.40}' is not read")
             return None
         sort = "whole" if kind == "integer" else "finite"
-        hint = f"{_COUNTS.get(kind, 1)} {sort} numbers, separated by commas, within {_LARGEST:g}"
+        hint = f"{_COUNTS.get(kind, 1)} {sort} numbers, separated by commas, within {MAX_MAGNITUDE:g}"
         hint = "true or false" if kind == "boolean" else hint
         self.faults.append(Fault(self.file, port.getNamePath(), f"'{text:.40}' is not a value", hint))
         return None
@@ -302,7 +300,7 @@ class _Writer:
         # Documents come from all operating systems: either slash separates folders.
         prefix, name = port.getActiveFilePrefix(), port.getValueString()
         prefixed, plain = (mx.FilePath(path).asString(mx.FormatPosix) for path in (prefix + name, name))
-        if _NO_PATH.search(prefixed):
+        if INVALID_IMAGE_PATH.search(prefixed):
             self._add_note(port, f"'{prefixed:.80}' is not read", "the path of one image or of a <UDIM> set is")
             return None
         image = self._absolute_path(prefixed)

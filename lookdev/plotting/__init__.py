@@ -4,14 +4,14 @@
 a matplotlib figure and its numbers, which `Plot.write` writes. All numbers come from the float64 models.
 """
 
-from lookdev.plotting.figure import SUFFIXES, Plot
+from lookdev.plotting.figure import PLOT_SUFFIXES, Plot
 from lookdev.plotting.kinds import KINDS, draw, kind_named
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject, model_subject, read_subject
 
 __all__ = [
     "KINDS",
-    "SUFFIXES",
+    "PLOT_SUFFIXES",
     "Plot",
     "PlotOptions",
     "PlotSubject",

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
-from lookdev.brdf.angles import half_difference, towards
+from lookdev.brdf.angles import half_difference, spherical_direction
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.codegen.program.arrays import PART, run_in_parts
 from lookdev.errors import LookdevError
@@ -38,7 +38,7 @@ FRESNEL_RANGE = (-0.5, 8.0)
 """Range of the axis of offset and scaled responses."""
 
 
-def cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f against theta_h at fixed theta_d, theta_d at fixed theta_h, or theta_i at a view (Burley 2012, figure 9).
 
     theta_i is in the plane of incidence, negative on the viewer's side.
@@ -64,7 +64,7 @@ def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     degrees = options.limit * unit**2 if options.axis == "theta_h" else np.linspace(low, options.limit, count)
     angle, fixed, phi = np.radians(degrees), np.radians(options.theta), np.radians(options.phi)
     if options.axis == "theta_i":
-        wo, wi = np.broadcast_to(towards(fixed, np.pi), (count, 3)), towards(angle)
+        wo, wi = np.broadcast_to(spherical_direction(fixed, np.pi), (count, 3)), spherical_direction(angle)
     else:
         h, d = (angle, fixed) if options.axis == "theta_h" else (fixed, angle)
         wo, wi = half_difference(h, d, phi)
@@ -72,7 +72,7 @@ def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     return {"x": degrees, "f": evaluate_f(subject, wo, wi, options.cosine), "inner": inner}
 
 
-def retro(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_retro(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
     figure, ax, (*_, values), columns = _draw_subjects(subjects, options, retro_values)
     ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
@@ -84,11 +84,11 @@ def retro(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 def retro_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return values as `cartesian_values` does."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
-    w = towards(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
+    w = spherical_direction(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
     return {"x": degrees, "f": evaluate_f(subject, w, w, options.cosine), "inner": w[:, 2] > _GRAZING}
 
 
-def polar(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_polar(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f in the plane of incidence as the radius of a curve; the log scale shows four decades.
 
     The view is a line on the left, the mirrored view a line on the right.
@@ -122,12 +122,12 @@ def polar(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 def polar_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return f (n, 3) at degrees `x`, (n,), negative on the viewer's side."""
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, options.size or 1441)
-    wo = towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
-    wi = towards(theta, np.radians(options.phi))
+    wo = spherical_direction(np.radians(options.theta), np.radians(options.phi) + np.pi)
+    wi = spherical_direction(theta, np.radians(options.phi))
     return {"x": np.degrees(theta), "f": evaluate_f(subject, np.broadcast_to(wo, wi.shape), wi, options.cosine)}
 
 
-def fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the rise of reflectance with theta_d.
 
     For surfaces that scatter along single directions, it is the reflectance itself. For other surfaces it is f as in
@@ -137,7 +137,7 @@ def fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     kinds = {subject.is_delta for subject in subjects}
     if len(kinds) > 1:
         raise LookdevError(
-            "fresnel: mirrors and glass, of which it plots reflectances, beside others; not both at once"
+            "fresnel: plots reflectances of mirrors and glass, f of other surfaces; one of the two kinds would be right"
         )
     figure, ax, (*_, values), columns = _draw_subjects(subjects, options, fresnel_values)
     degrees = values["x"]
@@ -147,7 +147,7 @@ def fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     else:
         columns["schlick"] = values["schlick"]
         ax.plot(degrees, columns["schlick"], color="black", linestyle="--", linewidth=1.2, label="Schlick's curve")
-        # Beyond 80 degrees f of a microfacet model grows without bound; the plot is cut off as the figure is.
+        # Beyond 80 degrees f of a microfacet model grows without bound; the axis ends where that of the figure ends.
         ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=FRESNEL_RANGE)
         ax.set_title("Fresnel response, mean over θh from 1° to 4°")
     draw_legend(ax)
@@ -159,13 +159,13 @@ def fresnel_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     theta = np.radians(np.minimum(degrees, 90.0 - _EDGE))
     if subject.is_delta:
-        return {"x": degrees, "f": _reflectance(subject.bsdf, towards(theta))}
+        return {"x": degrees, "f": _reflectance(subject.bsdf, spherical_direction(theta))}
     schlick = _offset_and_scale(np.asarray(schlick_weight(np.cos(theta)))[:, None], degrees)[:, 0]
     scaled = _offset_and_scale(_mean_over_theta_h(subject, theta, np.radians(options.phi)), degrees)
     return {"x": degrees, "f": scaled, "schlick": schlick}
 
 
-def albedo(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_albedo(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the directional albedo, for light from both sides, against the angle of the view, with its error.
 
     The band is the error of the quadrature (`lookdev.reference.albedo.integrate_albedo`). Mostly it is too thin to see;
@@ -191,7 +191,7 @@ def albedo_values(subject: PlotSubject, options: PlotOptions, draft: bool = Fals
     degrees = np.linspace(
         0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
     )
-    views = towards(np.radians(degrees), np.radians(options.phi))
+    views = spherical_direction(np.radians(degrees), np.radians(options.phi))
     albedos = [integrate_albedo(subject.bsdf, view, _DRAFT if draft else CELLS) for view in views]
     values, error = (np.array([getattr(albedo, name).sum(axis=0) for albedo in albedos]) for name in ("value", "error"))
     return {"x": degrees, "f": values, "error": error}
@@ -217,8 +217,8 @@ def evaluate_f(subject: PlotSubject, wo: Floats, wi: Floats, cosine: bool) -> Fl
         raise LookdevError(
             f"{subject.label}: scatters along single directions and has no f; plot fresnel or albedo of it"
         )
-    if subject.faster:
-        f = subject.faster(wo.reshape(-1, 3), wi.reshape(-1, 3)).reshape(wo.shape)
+    if subject.evaluate_fast:
+        f = subject.evaluate_fast(wo.reshape(-1, 3), wi.reshape(-1, 3)).reshape(wo.shape)
     else:
         f = _evaluate_in_parts(subject.bsdf, wo, wi)
     return f * np.abs(wi[..., 2:]) if cosine else f

@@ -26,12 +26,12 @@ PlotValues = dict[str, NDArray[Any]]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of the luminance of linear Rec.709."""
 
-SUFFIXES = (".png", ".svg", ".pdf", ".csv")
+PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".csv")
 """Suffixes of the files that a plot is written to."""
 
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9", "#8c564b")
+SUBJECT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9", "#8c564b")
 """Colours of subjects, in order: Okabe and Ito's palette for the colour-blind."""
-RGB = ("#c8322d", "#2b8a3e", "#2454c5")
+RGB_COLORS = ("#c8322d", "#2b8a3e", "#2454c5")
 DASHES = ("-", "--", ":", "-.")
 
 _LONGEST_LABEL = 56
@@ -60,7 +60,7 @@ class Plot:
         Raises
         ------
         LookdevError
-            The suffix of the file is not one of `SUFFIXES`.
+            The suffix of the file is not one of `PLOT_SUFFIXES`.
         """
         suffix = check_suffix(file)
         with atomic_path(file) as temporary:
@@ -75,9 +75,9 @@ class Plot:
 
 
 def check_suffix(file: Path) -> str:
-    """Return the suffix of a file to write; raises LookdevError if it is not one of `SUFFIXES`."""
-    if file.suffix.lower() not in SUFFIXES:
-        raise LookdevError(f"{file}: a plot is written to a file that ends in {', '.join(SUFFIXES)}")
+    """Return the suffix of a file to write; raises LookdevError if it is not one of `PLOT_SUFFIXES`."""
+    if file.suffix.lower() not in PLOT_SUFFIXES:
+        raise LookdevError(f"{file}: a plot is written to a file that ends in {', '.join(PLOT_SUFFIXES)}")
     return file.suffix.lower()
 
 
@@ -129,8 +129,8 @@ def draw_curves(
     columns: dict[str, Floats] = {}
     for index, (label, values) in enumerate(zip(unique_labels(subjects), colors, strict=True)):
         for channel, (ending, curve) in enumerate(split_channels(values, options).items()):
-            color = RGB[channel] if ending else COLORS[index % len(COLORS)]
-            dashes = DASHES[(index if ending else index // len(COLORS)) % len(DASHES)]
+            color = RGB_COLORS[channel] if ending else SUBJECT_COLORS[index % len(SUBJECT_COLORS)]
+            dashes = DASHES[(index if ending else index // len(SUBJECT_COLORS)) % len(DASHES)]
             text = f"{legend_label(label)}{ending}"
             axes.plot(x, height(curve), color=color, linestyle=dashes, label=text, marker=marker, markersize=4)
             columns[f"{label}{ending}"] = curve
@@ -165,7 +165,7 @@ def draw_legend(axes: Axes) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), frameon=False, fontsize=8)
 
 
-def picture(values: Floats, options: PlotOptions) -> Floats:
+def encode_srgb(values: Floats, options: PlotOptions) -> Floats:
     """Convert values (..., 3) in linear Rec.709 to sRGB in [0, 1] (IEC 61966-2-1)."""
     if options.chroma:
         values = values / np.maximum(values.max(axis=-1, keepdims=True), 1e-300)

@@ -15,17 +15,17 @@ from lookdev.plotting.subject import PlotSubject
 
 @dataclass(frozen=True)
 class PlotKind:
-    """A kind of plot: a description, the function that draws it, the options that it uses, and its most surfaces.
+    """A kind of plot: a description, the function that draws it, its options, and its largest number of surfaces.
 
     `values` returns the numbers of one surface, for other ways to draw them; for a difference, of each surface. `draft`
     returns coarser numbers, for kinds that are too slow for interaction.
     """
 
-    text: str
+    description: str
     draw: Callable[[Sequence[PlotSubject], PlotOptions], Plot]
     values: Callable[[PlotSubject, PlotOptions], PlotValues]
-    uses: tuple[str, ...]
-    most: int = 8
+    option_names: tuple[str, ...]
+    max_subjects: int = 8
     draft: Callable[[PlotSubject, PlotOptions], PlotValues] | None = None
 
 
@@ -35,51 +35,59 @@ _CURVE = ("scale", "angles", "limit", "channels", "size")
 KINDS: dict[str, PlotKind] = {
     "slice": PlotKind(
         "f over theta_h and theta_d, as a picture",
-        maps.slice_,
+        maps.plot_slices,
         maps.slice_values,
         ("phi", "cosine", *_PICTURE),
-        most=12,
+        max_subjects=12,
     ),
     "polar": PlotKind(
         "lobes in the plane of incidence",
-        curves.polar,
+        curves.plot_polar,
         curves.polar_values,
         ("theta", "phi", "scale", "channels", "cosine", "size"),
     ),
     "lobe3d": PlotKind(
-        "the lobe as a surface", solid.lobe3d, solid.lobe_values, ("theta", "phi", "scale", "cosine", "size")
+        "the lobe as a surface", solid.plot_lobes, solid.lobe_values, ("theta", "phi", "scale", "cosine", "size")
     ),
     "cartesian": PlotKind(
         "f against theta_h, theta_d or theta_i",
-        curves.cartesian,
+        curves.plot_cartesian,
         curves.cartesian_values,
         ("theta", "phi", "axis", "cosine", *_CURVE),
     ),
     "albedo": PlotKind(
         "directional albedo, with its error",
-        curves.albedo,
+        curves.plot_albedo,
         curves.albedo_values,
         ("phi", "scale", "limit", "channels", "size"),
         draft=partial(curves.albedo_values, draft=True),
     ),
     "sphere": PlotKind(
         "spheres under a point light and a dome",
-        solid.sphere,
+        solid.plot_spheres,
         solid.sphere_values,
         ("theta", "phi", *_PICTURE),
-        most=12,
+        max_subjects=12,
     ),
-    "retro": PlotKind("f where light and view coincide", curves.retro, curves.retro_values, ("phi", "cosine", *_CURVE)),
-    "fresnel": PlotKind("how reflectance rises with theta_d", curves.fresnel, curves.fresnel_values, ("phi", *_CURVE)),
+    "retro": PlotKind(
+        "f where light and view coincide", curves.plot_retro, curves.retro_values, ("phi", "cosine", *_CURVE)
+    ),
+    "fresnel": PlotKind(
+        "how reflectance rises with theta_d", curves.plot_fresnel, curves.fresnel_values, ("phi", *_CURVE)
+    ),
     "difference": PlotKind(
-        "slices of two, and their difference", maps.difference, maps.slice_values, ("phi", "cosine", *_PICTURE), most=2
+        "slices of two, and their difference",
+        maps.plot_difference,
+        maps.slice_values,
+        ("phi", "cosine", *_PICTURE),
+        max_subjects=2,
     ),
     "sampling": PlotKind(
         "pdf, weights of samples and chi-square",
-        sampling.sampling,
+        sampling.plot_sampling,
         sampling.sampling_values,
         ("theta", "phi", "size"),
-        most=6,
+        max_subjects=6,
         draft=partial(sampling.sampling_values, draft=True),
     ),
 }
@@ -103,10 +111,10 @@ def draw(name: str, subjects: Sequence[PlotSubject], options: PlotOptions = Plot
         the surfaces.
     """
     kind = kind_named(name)
-    if unused := [option for option in options.changed_options() if option not in kind.uses]:
+    if unused := [option for option in options.changed_options() if option not in kind.option_names]:
         raise LookdevError(
-            f"{name} has no --{unused[0]}; its options: {', '.join(f'--{option}' for option in kind.uses)}"
+            f"{name} has no --{unused[0]}; its options: {', '.join(f'--{option}' for option in kind.option_names)}"
         )
-    if not 1 <= len(subjects) <= kind.most:
-        raise LookdevError(f"{name}: {len(subjects)} given; 1 to {kind.most} would be right")
+    if not 1 <= len(subjects) <= kind.max_subjects:
+        raise LookdevError(f"{name}: {len(subjects)} given; 1 to {kind.max_subjects} would be right")
     return kind.draw(subjects, options)

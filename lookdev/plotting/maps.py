@@ -17,8 +17,8 @@ from lookdev.plotting.figure import (
     Plot,
     PlotValues,
     create_figure,
+    encode_srgb,
     legend_label,
-    picture,
     rgb_columns,
     unique_labels,
 )
@@ -35,7 +35,7 @@ _MARKS = (
 )
 
 
-def slice_(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_slices(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot image slices: f over theta_h, to the right, and theta_d, upwards, at a phi_d (Burley 2012, figures 3 and 4).
 
     The first slice has the marks of figure 3, and the isolines of theta_i = 60 degrees and theta_o = 60 degrees, which
@@ -60,7 +60,7 @@ def slice_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     return {"f": evaluate_f(subject, wo, wi, options.cosine)}
 
 
-def difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the slices of two surfaces, and the difference of the cube roots of their luminance, second less first.
 
     Differences of cube roots are about proportional to visible ones; Ngan et al. 2005, section 3.2, use them as a loss.
@@ -76,7 +76,7 @@ def difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     for ax, f, label in zip(axes[0], (first, second), unique_labels(subjects), strict=False):
         _draw_image(ax, f, label, options)
         columns |= rgb_columns(label, f)
-    # A percentile, as the corner where models grow without bound would leave no colours for the rest.
+    # A percentile: models grow without bound in a corner, whose maximum would leave no colours for the rest.
     limit = float(np.nanpercentile(np.abs(root), 98.0)) or 1.0
     image = axes[0, 2].imshow(
         root, origin="lower", extent=(0, 90, 0, 90), cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="nearest"
@@ -119,7 +119,7 @@ def _relative_difference(first: Floats, second: Floats) -> float:
 
 def _draw_image(ax: Axes, f: Floats, label: str, options: PlotOptions) -> None:
     ax.set_title(legend_label(label), fontsize=9)
-    ax.imshow(picture(f, options), origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
+    ax.imshow(encode_srgb(f, options), origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
     ax.set(xlabel="θh (degrees)", ylabel="θd (degrees)", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
 
 

@@ -13,7 +13,7 @@ CHANNELS = ("luminance", "rgb")
 
 @dataclass(frozen=True)
 class PlotOptions:
-    """Options of a plot; each kind uses some of them (`lookdev.plotting.kinds.PlotKind.uses`).
+    """Options of a plot; each kind uses some of them (`lookdev.plotting.kinds.PlotKind.option_names`).
 
     theta
         Degrees from the normal: of the view, or the fixed angle of a cartesian plot.

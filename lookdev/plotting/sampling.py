@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
-from lookdev.brdf.angles import towards
+from lookdev.brdf.angles import spherical_direction
 from lookdev.errors import LookdevError
 from lookdev.plotting.figure import LUMINANCE, Plot, PlotValues, create_figure, legend_label, unique_labels
 from lookdev.plotting.options import PlotOptions
@@ -43,7 +43,7 @@ class ChiSquare:
         return f"χ² {self.statistic:.0f} of {self.freedom}, p = {self.p:.2g}"
 
 
-def sampling(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_sampling(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot, for each surface, the pdf and f times the cosine over the sphere, and the weights of samples."""
     figure, axes = create_figure(3, len(subjects), size=(4.0, 3.0))
     columns: dict[str, Floats] = {}
@@ -85,11 +85,11 @@ def sampling_values(subject: PlotSubject, options: PlotOptions, draft: bool = Fa
         raise LookdevError(
             f"{subject.label}: scatters along single directions and has no pdf; plot fresnel or albedo of it"
         )
-    wo = towards(np.radians(options.theta), np.radians(options.phi))
+    wo = spherical_direction(np.radians(options.theta), np.radians(options.phi))
     count = options.size or (64 if draft else 192)
     cos = (np.arange(count) + 0.5) / count * 2.0 - 1.0
     phi = (np.arange(2 * count) + 0.5) / count * np.pi
-    wi = towards(np.arccos(cos)[:, None], phi[None, :])
+    wi = spherical_direction(np.arccos(cos)[:, None], phi[None, :])
     view = np.broadcast_to(wo, wi.shape)
     density, value = pdf(subject.bsdf, view, wi), evaluate_cosine(subject.bsdf, view, wi) @ LUMINANCE
     weights, test = _sample_weights(subject.bsdf, wo, *((1 << 12, _NODES // 4) if draft else (_SAMPLES, _NODES)))
@@ -152,7 +152,7 @@ def _cell_probabilities(bsdf: Bsdf, wo: Floats, nodes: int) -> Floats:
     x, w = 0.5 * (x + 1.0), 0.5 * w
     cos = ((np.arange(rows)[:, None] + x) / rows * 2.0 - 1.0).ravel()
     phi = ((np.arange(columns)[:, None] + x) / columns * 2.0 * np.pi).ravel()
-    wi = towards(np.arccos(cos)[:, None], phi[None, :])
+    wi = spherical_direction(np.arccos(cos)[:, None], phi[None, :])
     density = pdf(bsdf, np.broadcast_to(wo, wi.shape), wi).reshape(rows, nodes, columns, nodes)
     area = (2.0 / rows) * (2.0 * np.pi / columns)
     return np.asarray(np.einsum("rncm,n,m->rc", density, w, w) * area).ravel()

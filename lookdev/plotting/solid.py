@@ -9,7 +9,7 @@ from matplotlib.colors import Normalize
 
 from lookdev.arrays import Floats
 from lookdev.brdf import bsdf_for_views, evaluate_cosine, pdf, sample
-from lookdev.brdf.angles import towards
+from lookdev.brdf.angles import spherical_direction
 from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
 from lookdev.plotting.curves import evaluate_f
@@ -18,8 +18,8 @@ from lookdev.plotting.figure import (
     Plot,
     PlotValues,
     create_figure,
+    encode_srgb,
     legend_label,
-    picture,
     rgb_columns,
     unique_labels,
 )
@@ -34,7 +34,7 @@ _ROOT = 1.1673039782614187
 """Positive root of x^5 = x + 1; its powers are the steps of the recurrence in four dimensions (Roberts 2018)."""
 
 
-def lobe3d(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_lobes(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot f for one view and all lights above the horizon as the radius of a surface; the view is a line."""
     theta, phi, view = lobe_grid(options)
     figure, axes = create_figure(len(subjects), size=(4.6, 4.4), projection="3d")
@@ -49,7 +49,7 @@ def lobe3d(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
         else:
             radius = np.sqrt(luminance / peak) if options.scale == "sqrt" else luminance / peak
         x, y, z = np.moveaxis(wi * radius[..., None], -1, 0)
-        colors = picture(f / np.maximum(f.max(axis=-1, keepdims=True), 1e-300), PlotOptions())
+        colors = encode_srgb(f / np.maximum(f.max(axis=-1, keepdims=True), 1e-300), PlotOptions())
         shade = 0.55 + 0.45 * Normalize(0.0, 1.0)(radius)[..., None]
         ax.plot_surface(x, y, z, facecolors=np.clip(colors * shade, 0.0, 1.0), rcount=200, ccount=200, shade=False)
         ax.plot(*(np.array([[0.0, 0.0, 0.0], view]).T), color="black", linewidth=1.2)
@@ -68,17 +68,17 @@ def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
     count = options.size or 96
     theta = _graded_grid(0.0, 0.5 * np.pi, np.radians(options.theta), count)
     phi = _graded_grid(-np.pi, np.pi, 0.0, 2 * count) + np.radians(options.phi)
-    return theta, phi, towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
+    return theta, phi, spherical_direction(np.radians(options.theta), np.radians(options.phi) + np.pi)
 
 
 def lobe_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return `wi` and f, (theta, phi, 3), of the lights of `lobe_grid`."""
     theta, phi, view = lobe_grid(options)
-    wi = towards(theta[:, None], phi[None, :])
+    wi = spherical_direction(theta[:, None], phi[None, :])
     return {"wi": wi, "f": evaluate_f(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
 
 
-def sphere(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
+def plot_spheres(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot spheres as seen from far away: above, lit by a distant point light; below, by the built-in studio dome.
 
     The light is `options.theta` degrees from the view, at an azimuth of `options.phi`, with an irradiance of pi. The
@@ -94,7 +94,7 @@ def sphere(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
             image = np.zeros((count * count, 3))
             image[pixels] = radiance
             ax = axes[row, index]
-            ax.imshow(picture(image.reshape(count, count, 3), options), origin="lower", interpolation="nearest")
+            ax.imshow(encode_srgb(image.reshape(count, count, 3), options), origin="lower", interpolation="nearest")
             ax.set_axis_off()
             columns |= rgb_columns(f"{label}.{name}", radiance)
         axes[0, index].set_title(legend_label(label), fontsize=8)
@@ -118,9 +118,9 @@ def sphere_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     bitangent = cross(normal, tangent)
     frame = np.stack([np.asarray(axis) for axis in (tangent, bitangent, normal)], axis=1)
     wo = np.ascontiguousarray(frame[..., 2])
-    toward_light = frame @ towards(np.radians(options.theta), np.radians(options.phi))
+    toward_light = frame @ spherical_direction(np.radians(options.theta), np.radians(options.phi))
     point = np.zeros(wo.shape) if subject.is_delta else np.pi * evaluate_cosine(subject.bsdf, wo, toward_light)
-    # A light from below the horizon of a point does not reach it.
+    # Light from below the horizon of a point does not reach it.
     point = point * (toward_light[:, 2:] > 0.0)
     return {"pixel": np.flatnonzero(inside.ravel()), "point": point, "dome": _radiance_under_dome(subject, wo, frame)}
 

@@ -22,15 +22,15 @@ from lookdev.brdf.parameters import ParameterValue
 from lookdev.brdf.vectors import Parameters
 from lookdev.errors import LookdevError, LookError, ModelError, nearest_hint
 from lookdev.material import Look, depends_on_view
-from lookdev.material.library import SUFFIXES, find_preset, library_folders, read_library
+from lookdev.material.library import LOOK_SUFFIXES, find_preset, library_folders, read_library
 from lookdev.material.library.edit import preset_look
 from lookdev.material.points import SinglePoint
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers
 
 _LABEL = re.compile(r"([^=:@#/]+)=(?=[^=:@#/]*(?:[:@#/.]|$))(.+)", re.DOTALL)
-LOOK = re.compile(
-    rf"(?P<file>.+?(?:{'|'.join(map(re.escape, SUFFIXES))}))"
+LOOK_PATTERN = re.compile(
+    rf"(?P<file>.+?(?:{'|'.join(map(re.escape, LOOK_SUFFIXES))}))"
     r"(?:#(?P<prim>/[^:@]*))?(?::(?P<layer>[^@]+))?(?:@(?P<uv>.+))?"
 )
 
@@ -39,15 +39,15 @@ LOOK = re.compile(
 class PlotSubject:
     """A surface to plot: a label, its BSDF, and its layers, base first, with their parameters for a view from above.
 
-    `seen_alike` is whether the parameters are the same for every view. `faster` computes the same f as the BSDF for
-    directions (n, 3).
+    `is_view_independent` is whether the parameters are the same for every view. `evaluate_fast` computes the same f as
+    the BSDF for directions (n, 3).
     """
 
     label: str
     bsdf: Bsdf
     layers: tuple[StackLayer, ...] = ()
-    seen_alike: bool = True
-    faster: Callable[[Floats, Floats], Floats] | None = None
+    is_view_independent: bool = True
+    evaluate_fast: Callable[[Floats, Floats], Floats] | None = None
 
     @property
     def model(self) -> str:
@@ -68,11 +68,11 @@ class PlotSubject:
         return not self.bsdf.lobes(wo) and bool(self.bsdf.deltas(wo, np.asarray(False)))
 
 
-Locate = Callable[[str], Path]
+LocateFile = Callable[[str], Path]
 """Function that returns the path of a file named in words; raises LookdevError if it must not be read."""
 
 
-def read_subject(words: str, library: Path | None = None, locate: Locate = Path) -> PlotSubject:
+def read_subject(words: str, library: Path | None = None, locate: LocateFile = Path) -> PlotSubject:
     """Return the subject that words of the command line describe.
 
     Raises
@@ -87,7 +87,7 @@ def read_subject(words: str, library: Path | None = None, locate: Locate = Path)
     return replace(subject, label=label) if label else subject
 
 
-def split_label(words: str, locate: Locate = Path) -> tuple[str, str]:
+def split_label(words: str, locate: LocateFile = Path) -> tuple[str, str]:
     """Return the label at the beginning of words, or an empty string, and the rest."""
     match = None if _is_file(words, locate, folders=True) else _LABEL.fullmatch(words)
     if match is None:
@@ -96,8 +96,8 @@ def split_label(words: str, locate: Locate = Path) -> tuple[str, str]:
     return match[1].strip(), rest
 
 
-def _read_unlabelled(words: str, library: Path | None, locate: Locate) -> PlotSubject:
-    if look := LOOK.fullmatch(words):
+def _read_unlabelled(words: str, library: Path | None, locate: LocateFile) -> PlotSubject:
+    if look := LOOK_PATTERN.fullmatch(words):
         return _look_subject(words, look["file"], locate(look["file"]), look["prim"], look["layer"], look["uv"])
     name, _, rest = words.partition(":")
     if name in MODELS:
@@ -109,7 +109,7 @@ def _read_unlabelled(words: str, library: Path | None, locate: Locate) -> PlotSu
     return _preset_subject(words, name, rest, library)
 
 
-def _is_file(words: str, locate: Locate, folders: bool = False) -> bool:
+def _is_file(words: str, locate: LocateFile, folders: bool = False) -> bool:
     try:
         path = locate(words)
         return path.is_file() or (folders and path.exists())
@@ -117,7 +117,7 @@ def _is_file(words: str, locate: Locate, folders: bool = False) -> bool:
         return False
 
 
-def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, ParameterValue]]:
+def read_model(words: str, locate: LocateFile = Path) -> tuple[Model, dict[str, ParameterValue]]:
     """Return the model and the given parameters of words such as ``disney:sheen=0``; raises as `read_subject` does."""
     name, _, rest = words.partition(":")
     model = model_named(name)
@@ -130,7 +130,7 @@ def model_subject(model: Model, constants: Mapping[str, object], label: str) -> 
     return PlotSubject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
 
 
-def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) -> dict[str, ParameterValue]:
+def read_parameters(words: str, model: Model, text: str, locate: LocateFile = Path) -> dict[str, ParameterValue]:
     """Parse a model's parameters from text such as ``roughness=.3,baseColor=.8/.2/.1``; `words` are for messages."""
     parameters: dict[str, ParameterValue] = {}
     for pair in filter(None, text.split(",")):
@@ -204,7 +204,7 @@ def _look_subject(
 
         upright_bsdf = bsdf_for_view(np.array([[0.0, 0.0, 1.0]]))
         bsdf = replace(upright_bsdf, lobes=lambda wo: bsdf_for_view(wo).lobes(wo))
-        return PlotSubject(label, bsdf, tuple(layers), seen_alike=False)
+        return PlotSubject(label, bsdf, tuple(layers), is_view_independent=False)
     return PlotSubject(label, stack_bsdf(layers), tuple(layers))
 
 

@@ -122,7 +122,7 @@ def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Fl
 
 def _height(points: CornerPoints, displacement: Displacement) -> Floats:
     with np.errstate(all="ignore"):  # the caller reports values that are not finite
-        height = np.asarray(SourceValues(points).read(displacement.height, color=False), np.float64)
+        height = np.asarray(SourceValues(points).source_value(displacement.height, color=False), np.float64)
         offset = (height - displacement.midlevel) * displacement.scale
     return np.broadcast_to(offset, (len(points.mesh.corner_points),))
 

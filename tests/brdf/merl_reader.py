@@ -70,7 +70,7 @@ def anisotropic(samples: Floats, wo: Floats, wi: Floats, interpolation: str, *, 
 
 
 def _oracle() -> str:
-    from lookdev.brdf.measured.synthetic import plastic
+    from lookdev.brdf.measured.synthetic import plastic_grid
 
     rng = np.random.default_rng(19)
     lines = []
@@ -83,7 +83,7 @@ def _oracle() -> str:
         interpolation = ("linear", "nearest")[number % 4 // 2]
         params = {"file": "builtin:plastic", "interpolation": interpolation}
         case: dict[str, Any] = {"model": "measured", "params": params, "wo": wo.tolist(), "wi": wi.tolist()}
-        lines.append(json.dumps(case | {"f": merl(plastic().samples, wo, wi, interpolation).tolist()}))
+        lines.append(json.dumps(case | {"f": merl(plastic_grid().samples, wo, wi, interpolation).tolist()}))
     return "\n".join(lines) + "\n"
 
 

@@ -55,13 +55,13 @@ def _integrate(cone: Floats, cosine: Floats, nodes: tuple[int, int]) -> Floats:
     end = np.minimum(first, _REACH / power)
     whole = _piece(o, sin_o, power, end * x, 1.0 - end * x, end * dx, np.pi * y, np.pi * dy)
 
-    def stretched(end: Floats) -> tuple[Floats, Floats]:
+    def remapped(end: Floats) -> tuple[Floats, Floats]:
         length = np.log(end / first)
         s = first * np.exp(length * x * x)
         return s, s * 2.0 * length * x * dx
 
-    near, near_weight = stretched(np.minimum(0.5, first + _REACH / power))
-    far, far_weight = stretched(np.asarray(0.5))
+    near, near_weight = remapped(np.minimum(0.5, first + _REACH / power))
+    far, far_weight = remapped(np.asarray(0.5))
     cut = (
         _piece(o, sin_o, power, s, cos2, weight, *_up_to_horizon(o, sin_o, s, cos2, y, dy))
         for s, cos2, weight in ((near, 1.0 - near, near_weight), (1.0 - far, far, far_weight))

@@ -116,5 +116,5 @@ def f_cosine(lobe: Lobe, wo: Floats, wi: Floats) -> Floats:
     Of a lobe that does not cross it, the surface's horizon cuts a part off.
     """
     local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
-    above = (wi[..., 2] > 0.0) & (lobe.crosses | (lobe.frame.from_local(wi)[..., 2] > 0.0))
-    return lobe.evaluate(DirectionPair.of(local, wi)) * np.where(above, wi[..., 2], 0.0)[..., None]
+    above = (wi[..., 2] > 0.0) & (lobe.crosses_surface | (lobe.frame.from_local(wi)[..., 2] > 0.0))
+    return lobe.evaluate(DirectionPair.from_directions(local, wi)) * np.where(above, wi[..., 2], 0.0)[..., None]

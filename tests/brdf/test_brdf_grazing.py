@@ -7,7 +7,7 @@ from lookdev.arrays import Floats, Floats32
 from lookdev.brdf import complete_parameters
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import fresnel_blend, schlick_blend
-from lookdev.brdf.pixar.layering import compose
+from lookdev.brdf.pixar.layering import combine_partitions
 from lookdev.brdf.pixar.partition import layer_partition
 from lookdev.brdf.vectors import mix
 
@@ -53,7 +53,7 @@ def test_what_passes_many_layers_does_not_cancel() -> None:
     glass = layer_partition(complete_parameters("pixar", {"clear": 1.0, "roughness": 0.0}), ZENITH)
     black = layer_partition(complete_parameters("pixar", {"presence": 0.9999, "surfaceColor": (0, 0, 0)}), ZENITH)
     mask = np.array(1.0)
-    stack = compose([*[(black, mask, "transmit")] * 6, (glass, mask, "transmit")])  # type: ignore[list-item]
+    stack = combine_partitions([*[(black, mask, "transmit")] * 6, (glass, mask, "transmit")])  # type: ignore[list-item]
     np.testing.assert_allclose(stack.terms["refraction"].normal, 1e-24 * glass.terms["refraction"].normal, rtol=1e-9)
 
 
@@ -61,6 +61,6 @@ def test_an_averaged_index_near_1_keeps_its_digits() -> None:
     inputs = {"clear": 1.0, "roughness": 0.0, "normalScale": 0.0}
     below, above = (layer_partition(complete_parameters("pixar", inputs | {"ior": ior}), ZENITH) for ior in (1.5, 1.0))
     mask = 1.0 - 2.0**-40
-    stack = compose([(below, 1.0, "over"), (above, np.array(mask), "over")])
-    bend = stack.terms["refraction"].bend
+    stack = combine_partitions([(below, 1.0, "over"), (above, np.array(mask), "over")])
+    bend = stack.terms["refraction"].ior_minus_one
     np.testing.assert_allclose(bend, 0.5 * 2.0**-40, rtol=1e-9)

@@ -19,9 +19,9 @@ from sphere_quadrature import CELLS, HalfVectorGrid, Integral, f_cosine, half_ve
 from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, Lobe, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.classic.distributions import DISTRIBUTIONS
-from lookdev.brdf.classic.lafortune import LARGEST
+from lookdev.brdf.classic.lafortune import MAX_POWER
 from lookdev.brdf.classic.parts import sample_power_cosine
-from lookdev.brdf.frames import ZENITH, Upright
+from lookdev.brdf.frames import ZENITH, UprightFrame
 from lookdev.brdf.lobes import DirectionPair
 from lookdev.closures.setups import view_at
 
@@ -96,7 +96,7 @@ def test_the_pdf_is_one_over_the_jacobian(model: str, tokens: dict[str, str]) ->
         valid = (wi[:, 2] > 1e-3) & (local[:, 2] > 1e-3) & (np.asarray(lobe.share) > 0.0)
         assert np.count_nonzero(valid) > 100, lobe.name
         np.testing.assert_allclose(np.linalg.norm(wi, axis=-1), 1.0, rtol=1e-12)
-        density, (spread, error) = np.asarray(lobe.pdf(DirectionPair.of(local, wi))), jacobian(drawn, u)
+        density, (spread, error) = np.asarray(lobe.pdf(DirectionPair.from_directions(local, wi))), jacobian(drawn, u)
         off = np.where(valid, np.abs(density * spread - 1.0) - 3.0 * density * error, 0.0)
         worst = int(np.argmax(off))
         case = {name: v if isinstance(v, str) else v[worst] for name, v in parameters.items()}
@@ -135,9 +135,9 @@ def test_the_pdf_of_a_lafortune_lobe_is_half_where_its_plateau_ends(
     direction = np.multiply(coefficients, wo)
     length = np.linalg.norm(direction)
     # In this direction, the power of the length and the cosine is the largest.
-    cosine = LARGEST ** (1.0 / exponent) / length
+    cosine = MAX_POWER ** (1.0 / exponent) / length
     end = cosine * direction / length + np.sqrt(1.0 - cosine**2) * np.array([0.0, 1.0, 0.0])
-    at_peak, at_end = (lobe.pdf(DirectionPair.of(np.array(wo), wi)) for wi in (direction / length, end))
+    at_peak, at_end = (lobe.pdf(DirectionPair.from_directions(np.array(wo), wi)) for wi in (direction / length, end))
     assert at_end / at_peak == pytest.approx(0.5, rel=1e-9)
 
 
@@ -162,7 +162,7 @@ def test_visible_normals_mirror_the_view_into_a_spherical_cap() -> None:
 
 def _in_its_frame(lobe: Lobe, wo: Floats) -> tuple[Bsdf, Floats, Floats]:
     """Return a lobe as a BSDF that reflects about the zenith, its view there, and the view of its half vectors."""
-    alone = replace(lobe, transmits=False, frame=Upright())
+    alone = replace(lobe, transmits=False, frame=UprightFrame())
     return Bsdf(lambda _: (alone,)), lobe.frame.to_local(wo), half_vector_view(lobe, wo)
 
 
@@ -179,7 +179,7 @@ def _cases() -> list[object]:
                 quick = 4 if name in _EVERYWHERE else 1
                 marks = [pytest.mark.proof] * (number >= quick or view_number != (2, 4, 1, 3)[number])
                 lobes = [lobe for lobe in bsdf.lobes(wo) if lobe.share > 0.0]
-                if not any(lobe.transmits or lobe.leans for lobe in lobes):
+                if not any(lobe.transmits or lobe.is_tilted for lobe in lobes):
                     cases.append(pytest.param(bsdf, wo, wo, id=f"{name}-mixture-{number}-{view}", marks=marks))
                 cases += [
                     pytest.param(*_in_its_frame(lobe, wo), id=f"{name}-{lobe.name}-{number}-{view}", marks=marks)
@@ -293,5 +293,5 @@ def test_mixtures_estimate_what_their_lobes_send(model: str, number: int, view: 
     total, error = sum(part.total for part in parts), sum(part.error for part in parts)
     noise = 4.0 * weights.std() / np.sqrt(_SAMPLES)
     # The grid does not resolve the surface's horizon across a leaning lobe, about one in a thousand of its nodes.
-    cut = any(lobe.leans and not lobe.crosses for lobe in bsdf.lobes(wo))
+    cut = any(lobe.is_tilted and not lobe.crosses_surface for lobe in bsdf.lobes(wo))
     assert abs(weights.mean() - total) <= noise + error + (1e-3 if cut else 1e-4) * total

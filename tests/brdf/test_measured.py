@@ -20,7 +20,7 @@ from lookdev.brdf import Bsdf, complete_parameters, evaluate, evaluate_cosine, m
 from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.measured import files, proposal, synthetic
 from lookdev.brdf.measured.files import MERL_SIZE, read_grid, write_anisotropic, write_merl
-from lookdev.brdf.measured.grids import Anisotropic, Isotropic
+from lookdev.brdf.measured.grids import AnisotropicGrid, IsotropicGrid
 from lookdev.brdf.measured.synthetic import anisotropic_samples, isotropic_samples, write_synthetic
 from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.closures.setups import view_at
@@ -113,15 +113,17 @@ def test_a_merl_binary_is_looked_up_as_by_the_published_reader(small: None, tmp_
     write_merl(tmp_path / "noise.binary", samples)
     wo, wi = _pairs(400)
     grid = read_grid(tmp_path / "noise.binary")
-    got = grid.f(DirectionPair.of(wo, wi), interpolation)
+    got = grid.f(DirectionPair.from_directions(wo, wi), interpolation)
     reference = [merl(samples, *pair, interpolation) for pair in zip(wo, wi, strict=True)]
     # An arc cosine near 1 loses half of the digits of theta_h, and neighbours differ by their whole value.
     np.testing.assert_allclose(got, reference, rtol=1e-6, atol=1e-6)
     assert (np.array(reference) > 0.0).mean() > 0.5
     # Isotropic data are reciprocal, and do not depend on the tangent.
-    np.testing.assert_allclose(grid.f(DirectionPair.of(wi, wo), interpolation), got, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(grid.f(DirectionPair.from_directions(wi, wo), interpolation), got, rtol=1e-9, atol=1e-9)
     turn = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(grid.f(DirectionPair.of(wo @ turn, wi @ turn), interpolation), got, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        grid.f(DirectionPair.from_directions(wo @ turn, wi @ turn), interpolation), got, rtol=1e-9, atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("half", [False, True])
@@ -131,11 +133,11 @@ def test_anisotropic_data_are_looked_up_by_their_angles(tmp_path: Path, interpol
     write_anisotropic(tmp_path / "noise.dat", samples, half=half)
     wo, wi = _pairs(400)
     grid = read_grid(tmp_path / "noise.dat")
-    got = grid.f(DirectionPair.of(wo, wi), interpolation)
+    got = grid.f(DirectionPair.from_directions(wo, wi), interpolation)
     reference = [anisotropic(samples, *pair, interpolation, half=half) for pair in zip(wo, wi, strict=True)]
     np.testing.assert_allclose(got, reference, rtol=1e-9, atol=1e-9)
     if half:  # the rest is completed by reciprocity
-        np.testing.assert_allclose(grid.f(DirectionPair.of(wi, wo), interpolation), got, rtol=1e-9)
+        np.testing.assert_allclose(grid.f(DirectionPair.from_directions(wi, wo), interpolation), got, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["plastic", "metal", "satin"])
@@ -270,14 +272,14 @@ def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
         assert (read_grid(tmp_path / "f.dat").samples == value).all()
 
 
-@pytest.mark.parametrize("data", [Isotropic(_noise(SMALL) + 1.0), Anisotropic(_noise(SIZE) + 1.0)])
-def test_the_pdf_is_one_over_the_jacobian(small: None, data: Isotropic | Anisotropic) -> None:
+@pytest.mark.parametrize("data", [IsotropicGrid(_noise(SMALL) + 1.0), AnisotropicGrid(_noise(SIZE) + 1.0)])
+def test_the_pdf_is_one_over_the_jacobian(small: None, data: IsotropicGrid | AnisotropicGrid) -> None:
     """Directions are drawn by tables of half vectors or by the cosine; the pdf is the sum of both inverse Jacobians."""
     tables, rng = proposal.make_proposal(data), np.random.default_rng(23)
     wo, u = directions(rng, 2000), rng.random((2000, 2))
     wi = tables.sample(wo, u[:, 0], u[:, 1])
     spread, error = jacobian(lambda u: tables.sample(wo, u[:, 0], u[:, 1]), u, 1e-6)
-    d = DirectionPair.of(wo, wi)
+    d = DirectionPair.from_directions(wo, wi)
     cosine_share = tables.cosine.values[tables._view(wo).astype(int), 0]
     drawn, other = tables.pdf(d), cosine_share * wi[:, 2] / np.pi
     by_cosine = u[:, 0] < cosine_share

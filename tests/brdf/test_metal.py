@@ -7,11 +7,11 @@ import pytest
 
 from lookdev.brdf import complete_parameters, conductor, metal_fits, model_named
 from lookdev.brdf.conductor import METALS, metal_curve
-from lookdev.brdf.metal import INTERFACE, METAL_COLORS, METAL_TABLE, metal_fresnel, metal_index
+from lookdev.brdf.metal import INTERFACE, METAL_COLORS, METAL_TABLE_FILE, metal_fresnel, metal_index
 from lookdev.brdf.metal_fits import COSINES, band_means, largest_deviation, nearest_index
 from lookdev.errors import ModelError
 
-TABLE = json.loads(METAL_TABLE.read_text())
+TABLE = json.loads(METAL_TABLE_FILE.read_text())
 
 
 @pytest.mark.parametrize("name", METALS)

@@ -28,7 +28,7 @@ def test_lobes_are_of_their_groups(model: str) -> None:
     assert [lobe.group for lobe in lobes] == [groups.get(lobe.name, "specular") for lobe in lobes]
     through = ["diffuseTransmission", "specularTransmission", "refraction"] if model == "pixar" else []
     assert [lobe.name for lobe in lobes if lobe.transmits] == through
-    assert [lobe.own_side for lobe in lobes] == [model == "pixar"] * len(lobes)
+    assert [lobe.has_own_horizon for lobe in lobes] == [model == "pixar"] * len(lobes)
 
 
 def test_the_diffuse_part_and_the_rest_are_all() -> None:

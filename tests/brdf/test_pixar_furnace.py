@@ -22,8 +22,8 @@ from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosin
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import fresnel_blend
 from lookdev.brdf.lobes import Bsdf, Lobe
-from lookdev.brdf.pixar.layering import compose
-from lookdev.brdf.pixar.partition import THROUGH, Partition, family, layer_partition, partition_lobes
+from lookdev.brdf.pixar.layering import combine_partitions
+from lookdev.brdf.pixar.partition import TRANSMITTED_LOBES, Partition, layer_partition, lobe_family, partition_lobes
 from lookdev.brdf.vectors import dot, scale
 from lookdev.closures.setups import view_at
 
@@ -36,20 +36,24 @@ _ROUNDING = 1e-6
 
 def _partition(layers: Sequence[StackLayer], wo: Floats) -> Partition:
     """Combine a stack as `stack_bsdf` does (see the first test)."""
-    return compose([(layer_partition(layer.parameters, wo), layer.mask, layer.mode) for layer in layers])
+    return combine_partitions([(layer_partition(layer.parameters, wo), layer.mask, layer.mode) for layer in layers])
 
 
 def _sums(partition: Partition) -> dict[str, Floats]:
     """Return each lobe's integral over its own hemisphere, (n, 3)."""
     wo, shape = partition.wo, partition.wo.shape[:-1]
-    cosine = dot(partition.frames["highlight"].facing(wo).normal, wo)
+    cosine = dot(partition.frames["highlight"].bend_towards(wo).normal, wo)
     sums = {}
     for name, term in partition.terms.items():
         normal_weight, grazing_weight = (np.broadcast_to(w, wo.shape) for w in (term.normal, term.grazing))
         # The cosine-weighted mean of (1 - cos)^5 is 1/21.
         albedo = np.array([np.ones(shape), np.full(shape, 1.0 / 21.0)])
-        if family(name) == "highlight":
-            seen = np.sqrt(term.bend * (term.bend + 2.0) + cosine**2) / (1.0 + term.bend) if name in THROUGH else cosine
+        if lobe_family(name) == "highlight":
+            seen = (
+                np.sqrt(term.ior_minus_one * (term.ior_minus_one + 2.0) + cosine**2) / (1.0 + term.ior_minus_one)
+                if name in TRANSMITTED_LOBES
+                else cosine
+            )
             cone, seen = np.broadcast_to(term.cone, shape), np.broadcast_to(seen, shape)
             nonzero = (normal_weight + grazing_weight).max(axis=-1) > 0.0
             albedo[:, nonzero] = highlight_albedo(cone[nonzero], np.minimum(seen[nonzero], 1.0))
@@ -214,9 +218,9 @@ def test_conserving_changes_the_fresnel_terms_of_highlights_only(modes: tuple[An
     for name, term in conserving.terms.items():
         other = published.terms[name]
         np.testing.assert_allclose(term.cone, other.cone, rtol=1e-9)
-        np.testing.assert_allclose(term.bend, other.bend, rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(term.ior_minus_one, other.ior_minus_one, rtol=1e-9, atol=1e-15)
         expected = other.normal, other.grazing
-        if family(name) == "highlight":
+        if lobe_family(name) == "highlight":
             expected = (fresnel_blend(*expected, wo[..., 2]),) * 2
         np.testing.assert_allclose(term.normal, expected[0], rtol=1e-9, atol=1e-15)
         np.testing.assert_allclose(term.grazing, expected[1], rtol=1e-9, atol=1e-15)

@@ -7,12 +7,12 @@ import pytest
 from random_parameters import directions
 
 from lookdev.brdf import StackLayer, complete_parameters, evaluate, stack_bsdf
-from lookdev.brdf.pixar.layering import compose
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, layer_partition
+from lookdev.brdf.pixar.layering import combine_partitions
+from lookdev.brdf.pixar.partition import REFLECTED_LOBES, TRANSMITTED_LOBES, Partition, layer_partition
 
 _COUNT = 500
 _WO = np.array([0.6, 0.0, 0.8])
-_LOBES = (*FRONT, *THROUGH)
+_LOBES = (*REFLECTED_LOBES, *TRANSMITTED_LOBES)
 # The document's table: the lobe of the layer above that meets a lobe of the layer beneath, the lobe that comes out, and
 # whose cone it has, of the two or the larger; a diffuse lobe has none.
 _REFLECTED = [
@@ -27,7 +27,7 @@ _REFLECTED = [
     ("diffuseTransmission", "diffuse", "diffuse", None),
 ]
 # The nine pairs that the document does not print: the same rule on the other side.
-_OTHER_SIDE = dict(zip(FRONT, THROUGH, strict=True))
+_OTHER_SIDE = dict(zip(REFLECTED_LOBES, TRANSMITTED_LOBES, strict=True))
 _TRANSMITTED = [(above, _OTHER_SIDE[beneath], _OTHER_SIDE[out], cone) for above, beneath, out, cone in _REFLECTED]
 
 
@@ -36,7 +36,7 @@ def _parameters(**inputs: Any) -> dict[str, Any]:
 
 
 def _layered(above: Partition, below: Partition, mask: Any, mode: Any) -> Partition:
-    return compose([(below, 1.0, "over"), (above, mask, mode)])
+    return combine_partitions([(below, 1.0, "over"), (above, mask, mode)])
 
 
 def _with_only(lobe: str, **inputs: Any) -> dict[str, Any]:
@@ -62,16 +62,16 @@ def test_the_tables(incoming: str, lobe: str, out: str, cone: str | None, roughn
         cones["larger"] = max(cones.values())
         assert result[out].cone == pytest.approx(cones[cone], rel=1e-15)
         # The layer beneath "replaces the direction", and bends it.
-        assert result[out].bend == pytest.approx(0.7 if out in THROUGH else 0.0, rel=1e-15)
+        assert result[out].ior_minus_one == pytest.approx(0.7 if out in TRANSMITTED_LOBES else 0.0, rel=1e-15)
     # The stack of the two has that lobe, and no other.
     stack = stack_bsdf([StackLayer("pixar", bottom), StackLayer("pixar", top, 1.0, "transmit")])
     assert [lobe.name for lobe in stack.lobes(_WO) if lobe.share > 0.0] == [out]
 
 
 def test_the_tables_are_whole() -> None:
-    assert {pair[:2] for pair in (*_REFLECTED, *_TRANSMITTED)} == {(a, b) for a in THROUGH for b in _LOBES}
+    assert {pair[:2] for pair in (*_REFLECTED, *_TRANSMITTED)} == {(a, b) for a in TRANSMITTED_LOBES for b in _LOBES}
     # "The specular contribution ... is the sum of three interactions, and the diffuse ... of five".
-    for side, table in ((FRONT, _REFLECTED), (THROUGH, _TRANSMITTED)):
+    for side, table in ((REFLECTED_LOBES, _REFLECTED), (TRANSMITTED_LOBES, _TRANSMITTED)):
         outcomes = [out for _, _, out, _ in table]
         assert [outcomes.count(name) for name in side] == [1, 3, 5]
 
@@ -96,7 +96,7 @@ def test_layers_of_different_metals_are_mixed() -> None:
     expected = sum(w * f for w, f in zip((0.216, 0.144, 0.24, 0.4), parts, strict=True))
     np.testing.assert_allclose(evaluate(stack, wo, wi), expected, rtol=1e-11, atol=1e-30)
     # Equal metals are merged.
-    partition = compose([(layer_partition(layer, wo), 0.4, "over") for layer in layers])
+    partition = combine_partitions([(layer_partition(layer, wo), 0.4, "over") for layer in layers])
     assert [len(term.metals) for term in partition.terms.values()] == [2, 2, 0, 0, 0, 0]
 
 
@@ -106,14 +106,14 @@ def test_what_a_layer_transmits_meets_the_curve_of_a_metal() -> None:
     inputs = _parameters(roughness=0.3, clear=0.7, back=0.5), _exact("gold", roughness=0.2)
     lacquer, metal = (layer_partition(layer, wo) for layer in inputs)
     result = _layered(lacquer, metal, 1.0, "transmit")
-    narrow, broad, diffuse = (lacquer.terms[name] for name in THROUGH)
-    (mirror,), (glossy,) = (metal.terms[name].metals for name in FRONT[:2])
+    narrow, broad, diffuse = (lacquer.terms[name] for name in TRANSMITTED_LOBES)
+    (mirror,), (glossy,) = (metal.terms[name].metals for name in REFLECTED_LOBES[:2])
     for kind in ("normal", "grazing"):
         a, b, c, m, g = (getattr(term, kind) for term in (narrow, broad, diffuse, mirror, glossy))
         # The table, where every reflection of the metal has the metal's curve.
         expected = {"reflection": a * m, "specular": a * g + b * (m + g), "diffuse": c * (m + g)}
-        for name in FRONT:
+        for name in REFLECTED_LOBES:
             (sole,) = result.terms[name].metals
             np.testing.assert_allclose(getattr(sole, kind), expected[name], rtol=1e-12)
             np.testing.assert_array_equal((sole.eta, sole.k), _INDICES["gold"])
-    assert all(not result.terms[name].metals for name in THROUGH)
+    assert all(not result.terms[name].metals for name in TRANSMITTED_LOBES)

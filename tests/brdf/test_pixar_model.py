@@ -12,7 +12,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.pixar import partition
-from lookdev.brdf.pixar.partition import FRONT, THROUGH
+from lookdev.brdf.pixar.partition import REFLECTED_LOBES, TRANSMITTED_LOBES
 from lookdev.closures.setups import view_at
 
 
@@ -43,7 +43,7 @@ def test_the_lobe_of_the_model_has_the_plots_integral_where_they_agree() -> None
             x, weight = np.polynomial.legendre.leggauss(8)
             cos = 0.5 * (x + 1.0)
             wi = np.stack([np.sqrt(1.0 - cos * cos), 0.0 * cos, cos], axis=-1)
-            f = lobe.evaluate(DirectionPair.of(np.broadcast_to(wo, wi.shape), wi))[:, 0]
+            f = lobe.evaluate(DirectionPair.from_directions(np.broadcast_to(wo, wi.shape), wi))[:, 0]
             total = 2.0 * np.pi * np.sum(f * cos * 0.5 * weight)
             assert total == pytest.approx(float(diffuse_integral(degrees, roughness)), rel=1e-12)
 
@@ -68,7 +68,7 @@ def test_an_exact_metal_is_pixars_with_another_fresnel_term(energy: str) -> None
     wi = near_the_mirror_image(rng, wo)
     eta, k = np.array(_COPPER["eta"]), np.array(_COPPER["k"])
     inputs = {"roughness": 0.3, "metallic": 1.0, "energy": energy}
-    front, rest = FRONT[:2], (FRONT[2], *THROUGH)
+    front, rest = REFLECTED_LOBES[:2], (REFLECTED_LOBES[2], *TRANSMITTED_LOBES)
 
     def f(lobes: tuple[str, ...], **more: Any) -> Floats:
         return evaluate(_only(_pixar(**inputs | more), *lobes), wo, wi)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import StackLayer, complete_parameters, evaluate, model_named, reflectance, stack_bsdf
-from lookdev.brdf.frames import ZENITH, Upright
+from lookdev.brdf.frames import ZENITH, UprightFrame
 from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.quadrature import half_vector_grid
-from lookdev.brdf.reflectance import DATA, ggx_albedo
+from lookdev.brdf.reflectance import FITS_FILE, ggx_albedo
 from lookdev.closures.setups import view_at
 from lookdev.errors import ModelError
 
@@ -30,8 +30,8 @@ def test_it_is_the_albedo_of_the_specular_lobe(degrees: float, roughness: float,
     wo, layer = view_at(degrees), coat(roughness=roughness, **inputs)
     (lobe,) = (lobe for lobe in model_named("disney").bsdf(layer.parameters).lobes(wo) if lobe.name == "specular")
     wi, weight = half_vector_grid(wo, max(roughness * roughness, 0.001), (64, 48))
-    albedo = ((np.asarray(lobe.evaluate(DirectionPair.of(wo, wi))) * wi[:, 2:]).T @ weight).mean()
-    largest = sum(entry["residual"]["largest"] for entry in json.loads(DATA.read_text()).values())
+    albedo = ((np.asarray(lobe.evaluate(DirectionPair.from_directions(wo, wi))) * wi[:, 2:]).T @ weight).mean()
+    largest = sum(entry["residual"]["largest"] for entry in json.loads(FITS_FILE.read_text()).values())
     assert reflectance(layer, wo) == pytest.approx(albedo, abs=0.015 if inputs is EXACT else largest + 0.002)
 
 
@@ -46,7 +46,7 @@ def test_no_coat_withholds_more_than_all() -> None:
 
 def test_it_is_that_of_the_lobes_own_normal() -> None:
     facing, upright = coat(normal=(0.6, 0.0, 0.8)), coat()
-    assert reflectance(facing, WO) == pytest.approx(reflectance(upright, np.asarray(Upright.normal)))
+    assert reflectance(facing, WO) == pytest.approx(reflectance(upright, np.asarray(UprightFrame.normal)))
 
 
 def test_what_is_beneath_has_the_rest() -> None:

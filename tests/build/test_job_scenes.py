@@ -297,7 +297,7 @@ def test_a_set_without_variants_and_one_with_too_many_are_faults(
     assert faults(make, 'variants = { none = "*" }', asset) == ["car.usda: /Car: variant set 'none' has no variants ()"]
     monkeypatch.setattr("lookdev.material.variants.MOST_COMBINATIONS", 1)
     (message,) = faults(make, 'variants = { finish = "*" }', asset)
-    assert message.startswith("car.usda: /Car: '*' stands for 2 combinations of variants, at most 1")
+    assert message.startswith("car.usda: /Car: '*' expands to 2 combinations of variants, at most 1")
 
 
 def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:

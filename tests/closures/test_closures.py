@@ -10,7 +10,7 @@ from random_parameters import VARIANTS, random_parameters
 
 from lookdev.arrays import Floats
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, stack_bsdf
-from lookdev.brdf.frames import ZENITH, Leaning
+from lookdev.brdf.frames import ZENITH, TiltedFrame
 from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.metal import CONDUCTOR
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
@@ -131,7 +131,7 @@ def test_the_shape_of_the_subsurface_term(roughness: float, angle: float, most: 
     wo = view(angle)
     lobe = disney_lobe("diffuse", wo, baseColor=ONE, roughness=roughness, subsurface=1.0)
     wi, weight = hemisphere_grid(64)
-    model = lobe.evaluate(DirectionPair.of(wo, wi))[:, 0] * wi[:, 2] * weight
+    model = lobe.evaluate(DirectionPair.from_directions(wo, wi))[:, 0] * wi[:, 2] * weight
     closures = sum(closure_cosine(closure, wo, wi)[:, 0] for closure in lobe_closures(lobe, wo)) * weight
     assert 0.5 * np.abs(model / model.sum() - closures / closures.sum()).sum() < most
 
@@ -153,7 +153,7 @@ def test_a_microfacet_closure_seen_from_above_is_its_distribution(kind: ClosureK
 @pytest.mark.parametrize("kind", ["ggx_refraction", "beckmann_refraction"])
 def test_a_refraction_sends_light_along_its_normal(kind: ClosureKind) -> None:
     normal = view(30.0, 1.0)
-    frame = Leaning(normal)
+    frame = TiltedFrame(normal)
     closure = Closure(kind, ONE, 0.02, 0.02, frame, 1000.0)
     wi, weight = half_vector_grid(ZENITH, 0.01, (64, 64))
     wi = -frame.from_local(wi)
@@ -200,7 +200,7 @@ def test_metals_are_ggx_by_schlick() -> None:
 def test_the_diffuse_albedo_is_exact(roughness: float, angle: float) -> None:
     lobe = disney_lobe("diffuse", view(angle), roughness=roughness, baseColor=ONE)
     wi, weight = hemisphere_grid(32)
-    expected = weight @ (lobe.evaluate(DirectionPair.of(view(angle), wi))[:, 0] * wi[:, 2])
+    expected = weight @ (lobe.evaluate(DirectionPair.from_directions(view(angle), wi))[:, 0] * wi[:, 2])
     np.testing.assert_allclose(diffuse_albedo(view(angle)[2], np.array(roughness)), expected, rtol=1e-12)
 
 

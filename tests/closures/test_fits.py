@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from lookdev.brdf.rational import Rational, polynomial
-from lookdev.brdf.reflectance import DATA
-from lookdev.closures.fits import fit, table
-from lookdev.closures.fitting import Goal, make_fits, make_table
-from lookdev.closures.rational import Degree, Problem, fit_rational
+from lookdev.brdf.reflectance import FITS_FILE
+from lookdev.closures.fits import closure_fit, closure_table
+from lookdev.closures.fitting import FitGoal, make_fits, make_table
+from lookdev.closures.rational import Degree, RationalProblem, fit_rational
 from lookdev.closures.reflectance import make_table as make_reflectance
-from lookdev.closures.setups import FULL, LobeGrid, LobeSetup, coat_setups, distance, highlight_setups
+from lookdev.closures.setups import FULL, LobeGrid, LobeSetup, coat_setups, highlight_setups, mix_distance
 
-FITS = table()["fits"]
-REFLECTANCE = json.loads(DATA.read_text())
+FITS = closure_table()["fits"]
+REFLECTANCE = json.loads(FITS_FILE.read_text())
 ANY = np.linspace(0.0, 1.0, 101)
 # Alpha, and the cosine of a refracted view; of all others, roughness or an alpha from 0.001.
 HIGHLIGHTS = np.sin(np.radians(np.linspace(0.25, 54.0, 101))) / np.sqrt(np.log(10.0))
@@ -27,7 +27,7 @@ DOMAINS = {"highlight": HIGHLIGHTS, "highlight_cosine": HIGHLIGHTS, "transmitted
 def test_a_rational_is_recovered() -> None:
     x, y = (values.ravel() for values in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 9)))
     expected = Rational([[1.0, -0.5], [0.25]], [[1.0, 0.8], [0.6]])
-    problem = Problem(x, y, expected(x, y), np.full(x.size, 0.01))
+    problem = RationalProblem(x, y, expected(x, y), np.full(x.size, 0.01))
     fitted = fit_rational(problem, Degree(1, 1, 1), Degree(1, 1, 1))
     np.testing.assert_allclose(fitted(x, y), expected(x, y), rtol=1e-6)
 
@@ -35,7 +35,7 @@ def test_a_rational_is_recovered() -> None:
 def test_a_step_never_crosses_a_pole() -> None:
     # 1 / (x - 0.5) would fit the target; its pole is within.
     x = np.linspace(0.0, 1.0, 50)
-    problem = Problem(x, np.zeros_like(x), 1.0 / (x - 0.5), np.ones_like(x))
+    problem = RationalProblem(x, np.zeros_like(x), 1.0 / (x - 0.5), np.ones_like(x))
     fitted = fit_rational(problem, Degree(1, 0, 1), Degree(1, 0, 1))
     denominator = polynomial(fitted.denominator, x, 0.0)
     assert denominator.min() > 0.0 or denominator.max() < 0.0
@@ -44,7 +44,7 @@ def test_a_step_never_crosses_a_pole() -> None:
 @pytest.mark.parametrize("name", FITS)
 def test_no_pole_and_no_rounding_in_the_whole_domain(name: str) -> None:
     x, y = np.meshgrid(ANY, DOMAINS.get(name, np.maximum(ANY, 0.001)))
-    rational = fit(name)
+    rational = closure_fit(name)
     wide, narrow = rational(x, y), rational(x.astype(np.float32), y.astype(np.float32))
     assert np.isfinite(wide).all()
     denominator = polynomial(rational.denominator, x, y)
@@ -56,19 +56,19 @@ def test_no_pole_and_no_rounding_in_the_whole_domain(name: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def goals() -> dict[str, Goal]:
+def goals() -> dict[str, FitGoal]:
     """Return the goals of the fits of the file, at a few points."""
     grid = LobeGrid(
-        FULL.angles[[0, 6, 12, 20]], FULL.roughness[1::5], FULL.gloss[::5], FULL.cones[::4], FULL.bends[[1, 3]]
+        FULL.angles[[0, 6, 12, 20]], FULL.roughness[1::5], FULL.gloss[::5], FULL.cones[::4], FULL.iors_minus_one[[1, 3]]
     )
-    fits = make_fits(table()["shapes"], grid, load_fit=fit)
+    fits = make_fits(closure_table()["shapes"], grid, load_fit=closure_fit)
     return {name: goal for name, (_, goal) in fits.items()}
 
 
 @pytest.mark.parametrize("name", FITS)
-def test_residuals_are_those_of_the_coefficients(name: str, goals: dict[str, Goal]) -> None:
+def test_residuals_are_those_of_the_coefficients(name: str, goals: dict[str, FitGoal]) -> None:
     goal = goals[name]
-    error = goal.error(fit(name)(goal.problem.x, goal.problem.y))
+    error = goal.error(closure_fit(name)(goal.problem.x, goal.problem.y))
     stored = FITS[name]["residual"]
     # These points are a subset of those of the residual.
     assert error.max() <= 1.001 * stored["largest"] + 1e-6
@@ -87,9 +87,9 @@ def test_every_fit_is_within_a_hundredth() -> None:
 def test_the_distances_of_the_table_are_those_of_its_shapes(
     name: str, setups: Callable[[Mapping[str, Any], LobeGrid], list[LobeSetup]]
 ) -> None:
-    shape = table()["shapes"][name]
+    shape = closure_table()["shapes"][name]
     grid = replace(FULL, angles=np.array([0.0, 50.0]), gloss=np.array([0.0, 1.0]), cones=np.array([1.0, 10.0, 35.0]))
-    distances = [distance(setup) for setup in setups(shape, grid=grid)]
+    distances = [mix_distance(setup) for setup in setups(shape, grid=grid)]
     assert max(distances) <= 1.001 * shape["distance"]["largest"]
     assert 0.3 * shape["distance"]["mean"] <= np.mean(distances) <= 3.0 * shape["distance"]["mean"]
 
@@ -97,7 +97,7 @@ def test_the_distances_of_the_table_are_those_of_its_shapes(
 @pytest.mark.proof
 def test_the_script_makes_the_table_again() -> None:
     new = make_table()
-    assert new["shapes"] == table()["shapes"]
+    assert new["shapes"] == closure_table()["shapes"]
     for name, entry in new["fits"].items():
         # Coefficients differ by the rounding of the linear algebra library.
         np.testing.assert_allclose(entry["residual"]["rms"], FITS[name]["residual"]["rms"], rtol=0.1)

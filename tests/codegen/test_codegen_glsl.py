@@ -79,7 +79,7 @@ def point_functions(layers: Sequence[PointLayer]) -> Functions:
         writer.add(name, elements_of(result))
     evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)")
     draw = function_text(writer, "look_draw(out vec3 wi)")
-    transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
+    transmits = any(lobe.transmits or lobe.crosses_surface for lobe in lobes)
     text = "\n".join([*evaluate, *draw]) + "\n"
     return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)
 

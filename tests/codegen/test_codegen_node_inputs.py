@@ -55,7 +55,7 @@ def tree_of(
 ) -> tuple[NodeTree, tuple[AttributeBinding, ...]]:
     """Return the tree that computes one input, and the attributes of the mesh that it reads."""
     inputs = SymbolicSurface(Graph(), resolve)
-    value = elements_of(SourceValues(inputs).of(source, parameter))
+    value = elements_of(SourceValues(inputs).parameter_value(source, parameter))
     builder = TreeBuilder("inputs")
     names = [node.name for node in reachable_nodes(value) if isinstance(node, Symbol)]
     attributes = bind_inputs(builder, inputs, [*names, "wo_x"])

@@ -11,7 +11,7 @@ from layers import no_textures, of_view
 from node_interpreter import Interpreter, PrimvarPoints
 
 from lookdev.brdf import MODELS
-from lookdev.brdf.frames import Leaning
+from lookdev.brdf.frames import TiltedFrame
 from lookdev.closures import STAND_INS, Closure, closure_cosine, lobe_closures
 from lookdev.codegen.nodes.fits import is_fit
 from lookdev.codegen.nodes.look import generate_nodes
@@ -35,7 +35,7 @@ def random_inputs(model: str, rng: np.random.Generator) -> dict[str, Any]:
     inputs: dict[str, Any] = {}
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
-            if not parameter.stands:
+            if not parameter.expand:
                 inputs[name] = str(rng.choice(parameter.choices))
         elif parameter.kind == "normal":
             if rng.random() < 0.3:
@@ -63,7 +63,7 @@ def closures_of(shader: list[Any], axes: Any, side: Any) -> list[Closure]:
         if kind == "BsdfTransparent":
             continue
         sockets = {name: np.asarray(value, dtype=np.float64) for name, value in sockets.items()}
-        frame = Leaning(np.einsum("nij,nj->ni", axes, np.broadcast_to(sockets["Normal"], (COUNT, 3))))
+        frame = TiltedFrame(np.einsum("nij,nj->ni", axes, np.broadcast_to(sockets["Normal"], (COUNT, 3))))
         weight = np.clip(sockets.pop("Weight", np.ones((1, 3))), 0.0, 1.0)
         color = weight * sockets.get("Color", 0.0)
         match kind:

@@ -10,7 +10,7 @@ import pytest
 from layers import DOME, surface
 
 from lookdev.brdf import MODELS, complete_parameters
-from lookdev.brdf.pixar.partition import FRONT, THROUGH
+from lookdev.brdf.pixar.partition import REFLECTED_LOBES, TRANSMITTED_LOBES
 from lookdev.cache import Content
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
@@ -50,7 +50,7 @@ def generated(source: ShaderSource) -> str:
 
 
 def lobes_in(source: ShaderSource) -> set[str]:
-    return {name for name in ("clearcoat", *FRONT, *THROUGH) if f"// {name}\n" in source.osl}
+    return {name for name in ("clearcoat", *REFLECTED_LOBES, *TRANSMITTED_LOBES) if f"// {name}\n" in source.osl}
 
 
 def test_a_plain_look_has_no_clearcoat_and_no_sheen() -> None:
@@ -166,16 +166,16 @@ HIGHLIGHTS = {"specular", "reflection", "specularTransmission", "refraction"}
         ({"roughness": 1.0}, HIGHLIGHTS),
         ({"specularTint": (0.0, 0.0, 0.0)}, {"specular", "reflection"}),
         ({"transmissionTint": (0.0, 0.0, 0.0)}, {"specularTransmission", "refraction"}),
-        ({"surfaceColor": (0.0, 0.0, 0.0)}, {"diffuse", *THROUGH}),
-        ({"presence": 0.0}, {*FRONT, *THROUGH}),
-        *(({f"{name}Scale": 0.0}, {name}) for name in (*FRONT, *THROUGH)),
+        ({"surfaceColor": (0.0, 0.0, 0.0)}, {"diffuse", *TRANSMITTED_LOBES}),
+        ({"presence": 0.0}, {*REFLECTED_LOBES, *TRANSMITTED_LOBES}),
+        *(({f"{name}Scale": 0.0}, {name}) for name in (*REFLECTED_LOBES, *TRANSMITTED_LOBES)),
     ],
     ids=lambda value: str(sorted(value) if isinstance(value, set) else value),
 )
 def test_a_pixar_lobe_without_weight_vanishes(inputs: dict[str, Any], lost: set[str]) -> None:
     source = surface(pixar(**FULL | inputs))
-    assert lobes_in(source) == {*FRONT, *THROUGH} - lost
-    assert source.transmits == bool(lobes_in(source) & set(THROUGH))
+    assert lobes_in(source) == {*REFLECTED_LOBES, *TRANSMITTED_LOBES} - lost
+    assert source.transmits == bool(lobes_in(source) & set(TRANSMITTED_LOBES))
     assert source.see_through == ("presence" in inputs)
 
 

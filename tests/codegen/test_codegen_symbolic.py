@@ -206,7 +206,7 @@ def test_the_viewer_is_above_the_horizon_and_each_lobe_has_a_share(graph: Graph)
     bsdf = model.bsdf(model.complete({}) | {name: symbol(graph, name) for name in ("metallic", "clearcoat")})
     mixture = trace_mixture(graph, present_lobes(graph, bsdf))
     assert len(mixture.lobes) > 2
-    for value in (mixture.wo[..., 2], mixture.total, *(lobe.share for lobe in mixture.lobes)):
+    for value in (mixture.wo[..., 2], mixture.total_share, *(lobe.share for lobe in mixture.lobes)):
         assert elements_of(value > 0.0) == [True]
 
 
@@ -291,9 +291,9 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
     u1, upper = numbers["u1"] * sum(lobe.share for lobe in lobes), np.zeros(count)
     for result, lobe in zip(mixture.lobes, lobes, strict=True):
         side = lights[lobe.transmits]
-        local_o, local_i = lobe.pair(wo, side)
+        local_o, local_i = lobe.local_directions(wo, side)
         valid = local_i[:, 2] > 0.0
-        density = lobe.pdf(DirectionPair.of(local_o, np.where(valid[:, None], local_i, local_o)))
+        density = lobe.pdf(DirectionPair.from_directions(local_o, np.where(valid[:, None], local_i, local_o)))
         agree([result.share], np.reshape(lobe.share, (-1, 1)))
         runs = True if result.side is None else compute_columns([result.side], lobe.transmits)
         agree(result.value, evaluate_cosine(Bsdf(lambda _, lobe=lobe: (lobe,)), wo, side), lobe.transmits, runs)
@@ -301,9 +301,9 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
         agree([result.density], np.where(valid, share * density, 0.0)[:, None], lobe.transmits, runs)
         # Shares can be too different for a quotient.
         width = np.where(lobe.share > 0.0, lobe.share, 1.0)
-        stretched = np.minimum(np.clip(u1 - upper, 0.0, width) / width, 0.99999994)
+        remapped = np.minimum(np.clip(u1 - upper, 0.0, width) / width, 0.99999994)
         expected_wi, upper = (
-            lobe.draw(stretched if len(lobes) > 1 else numbers["u1"], numbers["u2"]),
+            lobe.draw(remapped if len(lobes) > 1 else numbers["u1"], numbers["u2"]),
             upper + lobe.share,
         )
         # A lobe is sampled only where it has a share.

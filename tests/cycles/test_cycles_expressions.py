@@ -70,7 +70,7 @@ def _code(text: str) -> str:
 
 def _tiles_code(texture: Texture) -> str:
     inputs = SymbolicSurface(Graph(), lambda source: linear_texture(source))  # type: ignore[arg-type]
-    SourceValues(inputs).read(texture, color=True)
+    SourceValues(inputs).source_value(texture, color=True)
     lines, bindings = emit_look_up("lookup0", inputs.look_up("lookup0"))
     text = "\n".join(["vector uv_st = vector(in[0], in[1], 0);", *lines, "value = lookup0;"])
     for binding in bindings:

@@ -128,7 +128,7 @@ def emission_material(source: Any) -> NodeSource:
         x, y, _ = elements_of(SourceValues(inputs)._bump_normal(source) + 20.0)
         value = [x, y, 20.0]
     else:
-        value = elements_of(SourceValues(inputs).of(source, COLOR))
+        value = elements_of(SourceValues(inputs).parameter_value(source, COLOR))
     builder = TreeBuilder("emitting")
     bind_inputs(builder, inputs, [node.name for node in reachable_nodes(value) if isinstance(node, Symbol)])
     light = builder.add("Emission", inputs={"Color": builder.vector(value)})

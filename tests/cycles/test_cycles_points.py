@@ -99,7 +99,7 @@ def assert_values_close(got: Floats, expected: Floats, tolerance: float = RELATI
 
 
 def disney(variant: str = "2014", mode: Any = "over", options: bool = False, **tokens: str) -> PointLayer:
-    left_out = {} if options else MODELS["disney"].options_left_out()
+    left_out = {} if options else MODELS["disney"].optional_defaults()
     return PointLayer("disney", {"variant": variant, **tokens}, mode, left_out)
 
 

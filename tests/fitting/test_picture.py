@@ -9,8 +9,8 @@ import pytest
 
 from lookdev.brdf import Parameter
 from lookdev.errors import LookdevError
-from lookdev.fitting.picture.photo import REC709, Photo, estimate_noise, read_photo, to_rec709
-from lookdev.fitting.picture.search import Search, Settings
+from lookdev.fitting.picture.photo import REC709, Photo, estimate_noise, matrix_to_rec709, read_photo
+from lookdev.fitting.picture.search import Search, SearchSettings
 from lookdev.fitting.picture.target import Target, block_side
 from lookdev.fitting.picture.unknowns import EXPOSURE, Unknown, parse_unknowns
 from lookdev.material import Layer, Look
@@ -64,7 +64,7 @@ def test_parameters_are_found_within_their_errors() -> None:
     scores = []
     for seed in range(12):
         render, target = linear(truth, 0.05, seed)
-        result = Search(render, target, [unknown(name, 0.5) for name in truth], Settings(seed=seed)).run()
+        result = Search(render, target, [unknown(name, 0.5) for name in truth], SearchSettings(seed=seed)).run()
         assert result.converged
         assert not result.undetermined
         scores += [(result.values[n][0] - value) / result.errors[n][0] for n, value in truth.items()]
@@ -88,7 +88,7 @@ def test_what_the_picture_does_not_tell_is_reported() -> None:
     render, target = linear({"a": 0.5, "b": 0.3}, 0.05, alike=True)
     result = Search(render, target, [unknown("a", 0.4), unknown("b", 0.4)]).run()
     assert set(result.undetermined) == {"a", "b"}
-    [(first, second, correlation)] = result.alike
+    [(first, second, correlation)] = result.correlated_pairs
     assert (first, second) == ("a", "b")
     assert correlation < -0.95
     assert result.values["a"][0] + result.values["b"][0] == pytest.approx(0.8, abs=0.02)
@@ -123,11 +123,11 @@ def test_nothing_that_changes_is_an_error() -> None:
 
 def test_other_primaries_are_converted(tmp_path: Path) -> None:
     aces = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
-    matrix = to_rec709(aces)
+    matrix = matrix_to_rec709(aces)
     # ACEScg to Rec.709 with Bradford's adaptation, as OpenColorIO's built-in configs have it.
     published = [[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]]
     np.testing.assert_allclose(matrix, published, atol=2e-4)
-    np.testing.assert_allclose(to_rec709(REC709), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(matrix_to_rec709(REC709), np.eye(3), atol=1e-12)
     pixels = np.random.default_rng(0).random((8, 8, 3))
     photo = read_photo(write(tmp_path / "aces.exr", pixels, chromaticities=aces))
     np.testing.assert_allclose(photo.color, pixels.astype(np.float32) @ matrix.T, atol=1e-6)
@@ -142,10 +142,10 @@ def test_the_layer_error_is_the_noise_and_broken_pixels_do_not_count(tmp_path: P
     pixels[2, 3, 0] = np.nan
     photo = read_photo(write(tmp_path / "frame.exr", pixels))
     np.testing.assert_allclose(photo.noise, 0.01, rtol=1e-6)
-    assert photo.counts.sum() == 63
+    assert photo.weights.sum() == 63
     assert "1 pixels are not finite" in photo.notes[0]
     mask = write(tmp_path / "mask.exr", np.repeat(np.eye(8)[..., None], 3, axis=-1))
-    assert read_photo(tmp_path / "frame.exr", mask).counts.sum() == 8
+    assert read_photo(tmp_path / "frame.exr", mask).weights.sum() == 8
 
 
 def test_noise_is_estimated_by_brightness() -> None:
@@ -166,7 +166,7 @@ def test_blocks_divide_a_picture(size: tuple[int, int], pixels: int, side: int) 
 def test_pictures_that_show_too_little_are_refused() -> None:
     color = np.full((8, 8, 3), 0.5)
     photo = Photo(Path("photo.exr"), color, None, 0.01 * color, np.ones((8, 8)), "the test")
-    with pytest.raises(LookdevError, match="0 blocks of 1 x 1 pixels are of the asset alone"):
+    with pytest.raises(LookdevError, match="only 0 blocks of 1 x 1 pixels show nothing but the asset"):
         Target.from_photo(photo, 1, np.zeros((8, 8)), 1.0, see_through=False)
     with pytest.raises(LookdevError, match="no alpha to compare with"):
         Target.from_photo(photo, 1, np.ones((8, 8)), 1.0, see_through=True)

@@ -33,7 +33,7 @@ def page(tmp_path: Path) -> str:
         errors={NAME: (0.01, 0.02, 0.03), "roughness": (float("nan"),)},
         without_effect=(),
         undetermined=("roughness",),
-        alike=(),
+        correlated_pairs=(),
         before=3.0,
         after=0.1,
         noise=0.05,

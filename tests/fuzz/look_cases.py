@@ -87,7 +87,7 @@ _PLAN: tuple[tuple[Any, ...], ...] = (
 def _read(file: Path) -> Reading:
     found = read_any_look(file, None, {}, "M")
     folder = str(file.parent)
-    notes = tuple(str(note).replace(folder, "") for note in found.lost)
+    notes = tuple(str(note).replace(folder, "") for note in found.losses)
     # Not the text of the whole look: expressions that share another one are as long as their paths are many.
     read = [
         (layer.name, layer.mode, sorted(layer.inputs), list(leaf_sources([*layer.inputs.values(), layer.mask])))

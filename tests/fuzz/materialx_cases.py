@@ -111,10 +111,10 @@ def _read(way: str, file: Path) -> Reading:
         write_usda(found, file.with_suffix(".usda"), replace=True)
         name = found.materials[0].name if found.materials else ""
         prim = None if len(found.materials) == 1 else f"/{name}"
-        materials, notes = repr(read_look(file.with_suffix(".usda"), prim, name="M")), found.unmapped
+        materials, notes = repr(read_look(file.with_suffix(".usda"), prim, name="M")), found.losses
     else:
         look = read_any_look(file, None, {}, "M")
-        materials, notes = repr(look.look), look.lost
+        materials, notes = repr(look.look), look.losses
     folder = str(file.parent)
     return Reading(
         {"materials": materials.replace(folder, "FOLDER")}, tuple(str(note).replace(folder, "") for note in notes)

@@ -106,7 +106,7 @@ def _read(file: Path, names: tuple[str, ...]) -> Reading:
         result[f"{number} others"] = len(values)
     bound = read_bound_looks(composed, [slot.material for slot in asset.slots if slot.material])
     result["looks"] = [len(material.look.layers) for material in bound.values()]
-    result["lost"] = [str(fault) for material in bound.values() for fault in material.lost]
+    result["lost"] = [str(fault) for material in bound.values() for fault in material.losses]
     return Reading(result, asset.notes)
 
 

@@ -139,7 +139,7 @@ def read(file: Path, sound: Sound) -> Reading:
     for i, instance in enumerate(asset.instances):
         result[f"instance {i}"] = instance.mesh, instance.path, instance.matrix.tobytes()
     bound = read_bound_looks(composed, dict.fromkeys(slot.material for slot in asset.slots if slot.material))
-    lost = [str(fault) for each in bound.values() for fault in each.lost]
+    lost = [str(fault) for each in bound.values() for fault in each.losses]
     result |= {
         f"look {path}": repr(each.look).replace(str(file), "asset").replace(str(file.parent), "")
         for path, each in bound.items()

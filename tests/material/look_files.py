@@ -125,7 +125,7 @@ def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> 
 
 
 def fault_texts(result: BoundLook) -> list[tuple[str, str]]:
-    return [(shorten_path(fault.where), fault.what) for fault in result.lost]
+    return [(shorten_path(fault.where), fault.what) for fault in result.losses]
 
 
 def rotate_clockwise(v: Floats, degrees: float) -> Floats:

@@ -13,7 +13,7 @@ from lookdev.errors import LookError, StageError
 from lookdev.material import Displacement, Layer, Primvar, Texture
 from lookdev.material.translate import TRANSLATIONS
 from lookdev.material.usd import read_look
-from lookdev.material.usd.bound import GREY, BoundLook, read_any_look, read_bound_looks
+from lookdev.material.usd.bound import GREY_LAYER, BoundLook, read_any_look, read_bound_looks
 from lookdev.stage import Composition, compose
 
 pytestmark = pytest.mark.both_pythons
@@ -139,7 +139,7 @@ def test_inputs_are_carried(folder: Path, links: str, nodes: str, expected: dict
 def test_every_translation_is_read_by_its_identifiers(folder: Path, identifier: str) -> None:
     result = bound(folder, preview("", identifier=identifier))
     assert TRANSLATIONS[result.look.layers[0].model].identifier == identifier
-    assert not result.lost
+    assert not result.losses
 
 
 def test_a_material_of_lookdev_is_read_as_any_look(folder: Path) -> None:
@@ -149,7 +149,7 @@ def test_a_material_of_lookdev_is_read_as_any_look(folder: Path) -> None:
     result = read_any_look(file := asset(folder, body))
     assert result.look == read_look(file)
     assert result.look.layers == rough
-    assert (result.lost, result.titles) == ((), ("Disney",))
+    assert (result.losses, result.titles) == ((), ("Disney",))
     with pytest.raises(LookError, match="unknown input"):
         bound(folder, body.replace("roughness", "rouhgness"))
 
@@ -164,7 +164,7 @@ def test_materialx_comes_before_the_universal_terminal(folder: Path) -> None:
     assert where == "/M.outputs:mtlx:surface"
     assert "ND_lama_surface is not supported" in message
     ignored = "token outputs:mdl:surface.connect = </M/S.outputs:surface>\n"
-    assert not bound(folder, preview("", terminal=PREVIEW + ignored)).lost
+    assert not bound(folder, preview("", terminal=PREVIEW + ignored)).losses
 
 
 CYCLE = 'def NodeGraph "G"\n{\ntoken outputs:o.connect = </M/G.outputs:o>\n}\n'
@@ -197,14 +197,14 @@ def mix_material(inputs: str, more: str = "", identifier: str = "ND_mix_surfaces
 )
 def test_what_cannot_be_read_is_grey(folder: Path, body: str, path: str, where: str, message: str) -> None:
     result = bound(folder, body, path=path)
-    assert result.look.layers == (GREY,)
+    assert result.look.layers == (GREY_LAYER,)
     assert any(fault_path == where and message in text for fault_path, text in fault_texts(result)), fault_texts(result)
 
 
 def test_grey_says_what_can_be_read(folder: Path) -> None:
     result = bound(folder, preview("", identifier="PxrSurface"))
     assert result.titles == ("neutral grey",)
-    titles = result.lost[0].what.partition("; ")[2].removesuffix(" are").split(", ")
+    titles = result.losses[0].what.partition("; ")[2].removesuffix(" are").split(", ")
     assert titles == sorted(set(titles), key=titles.index)
     assert "Standard Surface" in titles
 
@@ -221,7 +221,7 @@ def test_node_graphs_and_interface_inputs_are_followed(folder: Path) -> None:
     inputs = "float inputs:roughness.connect = </M/G.inputs:rough>\nfloat metallic <- .unset\nfloat unknown <- .unset"
     result = bound(folder, body + shader("S", "UsdPreviewSurface", inputs) + "}")
     assert inputs_of(result) == {"roughness": 0.75}
-    assert not result.lost
+    assert not result.losses
 
 
 def test_a_primvar_has_one_type_and_one_fallback(folder: Path) -> None:
@@ -262,7 +262,7 @@ def test_a_missing_or_damaged_image_is_an_error_or_its_fallback(folder: Path, na
 def test_an_unknown_input_is_not_carried_and_a_near_one_is_named(folder: Path, name: str, hint: str) -> None:
     result = bound(folder, preview(f"float {name} = 0.5"))
     assert fault_texts(result) == [(f"S.{name}", "is not carried: UsdPreviewSurface is read without it")]
-    assert result.lost[0].hint == hint
+    assert result.losses[0].hint == hint
 
 
 @pytest.mark.parametrize(
@@ -289,7 +289,7 @@ def test_a_wrong_value_is_listed_and_not_taken(folder: Path, inputs: str, messag
     name = inputs.split()[1].removeprefix("inputs:").partition(".")[0]
     assert inputs_of(result).get(name) == value
     if message is None:
-        assert not result.lost
+        assert not result.losses
     else:
         assert any(where == f"S.{name}" and message in text for where, text in fault_texts(result)), fault_texts(result)
 
@@ -369,7 +369,7 @@ def test_bumps_and_normals_of_materialx(folder: Path) -> None:
     result = bound(folder, materialx("float3 normal <- B.out\n", node, image))
     bump = inputs_of(result)["normal"]
     assert (bump.scale, bump.height.channel) == (0.5, "r")
-    assert not result.lost
+    assert not result.losses
 
 
 def test_colours_are_converted_to_linear_rec709(folder: Path) -> None:
@@ -386,7 +386,7 @@ def test_colours_are_converted_to_linear_rec709(folder: Path) -> None:
 def test_several_materials_are_read_once_each(folder: Path) -> None:
     looks = read_bound_looks(compose(Composition(asset(folder, preview("float roughness = 2")))), ["/M", "/M"])
     assert list(looks) == ["/M"]
-    assert len(looks["/M"].lost) == 1
+    assert len(looks["/M"].losses) == 1
 
 
 MATERIAL = """<surfacematerial name="{}" type="material">
@@ -492,7 +492,7 @@ def test_a_material_of_a_document(folder: Path) -> None:
     assert (layer.inputs["roughness"], layer.inputs["metallic"]) == (0.25, 1.0)
     images = [source for source in layer.inputs["diffuseColor"].inputs.values() if isinstance(source, Texture)]
     assert {(image.colorspace, image.channel) for image in images} == {("sRGB", "rgb"), ("raw", "g")}
-    assert not result.lost
+    assert not result.losses
 
 
 def test_the_asset_overrides_an_input(folder: Path) -> None:
@@ -512,7 +512,7 @@ def test_displacement_of_a_document(folder: Path) -> None:
 
 
 def test_what_the_document_loses_is_listed_with_its_place_in_it(folder: Path) -> None:
-    (fault,) = gold(write_reference(folder, '<look name="L"/>', SURFACE.format(""), GOLD.format(""))).lost
+    (fault,) = gold(write_reference(folder, '<look name="L"/>', SURFACE.format(""), GOLD.format(""))).losses
     assert (fault.file, fault.where, fault.what) == (str(folder / "x.mtlx"), "L", "<look> is not read")
 
 

@@ -40,17 +40,17 @@ class Points(ImagePoints):
 
 def value(result: BoundLook, name: str, kind: str = "color") -> Floats:
     """Return the value of an input at the points, not clipped."""
-    assert not result.lost, result.lost
+    assert not result.losses, result.losses
     source = result.look.layers[0].inputs[name]
     parameter = Parameter(name, kind, 0.0, (-np.inf, np.inf))  # type: ignore[arg-type]
-    return np.asarray(SourceValues(Points()).of(source, parameter)) + np.zeros(
+    return np.asarray(SourceValues(Points()).parameter_value(source, parameter)) + np.zeros(
         (len(ST), 3) if kind != "float" else len(ST)
     )
 
 
 S, T = ST.T
 C = np.stack([S, T, 0.0 * S], axis=-1)
-GREY = (C @ [0.2, 0.7, 0.1])[:, np.newaxis] + 0 * C
+GREY_LAYER = (C @ [0.2, 0.7, 0.1])[:, np.newaxis] + 0 * C
 HALFWAY = np.clip((C - 0.2) / 0.5, 0, 1)
 WEIGHTS = "color3f lumacoeffs = (0.2, 0.7, 0.1)"
 NODES_OF_FLOATS = UV + shader("X", "ND_separate2_vector2", "float2 in <- Uv.out")
@@ -84,8 +84,8 @@ OF_C = [
     ("screen_color3", "color3f fg", "color3f bg = (0.5, 0.5, 0.5)", 1 - (1 - C) * 0.5),
     ("inside_color3", "color3f in", "float mask = 0.5", 0.5 * C),
     ("outside_color3", "color3f in", "float mask = 0.25", 0.75 * C),
-    ("luminance_color3", "color3f in", WEIGHTS, GREY),
-    ("saturate_color3", "color3f in", "float amount = 0.5\n" + WEIGHTS, 0.5 * C + 0.5 * GREY),
+    ("luminance_color3", "color3f in", WEIGHTS, GREY_LAYER),
+    ("saturate_color3", "color3f in", "float amount = 0.5\n" + WEIGHTS, 0.5 * C + 0.5 * GREY_LAYER),
     ("normalize_vector3", "float3 in", "", C / np.linalg.norm(C, axis=-1, keepdims=True)),
     ("swizzle_vector3_color3", "float3 in", 'string channels = "yx1"', np.stack([T, S, 0 * S + 1], axis=-1)),
     ("dot_color3", "color3f in", "", C),
@@ -119,7 +119,7 @@ def test_values(tmp_path: Path, kind: str, inputs: str, expected: Floats) -> Non
         result = value(bound(tmp_path, materialx(ROUGH, nodes)), "roughness", "float")
     else:  # beyond 0 to 1 only emission may be, which has no effect otherwise
         emissive = bound(tmp_path, materialx(COLOR.replace("diffuseColor", "emissiveColor"), nodes))
-        losses = tuple(fault for fault in emissive.lost if "emissiveColor" not in fault.where)
+        losses = tuple(fault for fault in emissive.losses if "emissiveColor" not in fault.where)
         result = value(BoundLook(emissive.look, losses), "emissiveColor")
     np.testing.assert_allclose(result, expected, rtol=1e-6, atol=1e-7)
 
@@ -210,7 +210,7 @@ def test_uv_textures_of_materialx(folder: Path) -> None:
     color, alpha = (result.look.layers[0].inputs[name] for name in ("diffuseColor", "roughness"))
     assert (color.colorspace, color.wrap_s, color.channel) == ("sRGB", "repeat", "rgb")
     assert alpha.channel == "a"
-    assert not result.lost
+    assert not result.losses
 
 
 @pytest.mark.parametrize(
@@ -335,4 +335,4 @@ def test_coordinates_as_a_colour_are_noted(tmp_path: Path) -> None:
 def test_a_node_without_inputs_is_read_or_listed(folder: Path, category: str) -> None:
     for kind in ("", "_color3", "_float", "_vector2", "_vector3"):
         result = bound(folder, materialx(COLOR + ROUGH + NORMAL, shader("N", f"ND_{category}{kind}")))
-        assert len(result.look.layers[0].inputs) + len(result.lost) >= 3
+        assert len(result.look.layers[0].inputs) + len(result.losses) >= 3

@@ -12,7 +12,7 @@ from variant_sets import over, selecting, variants
 
 from lookdev.errors import LookdevError, LookError, ModelError
 from lookdev.material import Coordinates, Formula, Layer, Look, Primvar, Texture, ViewCosine
-from lookdev.material.change import constant_named, look_with_value, varied_names, with_constants
+from lookdev.material.change import constant_named, look_with_value, replace_constants, variable_inputs
 from lookdev.material.expression import parse
 from lookdev.material.library import Preset, find_preset
 from lookdev.material.library.constants import check_writable, set_inputs, write_changed
@@ -272,7 +272,7 @@ def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
         ("dirt.pgn", [], "mask: is not a number from 0 to 1, an image (.bmp"),
         ("dirt * 2", [], "'dirt' in the expression has no source (add --input dirt=IMAGE"),
         ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is not a name in the expression (did you mean 'dirt'?)"),
-        ("dirt * 2", ["dirt"], "--input: dirt: names no source of the value"),
+        ("dirt * 2", ["dirt"], "--input: dirt: '' is not a number, an image, a primvar or a UV set"),
         ("1", ["dirt=1"], "--input: dirt=1: only an expression has inputs"),
         ("dirt", ["dirt=dirt.png:rgb"], "the result is a color (a float is needed: use luminance())"),
         ("dirt[0]", ["dirt=dirt.png:r"], "only colors have channels"),
@@ -422,7 +422,7 @@ def test_relative_paths_stay_right_in_another_folder(tmp_path: Path) -> None:
     look = read_look(file)
     target = replace(constant_named(look, "Paint.roughness"), value=(0.5,))
     write_changed(file, tmp_path / "found.usdc", [target])
-    assert read_look(tmp_path / "found.usdc").layers == with_constants(look, [target]).layers
+    assert read_look(tmp_path / "found.usdc").layers == replace_constants(look, [target]).layers
 
 
 def test_what_is_no_look_of_layers_is_refused(tmp_path: Path) -> None:
@@ -514,6 +514,6 @@ def test_what_cannot_vary_and_what_would_be_right(parameter: str, value: object,
 
 
 def test_every_name_can_be_used() -> None:
-    names = dict(varied_names(PAINT))
+    names = dict(variable_inputs(PAINT))
     assert {"Steel.roughness", "Paint.mask", "Paint.mask.wear", "Dust.mask"} <= names.keys()
     assert "Steel.mask" not in names

@@ -18,7 +18,7 @@ from lookdev.codegen.trace.graph import Graph, GraphNode, Symbol, reachable_node
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.material.expression import ExpressionError, ExpressionKind, parse, shaping
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS
-from lookdev.material.expression.syntax import LONGEST
+from lookdev.material.expression.syntax import MAX_LENGTH
 
 PAGE = (Path(__file__).parents[2] / "docs" / "expressions.md").read_text(encoding="utf-8")
 
@@ -159,20 +159,20 @@ def test_of_a_long_line_the_part_at_fault_is_shown() -> None:
 
 _HOSTILE = {
     "a megabyte": "x+" * 500_000 + "x",
-    "parentheses": "(" * LONGEST,
-    "signs": "-" * LONGEST,
+    "parentheses": "(" * MAX_LENGTH,
+    "signs": "-" * MAX_LENGTH,
     "powers": "x^" * 30_000 + "x",
     "a sum": "x+" * 30_000 + "x",
     "choices": "x?" * 30_000,
-    "brackets": "[" * LONGEST,
+    "brackets": "[" * MAX_LENGTH,
     "channels": "x" + "[0]" * 20_000,
     "calls": "abs(" * 16_000,
     "all levels": "1||1&&1==1<1+1*1^(" * 3_000,
     "arguments": "noise(" + "x," * 30_000 + "x)",
-    "a name": "q" * LONGEST,
-    "a number": "9" * LONGEST,
-    "spaces": " " * LONGEST,
-    "zeros": "\0" * LONGEST,
+    "a name": "q" * MAX_LENGTH,
+    "a number": "9" * MAX_LENGTH,
+    "spaces": " " * MAX_LENGTH,
+    "zeros": "\0" * MAX_LENGTH,
 }
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from pxr import Sdf
 
-from lookdev.material.library.layout import with_layout
+from lookdev.material.library.layout import restore_layout
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = ("materials", "jobs", "rigs", "lookdev/shaders")
-SHIPPED = sorted(file for folder in FOLDERS for file in (ROOT / folder).rglob("*.usda"))
+SHIPPED_FOLDERS = sorted(file for folder in FOLDERS for file in (ROOT / folder).rglob("*.usda"))
 EXAMPLES = re.findall(r"```usda\n(#usda.*?)```", (ROOT / "docs" / "looks.md").read_text(), re.DOTALL)
 
 PAINT = '''#usda 1.0
@@ -66,7 +66,7 @@ def layer(text: str) -> Sdf.Layer:
 
 
 TEXTS = {
-    **{file.stem: file.read_text() for file in SHIPPED},
+    **{file.stem: file.read_text() for file in SHIPPED_FOLDERS},
     **{f"example{number}": text for number, text in enumerate(EXAMPLES)},
     "paint": PAINT,
 }
@@ -75,7 +75,7 @@ TEXTS = {
 @pytest.mark.parametrize("text", TEXTS.values(), ids=list(TEXTS))
 def test_what_is_not_edited_stays_to_the_letter(text: str) -> None:
     plain = layer(text).ExportToString()
-    assert with_layout(text, plain, plain) == text
+    assert restore_layout(text, plain, plain) == text
 
 
 def edit_text(path: str, value: object) -> tuple[str | None, str]:
@@ -88,7 +88,7 @@ def edit_text(path: str, value: object) -> tuple[str | None, str]:
         usd_layer.Apply(edit)
     else:
         usd_layer.GetAttributeAtPath(path).default = value
-    return with_layout(PAINT, before, usd_layer.ExportToString()), usd_layer.ExportToString()
+    return restore_layout(PAINT, before, usd_layer.ExportToString()), usd_layer.ExportToString()
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_what_is_added_stands_behind_its_neighbour() -> None:
     before = usd_layer.ExportToString()
     Sdf.AttributeSpec(usd_layer.GetPrimAtPath("/Paint/Base"), "inputs:sheen", Sdf.ValueTypeNames.Float).default = 0.5
     Sdf.PrimSpec(usd_layer.GetPrimAtPath("/Paint"), "Dust", Sdf.SpecifierDef, "Shader")
-    text = with_layout(PAINT, before, usd_layer.ExportToString())
+    text = restore_layout(PAINT, before, usd_layer.ExportToString())
     assert text is not None
     assert layer(text).ExportToString() == usd_layer.ExportToString()
     assert [comment for comment in re.findall(r"#.*", PAINT) if comment not in text] == []
@@ -126,7 +126,7 @@ def test_what_is_added_stands_behind_its_neighbour() -> None:
 
 def test_what_is_nested_too_deep_has_no_layout_of_its_own() -> None:
     deep = "#usda 1.0\n" + "".join(f'def "p{k}"\n{{\n' for k in range(3000)) + "}\n" * 3000
-    assert with_layout(deep, deep, deep) is None
+    assert restore_layout(deep, deep, deep) is None
 
 
 def test_long_values_take_no_longer_than_their_length() -> None:
@@ -135,7 +135,7 @@ def test_long_values_take_no_longer_than_their_length() -> None:
     usd_layer = layer(text)
     before = usd_layer.ExportToString()
     usd_layer.GetAttributeAtPath("/Mesh.a").default = 2.0
-    assert with_layout(text, before, usd_layer.ExportToString()) == text.replace("a = 1", "a = 2")
+    assert restore_layout(text, before, usd_layer.ExportToString()) == text.replace("a = 1", "a = 2")
 
 
 def test_a_prim_that_is_made_anew_at_another_place_moves_with_its_comments() -> None:
@@ -144,6 +144,6 @@ def test_a_prim_that_is_made_anew_at_another_place_moves_with_its_comments() -> 
         return f'#usda 1.0\n\ndef Scope "Top"\n{{\n{prims}}}\n'
 
     before, after = (layer(text(names)).ExportToString() for names in ("ABC", "BCA"))
-    merged = with_layout(text("ABC"), before, after)
+    merged = restore_layout(text("ABC"), before, after)
     assert merged is not None
     assert [line for line in merged.splitlines() if line] == [line for line in text("BCA").splitlines() if line]

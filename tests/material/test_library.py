@@ -9,7 +9,7 @@ from look_files import faults_of, look, shader, write_preset
 from lookdev.errors import LookError
 from lookdev.material.library import (
     LIBRARY_VARIABLE,
-    SHIPPED,
+    SHIPPED_FOLDERS,
     find_preset,
     library_folders,
     library_text,
@@ -74,15 +74,15 @@ def test_what_is_no_preset(tmp_path: Path, text: str, where: str, expected_summa
 
 
 def test_folders_given_named_here_and_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    local, shipped = tmp_path / SHIPPED[0], tmp_path / "checkout" / SHIPPED[0]
+    local, shipped = tmp_path / SHIPPED_FOLDERS[0], tmp_path / "checkout" / SHIPPED_FOLDERS[0]
     with pytest.raises(LookError, match=r"no folder .*materials/presets or .*classic or .*checkout/materials/presets"):
         library_folders()
     shipped.mkdir(parents=True)
     assert library_folders() == (shipped,)
     local.mkdir(parents=True)
     assert library_folders() == (local, shipped)
-    (tmp_path / SHIPPED[1]).mkdir()
-    assert library_folders() == (local, tmp_path / SHIPPED[1], shipped)
+    (tmp_path / SHIPPED_FOLDERS[1]).mkdir()
+    assert library_folders() == (local, tmp_path / SHIPPED_FOLDERS[1], shipped)
     (tmp_path / "a").mkdir()
     monkeypatch.setenv(LIBRARY_VARIABLE, os.pathsep.join(["a", "", str(local)]))
     assert library_folders() == (tmp_path / "a", local)

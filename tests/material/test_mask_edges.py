@@ -13,7 +13,7 @@ from scipy.stats import qmc
 
 from lookdev.brdf import MODELS, StackLayer, evaluate_cosine, pdf, sample
 from lookdev.brdf.disney import DISNEY
-from lookdev.brdf.pixar.layering import compose
+from lookdev.brdf.pixar.layering import combine_partitions
 from lookdev.brdf.pixar.partition import layer_partition
 from lookdev.light import BUILTIN_LIGHTS, load_environment, prepare_light
 
@@ -82,8 +82,8 @@ def test_no_lobe_leaves_its_range(presets: dict[str, Preset]) -> None:
     for a, b in of_models(presets, "pixar", "pixar"):
         below, above = (layer_partition(presets[name][1], wo) for name in (a, b))
         for mask in MASKS:
-            for name, term in compose([(below, 1.0, "over"), (above, mask, "over")]).terms.items():
-                for part in ("normal", "grazing", "cone", "bend"):
+            for name, term in combine_partitions([(below, 1.0, "over"), (above, mask, "over")]).terms.items():
+                for part in ("normal", "grazing", "cone", "ior_minus_one"):
                     ends = getattr(below.terms[name], part), getattr(above.terms[name], part)
                     value = np.asarray(getattr(term, part))
                     # Averages round.

@@ -15,7 +15,7 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.brdf import MODELS
 from lookdev.errors import OutputError
 from lookdev.material import Layer, Primvar, Texture
-from lookdev.material.materialx import Imported, import_materialx, write_usda
+from lookdev.material.materialx import ImportedDocument, import_materialx, write_usda
 from lookdev.material.usd import read_look
 from lookdev.material.validate.examine import examine_file
 
@@ -51,7 +51,7 @@ def document(folder: Path, *inputs: str, nodes="", material=MATERIAL, attributes
     return file
 
 
-def as_look(import_layer: Imported) -> Layer:
+def as_look(import_layer: ImportedDocument) -> Layer:
     """Write an imported document, read it as a look and return its only layer; check the types of connections."""
     usda = import_layer.file.with_suffix(".usda")
     write_usda(import_layer, usda, replace=True)
@@ -64,17 +64,17 @@ def as_look(import_layer: Imported) -> Layer:
     return layer
 
 
-def unmapped_faults(import_layer: Imported) -> list[tuple[str, str, str]]:
-    assert all(fault.file == str(import_layer.file) for fault in import_layer.unmapped)
-    return [(fault.where, fault.what, fault.hint) for fault in import_layer.unmapped]
+def unmapped_faults(import_layer: ImportedDocument) -> list[tuple[str, str, str]]:
+    assert all(fault.file == str(import_layer.file) for fault in import_layer.losses)
+    return [(fault.where, fault.what, fault.hint) for fault in import_layer.losses]
 
 
-def import_layer(folder: Path, *inputs: str, **parts: str) -> Imported:
+def import_layer(folder: Path, *inputs: str, **parts: str) -> ImportedDocument:
     """Import a document as `document` writes it."""
     return import_materialx(document(folder, *inputs, **parts))
 
 
-def texture_of(import_layer: Imported, name: str) -> Texture:
+def texture_of(import_layer: ImportedDocument, name: str) -> Texture:
     return as_look(import_layer).inputs[name]
 
 
@@ -91,7 +91,7 @@ def test_every_input_of_the_node_is_carried_over_or_reported(tmp_path: Path, nam
     if name in MODELS["disney"].parameters:
         numbers = tuple(float(number) for number in value.split(","))
         assert as_look(result).inputs[name] == (numbers if len(numbers) == 3 else numbers[0])
-        assert not result.unmapped
+        assert not result.losses
     else:
         ((where, message, hint),) = unmapped_faults(result)
         assert (where, message) == (f"S/{name}", f"'{value}' is not carried over")
@@ -120,7 +120,7 @@ def test_a_constant_comes_through_graphs_interfaces_and_nodes(tmp_path: Path) ->
       <output name="o" type="float" nodename="d"/></nodegraph>"""
     result = import_layer(tmp_path, setting("roughness", 'nodegraph="G" output="o"'), nodes=graph)
     assert as_look(result).inputs["roughness"] == 0.25
-    assert not result.unmapped
+    assert not result.losses
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_a_float_takes_a_channel(tmp_path: Path, node: str, link: str, channel: 
     result = import_layer(tmp_path, setting("metallic", f'nodename="{link}"'), nodes=nodes)
     texture = texture_of(result, "metallic")
     assert (texture.channel, texture.file.name) == (channel, "rgb.png")
-    assert not result.unmapped
+    assert not result.losses
 
 
 def test_wrap_modes_uv_sets_and_a_shared_image(tmp_path: Path) -> None:
@@ -199,7 +199,7 @@ def test_placement_is_that_of_the_library(tmp_path: Path, order: int) -> None:
       <tiledimage name="image" type="color3"><input name="file" type="filename" value="rgb.png"/>
         <input name="texcoord" type="vector2" nodename="place"/>{inputs["uvtiling"]}{inputs["uvoffset"]}</tiledimage>"""
     result = import_layer(tmp_path, TO_IMAGE, nodes=nodes)
-    assert not result.unmapped
+    assert not result.losses
     texture = texture_of(result, "baseColor")
     st = rng.uniform(-1.0, 1.0, (8, 2))
     matrix = np.reshape(texture.transform, (2, 3))
@@ -227,7 +227,7 @@ def test_primvars(tmp_path: Path) -> None:
     result = import_layer(tmp_path, *links, nodes=nodes)
     layer = as_look(result)
     assert layer.inputs == {"roughness": Primvar("wear", 0.25), "baseColor": Primvar("displayColor", (0.0, 0.0, 0.0))}
-    assert not result.unmapped
+    assert not result.losses
 
 
 def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
@@ -439,6 +439,6 @@ def test_a_megabyte_of_nodes_ends_soon(tmp_path: Path, version: str, closed: boo
     if closed:
         assert "its connections run in a cycle" in faults(file)[0][1]
     else:
-        assert len(import_materialx(file).unmapped) == len(names) + 1
+        assert len(import_materialx(file).losses) == len(names) + 1
     # It takes less than a second on an idle machine. Upgrading such a file took 150 s.
     assert time.process_time() - before < 5.0

@@ -111,7 +111,7 @@ def test_exr_crop_window_is_put_into_the_whole_image(tmp_path: Path) -> None:
 def test_header(tmp_path: Path, name: str, kind: str, modes: dict[str, str], expected: tuple[object, ...]) -> None:
     header = image_header(save(tmp_path / name, np.zeros((1, 1, 3), np.float32), kind, **modes))
     assert header.channels == ("R", "G", "B")
-    assert (header.eight_bit, header.unsigned, *header.wraps) == expected
+    assert (header.is_eight_bit, header.is_unsigned, *header.wraps) == expected
 
 
 def test_faults_name_the_file(tmp_path: Path, cache: Path) -> None:

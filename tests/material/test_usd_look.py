@@ -277,7 +277,7 @@ def test_an_expression_may_read_an_expression(write) -> None:
     inner = expression("a * a", "float a = 3", "Inner")
     mask = mask_of(write, expression("inner + 1", "float inner <- Inner.result"), inner)
     inputs = SymbolicSurface(Graph(), lambda source: pytest.fail("no image is there"))
-    assert float(SourceValues(inputs).read(mask, color=False)) == 10.0
+    assert float(SourceValues(inputs).source_value(mask, color=False)) == 10.0
 
 
 def test_a_parameter_may_be_an_expression(write) -> None:
@@ -285,7 +285,7 @@ def test_a_parameter_may_be_an_expression(write) -> None:
     look = read_look(write(disney(body=color) + expression("[a, 0, a * 2]", "float a = 0.25", kind="color3f")))
     inputs = SymbolicSurface(Graph(), lambda source: pytest.fail("no image is there"))
     np.testing.assert_array_equal(
-        SourceValues(inputs).read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5]
+        SourceValues(inputs).source_value(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5]
     )
 
 
@@ -321,7 +321,7 @@ def test_what_expressions_share_is_read_and_computed_once(write) -> None:
     look = read_look(file)
     assert look_uvs(look) == ("st",)
     inputs = SymbolicSurface(Graph(), lambda source: pytest.fail("no image is opened"))
-    assert isinstance(SourceValues(inputs).read(look.layers[1].mask, color=False), SymbolicArray)
+    assert isinstance(SourceValues(inputs).source_value(look.layers[1].mask, color=False), SymbolicArray)
     assert examine_file(file).findings == ()
 
 

@@ -9,7 +9,7 @@ from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, 
 from variant_sets import over, selecting, variants
 
 from lookdev.cli import run as run_cli
-from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine_file
+from lookdev.material.validate.examine import MAX_COMBINATIONS, MAX_FINDINGS, examine_file
 from lookdev.material.validate.report import ValidationFinding, ValidationReport
 
 ROOT = Path(__file__).parents[2]
@@ -149,12 +149,12 @@ def test_a_variant_inside_a_variant_is_examined(write) -> None:
 
 
 def test_too_many_combinations_are_tried_one_by_one(write) -> None:
-    assert MOST_COMBINATIONS < 2**7
+    assert MAX_COMBINATIONS < 2**7
     sets = "".join(variants(f"s{i}", a="", b=rough(2) if i == 6 else "") for i in range(7))
     report = examine_file(write(disney() + sets, material=selecting(**{f"s{i}": "a" for i in range(7)})))
     error, note = report.findings
     assert (error.input, error.variants) == ("inputs:roughness", ("s6=b",))
-    assert note.what == f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
+    assert note.what == f"has more than {MAX_COMBINATIONS} combinations of variants; not all were examined"
     assert report.combinations == 14
 
 
@@ -214,9 +214,9 @@ def test_a_rig_is_pointed_to_what_lists_it(tmp_path: Path) -> None:
 
 
 def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureFixture[str]) -> None:
-    unread = "".join(shader(f"B{i}", "LookdevDisney") for i in range(MOST_FINDINGS + 10))
+    unread = "".join(shader(f"B{i}", "LookdevDisney") for i in range(MAX_FINDINGS + 10))
     report = examine_file(write(disney() + unread + 'def "X" (\nreferences = @./gone.usda@\n) {\n}\n'))
-    assert len(report.findings) == MOST_FINDINGS + 1
+    assert len(report.findings) == MAX_FINDINGS + 1
     assert (report.findings[0].severity, report.findings[-1].what) == ("error", "11 more findings")
     assert capfd.readouterr() == ("", "")
 

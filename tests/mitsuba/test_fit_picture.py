@@ -14,7 +14,7 @@ from lending import lend_workers
 
 from lookdev.errors import LookdevError
 from lookdev.fitting.picture.fit import PictureFitRequest, fit_picture
-from lookdev.fitting.picture.search import LossPoint, Settings
+from lookdev.fitting.picture.search import LossPoint, SearchSettings
 from lookdev.material.change import constant_named
 from lookdev.material.library.constants import write_changed
 from lookdev.material.usd import read_look
@@ -124,7 +124,9 @@ def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_pa
 
 
 TINY = Case("sphere", "city", look_text("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})
-LITTLE = Settings(tried=2, followed=1, coarse=4, samples=8, finest=16, slopes=4, rounds=2)
+LITTLE = SearchSettings(
+    start_count=2, followed_count=1, start_samples=4, samples=8, final_samples=16, slopes=4, rounds=2
+)
 
 
 @pytest.mark.cycles

@@ -7,7 +7,7 @@ import pytest
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.errors import LookError
-from lookdev.mtlx import NOTES, document_layer, shade
+from lookdev.mtlx import NOTES_KEY, document_layer, shade
 
 pytestmark = pytest.mark.both_pythons
 
@@ -142,7 +142,7 @@ def test_a_prefix_that_is_in_the_path_already_is_left_out_and_noted(tmp_path: Pa
     (tmp_path / "tex" / "a.png").touch()
     stage = textured(tmp_path, "tex/a.png", 'fileprefix="tex/"')
     assert image(stage) == str(tmp_path / "tex/a.png")
-    assert "there is no tex/tex/a.png" in stage.GetRootLayer().customLayerData[NOTES]
+    assert "there is no tex/tex/a.png" in stage.GetRootLayer().customLayerData[NOTES_KEY]
 
 
 def test_names_become_identifiers(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_what_is_left_out_is_noted(tmp_path: Path) -> None:
     node = '<thing name="n" type="float"><input name="in" type="matrix33" value="1"/></thing>'
     attributes = 'version="1.38" xmlns:xi="http://www.w3.org/2001/XInclude"'
     stage = material(tmp_path, '<input name="base" type="float" nodename="n"/>', node, parts, attributes=attributes)
-    lines = [line.split("\t") for line in stage.GetRootLayer().customLayerData[NOTES].splitlines()]
+    lines = [line.split("\t") for line in stage.GetRootLayer().customLayerData[NOTES_KEY].splitlines()]
     assert [line[0] for line in lines] == [str(tmp_path / "x.mtlx")] * 3
     notes = ["includes 'y.mtlx'", "a value of type 'matrix33' is not read", "<look> is not read"]
     assert [line[2] for line in lines] == notes
@@ -183,7 +183,7 @@ def test_malformed_values_are_errors_that_are_reported_together(tmp_path: Path) 
 
 
 def test_a_document_of_many_materials_that_share_many_nodes_is_refused(tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(shade, "_MOST_PRIMS", 1000)
+    monkeypatch.setattr(shade, "_MAX_PRIMS", 1000)
     link = '<input name="{}" type="float" nodename="n{}"/>'
     chain = "".join(f'<add name="n{i}" type="float">{link.format("in1", i + 1)}</add>' for i in range(100))
     shader = SHADER.format(link.format("base", 0))

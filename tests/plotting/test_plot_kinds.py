@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from lookdev.brdf import MODELS, evaluate
-from lookdev.brdf.angles import half_difference, towards
+from lookdev.brdf.angles import half_difference, spherical_direction
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.errors import LookdevError
 from lookdev.plotting import KINDS, Plot, PlotOptions, draw, model_subject
@@ -86,10 +86,10 @@ def test_the_albedo_of_white_is_one_and_its_error_is_in_the_numbers() -> None:
 
 def test_retro_and_cartesian_meet_where_both_directions_are_one() -> None:
     retro = draw_plot("retro", size=91).columns
-    w = towards(np.radians(retro["theta (degrees)"][:80]), 0.5 * np.pi)
+    w = spherical_direction(np.radians(retro["theta (degrees)"][:80]), 0.5 * np.pi)
     assert retro["plastic"][:80] == pytest.approx(evaluate(PLASTIC.bsdf, w, w) @ (0.2126, 0.7152, 0.0722))
     along = draw_plot("cartesian", size=81, theta=0.0, limit=80.0).columns
-    w = towards(np.radians(along["theta_h (degrees)"]))
+    w = spherical_direction(np.radians(along["theta_h (degrees)"]))
     assert along["plastic"] == pytest.approx(evaluate(PLASTIC.bsdf, w, w) @ (0.2126, 0.7152, 0.0722))
 
 
@@ -114,10 +114,10 @@ def test_fresnel_of_a_surface_rises_as_schlicks_curve_where_shadowing_does_not_m
 
 
 def test_chi_square_accepts_the_models_samples_and_refuses_others() -> None:
-    wo = towards(np.radians(40.0))
+    wo = spherical_direction(np.radians(40.0))
     rng = np.random.default_rng(3)
     z = np.sqrt(rng.random(1 << 16))
-    cosine = towards(np.arccos(z), 2.0 * np.pi * rng.random(len(z)))
+    cosine = spherical_direction(np.arccos(z), 2.0 * np.pi * rng.random(len(z)))
     good, bad = (chi_square(subject.bsdf, wo, cosine, len(z)) for subject in (WHITE, PLASTIC))
     assert good.resolved
     assert bad.resolved
@@ -158,5 +158,5 @@ def test_a_plot_that_cannot_be_is_refused(kind: str, count: int, options: dict[s
 def test_what_has_no_f_is_refused(kind: str) -> None:
     with pytest.raises(LookdevError, match="glass: scatters along single directions"):
         draw_plot(kind, GLASS, size=8)
-    with pytest.raises(LookdevError, match="beside others"):
+    with pytest.raises(LookdevError, match="one of the two kinds would be right"):
         draw_plot("fresnel", GLASS, PLASTIC)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, evaluate
-from lookdev.brdf.angles import towards
+from lookdev.brdf.angles import spherical_direction
 from lookdev.errors import LookdevError
 from lookdev.plotting import read_subject
 
 MATERIALS = Path(__file__).parents[2] / "materials"
-WO, WI = towards(np.array([0.3, 0.9])), towards(np.array([0.5, 0.2]), np.array([1.0, 2.5]))
+WO, WI = spherical_direction(np.array([0.3, 0.9])), spherical_direction(np.array([0.5, 0.2]), np.array([1.0, 2.5]))
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""Ashikhmin and Shirley's anisotropic Phong model, with a diffuse part that leaves room for the highlight.
+"""Ashikhmin and Shirley's anisotropic Phong model; the highlight attenuates its diffuse part.
 
 - Ashikhmin, M. and Shirley, P. 2000. An Anisotropic Phong BRDF Model. Journal of Graphics Tools 5(2). Equations 4 to 6,
   sampling by equations 8 to 10.
@@ -8,7 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import bsdf_of_lobes, color, diffuse_lobe, exponent, parameters, power_sin2
+from lookdev.brdf.classic.parts import (
+    bsdf_of_lobes,
+    color_parameter,
+    diffuse_lobe,
+    exponent_parameter,
+    parameters_with_normal,
+    sin2_of_power,
+)
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import fresnel_blend, schlick_weights
 from lookdev.brdf.lobes import DirectionPair, Lobe
@@ -57,16 +64,16 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         # Eq. 9 in all quadrants: tan phi = sqrt((nu + 1) / (nv + 1)) tan(2 pi u1).
         x, y = np.sqrt(along) * np.cos(2.0 * np.pi * u1), np.sqrt(across) * np.sin(2.0 * np.pi * u1)
         square = x * x + y * y
-        # Eq. 10; the exponent plus 1 is its denominator.
-        exponent = (across * x * x + along * y * y) / square
-        sin2 = power_sin2(2.0 / exponent, u2)
+        # Eq. 10, whose denominator is the exponent plus 1.
+        denominator = (across * x * x + along * y * y) / square
+        sin2 = sin2_of_power(2.0 / denominator, u2)
         radius = np.sqrt(sin2 / square)
         return reflect(wo, vector(x * radius, y * radius, np.sqrt(np.maximum(1.0 - sin2, 0.0))))
 
     return Lobe(
         "ashikhmin-shirley",
         "specular",
-        # Half vectors lean away from the normal: with Rs = 0 the lobe is not black for a view along the normal.
+        # Half vectors are tilted: with Rs = 0, the lobe is not black for a view along the normal.
         np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate,
         # Eq. 8.
@@ -79,10 +86,10 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
-    typical = np.sqrt((p["exponentU"] + 1.0) * (p["exponentV"] + 1.0))
+    mean_exponent = np.sqrt((p["exponentU"] + 1.0) * (p["exponentV"] + 1.0))
     return {
         "diffuseColor": p["diffuse"] * (1.0 - p["specular"]),
-        "roughness": np.sqrt(np.sqrt(2.0 / (typical + 1.0))),
+        "roughness": np.sqrt(np.sqrt(2.0 / (mean_exponent + 1.0))),
         "f0": mean(p["specular"]),
     }
 
@@ -91,16 +98,16 @@ ASHIKHMIN_SHIRLEY = Model(
     name="ashikhmin-shirley",
     title="Ashikhmin-Shirley",
     text="Ashikhmin and Shirley's anisotropic Phong model (Ashikhmin and Shirley 2000).",
-    parameters=parameters(
-        color("diffuse", 0.5, "Rd, the colour of the body beneath the highlight; linear."),
-        color("specular", 0.05, "Rs, the reflectance at normal incidence; linear."),
-        exponent("exponentU", 100.0, "Of the cosine where the half vector leans along the tangent."),
-        exponent("exponentV", 100.0, "Of the cosine where the half vector leans along the bitangent."),
+    parameters=parameters_with_normal(
+        color_parameter("diffuse", 0.5, "Rd, the colour of the body beneath the highlight; linear."),
+        color_parameter("specular", 0.05, "Rs, the reflectance at normal incidence; linear."),
+        exponent_parameter("exponentU", 100.0, "Of the cosine where the half vector leans along the tangent."),
+        exponent_parameter("exponentV", 100.0, "Of the cosine where the half vector leans along the bitangent."),
     ),
     bsdf=bsdf_of_lobes(_diffuse, _specular),
     identifier="LookdevAshikhminShirley",
     reciprocal=lambda tokens: ("diffuse", "specular"),
     preview=Preview({}, _preview),
     quotes=dict.fromkeys(("exponentU", "exponentV"), "q_u, q_v: Exponents to control shape of specular peak."),
-    quoted="Lecture on reflection models, modern Phong",
+    quote_source="Lecture on reflection models, modern Phong",
 )

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import log_rest, power_sin2, versine
+from lookdev.brdf.classic.parts import log_complement, sin2_of_power, versine
 from lookdev.brdf.microfacet import gtr2_aniso, polar
 from lookdev.brdf.special import expm1_ratio, log1p_ratio, scaled_erfc, squared_angle
 from lookdev.brdf.vectors import TINY, Array, Real
@@ -29,12 +29,12 @@ Density = Callable[[Array, Real, Real], Array]
 class Distribution:
     """A distribution D, and the sampling of half vectors by m, gamma and two uniform numbers.
 
-    The pdf of `sample` is `drawn` times ``cos theta_h``.
+    The pdf of `sample` is `sampled_density` times ``cos theta_h``.
     """
 
     density: Density
     sample: Callable[[Real, Real, Array, Array], Array]
-    drawn: Density
+    sampled_density: Density
 
 
 def _sin2(wm: Array) -> Array:
@@ -43,13 +43,13 @@ def _sin2(wm: Array) -> Array:
 
 # Walter et al. 2007, eq. 25 and 28.
 def _beckmann(wm: Array, m: Real, gamma: Real) -> Array:
-    # Below the floor the exponential is 0, and 0 / 0 would not be a number.
+    # The exponential is 0 below the floor, which avoids 0 / 0.
     cos2 = np.maximum(wm[..., 2] * wm[..., 2], 1e-8)
     return np.exp(-_sin2(wm) / (m * m * cos2)) / (np.pi * m * m * cos2 * cos2)
 
 
 def _sample_beckmann(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
-    tan2 = -m * m * log_rest(u2)
+    tan2 = -m * m * log_complement(u2)
     return polar(tan2 / (1.0 + tan2), u1)
 
 
@@ -90,7 +90,7 @@ def _blinn(wm: Array, m: Real, gamma: Real) -> Array:
 
 
 def _sample_blinn(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
-    return polar(power_sin2(m * m, u2), u1)
+    return polar(sin2_of_power(m * m, u2), u1)
 
 
 def _gaussian(wm: Array, m: Real, gamma: Real) -> Array:

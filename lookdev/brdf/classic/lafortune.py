@@ -6,8 +6,8 @@ direction: (-1, -1, 1) is that of Phong, the mirror image of the view, and (1, 1
 - Lafortune, E. P., Foo, S.-C., Torrance, K. E. and Greenberg, D. P. 1997. Non-Linear Approximation of Reflectance
   Functions. SIGGRAPH, eq. 7.
 
-Powers are cut off at `LARGEST`. A lobe is sampled exactly about its direction, unless it is cut off there. Then the pdf
-has a smaller exponent, by which it has halved where the plateau ends.
+Powers are at most `MAX_POWER`. A lobe whose peak is below this limit is sampled exactly about its direction. The pdf of
+any other lobe has a smaller exponent, with which it has halved at the end of the plateau.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from lookdev.brdf.parameters import Parameter
 from lookdev.brdf.special import log1p_ratio
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, scale
 
-LARGEST = 1e30
-"""The upper limit of a lobe's power."""
+MAX_POWER = 1e30
+"""The largest value of a lobe's power."""
 
 LOBES = (1, 2, 3)
 """The numbers of the lobes, as in the names of their parameters."""
 
 
-def _lobe(number: int) -> parts.Build:
+def _lobe(number: int) -> parts.LobeBuilder:
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         weight, c, e = (p[f"{name}{number}"] for name in ("weight", "coefficients", "exponent"))
         direction = c * wo
@@ -41,7 +41,7 @@ def _lobe(number: int) -> parts.Build:
         axis = scale(direction, 1.0 / np.sqrt(np.where(is_zero, 1.0, length2)))
         axis = np.where(np.expand_dims(is_zero, -1), np.array([0.0, 0.0, 1.0]), axis)
         # If the peak exceeds the limit by a factor exp(m), the plateau ends where cos^e is exp(-m).
-        sampled_exponent = e / np.maximum((e * log_length - np.log(LARGEST)) * (1.0 / np.log(2.0)), 1.0)
+        sampled_exponent = e / np.maximum((e * log_length - np.log(MAX_POWER)) * (1.0 / np.log(2.0)), 1.0)
 
         def evaluate(d: DirectionPair) -> Array:
             o, i = d.wo, d.wi
@@ -49,14 +49,14 @@ def _lobe(number: int) -> parts.Build:
             difference = o - np.where(c < 0.0, -i, i)
             rest = 0.5 * (dot(np.absolute(c) - 1.0, o * o + i * i) - dot(np.absolute(c), difference * difference))
             cosine = dot(c, o * i)
-            power = np.exp(np.minimum(e * rest * log1p_ratio(rest, cosine), np.log(LARGEST)))
+            power = np.exp(np.minimum(e * rest * log1p_ratio(rest, cosine), np.log(MAX_POWER)))
             return scale(weight, np.where(cosine > 0.0, power, 0.0))
 
         # If the peak is below the horizon, the largest value is on the horizon.
         x, y, z = (direction[..., k] for k in range(3))
         across2 = x * x + y * y
         peak2 = np.where(z > 0.0, length2, across2)
-        peak = np.exp(np.minimum(e * 0.5 * (peak2 - 1.0) * log1p_ratio(peak2 - 1.0, peak2), np.log(LARGEST)))
+        peak = np.exp(np.minimum(e * 0.5 * (peak2 - 1.0) * log1p_ratio(peak2 - 1.0, peak2), np.log(MAX_POWER)))
         return Lobe(
             "lafortune",
             f"lobe{number}",
@@ -74,16 +74,16 @@ def _lobe(number: int) -> parts.Build:
 
 def _inputs(number: int) -> tuple[Parameter, ...]:
     return (
-        parts.color(f"weight{number}", 0.1 if number == 1 else 0.0, f"What lobe {number} is multiplied by; linear."),
+        parts.color_parameter(f"weight{number}", 0.1 if number == 1 else 0.0, f"Factor of lobe {number}; linear."),
         Parameter(
             f"coefficients{number}",
             "color",
             (-1.0, -1.0, 1.0),
             hard=(-4.0, 4.0),
             soft=(-1.0, 1.0),
-            help=f"What the view is multiplied by, along x, y and z, to the direction of lobe {number}.",
+            help=f"Factors of the x, y and z of the view, which give the direction of lobe {number}.",
         ),
-        parts.exponent(f"exponent{number}", 32.0, f"Of the generalised cosine of lobe {number}."),
+        parts.exponent_parameter(f"exponent{number}", 32.0, f"Of the generalised cosine of lobe {number}."),
     )
 
 
@@ -95,14 +95,14 @@ LAFORTUNE = Model(
     name="lafortune",
     title="Lafortune",
     text="Lafortune's generalised cosine lobes (Lafortune et al. 1997).",
-    parameters=parts.parameters(
-        parts.color("diffuse", 0.2, "kd, the colour of the body; linear."),
+    parameters=parts.parameters_with_normal(
+        parts.color_parameter("diffuse", 0.2, "kd, the colour of the body; linear."),
         *(parameter for number in LOBES for parameter in _inputs(number)),
     ),
-    bsdf=parts.bsdf_of_lobes(parts.lambertian("lafortune", "diffuse"), *map(_lobe, LOBES)),
+    bsdf=parts.bsdf_of_lobes(parts.lambert_builder("lafortune", "diffuse"), *map(_lobe, LOBES)),
     identifier="LookdevLafortune",
     # Lobes are not normalised: each may reach the largest power over the whole hemisphere.
-    energy=lambda tokens: 1.0 + len(LOBES) * LARGEST * np.pi,
+    energy=lambda tokens: 1.0 + len(LOBES) * MAX_POWER * np.pi,
     reciprocal=lambda tokens: ("diffuse", *(f"lobe{number}" for number in LOBES)),
     probe={"weight1": (0.3, 0.3, 0.3), "weight2": (0.2, 0.2, 0.2), "weight3": (0.1, 0.1, 0.1)}
     | {"coefficients2": (-0.8, -0.8, 0.9), "coefficients3": (0.6, 0.6, 0.6), "exponent2": 8.0, "exponent3": 4.0},

@@ -1,4 +1,4 @@
-"""Oren and Nayar's rough diffuse reflection, their qualitative model: V-grooves of Lambertian facets.
+"""Oren and Nayar's qualitative model of rough diffuse reflection, from V-grooves of Lambertian facets.
 
 f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min theta)).
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import bsdf_of_lobes, color, diffuse_lobe, parameters
+from lookdev.brdf.classic.parts import bsdf_of_lobes, color_parameter, diffuse_lobe, parameters_with_normal
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.model import Model, Preview
@@ -41,11 +41,11 @@ def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
     def evaluate(d: DirectionPair) -> Array:
         # The greater sine times the smaller tangent, times the cosine of the azimuth.
-        return scale(color, np.maximum(_across(d), 0.0) / np.maximum(_greater(d), TINY))
+        return scale(color, np.maximum(_azimuth_product(d), 0.0) / np.maximum(_max_cosine(d), TINY))
 
     def pdf(d: DirectionPair) -> Array:
-        azimuth = np.clip(_across(d) / np.maximum(_sine(d.wo) * _sine(d.wi), TINY), 0.0, 1.0)
-        density: Array = 0.5 * azimuth * d.cos_theta_i / np.maximum(_greater(d), TINY) / integral
+        azimuth = np.clip(_azimuth_product(d) / np.maximum(_sine(d.wo) * _sine(d.wi), TINY), 0.0, 1.0)
+        density: Array = 0.5 * azimuth * d.cos_theta_i / np.maximum(_max_cosine(d), TINY) / integral
         return density
 
     def sample(u1: Array, u2: Array) -> Array:
@@ -80,12 +80,12 @@ def _sine(w: Array) -> Array:
     return sine
 
 
-def _across(d: DirectionPair) -> Array:
+def _azimuth_product(d: DirectionPair) -> Array:
     """Return the product of both sines and the cosine of the azimuth between the directions."""
     return d.wo[..., 0] * d.wi[..., 0] + d.wo[..., 1] * d.wi[..., 1]
 
 
-def _greater(d: DirectionPair) -> Array:
+def _max_cosine(d: DirectionPair) -> Array:
     greater: Array = np.maximum(d.cos_theta_i, d.cos_theta_o)
     return greater
 
@@ -94,8 +94,8 @@ OREN_NAYAR = Model(
     name="oren-nayar",
     title="Oren-Nayar",
     text="Oren and Nayar's rough diffuse reflection, the qualitative model (Oren and Nayar 1994).",
-    parameters=parameters(
-        color("reflectance", 0.8, "The part of light that a facet reflects; linear."),
+    parameters=parameters_with_normal(
+        color_parameter("reflectance", 0.8, "The part of light that a facet reflects; linear."),
         Parameter(
             "sigma",
             "float",

@@ -1,7 +1,4 @@
-"""Parts of the classic models: a surface with one normal, Lambert's lobe, parameters, highlights about a direction.
-
-`DIM` is a floor of products of two cosines in denominators: a highlight divided by it is still a normal float32.
-"""
+"""Parts of the classic models: BSDFs with one normal, Lambert's lobe, parameters, and powers of a cosine."""
 
 from __future__ import annotations
 
@@ -16,18 +13,19 @@ from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_n
 from lookdev.brdf.special import cosine_power, expm1_ratio, log1p_ratio
 from lookdev.brdf.vectors import Array, Parameters, Real, cross, dot, mean, perpendicular, scale, vector
 
-DIM = 1e-30
+MIN_COSINE_PRODUCT = 1e-30
+"""A floor of products of two cosines in denominators; a highlight divided by it is still a normal float32."""
 
-Build = Callable[[Parameters, Array, Frame], Lobe]
-"""Function of all parameters, the view in the lobe's frame, (..., 3), and that frame; it returns a lobe."""
+LobeBuilder = Callable[[Parameters, Array, Frame], Lobe]
+"""Function of all parameters, of the view in the lobe's frame, (..., 3), and of that frame. It returns a lobe."""
 
 
-def bsdf_of_lobes(*builds: Build) -> Callable[[Parameters], Bsdf]:
+def bsdf_of_lobes(*builds: LobeBuilder) -> Callable[[Parameters], Bsdf]:
     """Return the BSDF function of a model whose lobes share the parameter ``"normal"``."""
 
     def bsdf(parameters: Parameters) -> Bsdf:
         def lobes(wo: Array) -> tuple[Lobe, ...]:
-            frame = frame_of(parameters["normal"]).facing(wo)
+            frame = frame_of(parameters["normal"]).bend_towards(wo)
             local = frame.to_local(wo)
             return tuple(build(parameters, local, frame) for build in builds)
 
@@ -36,8 +34,8 @@ def bsdf_of_lobes(*builds: Build) -> Callable[[Parameters], Bsdf]:
     return bsdf
 
 
-def lambertian(model: str, color: str, albedo: float = 1.0) -> Build:
-    """Return the builder of a lobe of constant f; for white, its directional albedo is `albedo`."""
+def lambert_builder(model: str, color: str, albedo: float = 1.0) -> LobeBuilder:
+    """Return the builder of a lobe of constant f, whose directional albedo for white is `albedo`."""
 
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         share, value = mean(p[color]) * albedo, p[color] * albedo
@@ -49,7 +47,7 @@ def lambertian(model: str, color: str, albedo: float = 1.0) -> Build:
 def diffuse_lobe(
     model: str, share: Real, color: Array, frame: Frame, evaluate: Callable[[DirectionPair], Array]
 ) -> Lobe:
-    """Return a lobe of albedo `color` that is sampled in proportion to the cosine."""
+    """Return a lobe of the directional albedo `color` that is sampled in proportion to the cosine."""
     return Lobe(
         model,
         "diffuse",
@@ -69,18 +67,18 @@ def cosine_pdf(d: DirectionPair) -> Array:
     return d.cos_theta_i * (1.0 / np.pi)
 
 
-def parameters(*model_parameters: Parameter) -> Mapping[str, Parameter]:
+def parameters_with_normal(*model_parameters: Parameter) -> Mapping[str, Parameter]:
     """Return a model's parameters by name, with the normal last."""
     normal = normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal.")
     return parameters_by_name(*model_parameters, normal)
 
 
-def color(name: str, grey: float, help: str) -> Parameter:
+def color_parameter(name: str, grey: float, help: str) -> Parameter:
     """Return a parameter that is a colour in [0, 1]."""
     return Parameter(name, "color", (grey, grey, grey), help=help)
 
 
-def exponent(name: str, default: float, help: str) -> Parameter:
+def exponent_parameter(name: str, default: float, help: str) -> Parameter:
     """Return a parameter that is the exponent of a cosine."""
     return Parameter(name, "float", default, hard=(0.0, 1e5), soft=(0.0, 1000.0), help=help)
 
@@ -104,17 +102,17 @@ def power_cosine_pdf(axis: Array, w: Array, exponent: Real) -> Array:
 def sample_power_cosine(axis: Array, exponent: Real, u1: Array, u2: Array) -> Array:
     """Draw directions (..., 3) in proportion to a power of their cosine to `axis`, unit vectors (..., 3)."""
     tangent = perpendicular(axis)
-    local = polar(power_sin2(2.0 / (exponent + 1.0), u2), u1)
+    local = polar(sin2_of_power(2.0 / (exponent + 1.0), u2), u1)
     return scale(tangent, local[..., 0]) + scale(cross(axis, tangent), local[..., 1]) + scale(axis, local[..., 2])
 
 
-def power_sin2(power: Real, u: Array) -> Array:
+def sin2_of_power(power: Real, u: Array) -> Array:
     """Return the squared sine of an angle, ``1 - (1 - u)^power``, for a uniform number."""
-    x = power * log_rest(u)
+    x = power * log_complement(u)
     return -x * expm1_ratio(x)
 
 
-def log_rest(u: Array) -> Array:
+def log_complement(u: Array) -> Array:
     """Return ``log(1 - u)`` of a uniform number; float32 may round the number to 1."""
     return -u * log1p_ratio(-u, 1.0 - u)
 

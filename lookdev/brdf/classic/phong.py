@@ -32,7 +32,7 @@ def _phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def evaluate(d: DirectionPair) -> Array:
         return scale(p["specular"], parts.power_cosine(r, d.wi, e) / np.maximum(d.cos_theta_i, TINY))
 
-    return _about_mirror("phong", p, r, frame, mean(p["specular"]) * (2.0 * np.pi) / (e + 1.0), evaluate)
+    return _mirror_lobe("phong", p, r, frame, mean(p["specular"]) * (2.0 * np.pi) / (e + 1.0), evaluate)
 
 
 def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
@@ -44,10 +44,10 @@ def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
     # The mean cosine of the light is about the cosine of the view.
     albedo = np.minimum(np.sqrt(wo[..., 2] * wo[..., 2] + 1.0 / (e + 2.0)), 1.0)
-    return _about_mirror("modified-phong", p, r, frame, mean(p["specular"]) * albedo, evaluate)
+    return _mirror_lobe("modified-phong", p, r, frame, mean(p["specular"]) * albedo, evaluate)
 
 
-def _about_mirror(
+def _mirror_lobe(
     model: str, p: Parameters, r: Array, frame: Frame, share: Real, evaluate: Callable[[DirectionPair], Array]
 ) -> Lobe:
     e = p["exponent"]
@@ -71,14 +71,14 @@ def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return cosine_power(d.wm[..., 2], parts.versine(d.wm), e)
 
     def sample(u1: Array, u2: Array) -> Array:
-        return reflect(wo, polar(parts.power_sin2(2.0 / (e + 1.0), u2), u1))
+        return reflect(wo, polar(parts.sin2_of_power(2.0 / (e + 1.0), u2), u1))
 
     # 8 pi / (e + 4) for a view along the normal; the mean cosine of light and half vector is about that of the view.
-    typical = np.sqrt(wo[..., 2] * wo[..., 2] + (1.0 - wo[..., 2] * wo[..., 2]) / (e + 4.0))
+    mean_cosine = np.sqrt(wo[..., 2] * wo[..., 2] + (1.0 - wo[..., 2] * wo[..., 2]) / (e + 4.0))
     return Lobe(
         "blinn-phong",
         "specular",
-        mean(p["specular"]) * (8.0 * np.pi) / (e + 4.0) * typical,
+        mean(p["specular"]) * (8.0 * np.pi) / (e + 4.0) * mean_cosine,
         evaluate=lambda d: scale(p["specular"], power(d) / np.maximum(d.cos_theta_i, TINY)),
         pdf=lambda d: power(d) * ((e + 1.0) * (0.125 / np.pi)) / d.cos_theta_d,
         sample=sample,
@@ -99,10 +99,10 @@ def _preview(diffuse: float) -> Preview:
     return Preview({}, derived)
 
 
-_PARAMETERS = parts.parameters(
-    parts.color("diffuse", 0.2, "kd, the colour of the body; linear."),
-    parts.color("specular", 0.3, "ks, the colour of the highlight; linear."),
-    parts.exponent("exponent", 32.0, "Of the cosine: the higher, the smaller the highlight."),
+_PARAMETERS = parts.parameters_with_normal(
+    parts.color_parameter("diffuse", 0.2, "kd, the colour of the body; linear."),
+    parts.color_parameter("specular", 0.3, "ks, the colour of the highlight; linear."),
+    parts.exponent_parameter("exponent", 32.0, "Of the cosine: the higher, the smaller the highlight."),
 )
 
 PHONG = Model(
@@ -110,7 +110,7 @@ PHONG = Model(
     title="Phong",
     text="Phong's model as published, without 1/pi (Phong 1975).",
     parameters=_PARAMETERS,
-    bsdf=parts.bsdf_of_lobes(parts.lambertian("phong", "diffuse", np.pi), _phong),
+    bsdf=parts.bsdf_of_lobes(parts.lambert_builder("phong", "diffuse", np.pi), _phong),
     identifier="LookdevPhong",
     # The diffuse part reflects up to pi, the highlight up to 2 pi at exponent 0.
     energy=lambda tokens: 3.0 * np.pi,
@@ -123,7 +123,7 @@ BLINN_PHONG = Model(
     title="Blinn-Phong",
     text="Blinn's form of Phong's model, by the half vector (Blinn 1977).",
     parameters=_PARAMETERS,
-    bsdf=parts.bsdf_of_lobes(parts.lambertian("blinn-phong", "diffuse", np.pi), _blinn),
+    bsdf=parts.bsdf_of_lobes(parts.lambert_builder("blinn-phong", "diffuse", np.pi), _blinn),
     identifier="LookdevBlinnPhong",
     energy=lambda tokens: 3.0 * np.pi,
     reciprocal=lambda tokens: ("diffuse",),
@@ -135,7 +135,7 @@ MODIFIED_PHONG = Model(
     title="Modified Phong",
     text="Phong's model, reciprocal and normalised (Lafortune and Willems 1994).",
     parameters=_PARAMETERS,
-    bsdf=parts.bsdf_of_lobes(parts.lambertian("modified-phong", "diffuse"), _modified_phong),
+    bsdf=parts.bsdf_of_lobes(parts.lambert_builder("modified-phong", "diffuse"), _modified_phong),
     identifier="LookdevModifiedPhong",
     # Both parts may be white; neither alone reflects more light than it receives.
     energy=lambda tokens: 2.0,

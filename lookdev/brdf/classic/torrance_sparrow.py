@@ -9,8 +9,8 @@ f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o).
 
 Multiscale roughness is two lobes, `specular` and `specular2`, with one G. With G of V-grooves, half vectors are sampled
 from D: the weight is at most 8 F / q. With Smith's G, half vectors are sampled from the visible normals of GGX of the
-same roughness: every other D is at most 1.5 times that of GGX. The exception is ``"gtr"``, whose tail may be heavier,
-and which is sampled from D.
+same roughness, because every D except ``"gtr"`` is at most 1.5 times that of GGX. ``"gtr"`` may have a heavier tail,
+and is sampled from D.
 """
 
 from __future__ import annotations
@@ -21,11 +21,18 @@ import numpy as np
 
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.classic.distributions import DISTRIBUTIONS, smith_beckmann
-from lookdev.brdf.classic.parts import DIM, Build, bsdf_of_lobes, color, lambertian, parameters
+from lookdev.brdf.classic.parts import (
+    MIN_COSINE_PRODUCT,
+    LobeBuilder,
+    bsdf_of_lobes,
+    color_parameter,
+    lambert_builder,
+    parameters_with_normal,
+)
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import DirectionPair, Lobe
-from lookdev.brdf.metal import OF_INDICES, named_metal
+from lookdev.brdf.metal import INDEX_QUOTES, named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, token_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mean, reflect, scale
@@ -50,11 +57,11 @@ def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
 # Torrance and Sparrow 1967 as in Cook and Torrance 1982: min(1, 2 n.h c_o / (wo.h), 2 n.h c_i / (wo.h)).
 def _v_groove(d: DirectionPair) -> Array:
     i, o = d.cos_theta_i, d.cos_theta_o
-    grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, DIM)
-    return np.minimum(1.0 / np.maximum(i * o, DIM), grooves)
+    grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, MIN_COSINE_PRODUCT)
+    return np.minimum(1.0 / np.maximum(i * o, MIN_COSINE_PRODUCT), grooves)
 
 
-def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Real]) -> Build:
+def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Real]) -> LobeBuilder:
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         m, gamma = p[roughness], p["gamma"]
         distribution, shadowing = DISTRIBUTIONS[p["distribution"]], _shadowing(p)
@@ -67,14 +74,14 @@ def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Rea
             return mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, m, m), m, m)
 
         def drawn_pdf(d: DirectionPair) -> Array:
-            return distribution.drawn(d.wm, m, gamma) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
+            return distribution.sampled_density(d.wm, m, gamma) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
         samples_visible = p["geometry"] == "smith" and p["distribution"] != "gtr"
         fresnel = _fresnel(p, wo[..., 2])
         return Lobe(
             "torrance-sparrow",
             name,
-            # Half vectors lean away from the normal: F may be 0 at the angle of the view and not at theirs.
+            # Half vectors are tilted: F may be 0 at the angle of the view and above 0 at theirs.
             mean(tint * np.maximum(fresnel, 0.001)) * 4.0,
             evaluate,
             pdf=visible_pdf if samples_visible else drawn_pdf,
@@ -116,9 +123,9 @@ TORRANCE_SPARROW = Model(
     name="torrance-sparrow",
     title="Torrance-Sparrow",
     text="Torrance and Sparrow's microfacet model (Torrance and Sparrow 1967, Cook and Torrance 1982).",
-    parameters=parameters(
-        color("diffuse", 0.0, "kd, the colour of the body; linear."),
-        color("specular", 1.0, "ks, multiplies what facets reflect; linear."),
+    parameters=parameters_with_normal(
+        color_parameter("diffuse", 0.0, "kd, the colour of the body; linear."),
+        color_parameter("specular", 1.0, "ks, multiplies what facets reflect; linear."),
         token_parameter(
             "distribution",
             tuple(DISTRIBUTIONS),
@@ -132,22 +139,29 @@ TORRANCE_SPARROW = Model(
         token_parameter(
             "normalisation",
             ("4", "pi"),
-            "What D is divided by: 4, which follows from geometry, or pi (Cook and Torrance 1982).",
+            "The divisor of D: 4, which follows from geometry, or pi (Cook and Torrance 1982).",
         ),
         _roughness("roughness", "m, the root mean square slope times the root of 2; alpha of GGX."),
         _roughness("roughness2", "m of the second scale."),
         Parameter("weight2", "float", 0.0, help="The second scale's part of the facets."),
         Parameter("gamma", "float", 2.0, hard=(0.5, 4.0), soft=(0.5, 4.0), help="The tail of gtr; 2 is ggx."),
         Parameter(
-            "eta", "color", (1.5, 1.5, 1.5), hard=(0.05, 10.0), soft=(0.2, 3.0), help="Index of refraction, a channel."
+            "eta", "color", (1.5, 1.5, 1.5), hard=(0.05, 10.0), soft=(0.2, 3.0), help="Index of refraction, by channel."
         ),
-        Parameter("k", "color", (0.0, 0.0, 0.0), hard=(0.0, 20.0), soft=(0.0, 8.0), help="Extinction, a channel."),
+        Parameter("k", "color", (0.0, 0.0, 0.0), hard=(0.0, 20.0), soft=(0.0, 8.0), help="Extinction, by channel."),
         *named_metal(),
-        Parameter("externalIor", "float", 1.0, hard=(1.0, 4.0), soft=(1.0, 2.0), help="Index of what surrounds it."),
+        Parameter(
+            "externalIor",
+            "float",
+            1.0,
+            hard=(1.0, 4.0),
+            soft=(1.0, 2.0),
+            help="Index of refraction around the surface.",
+        ),
         Parameter("polarisation", "float", 0.5, help="0 all light perpendicular, 1 all parallel to the plane."),
     ),
     bsdf=bsdf_of_lobes(
-        lambertian("torrance-sparrow", "diffuse"),
+        lambert_builder("torrance-sparrow", "diffuse"),
         _specular("specular", "roughness", lambda p: 1.0 - p["weight2"]),
         _specular("specular2", "roughness2", lambda p: p["weight2"]),
     ),
@@ -156,6 +170,6 @@ TORRANCE_SPARROW = Model(
     reciprocal=lambda tokens: ("diffuse", "specular", "specular2"),
     probe={"diffuse": (0.2, 0.2, 0.2), "weight2": 0.3, "roughness2": 0.1},
     preview=Preview({}, _preview),
-    quotes={**OF_INDICES, "weight2": "May want to model multiple scales of roughness."},
-    quoted="Trent 2017, section 4; lecture on reflection models, Cook-Torrance",
+    quotes={**INDEX_QUOTES, "weight2": "May want to model multiple scales of roughness."},
+    quote_source="Trent 2017, section 4; lecture on reflection models, Cook-Torrance",
 )

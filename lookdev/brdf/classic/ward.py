@@ -13,7 +13,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import DIM, bsdf_of_lobes, color, lambertian, log_rest, parameters
+from lookdev.brdf.classic.parts import (
+    MIN_COSINE_PRODUCT,
+    bsdf_of_lobes,
+    color_parameter,
+    lambert_builder,
+    log_complement,
+    parameters_with_normal,
+)
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.model import Model, Preview
@@ -30,7 +37,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return value
 
     def evaluate(d: DirectionPair) -> Array:
-        product = np.maximum(d.cos_theta_i * d.cos_theta_o, DIM)
+        product = np.maximum(d.cos_theta_i * d.cos_theta_o, MIN_COSINE_PRODUCT)
         return scale(p["specular"], gaussian(d) / (product if p["variant"] == "dur" else np.sqrt(product)))
 
     def pdf(d: DirectionPair) -> Array:
@@ -38,7 +45,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return gaussian(d) / (z * z * z * d.cos_theta_d)
 
     def sample(u1: Array, u2: Array) -> Array:
-        r, phi = np.sqrt(-log_rest(u2)), 2.0 * np.pi * u1
+        r, phi = np.sqrt(-log_complement(u2)), 2.0 * np.pi * u1
         x = alpha_x * r * np.cos(phi)
         return reflect(wo, normalize(vector(x, alpha_y * r * np.sin(phi), 1.0 + 0.0 * x)))
 
@@ -56,7 +63,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _cosine(d: DirectionPair) -> Array:
-    # Below the floor the Gaussian is 0, and its quotient by the cube would be 0 / 0.
+    # The Gaussian is 0 below the floor, which avoids 0 / 0 in its quotient by the cube.
     cosine: Array = np.maximum(d.wm[..., 2], 1e-6)
     return cosine
 
@@ -80,9 +87,9 @@ WARD = Model(
     name="ward",
     title="Ward",
     text="Ward's anisotropic model (Ward 1992), or with the normalisation of Dür 2006.",
-    parameters=parameters(
-        color("diffuse", 0.2, "kd, the colour of the body; linear."),
-        color("specular", 0.3, "ks, the colour of the highlight; linear."),
+    parameters=parameters_with_normal(
+        color_parameter("diffuse", 0.2, "kd, the colour of the body; linear."),
+        color_parameter("specular", 0.3, "ks, the colour of the highlight; linear."),
         _alpha("alphaX", "tangent"),
         _alpha("alphaY", "bitangent"),
         token_parameter(
@@ -91,7 +98,7 @@ WARD = Model(
             "1992: divided by the root of the product of both cosines. dur: by the product (Dür 2006).",
         ),
     ),
-    bsdf=bsdf_of_lobes(lambertian("ward", "diffuse"), _specular),
+    bsdf=bsdf_of_lobes(lambert_builder("ward", "diffuse"), _specular),
     identifier="LookdevWard",
     # Diffuse and specular may both be white; Dür's albedo grows without bound towards grazing views.
     energy=lambda tokens: np.inf if tokens["variant"] == "dur" else 2.0,
@@ -99,5 +106,5 @@ WARD = Model(
     probe={"alphaX": 0.2, "alphaY": 0.2},
     preview=Preview({"diffuseColor": "diffuse"}, _preview),
     quotes=dict.fromkeys(("alphaX", "alphaY"), "α: surface roughness, or blur in specular component."),
-    quoted="Lecture on reflection models, Ward-Phong",
+    quote_source="Lecture on reflection models, Ward-Phong",
 )

@@ -16,27 +16,27 @@ import numpy as np
 from lookdev.brdf.frames import frame_of
 from lookdev.brdf.lobes import Bsdf, DirectionPair, Lobe
 from lookdev.brdf.measured.files import read_grid
-from lookdev.brdf.measured.grids import Isotropic, MeasurementGrid
+from lookdev.brdf.measured.grids import IsotropicGrid, MeasurementGrid
 from lookdev.brdf.measured.proposal import Proposal, make_proposal
-from lookdev.brdf.measured.synthetic import plastic
+from lookdev.brdf.measured.synthetic import plastic_grid
 from lookdev.brdf.model import Model, Preview, StackLayer
 from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_name, token_parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, scale
 
 BUILT_IN = "builtin:plastic"
-"""The name of the built-in measurement, `lookdev.brdf.measured.synthetic.plastic`, in place of a file."""
+"""The name of the built-in measurement, `lookdev.brdf.measured.synthetic.plastic_grid`, in place of a file."""
 
 
 def load_grid(file: str) -> MeasurementGrid:
     """Return the samples of a file, or of `BUILT_IN`; raises ModelError where the file has none."""
-    return plastic() if file == BUILT_IN else read_grid(Path(file))
+    return plastic_grid() if file == BUILT_IN else read_grid(Path(file))
 
 
 _proposal_lock = Lock()
 
 
 def _load_proposal(grid: MeasurementGrid) -> Proposal:
-    with _proposal_lock:  # otherwise simultaneous threads would each make one, which takes seconds
+    with _proposal_lock:  # a proposal takes seconds to make: simultaneous threads share one
         return _make_cached_proposal(grid)
 
 
@@ -53,7 +53,7 @@ def _bsdf(p: Parameters) -> Bsdf:
         return scale(grid.f(d, p["interpolation"]), p["scale"])
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
-        frame = frame_of(p["normal"]).facing(wo)
+        frame = frame_of(p["normal"]).bend_towards(wo)
         local = frame.to_local(wo)
         lobe = Lobe(
             "measured",
@@ -88,7 +88,7 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
 
 
 def _reciprocal(tokens: Mapping[str, str]) -> tuple[str, ...]:
-    return ("measured",) if isinstance(load_grid(tokens["file"]), Isotropic) else ()
+    return ("measured",) if isinstance(load_grid(tokens["file"]), IsotropicGrid) else ()
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
@@ -115,7 +115,7 @@ MEASURED = Model(
             "token",
             "",
             choices=(BUILT_IN,),
-            among="own",
+            agreement="own",
             file=load_grid,
             help="A MERL binary or anisotropic data of Ngan et al.; builtin:plastic is a synthetic measurement.",
         ),

@@ -9,7 +9,7 @@ number of channels, 3, and five reserved. All numbers are little-endian. A negat
 - Matusik, W. et al. 2003. A Data-Driven Reflectance Model. ACM TOG 22(3), and the reader beside the data.
 - Ngan, A., Durand, F., Matusik, W. 2005. Experimental Analysis of BRDF Models. EGSR. The layout of the files is as
   described in the BRDF Explorer, https://github.com/wdas/brdf, src/brdf/BRDFMeasuredAniso.cpp. That viewer multiplies
-  the numbers by ten, and measures azimuths from the opposite of the tangent; the description has neither.
+  the numbers by ten, and measures azimuths from the opposite of the tangent; its description says neither.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.measured.grids import Anisotropic, Isotropic, MeasurementGrid
+from lookdev.brdf.measured.grids import AnisotropicGrid, IsotropicGrid, MeasurementGrid
 from lookdev.errors import ModelError
 
 MERL_SIZE = (90, 90, 180)
 MERL_SCALES = np.array([1.0, 1.15, 1.66]) / 1500.0
 
-_LARGEST = 1e12  # 1/sr
-_MOST_SAMPLES = 1 << 28
+_MAX_F = 1e12  # 1/sr
+_MAX_SAMPLES = 1 << 28
 _EXPECTED_FILE = "a MERL binary or the anisotropic data of Ngan et al. would be right"
 
 
@@ -58,7 +58,7 @@ def _read(file: Path, size: int, *state: int) -> MeasurementGrid:
     return _read_merl(file, size, head)
 
 
-def _read_merl(file: Path, size: int, head: list[int]) -> Isotropic:
+def _read_merl(file: Path, size: int, head: list[int]) -> IsotropicGrid:
     expected = (
         f"a MERL binary has {_dimensions(MERL_SIZE)} samples of three channels, {12 + 24 * prod(MERL_SIZE)} bytes"
     )
@@ -71,15 +71,15 @@ def _read_merl(file: Path, size: int, head: list[int]) -> Isotropic:
     if size != 12 + 24 * prod(MERL_SIZE):
         raise ModelError(f"{file}: has {size} bytes; {expected}")
     samples = _read_samples(file, "<f8", 12, MERL_SIZE) * MERL_SCALES
-    return Isotropic(samples)
+    return IsotropicGrid(samples)
 
 
-def _read_anisotropic(file: Path, size: int, head: list[int]) -> Anisotropic:
+def _read_anisotropic(file: Path, size: int, head: list[int]) -> AnisotropicGrid:
     shape, subject = tuple(head[:4]), f"{file}: its header of anisotropic data gives"
-    if min(shape) < 1 or prod(shape) > _MOST_SAMPLES:
+    if min(shape) < 1 or prod(shape) > _MAX_SAMPLES:
         raise ModelError(
             f"{subject} {_dimensions(shape)} samples; numbers of theta_i, theta_o, phi_d and phi_i from 1 on, at most "
-            f"{_MOST_SAMPLES} in all, would be right"
+            f"{_MAX_SAMPLES} in all, would be right"
         )
     if head[7] != 0:
         raise ModelError(f"{subject} cells of type {head[7]}; 0, for even ones, would be right")
@@ -88,16 +88,16 @@ def _read_anisotropic(file: Path, size: int, head: list[int]) -> Anisotropic:
     if size != 64 + 12 * prod(shape):
         expected = f"{_dimensions(shape)} samples of three channels, as its header gives, are {64 + 12 * prod(shape)}"
         raise ModelError(f"{file}: has {size} bytes; {expected}")
-    return Anisotropic(_read_samples(file, "<f4", 64, shape), half=head[9] == 1)
+    return AnisotropicGrid(_read_samples(file, "<f4", 64, shape), half=head[9] == 1)
 
 
 def _read_samples(file: Path, dtype: str, offset: int, shape: tuple[int, ...]) -> Floats:
     """Read samples (*shape, 3) in the units of the file; negative samples become 0."""
     stored = np.fromfile(file, np.dtype(dtype), offset=offset).reshape(3, *shape)
-    is_invalid = ~(np.isfinite(stored) & (stored <= _LARGEST))
+    is_invalid = ~(np.isfinite(stored) & (stored <= _MAX_F))
     if is_invalid.any():
         index = tuple(int(coordinate) for coordinate in np.argwhere(is_invalid)[0])
-        count = f"{np.count_nonzero(is_invalid)} samples are not finite or are above {_LARGEST:g}"
+        count = f"{np.count_nonzero(is_invalid)} samples are not finite or are above {_MAX_F:g}"
         raise ModelError(f"{file}: {count}, the first in channel {index[0]} at {index[1:]}; finite ones would be right")
     return np.moveaxis(np.maximum(stored, 0.0), 0, -1).copy()
 

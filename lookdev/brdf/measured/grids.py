@@ -31,7 +31,7 @@ HALF_PI = 0.5 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
-class Isotropic:
+class IsotropicGrid:
     """Samples (theta_h, theta_d, phi_d, 3) of an isotropic surface, in 1/sr, none negative.
 
     theta_h is the elevation of the half vector, in even steps of its root. theta_d and phi_d are the angles of the
@@ -72,7 +72,7 @@ class Isotropic:
 
 
 @dataclass(frozen=True, eq=False)
-class Anisotropic:
+class AnisotropicGrid:
     """Samples (theta_i, theta_o, phi_d, phi_i, 3) of an anisotropic surface, in 1/sr.
 
     phi_i is the azimuth of the light from the tangent, phi_d the azimuth of the view from the light. With `half`, phi_d
@@ -115,7 +115,7 @@ class Anisotropic:
         )
 
 
-MeasurementGrid: TypeAlias = Isotropic | Anisotropic
+MeasurementGrid: TypeAlias = IsotropicGrid | AnisotropicGrid
 
 
 def _elevation(w: Array) -> Array:

@@ -3,9 +3,9 @@
 For each cell of half vectors, a table has the mean over some points of ``(f - floor) cos``, times the Jacobian
 ``4 wi . wm`` from directions of the light to half vectors (Walter et al. 2007, eq. 14). The density over solid angle is
 linear between the elevations of the cells' edges, and constant over the azimuths of a cell. The cosine lobe samples the
-floor exactly; it also bounds the weights ``f cos / pdf`` where a table misses a highlight. A highlight stays at nearly
-the same half vectors as the view moves, so few views suffice: a view uses the table of its cell, which is the mean over
-some views in that cell.
+floor exactly. It also bounds the weights ``f cos / pdf`` where a table misses a highlight. A highlight has nearly the
+same half vectors for all views, so few views suffice. A view uses the table of its cell, which is the mean over some
+views in that cell.
 
 Cells are even in azimuth and in the root of theta_h, as MERL's are. "Linear" means linear in ``sin^2(theta_h / 2)``,
 which is even in solid angle, and does not cancel as the cosine would.
@@ -23,15 +23,15 @@ from math import prod
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.angles import towards
+from lookdev.brdf.angles import spherical_direction
 from lookdev.brdf.lobes import DirectionPair
-from lookdev.brdf.measured.grids import HALF_PI, Anisotropic, MeasurementGrid, arc_tangent
+from lookdev.brdf.measured.grids import HALF_PI, AnisotropicGrid, MeasurementGrid, arc_tangent
 from lookdev.brdf.microfacet import sample_cosine
-from lookdev.brdf.mixture import BELOW_ONE
+from lookdev.brdf.mixture import ONE_MINUS_EPSILON
 from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import TINY, Array, Real, reflect, vector
 
-# The keys are `Proposal.directed`: whether the data are anisotropic.
+# The keys are `Proposal.is_anisotropic`: whether the data are anisotropic.
 # Elevations and azimuths of half vectors; powers of two, for bisection.
 _HALF_VECTOR_CELLS = {False: (256, 16), True: (128, 32)}
 _POINTS = {False: (2, 2), True: (1, 2)}  # half vectors in a cell, along elevation and azimuth
@@ -40,7 +40,7 @@ _VIEW_CELLS = {False: (64, 1), True: (16, 16)}  # elevations and azimuths of vie
 _NEIGHBOUR_PART = 0.1  # least density relative to the neighbouring cells, as the horizon may cut a cell
 _FLOOR = 0.02  # part of the projected hemisphere where f is below the floor
 _COSINE_SHARES = (3e-5, 0.99)  # least and largest share of the cosine lobe
-_LOWEST = 1e-3  # cosine of the lowest view that has a table
+_MIN_VIEW_COSINE = 1e-3  # cosine of the lowest view that has a table
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +48,23 @@ class Proposal:
     """Tables for importance sampling, with a row for each view.
 
     `density` (views, thetas + 1) is the density over solid angle of half vectors, at the elevations of the cells'
-    edges; `part` (views * thetas, phis) is its factor in each azimuth. `marginal` (views, thetas + 1) and `conditional`
-    (views * thetas, phis + 1) are the cumulative distributions at the beginnings of cells. `albedo` (views, 3) is the
-    directional albedo, `cosine` (views, 1) the share of the cosine lobe. If `directed`, azimuths are measured from the
-    tangent, else from the view.
+    edges; `azimuth_factor` (views * thetas, phis) is its factor in each azimuth. `marginal` (views, thetas + 1) and
+    `conditional` (views * thetas, phis + 1) are the cumulative distributions at the beginnings of cells. `albedo`
+    (views, 3) is the directional albedo, `cosine` (views, 1) the share of the cosine lobe. If `is_anisotropic`,
+    azimuths are measured from the tangent, else from the view.
     """
 
     cosine: NumberTable
     density: NumberTable
-    part: NumberTable
+    azimuth_factor: NumberTable
     marginal: NumberTable
     conditional: NumberTable
     albedo: Floats
-    directed: bool
+    is_anisotropic: bool
 
     def pdf(self, d: DirectionPair) -> Array:
         """Return the pdf (...) of `sample` over solid angle."""
-        thetas, phis = _HALF_VECTOR_CELLS[self.directed]
+        thetas, phis = _HALF_VECTOR_CELLS[self.is_anisotropic]
         x, y = d.wm[..., 0], d.wm[..., 1]
         across = x * x + y * y
         theta = arc_tangent(np.sqrt(across), d.wm[..., 2])
@@ -72,12 +72,12 @@ class Proposal:
         low, high = _edge_sin2(i, thetas), _edge_sin2(i + 1.0, thetas)
         # sin^2(theta / 2), in a form that does not cancel for small theta.
         fraction = np.clip((0.5 * across / (1.0 + d.wm[..., 2]) - low) / (high - low), 0.0, 1.0)
-        along, beside = self._axis(d.wo)
-        phi = arc_tangent(along * y - beside * x, along * x + beside * y)
+        axis_x, axis_y = self._axis(d.wo)
+        phi = arc_tangent(axis_x * y - axis_y * x, axis_x * x + axis_y * y)
         j = np.clip(np.floor((phi + np.pi) * (0.5 * phis / np.pi)), 0.0, phis - 1.0)
         view = self._view(d.wo)
         begin, end = look_up(self.density, view, i), look_up(self.density, view, i + 1.0)
-        halves = (begin + fraction * (end - begin)) * look_up(self.part, view * float(thetas) + i, j)
+        halves = (begin + fraction * (end - begin)) * look_up(self.azimuth_factor, view * float(thetas) + i, j)
         cosine_share = self._cosine(view)
         density: Array = (
             cosine_share * (1.0 / np.pi) * d.cos_theta_i + (1.0 - cosine_share) * 0.25 * halves / d.cos_theta_d
@@ -86,10 +86,10 @@ class Proposal:
 
     def sample(self, wo: Array, u1: Array, u2: Array) -> Array:
         """Draw directions to the light (..., 3), which may be below the horizon."""
-        thetas, phis = _HALF_VECTOR_CELLS[self.directed]
+        thetas, phis = _HALF_VECTOR_CELLS[self.is_anisotropic]
         view = self._view(wo)
         cosine_share = self._cosine(view)
-        u = np.clip((u1 - cosine_share) / (1.0 - cosine_share), 0.0, BELOW_ONE)
+        u = np.clip((u1 - cosine_share) / (1.0 - cosine_share), 0.0, ONE_MINUS_EPSILON)
         i, up = _bisect(self.marginal, view, u)
         j, around = _bisect(self.conditional, view * float(thetas) + i, u2)
         begin, end = look_up(self.density, view, i), look_up(self.density, view, i + 1.0)
@@ -98,14 +98,14 @@ class Proposal:
         s = low + up * (begin + end) / np.maximum(begin + root, TINY) * (high - low)
         sine, phi = 2.0 * np.sqrt(s * (1.0 - s)), (j + around) * (2.0 * np.pi / phis) - np.pi
         x, y = sine * np.cos(phi), sine * np.sin(phi)
-        along, beside = self._axis(wo)
-        wm = vector(along * x - beside * y, beside * x + along * y, 1.0 - 2.0 * s)
-        cosine_sample = sample_cosine(np.minimum(u1 / cosine_share, BELOW_ONE), u2)
+        axis_x, axis_y = self._axis(wo)
+        wm = vector(axis_x * x - axis_y * y, axis_y * x + axis_x * y, 1.0 - 2.0 * s)
+        cosine_sample = sample_cosine(np.minimum(u1 / cosine_share, ONE_MINUS_EPSILON), u2)
         return np.where(np.expand_dims(u1 < cosine_share, -1), cosine_sample, reflect(wo, wm))
 
     def _axis(self, wo: Array) -> tuple[Real, Real]:
         """Return x and y of the direction from which the azimuths of half vectors are measured."""
-        if self.directed:
+        if self.is_anisotropic:
             return 1.0, 0.0
         x, y = wo[..., 0], wo[..., 1]
         length = np.sqrt(x * x + y * y)
@@ -119,11 +119,11 @@ class Proposal:
 
     def _view(self, wo: Array) -> Array:
         """Return the row of a view in the tables."""
-        thetas, phis = _VIEW_CELLS[self.directed]
+        thetas, phis = _VIEW_CELLS[self.is_anisotropic]
         x, y = wo[..., 0], wo[..., 1]
         theta = arc_tangent(np.sqrt(x * x + y * y), wo[..., 2])
         row: Array = np.clip(np.floor(theta * (thetas / HALF_PI)), 0.0, thetas - 1.0)
-        if not self.directed:
+        if not self.is_anisotropic:
             return row
         column: Array = np.clip(np.floor((arc_tangent(y, x) + np.pi) * (0.5 * phis / np.pi)), 0.0, phis - 1.0)
         return row * float(phis) + column
@@ -138,7 +138,7 @@ def _bisect(cumulative: NumberTable, row: Array, u: Array) -> tuple[Array, Array
         cell = np.where(look_up(cumulative, row, cell + float(step)) <= u, cell + float(step), cell)
         step //= 2
     begin, end = look_up(cumulative, row, cell), look_up(cumulative, row, cell + 1.0)
-    return cell, np.clip((u - begin) / np.maximum(end - begin, TINY), 0.0, BELOW_ONE)
+    return cell, np.clip((u - begin) / np.maximum(end - begin, TINY), 0.0, ONE_MINUS_EPSILON)
 
 
 def _edge_sin2(edge: Array, thetas: int) -> Array:
@@ -149,14 +149,14 @@ def _edge_sin2(edge: Array, thetas: int) -> Array:
 
 def make_proposal(grid: MeasurementGrid) -> Proposal:
     """Make the tables for measured data."""
-    directed = isinstance(grid, Anisotropic)
-    (thetas, phis), points = _HALF_VECTOR_CELLS[directed], _POINTS[directed]
+    is_anisotropic = isinstance(grid, AnisotropicGrid)
+    (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS[is_anisotropic]
     squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))
     solid = np.diff(squares) * (4.0 * np.pi / phis)
     half_vectors = _half_vectors(squares[:-1], np.diff(squares), phis, points)
     edges = _half_vectors(squares, 0.0, phis, (1, points[1]))
     density, parts, albedo, cosine = [], [], [], []
-    for views in _view_cells(directed):
+    for views in _view_cells(is_anisotropic):
         f, weight = _evaluate_views(grid, views, half_vectors)
         weight *= (solid / prod(points))[:, None, None, None] / len(views)
         color = (f * weight[..., None]).sum(axis=(0, 1, 2, 3, 4))
@@ -177,12 +177,12 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
     widths: Floats = np.diff(conditional, axis=-1)
     return Proposal(
         density=NumberTable(nodes),
-        part=NumberTable(widths * phis),
+        azimuth_factor=NumberTable(widths * phis),
         marginal=NumberTable(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid)),
         conditional=NumberTable(conditional),
         albedo=np.stack(albedo),
         cosine=NumberTable(np.array(cosine)[:, None]),
-        directed=directed,
+        is_anisotropic=is_anisotropic,
     )
 
 
@@ -199,7 +199,7 @@ def _edge_density(at_edges: Floats, mean: Floats, solid: Floats) -> Floats:
 
 
 def _quantile(values: Floats, weights: Floats, part: float) -> float:
-    """Return the weighted quantile of values: a part of the weights belongs to values below it."""
+    """Return the weighted quantile of values, below which the values have the fraction `part` of the weights."""
     order = np.argsort(values, axis=None)
     sums = np.cumsum(weights.ravel()[order])
     return float(values.ravel()[order[np.searchsorted(sums, part * sums[-1])]])
@@ -215,16 +215,16 @@ def _half_vectors(squares: Floats, sizes: Floats | float, phis: int, points: tup
     return np.stack([x, y, np.broadcast_to(1.0 - 2.0 * s, x.shape)], axis=-1)
 
 
-def _view_cells(directed: bool) -> Iterator[list[Floats]]:
+def _view_cells(is_anisotropic: bool) -> Iterator[list[Floats]]:
     """Yield the views of each cell, in the order of the tables' rows."""
-    thetas, phis = _VIEW_CELLS[directed]
+    thetas, phis = _VIEW_CELLS[is_anisotropic]
     for row in range(thetas):
         for column in range(phis):
             views = []
             for offset in (0.25, 0.75):
-                theta = min((row + offset) * HALF_PI / thetas, np.arccos(_LOWEST))
-                phi = (column + 1.0 - offset) * 2.0 * np.pi / phis - np.pi if directed else 0.0
-                views.append(towards(theta, phi))
+                theta = min((row + offset) * HALF_PI / thetas, np.arccos(_MIN_VIEW_COSINE))
+                phi = (column + 1.0 - offset) * 2.0 * np.pi / phis - np.pi if is_anisotropic else 0.0
+                views.append(spherical_direction(theta, phi))
             yield views
 
 
@@ -234,7 +234,7 @@ def _evaluate_views(grid: MeasurementGrid, views: Sequence[Floats], wm: Floats) 
     wi = np.asarray(reflect(wo, wm))
     valid = (wi[..., 2] > 0.0) & ((wm * wo).sum(axis=-1) > 0.0)
     f, weight = np.zeros(wo.shape), np.zeros(valid.shape)
-    d = DirectionPair.of(wo[valid], wi[valid])
+    d = DirectionPair.from_directions(wo[valid], wi[valid])
     f[valid], weight[valid] = grid.f(d, "linear"), d.cos_theta_i * 4.0 * d.cos_theta_d
     return f, weight
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.brdf.angles import half_difference, towards
+from lookdev.brdf.angles import half_difference, spherical_direction
 from lookdev.brdf.disney import DISNEY
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.measured.files import MERL_SIZE, write_anisotropic, write_merl
-from lookdev.brdf.measured.grids import HALF_PI, Isotropic
+from lookdev.brdf.measured.grids import HALF_PI, IsotropicGrid
 from lookdev.brdf.mixture import evaluate
 from lookdev.brdf.parameters import ParameterValue
 from lookdev.brdf.vectors import normalize
@@ -25,9 +25,9 @@ _BLOCK = 1 << 18
 
 
 @cache
-def plastic() -> Isotropic:
+def plastic_grid() -> IsotropicGrid:
     """Return the built-in measurement: a coarse grid of red plastic of Disney's model."""
-    return Isotropic(isotropic_samples(DISNEY.bsdf(DISNEY.complete(_PLASTIC)), (32, 32, 24)))
+    return IsotropicGrid(isotropic_samples(DISNEY.bsdf(DISNEY.complete(_PLASTIC)), (32, 32, 24)))
 
 
 def isotropic_samples(bsdf: Bsdf, size: tuple[int, int, int] = MERL_SIZE) -> Floats:
@@ -49,7 +49,7 @@ def anisotropic_samples(
     theta_i, theta_o, phi_d, phi_i = np.meshgrid(
         centres[0] * HALF_PI, centres[1] * HALF_PI, centres[2] * phi_range, centres[3] * 2.0 * np.pi, indexing="ij"
     )
-    return _evaluate_in_blocks(bsdf, towards(theta_o, phi_i + phi_d), towards(theta_i, phi_i))
+    return _evaluate_in_blocks(bsdf, spherical_direction(theta_o, phi_i + phi_d), spherical_direction(theta_i, phi_i))
 
 
 def write_synthetic(file: Path, bsdf: Bsdf) -> None:

@@ -8,9 +8,9 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.metal import is_exact
 from lookdev.brdf.model import Model, Preview, StackLayer
-from lookdev.brdf.pixar.layering import compose
+from lookdev.brdf.pixar.layering import combine_partitions
 from lookdev.brdf.pixar.parameters import PARAMETERS, QUOTES
-from lookdev.brdf.pixar.partition import FRONT, Partition, layer_color, layer_partition, partition_lobes
+from lookdev.brdf.pixar.partition import REFLECTED_LOBES, Partition, layer_color, layer_partition, partition_lobes
 from lookdev.brdf.vectors import Array, Parameters, Real
 from lookdev.errors import ModelError
 
@@ -24,7 +24,9 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
         partitions = [layer_partition(layer.parameters, wo) for layer in layers]
         if len(partitions) == 1:
             return partitions[0]
-        return compose([(part, layer.mask, layer.mode) for part, layer in zip(partitions, layers, strict=True)])
+        return combine_partitions(
+            [(part, layer.mask, layer.mode) for part, layer in zip(partitions, layers, strict=True)]
+        )
 
     # Presence is the same from every direction.
     return Bsdf(lambda wo: partition_lobes(partition(wo)), partition(ZENITH).presence, two_sided=True)
@@ -44,7 +46,7 @@ PIXAR = Model(
     identifier="LookdevPixar",
     # docs/models.md has a case of the published model whose albedo is 1.87.
     energy=lambda tokens: 1.0 if tokens["energy"] == "conserving" else 2.0,
-    reciprocal=lambda tokens: FRONT if tokens["energy"] == "published" else (),
+    reciprocal=lambda tokens: REFLECTED_LOBES if tokens["energy"] == "published" else (),
     combine=_combine,
     modes=("over", "transmit"),
     two_sided=True,
@@ -59,5 +61,5 @@ PIXAR = Model(
         _preview,
     ),
     quotes=QUOTES,
-    quoted="Smits, Reflection Model Design for Wall-E and Up",
+    quote_source="Smits, Reflection Model Design for Wall-E and Up",
 )

@@ -15,12 +15,19 @@ from functools import partial, reduce
 
 import numpy as np
 
-from lookdev.brdf.frames import ZENITH, Frame, Leaning, Upright
+from lookdev.brdf.frames import ZENITH, Frame, TiltedFrame, UprightFrame
 from lookdev.brdf.model import Mode
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, Metal, Partition, PartitionLobe, family
+from lookdev.brdf.pixar.partition import (
+    REFLECTED_LOBES,
+    TRANSMITTED_LOBES,
+    Metal,
+    Partition,
+    PartitionLobe,
+    lobe_family,
+)
 from lookdev.brdf.vectors import TINY, Array, BooleanArray, Real, are_equal, normalize, scale
 
-_LOBES = (*FRONT, *THROUGH)
+_LOBES = (*REFLECTED_LOBES, *TRANSMITTED_LOBES)
 
 
 @dataclass(frozen=True)
@@ -38,16 +45,16 @@ class _Contribution:
         return replace(self, term=term, energy=self.energy * weight)
 
 
-def outcome(incoming: str, lobe: str) -> str:
-    """Return the lobe of light that has met `lobe` of the layer beneath (Smits, table in "Layering").
+def resulting_lobe(incoming: str, lobe: str) -> str:
+    """Return the lobe into which `lobe` of the layer beneath scatters light of `incoming` (Smits, "Layering").
 
     It is on the side of `lobe`, and as blurred as the more blurred of the two.
     """
-    side = FRONT if lobe in FRONT else THROUGH
-    return side[max(THROUGH.index(incoming), side.index(lobe))]
+    side = REFLECTED_LOBES if lobe in REFLECTED_LOBES else TRANSMITTED_LOBES
+    return side[max(TRANSMITTED_LOBES.index(incoming), side.index(lobe))]
 
 
-def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
+def combine_partitions(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
     """Combine partitions, base first, seen from the same direction, with masks (...) in [0, 1] and modes.
 
     Mode ``"over"`` is simple layering, A over B. In mode ``"transmit"``, the light that a layer transmits meets all six
@@ -62,7 +69,7 @@ def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
         contributions += [
             contribution.multiply(mask) for contribution in _interactions(_sum_contributions(incoming), partition)
         ]
-        leaving_lobes = _LOBES if mode == "over" or not number else FRONT
+        leaving_lobes = _LOBES if mode == "over" or not number else REFLECTED_LOBES
         passing_weight = 1.0 - mask * partition.presence
         leaving += [contribution for contribution in contributions if contribution.name in leaving_lobes]
         incoming = [contribution.multiply(passing_weight) for contribution in incoming]
@@ -73,12 +80,14 @@ def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
     refracted = [
         contribution
         for contribution in leaving
-        if contribution.name in THROUGH and family(contribution.name) == "highlight"
+        if contribution.name in TRANSMITTED_LOBES and lobe_family(contribution.name) == "highlight"
     ]
-    bend = _mean(refracted, lambda term: term.bend)
-    terms |= {contribution.name: replace(terms[contribution.name], bend=bend) for contribution in refracted}
+    ior_minus_one = _mean(refracted, lambda term: term.ior_minus_one)
+    terms |= {
+        contribution.name: replace(terms[contribution.name], ior_minus_one=ior_minus_one) for contribution in refracted
+    }
     frames = {
-        kind: _mean_frame([contribution for contribution in leaving if family(contribution.name) == kind])
+        kind: _mean_frame([contribution for contribution in leaving if lobe_family(contribution.name) == kind])
         for kind in ("diffuse", "highlight")
     }
     return Partition(layers[0][0].wo, terms, frames, 1.0 - remaining)
@@ -87,21 +96,24 @@ def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
 def _contributions(partition: Partition) -> Iterator[_Contribution]:
     for name in _LOBES:
         term = partition.terms[name]
-        yield _Contribution(name, term, partition.frames[family(name)], term.energy(partition.cosine(name)))
+        yield _Contribution(name, term, partition.frames[lobe_family(name)], term.energy(partition.cosine(name)))
 
 
 def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -> Iterator[_Contribution]:
-    """Yield the 18 interactions of the transmitted lobes with the lobes beneath: 1, 3 and 5 by result on each side."""
+    """Yield the 18 interactions of transmitted lobes with those beneath; on each side, 1, 3 and 5 yield each lobe."""
     for above, entering in incoming.items():
         for name, term in partition.terms.items():
-            result = outcome(above, name)
-            a, b = THROUGH.index(above), (FRONT if name in FRONT else THROUGH).index(name)
-            cone = entering.cone if b < a else np.maximum(entering.cone, term.cone) if b == a else term.cone
+            result = resulting_lobe(above, name)
+            side = REFLECTED_LOBES if name in REFLECTED_LOBES else TRANSMITTED_LOBES
+            blur_above, blur_beneath = TRANSMITTED_LOBES.index(above), side.index(name)
+            cone = entering.cone if blur_above > blur_beneath else term.cone
+            if blur_above == blur_beneath:
+                cone = np.maximum(entering.cone, term.cone)
             # The lobe beneath "replaces the direction": index of refraction and normal are those of that lobe.
             normal, grazing = partial(operator.mul, entering.normal), partial(operator.mul, entering.grazing)
             product = replace(term.with_weights(normal, grazing), cone=cone)
             yield _Contribution(
-                result, product, partition.frames[family(result)], product.energy(partition.cosine(result))
+                result, product, partition.frames[lobe_family(result)], product.energy(partition.cosine(result))
             )
 
 
@@ -109,13 +121,15 @@ def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, Part
     """Sum the contributions to each lobe, by the lobe's name."""
     terms = {}
     for name in _LOBES:
-        of_lobe = [contribution for contribution in contributions if contribution.name == name]
-        if of_lobe:
+        lobe_contributions = [contribution for contribution in contributions if contribution.name == name]
+        if lobe_contributions:
             terms[name] = PartitionLobe(
-                reduce(operator.add, (contribution.term.normal for contribution in of_lobe)),
-                reduce(operator.add, (contribution.term.grazing for contribution in of_lobe)),
-                _mean(of_lobe, lambda term: term.cone),
-                metals=_sum_metals([metal for contribution in of_lobe for metal in contribution.term.metals]),
+                reduce(operator.add, (contribution.term.normal for contribution in lobe_contributions)),
+                reduce(operator.add, (contribution.term.grazing for contribution in lobe_contributions)),
+                _mean(lobe_contributions, lambda term: term.cone),
+                metals=_sum_metals(
+                    [metal for contribution in lobe_contributions for metal in contribution.term.metals]
+                ),
             )
     return terms
 
@@ -136,7 +150,7 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
 def _mean(contributions: Sequence[_Contribution], value: Callable[[PartitionLobe], Real]) -> Real:
     """Average values of terms by their energies, (...); where there is no energy, the result has no effect."""
     # Equal values, and contributions without energy, generate no code.
-    contributing = _with_energy(contributions)
+    contributing = _contributions_with_energy(contributions)
     first = value((contributing or contributions)[0].term)
     if all(are_equal(value(contribution.term), first) for contribution in contributing):
         return first
@@ -148,19 +162,19 @@ def _mean(contributions: Sequence[_Contribution], value: Callable[[PartitionLobe
 
 def _mean_frame(contributions: Sequence[_Contribution]) -> Frame:
     """Return the frame about the mean normal, weighted by energy; the shading normal where there is no energy."""
-    contributing = _with_energy(contributions)
+    contributing = _contributions_with_energy(contributions)
     if not contributing:
-        return Upright()
+        return UprightFrame()
     if all(are_equal(contribution.frame.normal, contributing[0].frame.normal) for contribution in contributing):
         return contributing[0].frame
     total, has_energy = _sum_energies(contributing)
     weighted = reduce(
         operator.add, (scale(contribution.frame.normal, contribution.energy) for contribution in contributing)
     )
-    return Leaning(normalize(np.where(np.expand_dims(has_energy, -1), scale(weighted, 1.0 / total), ZENITH)))
+    return TiltedFrame(normalize(np.where(np.expand_dims(has_energy, -1), scale(weighted, 1.0 / total), ZENITH)))
 
 
-def _with_energy(contributions: Sequence[_Contribution]) -> list[_Contribution]:
+def _contributions_with_energy(contributions: Sequence[_Contribution]) -> list[_Contribution]:
     return [contribution for contribution in contributions if not are_equal(contribution.energy, 0.0)]
 
 

@@ -20,21 +20,20 @@ from typing import Literal
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
-from lookdev.brdf.frames import Frame, Upright, frame_of
+from lookdev.brdf.frames import Frame, UprightFrame, frame_of
 from lookdev.brdf.fresnel import conductor_absorptance, conductor_fresnel, fresnel_blend, schlick_blend
 from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, mix, mix_color, reflect, scale, vector
 
-FRONT = ("reflection", "specular", "diffuse")
+REFLECTED_LOBES = ("reflection", "specular", "diffuse")
 """The lobes on the viewer's side, in the order of their blur: "reflection/refraction blurs less than specular, which
 blurs less than diffuse" (Smits, "Layering")."""
 
-THROUGH = ("refraction", "specularTransmission", "diffuseTransmission")
+TRANSMITTED_LOBES = ("refraction", "specularTransmission", "diffuseTransmission")
 """The lobes on the other side, in the same order."""
 
-# Limits in degrees: "0 (or epsilon in practice)", and the angle above which a lobe's albedo exceeds 1 at a view of
-# 89.999 degrees.
+# The limits of cones in degrees: "0 (or epsilon in practice)" (Smits); above 54, albedos at grazing views exceed 1.
 _CONES = (0.25, 54.0)
 
 
@@ -62,14 +61,14 @@ class PartitionLobe:
 
     normal, grazing : (..., 3), weights at normal and at grazing incidence.
     cone : (...), angle in degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
-    bend : (...), of a transmitted highlight, the index of refraction less 1, exact in float32 near 0; else 0.
+    ior_minus_one : (...), of a transmitted highlight, the index of refraction less 1, exact in float32 near 0; else 0.
     metals : terms of exact metals, which are added; on the viewer's side only.
     """
 
     normal: Array
     grazing: Array
     cone: Real = 0.0
-    bend: Real = 0.0
+    ior_minus_one: Real = 0.0
     metals: tuple[Metal, ...] = ()
 
     def weight(self, cos_theta: Array) -> Array:
@@ -112,17 +111,17 @@ class Partition:
 
     def cosine(self, name: str) -> Array:
         """Return the cosine of the view to the normal of a lobe, (...), at least 0."""
-        return view_cosine(self.frames[family(name)], self.wo)
+        return view_cosine(self.frames[lobe_family(name)], self.wo)
 
 
-def family(name: str) -> Literal["diffuse", "highlight"]:
+def lobe_family(name: str) -> Literal["diffuse", "highlight"]:
     """Return the family of a lobe; each family has one normal."""
     return "diffuse" if name in ("diffuse", "diffuseTransmission") else "highlight"
 
 
 def view_cosine(frame: Frame, wo: Array) -> Array:
     """Return the cosine of unit views (..., 3), above the horizon, to the normal of a frame, at least 0."""
-    cosine: Array = wo[..., 2] if isinstance(frame, Upright) else np.maximum(dot(frame.normal, wo), 0.0)
+    cosine: Array = wo[..., 2] if isinstance(frame, UprightFrame) else np.maximum(dot(frame.normal, wo), 0.0)
     return cosine
 
 
@@ -158,11 +157,13 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         transmitted = scale(color * _unreflected_weight(p, view), clear) if is_exact(p) else through.weight(view)
         reflected, through = PartitionLobe(at_view, at_view), PartitionLobe(transmitted, transmitted)
 
-    def term(base: PartitionLobe, factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> PartitionLobe:
+    def term(
+        base: PartitionLobe, factor: Real, tint: Array, cone: Real = 0.0, ior_minus_one: Real = 0.0
+    ) -> PartitionLobe:
         def scaled(weight: Array) -> Array:
             return scale(tint * weight, factor * p["presence"])
 
-        return replace(base.with_weights(scaled, scaled), cone=np.clip(cone, *_CONES), bend=bend)
+        return replace(base.with_weights(scaled, scaled), cone=np.clip(cone, *_CONES), ior_minus_one=ior_minus_one)
 
     broad, tight = smooth * rest, smooth * ratio
     wide, narrow, bend = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0
@@ -217,11 +218,13 @@ def _unreflected_weight(p: Parameters, cos_theta: Array) -> Array:
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
     """Build the six lobes."""
-    frames = {kind: frame.facing(partition.wo) for kind, frame in partition.frames.items()}
+    frames = {kind: frame.bend_towards(partition.wo) for kind, frame in partition.frames.items()}
     builders = {"diffuse": _diffuse, "highlight": _highlight}
     return tuple(
-        builders[kind := family(name)](name, partition.terms[name], partition.wo, frames[kind], name in THROUGH)
-        for name in (*FRONT[::-1], *THROUGH[::-1])
+        builders[kind := lobe_family(name)](
+            name, partition.terms[name], partition.wo, frames[kind], name in TRANSMITTED_LOBES
+        )
+        for name in (*REFLECTED_LOBES[::-1], *TRANSMITTED_LOBES[::-1])
     )
 
 
@@ -243,7 +246,7 @@ def _diffuse(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmits:
         group="diffuse",
         frame=frame,
         transmits=transmits,
-        own_side=True,
+        has_own_horizon=True,
         broad=True,
         values={"at_normal": at_normal, "at_grazing": at_grazing},
     )
@@ -254,7 +257,7 @@ def _highlight(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmit
 
     def reflected_pair(d: DirectionPair) -> DirectionPair:
         # The view whose reflection is the refraction of `d.wo` (Smits, "Transmission").
-        return DirectionPair.of(_refract_view(d.wo, term.bend), d.wi) if transmits else d
+        return DirectionPair.from_directions(_refract_view(d.wo, term.ior_minus_one), d.wi) if transmits else d
 
     def evaluate(d: DirectionPair) -> Array:
         d = reflected_pair(d)
@@ -268,12 +271,12 @@ def _highlight(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmit
         return mf.sin_gaussian(d.wm, power) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
     local = frame.to_local(wo)
-    view = _refract_view(local, term.bend) if transmits else local
+    view = _refract_view(local, term.ior_minus_one) if transmits else local
 
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
 
-    # Half vectors lean away from the normal: the lobe is not black even if the weight at the view is 0.
+    # Half vectors are tilted: the lobe is not black even if the weight at the view is 0.
     at_normal, at_grazing = term.end_weights()
     share = term.energy(view[..., 2]) + 0.001 * mean(at_normal + at_grazing)
     return Lobe(
@@ -286,7 +289,7 @@ def _highlight(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmit
         "specular",
         frame,
         transmits,
-        own_side=True,
+        has_own_horizon=True,
         values={"term": term, "power": power, "view": view},
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from lookdev.brdf import Array, Lobe
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.mixture import BELOW_ONE
+from lookdev.brdf.mixture import ONE_MINUS_EPSILON
 from lookdev.brdf.vectors import dot, scale
 from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
@@ -61,7 +61,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     facet_cosine = dot(world, axes["facet"])
     valid = facet_cosine * wi[..., 2] > 0.0
     transmits = any(lobe.transmits for lobe in lobes)
-    if not transmits and any(lobe.crosses for lobe in lobes):
+    if not transmits and any(lobe.crosses_surface for lobe in lobes):
         valid = valid & (facet_cosine > 0.0)
     weight = scale(weight, np.where(valid & (symbol(graph, "depth") < bounces + 0.5), 1.0, 0.0))
 
@@ -110,11 +110,11 @@ def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Array, Array]:
         return np.zeros(3), ZENITH
     mixture = trace_mixture(graph, lobes)
     assume_positive(graph, mixture.wo[..., 2])
-    u1, u2 = np.minimum(symbols(graph, ("u1", "u2")), BELOW_ONE)
+    u1, u2 = np.minimum(symbols(graph, ("u1", "u2")), ONE_MINUS_EPSILON)
     # Built from the last lobe to the first: the result is the direction of the first lobe whose `below` is true.
     *others, last = mixture.choices(u1)
-    wi = last.lobe.draw(last.stretched, u2)
+    wi = last.lobe.draw(last.remapped, u2)
     for choice in reversed(others):
-        wi = np.where(np.expand_dims(choice.below, -1), choice.lobe.draw(choice.stretched, u2), wi)
+        wi = np.where(np.expand_dims(choice.is_below_end, -1), choice.lobe.draw(choice.remapped, u2), wi)
     value, density = mixture.response(wi)
     return scale(value, 1.0 / density), wi

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.closures.fits import fit, table
+from lookdev.closures.fits import closure_fit, closure_table
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree
 from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar
@@ -20,9 +20,9 @@ def match_fit(node: GraphNode) -> tuple[str, dict[str, GraphNode]] | None:
     if variables is None:
         return None
     x, y = (SymbolicArray(node.graph, np.array(variable, dtype=object)) for variable in variables)
-    for name, entry in table()["fits"].items():
+    for name, entry in closure_table()["fits"].items():
         # Equal expressions are the same node.
-        if len(entry["numerator"][0]) > 1 and elements_of(fit(name)(x, y))[0] is node:
+        if len(entry["numerator"][0]) > 1 and elements_of(closure_fit(name)(x, y))[0] is node:
             return f"{_PREFIX}{name}", dict(zip(_INPUTS, variables, strict=True))
     return None
 
@@ -38,7 +38,7 @@ def fit_tree(group: str) -> NodeTree:
     group_input = builder.add("NodeGroupInput")
     for name in _INPUTS:
         builder.bind([name], NodeLink(group_input, name))
-    value = fit(group.removeprefix(_PREFIX))(*(symbol(graph, name) for name in _INPUTS))
+    value = closure_fit(group.removeprefix(_PREFIX))(*(symbol(graph, name) for name in _INPUTS))
     builder.add("NodeGroupOutput", inputs={"Value": builder.scalar(*elements_of(value))})
     return builder.tree([GroupSocket(name, "float") for name in _INPUTS], [GroupSocket("Value", "float")])
 

@@ -95,7 +95,7 @@ class BrdfCode:
     inputs: frozenset[str]
     tables: tuple[NumberTable, ...]
     transmits: bool
-    crosses: bool
+    crosses_surface: bool
     see_through: bool
     light_sampled: bool
     features: tuple[str, ...]
@@ -145,8 +145,8 @@ def trace_lobes(
             elements_of(lobe.share)[0],
             value=tuple(elements_of(term.value)),
             density=elements_of(term.density)[0],
-            below=elements_of(choice.below)[0],
-            wi=tuple(elements_of(lobe.draw(choice.stretched, symbol(graph, "u2")))),
+            below=elements_of(choice.is_below_end)[0],
+            wi=tuple(elements_of(lobe.draw(choice.remapped, symbol(graph, "u2")))),
             light_sampled=light_sampled(lobe),
             is_diffuse=lobe.group == "diffuse",
             group=recorded_group(lobe),
@@ -156,14 +156,14 @@ def trace_lobes(
     )
     sums = ("pdf", "bsdf_sampled_pdf") if any(lobe.light_sampled for lobe in traced) else ("pdf",)
     densities = {name: elements_of(mixture.normalise(symbol(graph, name)))[0] for name in sums}
-    return TracedMixture(traced, elements_of(mixture.total)[0], densities)
+    return TracedMixture(traced, elements_of(mixture.total_share)[0], densities)
 
 
 def _side(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
     """Return the condition under which a lobe that crosses the horizon is not 0; None for other lobes."""
-    if not lobe.crosses:
+    if not lobe.crosses_surface:
         return None
-    local_o, local_i = lobe.pair(wo, wi)
+    local_o, local_i = lobe.local_directions(wo, wi)
     return elements_of((local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0))[0]
 
 
@@ -240,7 +240,7 @@ def emit_brdf(
         inputs=frozenset(inputs),
         tables=tuple(tables.values()),
         transmits=any(lobe.transmits for lobe in lobes),
-        crosses=any(lobe.side is not None for lobe in lobes),
+        crosses_surface=any(lobe.side is not None for lobe in lobes),
         see_through=see_through,
         light_sampled=any(lobe.light_sampled for lobe in lobes),
         features=tuple(feature_block.lines),

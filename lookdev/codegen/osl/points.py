@@ -30,7 +30,7 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
         lines += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
     constants = [
         f"#define POINT_CELLS {point_cells(layers)}",
-        f"#define TRANSMITS {int(code.transmits or code.crosses)}",
+        f"#define TRANSMITS {int(code.transmits or code.crosses_surface)}",
         f"#define TWO_SIDED {int(bsdf.two_sided)}",
     ]
     table_parameters, tables = bind_tables(code.tables)

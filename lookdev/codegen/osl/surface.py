@@ -88,7 +88,7 @@ def generate_surface(
     transmits = any(lobe.transmits for lobe in lobes)
 
     def light_sampled(lobe: Lobe) -> bool:
-        behind = lobe.transmits or (transmits and lobe.crosses)
+        behind = lobe.transmits or (transmits and lobe.crosses_surface)
         return counts.ibl > 0 and lobe.broad and (from_behind or not behind)
 
     traced = trace_lobes(graph, lobes, light_sampled, recorded=recorded)

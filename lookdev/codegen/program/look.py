@@ -124,10 +124,11 @@ def generate_program(
         tuple(attributes),
         tables,
         "",
-        transmits=any(lobe.transmits or lobe.crosses for lobe in lobes) or any(delta.transmits for delta in deltas),
+        transmits=any(lobe.transmits or lobe.crosses_surface for lobe in lobes)
+        or any(delta.transmits for delta in deltas),
         see_through=see_through,
         deltas=len(deltas),
-        glossy=not any(lobe.broad or lobe.transmits or lobe.crosses for lobe in lobes),
+        glossy=not any(lobe.broad or lobe.transmits or lobe.crosses_surface for lobe in lobes),
         shadows=shadows,
         recorded=tuple(group for group in LOBE_GROUPS if group in present),
     )

@@ -87,7 +87,7 @@ def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
     Its code runs only above the horizon, where each lobe has a share above 0.
     """
     mixture = Mixture(lobes, symbols(graph, WO))
-    assume_positive(graph, mixture.wo[..., 2], mixture.total, *(lobe.share for lobe in lobes))
+    assume_positive(graph, mixture.wo[..., 2], mixture.total_share, *(lobe.share for lobe in lobes))
     return mixture
 
 

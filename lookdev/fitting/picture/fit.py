@@ -13,9 +13,9 @@ from scipy.ndimage import uniform_filter
 from lookdev.build.scenes import job_scenes
 from lookdev.errors import LookdevError, ModelError
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
-from lookdev.fitting.picture.page import FitPictures, Row, format_numbers, table_rows, write_page
+from lookdev.fitting.picture.page import FitPictures, TableRow, format_numbers, table_rows, write_page
 from lookdev.fitting.picture.photo import Photo, read_photo
-from lookdev.fitting.picture.search import LossPoint, Search, SearchResult, Settings
+from lookdev.fitting.picture.search import LossPoint, Search, SearchResult, SearchSettings
 from lookdev.fitting.picture.target import Target, block_means, block_side
 from lookdev.fitting.picture.unknowns import EXPOSURE, Unknown, parse_unknowns
 from lookdev.job import load_job
@@ -58,7 +58,7 @@ class PictureFitRequest:
     look_named: bool = True
     force: bool = False
     pixels: int = 4096
-    settings: Settings = field(default_factory=Settings)
+    settings: SearchSettings = field(default_factory=SearchSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class PictureFit:
     request: PictureFitRequest
     frame: str
     result: SearchResult
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     block: int
     noise_from: str
     written: tuple[Path, ...]
@@ -85,7 +85,7 @@ class PictureFit:
                 for row in self.rows
             },
             "without_effect": list(result.without_effect), "undetermined": list(result.undetermined),
-            "alike": [{"parameters": [a, b], "correlation": value} for a, b, value in result.alike],
+            "alike": [{"parameters": [a, b], "correlation": value} for a, b, value in result.correlated_pairs],
             "loss": {"before": result.before, "after": result.after, "noise": result.noise},
             "misfit": result.misfit, "noise_from": self.noise_from,
             "starts": [{"loss": loss, "near_the_result": near} for loss, near in result.starts],
@@ -101,9 +101,10 @@ class PictureFit:
 
     def lines(self) -> list[str]:
         """Return the lines of text below the title of the page."""
-        fit, wish = self.result, self.request
+        fit, request = self.result, self.request
         return [
-            f"{wish.picture.name}, as frame {self.frame} of {wish.job.name}; {self._state} in {fit.seconds:.0f} s.",
+            f"{request.picture.name}, as frame {self.frame} of {request.job.name}; "
+            f"{self._state} in {fit.seconds:.0f} s.",
             f"Difference {_percent(fit.before)} before, {_percent(fit.after)} after, of which the picture's noise "
             f"is {_percent(fit.noise)}. Noise: by {self.noise_from}.",
         ]
@@ -118,7 +119,10 @@ class PictureFit:
             remark = f"  ({row.remark})" if row.remark else ""
             before, after = format_numbers(row.before), format_numbers(row.after)
             lines.append(f"  {row.name:<{width}} = {after}{error}  (was {before}){remark}")
-        lines += [f"  {a} and {b} change the picture alike: correlation {value:.3f}" for a, b, value in result.alike]
+        lines += [
+            f"  {a} and {b} change the picture alike: correlation {value:.3f}"
+            for a, b, value in result.correlated_pairs
+        ]
         lines.append(
             f"{self._state}: difference {_percent(result.before)} before, {_percent(result.after)} after, of which the "
             f"picture's noise is {_percent(result.noise)}; {result.seconds:.0f} s"
@@ -150,11 +154,11 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
         unknowns = (*unknowns, EXPOSURE)
     block = block_side(photo.size, request.pixels)
     with live_frame(job, frame, look, unknowns) as live:
-        wide = live.scene_at(photo.size, block)
-        first = live.render(wide, live.initial_values, False, request.settings.samples, (0, 1))
-        see_through = any(source.see_through for source in wide.shaders)
+        scene = live.scene_at(photo.size, block)
+        first = live.render(scene, live.initial_values, False, request.settings.samples, (0, 1))
+        see_through = any(source.see_through for source in scene.shaders)
         target = Target.from_photo(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
-        result = Search(partial(live.render, wide), target, unknowns, request.settings, report).run()
+        result = Search(partial(live.render, scene), target, unknowns, request.settings, report).run()
         before = {unknown.name: unknown.constant.value for unknown in unknowns}
         picture_fit = PictureFit(
             request,
@@ -289,8 +293,8 @@ def _page_pictures(
     # Rounding of the filter's running sums may make variances negative.
     noise_before, noise_after = (np.sqrt(np.maximum(variance, 0.0)) for variance in variances)
     rows, columns = (np.arange(length // side) * side // block for length in photo.color.shape[:2])
-    used = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
-    return FitPictures(block_means(photo.color, side), renders[0], renders[1], noise_before, noise_after, used)
+    is_compared = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
+    return FitPictures(block_means(photo.color, side), renders[0], renders[1], noise_before, noise_after, is_compared)
 
 
 def _percent(loss: float) -> str:

@@ -94,21 +94,21 @@ class LiveFrame:
         self,
         scene: SceneTask,
         values: Mapping[str, tuple[float, ...]],
-        slopes: bool,
+        with_derivatives: bool,
         samples: int,
         seeds: tuple[int, int],
     ) -> Floats:
         """Return halves (2, 1 + P, H, W, 4); derivatives by numbers that no look reads are 0."""
         bindings = {key: self._live[key] for key in self._unknowns if key in self._live}
         live_values = {binding.parameter: values[self._unknowns[key].name] for key, binding in bindings.items()}
-        symbols = [symbol for binding in bindings.values() for symbol in binding.symbols] if slopes else []
+        symbols = [symbol for binding in bindings.values() for symbol in binding.symbols] if with_derivatives else []
         digest = f"picture {next(self._numbers)}"
         task = SlopeTask(scene, self._pose, live_values, tuple(symbols), samples, seeds, digest)
         try:
             halves = self._worker.slopes(task, lambda progress: None).astype(np.float64)
         except WorkerError as error:
             raise WorkerError(f"{error}\n{last_line(self._worker.log)}") from error
-        if not slopes or len(bindings) == len(self._unknowns):
+        if not with_derivatives or len(bindings) == len(self._unknowns):
             return halves
         parts, first = [halves[:, :1]], 1
         for key, unknown in self._unknowns.items():

@@ -17,7 +17,7 @@ from lookdev.html_page import write_html_page
 from lookdev.output.color import VIEWS
 from lookdev.output.display import to_display
 
-_MOST_NOISE = 4.0
+_MAX_NOISE = 4.0
 """Standard errors at which the colour scale of differences ends."""
 
 
@@ -25,7 +25,7 @@ _MOST_NOISE = 4.0
 class FitPictures:
     """Pictures of the page, linear (H, W, 3): the photo, renders of both looks, and standard errors of differences.
 
-    `used` (H, W) are the pixels that were compared.
+    `is_compared` (H, W) are the pixels that were compared.
     """
 
     photo: Floats
@@ -33,11 +33,11 @@ class FitPictures:
     after: Floats
     noise_before: Floats
     noise_after: Floats
-    used: Bools
+    is_compared: Bools
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A parameter of the table: its values in the look before and after, and their errors."""
 
     name: str
@@ -47,17 +47,17 @@ class Row:
     remark: str = ""
 
 
-def table_rows(result: SearchResult, before: Mapping[str, tuple[float, ...]]) -> list[Row]:
+def table_rows(result: SearchResult, before: Mapping[str, tuple[float, ...]]) -> list[TableRow]:
     """Return the rows of the table; `before` has the values of the original look by name."""
     rows = []
     for name, value in result.values.items():
         names = [name] if len(value) == 1 else [f"{name}[{channel}]" for channel in "rgb"]
         remark = "no effect on the picture" if {*names} <= {*result.without_effect} else ""
         remark = remark or ("not determined by the picture" if {*names} & {*result.undetermined} else "")
-        others = [f"{b if a in names else a}" for a, b, _ in result.alike if {a, b} & {*names}]
+        others = [f"{b if a in names else a}" for a, b, _ in result.correlated_pairs if {a, b} & {*names}]
         outside = list(dict.fromkeys(other for other in others if other not in names))
         remark = remark or (f"trades off with {', '.join(outside)}" if outside else "")
-        rows.append(Row(name, before[name], value, result.errors[name], remark))
+        rows.append(TableRow(name, before[name], value, result.errors[name], remark))
     return rows
 
 
@@ -67,7 +67,7 @@ def format_numbers(values: Sequence[float], digits: int = 4) -> str:
 
 
 def write_page(
-    file: Path, title: str, lines: Sequence[str], pictures: FitPictures, rows: Sequence[Row], result: SearchResult
+    file: Path, title: str, lines: Sequence[str], pictures: FitPictures, rows: Sequence[TableRow], result: SearchResult
 ) -> None:
     """Write the page, complete or not at all; `lines` are plain text below the title."""
     photo_and_renders = {"Photo": pictures.photo, "Before": pictures.before, "After": pictures.after}
@@ -85,7 +85,7 @@ def write_page(
             _difference("Before − photo", pictures.before, pictures.noise_before, pictures),
             _difference("After − photo", pictures.after, pictures.noise_after, pictures),
         ],
-        most_noise=f"{_MOST_NOISE:g}",
+        most_noise=f"{_MAX_NOISE:g}",
         rows=rows,
         numbers=format_numbers,
         display_color=lambda color: to_display(np.clip([[color]], 0.0, 1.0), "Un-tone-mapped")[0, 0],
@@ -112,9 +112,9 @@ def _difference(name: str, render: Floats, noise: Floats, pictures: FitPictures)
     from matplotlib import colormaps
 
     difference = (render - pictures.photo).mean(axis=-1) / np.maximum(noise.mean(axis=-1), 1e-12)
-    spread = float(np.sqrt(np.mean(difference[pictures.used] ** 2))) if pictures.used.any() else 0.0
-    codes = colormaps["RdBu_r"](np.clip(0.5 + 0.5 * difference / _MOST_NOISE, 0.0, 1.0))[..., :3]
-    codes = np.where(pictures.used[..., None], codes, 0.25)  # grey where nothing is compared
+    spread = float(np.sqrt(np.mean(difference[pictures.is_compared] ** 2))) if pictures.is_compared.any() else 0.0
+    codes = colormaps["RdBu_r"](np.clip(0.5 + 0.5 * difference / _MAX_NOISE, 0.0, 1.0))[..., :3]
+    codes = np.where(pictures.is_compared[..., None], codes, 0.25)  # grey where nothing is compared
     caption = f"{name}: root mean square {spread:.2f} of the noise where pixels are compared"
     return caption, _png((codes * 255.0 + 0.5).astype(np.uint8))
 

@@ -30,14 +30,14 @@ _LAPLACIANS = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 class Photo:
     """A picture: premultiplied linear Rec.709 (H, W, 3), alpha (H, W) or None, standard error (H, W, 3).
 
-    `counts` (H, W), in [0, 1], is the weight of each pixel in comparisons; `noise_from` is the source of the error.
+    `weights` (H, W), in [0, 1], are those of pixels in comparisons; `noise_from` is the source of the error.
     """
 
     file: Path
     color: Floats
     alpha: Floats | None
     noise: Floats
-    counts: Floats
+    weights: Floats
     noise_from: str
     notes: tuple[str, ...] = ()
 
@@ -71,24 +71,24 @@ def read_photo(file: Path, mask: Path | None = None) -> Photo:
     color, alpha, noise = layer([*"RGB"]), layer(["A"]), layer([f"error.{channel}" for channel in "RGB"])
     assert color is not None
     notes = []
-    counts = np.isfinite(color).all(axis=-1).astype(np.float64)
-    if count := int((counts == 0.0).sum()):
+    weights = np.isfinite(color).all(axis=-1).astype(np.float64)
+    if count := int((weights == 0.0).sum()):
         notes.append(f"{file}: {count} pixels are not finite and do not count")
-        color = np.where(counts[..., None] > 0.0, color, 0.0)
+        color = np.where(weights[..., None] > 0.0, color, 0.0)
     if primaries is not None and not np.allclose(primaries, REC709, atol=1e-4):
-        matrix = to_rec709(tuple(primaries))
+        matrix = matrix_to_rec709(tuple(primaries))
         color = color @ matrix.T
         noise = None if noise is None else np.sqrt(noise**2 @ (matrix**2).T)
         notes.append(f"{file}: its primaries are not Rec.709's: it was converted, white adapted by Bradford's matrix")
     if mask is not None:
-        counts = counts * _read_mask(mask, color.shape[:2])
-    if not counts.any():
+        weights = weights * _read_mask(mask, color.shape[:2])
+    if not weights.any():
         raise LookdevError(f"{mask or file}: no pixel counts")
     has_error_layer = noise is not None and bool(np.isfinite(noise).all()) and bool(noise.any())
     if not has_error_layer or noise is None:
-        noise = estimate_noise(color, counts)
+        noise = estimate_noise(color, weights)
     source = "the file's layer 'error'" if has_error_layer else "the picture's finest detail (Immerkær 1996)"
-    return Photo(file, color, None if alpha is None else alpha[..., 0], noise, counts, source, tuple(notes))
+    return Photo(file, color, None if alpha is None else alpha[..., 0], noise, weights, source, tuple(notes))
 
 
 def _read_mask(file: Path, shape: tuple[int, ...]) -> Floats:
@@ -103,22 +103,22 @@ def _read_mask(file: Path, shape: tuple[int, ...]) -> Floats:
     return np.clip(pixels[..., -1].astype(np.float64), 0.0, 1.0)
 
 
-def to_rec709(primaries: tuple[float, ...]) -> Floats:
+def matrix_to_rec709(primaries: tuple[float, ...]) -> Floats:
     """Return the matrix from other primaries, given as `REC709` is, to Rec.709; it maps white to white."""
     adaptation = adapt_white(primaries[6:8], REC709[6:8])
     return np.asarray(np.linalg.inv(rgb_to_xyz(REC709)) @ adaptation @ rgb_to_xyz(primaries))
 
 
-def estimate_noise(color: Floats, counts: Floats) -> Floats:
+def estimate_noise(color: Floats, weights: Floats) -> Floats:
     """Estimate the standard error (H, W, 3) of a picture: the median detail among pixels of similar brightness."""
     noise = np.empty_like(color)
-    inside = convolve(counts, np.ones((3, 3)), mode="constant") > 8.99
+    inside = convolve(weights, np.ones((3, 3)), mode="constant") > 8.99
     for channel in range(3):
         plane = color[..., channel]
         # For normal noise of standard error s, the response has standard error 6 s, and median magnitude 0.6745 * 6 s.
         response = np.abs(convolve(plane, _LAPLACIANS, mode="nearest")) / (6.0 * 0.6745)
         smooth = convolve(plane, np.full((3, 3), 1.0 / 9.0), mode="nearest")
-        is_sampled = inside if inside.any() else counts > 0.0
+        is_sampled = inside if inside.any() else weights > 0.0
         ends = np.quantile(smooth[is_sampled], np.linspace(0.0, 1.0, _LEVELS + 1))
         level = np.clip(np.searchsorted(ends, smooth, side="right") - 1, 0, _LEVELS - 1)
         medians = [np.median(response[is_sampled & (level == n)]) if (is_sampled & (level == n)).any() else 0.0

@@ -1,4 +1,4 @@
-"""The search: starts are compared by renders, damped Gauss-Newton steps follow the best, more samples refine the end.
+"""The search: it renders starts, improves the best by damped Gauss-Newton steps, and refines with more samples.
 
 - Levenberg, K. 1944; Marquardt, D. W. 1963: damped steps. SciPy's `lsq_linear` solves them within bounds.
 - White, H. 1980. A Heteroskedasticity-Consistent Covariance Matrix Estimator. Econometrica 48(4): errors of parameters.
@@ -24,41 +24,41 @@ from lookdev.fitting.picture.target import Target
 from lookdev.fitting.picture.unknowns import Unknown
 
 RenderLook = Callable[[Mapping[str, tuple[float, ...]], bool, int, tuple[int, int]], Floats]
-"""Function of the values of the look's unknowns by name, whether to derive, the samples and the seeds.
+"""Function of values of a look's unknowns by name, of whether to differentiate, of samples and of seeds.
 
 It returns halves (2, 1 + P, H, W, 4): a picture, and its derivatives by each number of each unknown, in order.
 """
 
 _BOUND_MARGIN = 5e-4
-"""Units from a bound within which nothing is rendered: a lobe without weight is never sampled."""
+"""The least distance of renders from a bound, in units: a lobe of weight 0 would never be sampled."""
 
 _MAX_STEP = 0.4  # units
-_DAMPING, _MOST_DAMPING = 1e-3, 10.0
-_NEGLIGIBLE = 1e-3  # units of a step, a thousandth of a slider
-_NEAR = 0.05
-"""Units within which two ends count as the same."""
+_DAMPING, _MAX_DAMPING = 1e-3, 10.0
+_MIN_STEP = 1e-3  # units of a step, a thousandth of a slider
+_SAME_END_DISTANCE = 0.05
+"""The distance, in units, below which two ends are the same."""
 _UNDETERMINED = 0.25
 """Units of error above which a parameter is not determined: a quarter of its slider."""
 
-_ALIKE = 0.95
+_CORRELATED = 0.95
 """The correlation above which two parameters trade off."""
 
 
 @dataclass(frozen=True)
-class Settings:
-    """The extent of the search: `tried` starts, of which the best few are `followed`, and samples per pixel of a half.
+class SearchSettings:
+    """The extent of the search: numbers of starts, steps and rounds, and samples per pixel of a half.
 
     A derivative needs fewer samples than a picture, as it is multiplied by the remaining difference.
     """
 
-    tried: int = 12
-    followed: int = 2
+    start_count: int = 12
+    followed_count: int = 2
     steps: int = 8
     rounds: int = 10
-    coarse: int = 8
+    start_samples: int = 8
     samples: int = 32
-    finest: int = 256
-    slopes: int = 16
+    final_samples: int = 256
+    derivative_samples: int = 16
     seed: int = 0
 
 
@@ -82,12 +82,13 @@ class SearchResult:
     without_effect, undetermined
         Names of numbers that change no pixel, and of numbers whose error is larger than a quarter of the slider.
     alike
-        Pairs of names that change the picture alike, with their correlation: each alone is less certain than both.
+        Pairs of numbers with similar effects on the picture, and their correlation: each is less certain than their
+        sum.
     before, after, noise
         The loss at the look's original values, the loss at the result, and the part of the loss that is the picture's
         noise.
     misfit
-        The root of the loss over that part, at least 1; errors are multiplied by it.
+        The square root of loss / noise, at least 1. The errors are already multiplied by it.
     starts
         The final losses of the followed starts, best first, and whether each ended near the result.
     pictures
@@ -100,7 +101,7 @@ class SearchResult:
     errors: Mapping[str, tuple[float, ...]]
     without_effect: tuple[str, ...]
     undetermined: tuple[str, ...]
-    alike: tuple[tuple[str, str, float], ...]
+    correlated_pairs: tuple[tuple[str, str, float], ...]
     before: float
     after: float
     noise: float
@@ -119,9 +120,9 @@ class _LocalModel:
 
     gradient: Floats
     hessian: Floats
-    whole: Floats  # the Hessian without the noise of derivatives
+    unbiased_hessian: Floats  # without the noise of derivatives
     covariance: Floats
-    level: float  # the variance of residuals, relative to the weights
+    noise_variance: float  # of residuals, relative to the weights
 
 
 @dataclass(eq=False)
@@ -131,18 +132,18 @@ class Search:
     render: RenderLook
     target: Target
     unknowns: Sequence[Unknown]
-    settings: Settings = field(default_factory=Settings)
+    settings: SearchSettings = field(default_factory=SearchSettings)
     report: Callable[[LossPoint], None] = lambda point: None
     _curve: list[LossPoint] = field(default_factory=list)
     _seeds: Iterator[int] = field(default_factory=count)
     _best: tuple[Floats, float, Floats] | None = None
-    _first: Floats = field(default_factory=lambda: np.zeros(0))
+    _initial_picture: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         self._low = np.concatenate([unknown.units(unknown.low) for unknown in self.unknowns])
         self._high = np.concatenate([unknown.units(unknown.high) for unknown in self.unknowns])
         inside = np.minimum(_BOUND_MARGIN, 0.25 * (self._high - self._low))
-        self._inner = self._low + inside, self._high - inside
+        self._inner_bounds = self._low + inside, self._high - inside
         initial = [unknown.unit(np.array(unknown.constant.value)) for unknown in self.unknowns]
         self._initial = self._clip(np.concatenate(initial))
         self._is_compared = self.target.weight > 0.0
@@ -157,7 +158,7 @@ class Search:
         ends: list[tuple[Floats, float]] = []
         converged = interrupted = False
         before = 0.0
-        # On matrices of a few columns, threads of the linear algebra only wait for each other.
+        # With few columns, threads of the linear algebra only wait for each other.
         with threadpool_limits(1, "blas"):
             try:
                 starts, before = self._find_starts()
@@ -176,26 +177,26 @@ class Search:
         """Return the starts to follow, best first, and the loss of the look's original values."""
         settings = self.settings
         trials = [self._initial]
-        if settings.tried > 1:
+        if settings.start_count > 1:
             low, high = (
-                np.concatenate([unknown.units(unknown.usual[end]) for unknown in self.unknowns]) for end in (0, 1)
+                np.concatenate([unknown.units(unknown.start_range[end]) for unknown in self.unknowns]) for end in (0, 1)
             )
             sobol = qmc.Sobol(len(low), rng=np.random.default_rng(settings.seed))
-            samples = sobol.random(_next_power_of_two(settings.tried))
-            trials += [self._clip(low + (high - low) * unknown) for unknown in samples[: settings.tried - 1]]
+            samples = sobol.random(_next_power_of_two(settings.start_count))
+            trials += [self._clip(low + (high - low) * sample) for sample in samples[: settings.start_count - 1]]
         seeds = self._next_seeds()
         losses = []
         for number, unit in enumerate(trials):
-            halves = self._render_halves(unit, settings.coarse, seeds)
+            halves = self._render_halves(unit, settings.start_samples, seeds)
             losses.append(self.target.loss(*halves))
             self._record_point("start", number, losses[-1])
             self._record_best(unit, losses[-1], halves)
-            self._first = self._first if number else 0.5 * (halves[0] + halves[1])
-        order = np.argsort(losses)[: settings.followed]
+            self._initial_picture = self._initial_picture if number else 0.5 * (halves[0] + halves[1])
+        order = np.argsort(losses)[: settings.followed_count]
         return [trials[n] for n in order], losses[0]
 
     def _follow(self, unit: Floats, number: int, earlier_ends: Sequence[Floats]) -> tuple[Floats, float]:
-        """Return the units at which damped steps from a start end, and their loss; all steps use the same seeds.
+        """Take damped steps from a start, all with the same seeds; return the last units, and their loss.
 
         Steps end when they are smaller than the error of the result, or near the end of an earlier start.
         """
@@ -204,9 +205,9 @@ class Search:
         loss, damping = self.target.loss(*halves), _DAMPING
         self._record_point("follow", number, loss)
         for _ in range(settings.steps):
-            local = self._local_model(unit, halves, settings.slopes)
+            local = self._local_model(unit, halves, settings.derivative_samples)
             accepted = False
-            while not accepted and damping < _MOST_DAMPING:
+            while not accepted and damping < _MAX_DAMPING:
                 step = self._solve_step(unit, local, damping)
                 if self._is_small(step, local):
                     return unit, loss
@@ -217,31 +218,31 @@ class Search:
                 self._record_point("follow", number, trial_loss, accepted)
                 damping = damping / 8.0 if accepted else max(damping, 1e-2) * 8.0
             if not accepted:
-                break  # this many samples do not resolve a better step
+                break  # a better step needs more samples
             unit, halves, loss = moved, trial, trial_loss
             self._record_best(unit, loss, halves)
-            if any(np.abs(unit - end).max() < _NEAR for end in earlier_ends):
+            if any(np.abs(unit - end).max() < _SAME_END_DISTANCE for end in earlier_ends):
                 break
         return unit, loss
 
     def _polish(self, unit: Floats) -> bool:
         """Take steps with new seeds and double the samples; return whether the last step is smaller than its error."""
-        samples, slopes = 2 * self.settings.samples, 2 * self.settings.slopes
+        samples, derivative_samples = 2 * self.settings.samples, 2 * self.settings.derivative_samples
         is_small = False
         for number in range(self.settings.rounds):
             halves = self._render_halves(unit, samples, self._next_seeds())
-            local = self._local_model(unit, halves, slopes)
+            local = self._local_model(unit, halves, derivative_samples)
             self._record_point("refine", number, loss := self.target.loss(*halves))
             self._best = unit, loss, 0.5 * (halves[0] + halves[1])
             step = self._solve_step(unit, local, 0.0)
             unit = self._clip(unit + step)
             is_small = self._is_small(step, local)
-            if is_small and samples >= self.settings.finest:
+            if is_small and samples >= self.settings.final_samples:
                 break
-            samples = min(2 * samples, self.settings.finest)
-            # Where steps are not small yet, their noise is that of derivatives: it makes them shorter.
-            slopes = min(2 * slopes, 8 * self.settings.slopes)
-        self._best = unit, loss, self._best[2] if self._best else self._first
+            samples = min(2 * samples, self.settings.final_samples)
+            # While steps are large, the noise of derivatives makes them too short; more samples reduce it.
+            derivative_samples = min(2 * derivative_samples, 8 * self.settings.derivative_samples)
+        self._best = unit, loss, self._best[2] if self._best else self._initial_picture
         return is_small
 
     def _result(
@@ -252,10 +253,10 @@ class Search:
         no_errors = np.full(len(unit), np.nan)
         errors, covariance, misfit, noise = no_errors, None, 1.0, self.target.noise
         if not interrupted:
-            halves = self._render_halves(unit, self.settings.finest, self._next_seeds())
+            halves = self._render_halves(unit, self.settings.final_samples, self._next_seeds())
             loss, picture = self.target.loss(*halves), 0.5 * (halves[0] + halves[1])
             self._record_point("end", 0, loss)
-            local = self._local_model(unit, halves, 16 * self.settings.slopes)
+            local = self._local_model(unit, halves, 16 * self.settings.derivative_samples)
             misfit = float(np.sqrt(max(1.0, loss / noise))) if noise > 0.0 else 1.0
             covariance = local.covariance
             errors = misfit * np.sqrt(np.diag(covariance))
@@ -276,26 +277,29 @@ class Search:
         return SearchResult(
             values, spread, tuple(without_effect), tuple(undetermined),
             tuple(_correlated_pairs(names, covariance, errors)), before, loss, noise, misfit,
-            tuple((end, bool(np.abs(end_unit - unit).max() < _NEAR)) for end_unit, end in ends),
-            tuple(self._curve), (self._first, picture), converged, interrupted, time.perf_counter() - start_time,
+            tuple((end, bool(np.abs(end_unit - unit).max() < _SAME_END_DISTANCE)) for end_unit, end in ends),
+            tuple(self._curve), (self._initial_picture, picture), converged, interrupted,
+            time.perf_counter() - start_time,
         )  # fmt: skip
 
     def _render_halves(self, unit: Floats, samples: int, seeds: tuple[int, int]) -> tuple[Floats, Floats]:
         halves = self._render_slopes(unit, False, samples, seeds)
         return halves[0, 0], halves[1, 0]
 
-    def _render_slopes(self, unit: Floats, slopes: bool, samples: int, seeds: tuple[int, int]) -> Floats:
+    def _render_slopes(self, unit: Floats, with_derivatives: bool, samples: int, seeds: tuple[int, int]) -> Floats:
         """Return halves (2, 1 + P, H, W, C), exposed: a picture, and its derivatives by units."""
         parts = [(unknown, unit[part]) for unknown, part in self._slices()]
         values = {
             unknown.name: tuple(map(float, unknown.value(part))) for unknown, part in parts if not unknown.is_exposure
         }
-        halves = self.render(values, slopes, samples, seeds)[..., : self.target.value.shape[-1]].astype(np.float64)
+        halves = self.render(values, with_derivatives, samples, seeds)[..., : self.target.value.shape[-1]].astype(
+            np.float64
+        )
         light = np.array([1.0, 1.0, 1.0, 0.0])[: halves.shape[-1]]  # alpha is not exposed
         gain = {unknown.is_exposure: 2.0 ** float(unknown.value(part)[0]) for unknown, part in parts}.get(True, 1.0)
         halves *= gain * light + (1.0 - light)
         picture_and_slopes, index = [halves[:, 0]], 1
-        for unknown, part in parts if slopes else ():
+        for unknown, part in parts if with_derivatives else ():
             if unknown.is_exposure:
                 picture_and_slopes.append(np.log(2.0) * unknown.rate(part)[0] * light * halves[:, 0])
                 continue
@@ -321,27 +325,29 @@ class Search:
         identity = np.eye(len(hessian))
         ridge = 1e-9 * np.trace(hessian) * identity
         if eigh(unbiased + ridge, hessian + ridge, eigvals_only=True).min() < 0.25:
-            unbiased = hessian  # so few samples do not separate it from its noise
+            unbiased = hessian  # too few samples to remove the noise
         variance = self.target.variance[self._is_compared] + (0.5 * (a - b)) ** 2
-        level = float((self._weight * variance).mean())
-        # The prior standard error of each number is the width of its slider, which a number without effect keeps.
-        information = _positive_part(cross_product) + level * identity
-        scores = _positive_part((first * (self._weight**2 * variance)[:, None]).T @ second) + level**2 * identity
+        noise_variance = float((self._weight * variance).mean())
+        # The prior standard error of a number is the width of its slider. A number without effect keeps this error.
+        information = _positive_part(cross_product) + noise_variance * identity
+        scores = (
+            _positive_part((first * (self._weight**2 * variance)[:, None]).T @ second) + noise_variance**2 * identity
+        )
         inverse = np.linalg.inv(information)
         covariance = inverse @ scores @ inverse
-        return _LocalModel(weighted.T @ residual, hessian, unbiased, covariance, level)
+        return _LocalModel(weighted.T @ residual, hessian, unbiased, covariance, noise_variance)
 
     def _solve_step(self, unit: Floats, local: _LocalModel, damping: float) -> Floats:
         """Return the step to the least loss of the local model within the bounds."""
-        damped = local.whole + np.diag(damping * np.diag(local.hessian) + local.level)
+        damped = local.unbiased_hessian + np.diag(damping * np.diag(local.hessian) + local.noise_variance)
         root = cholesky(damped)
         target = -solve_triangular(root, local.gradient, trans="T")
-        low = np.maximum(self._inner[0] - unit, -_MAX_STEP)
-        high = np.minimum(self._inner[1] - unit, _MAX_STEP)
+        low = np.maximum(self._inner_bounds[0] - unit, -_MAX_STEP)
+        high = np.minimum(self._inner_bounds[1] - unit, _MAX_STEP)
         return np.asarray(lsq_linear(root, target, (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls").x)
 
     def _is_small(self, step: Floats, local: _LocalModel) -> bool:
-        return bool(np.all(np.abs(step) < np.maximum(np.sqrt(np.diag(local.covariance)), _NEGLIGIBLE)))
+        return bool(np.all(np.abs(step) < np.maximum(np.sqrt(np.diag(local.covariance)), _MIN_STEP)))
 
     def _slices(self) -> Iterator[tuple[Unknown, slice]]:
         """Yield each unknown with the slice of its numbers."""
@@ -351,11 +357,11 @@ class Search:
             first += unknown.width
 
     def _clip(self, unit: Floats) -> Floats:
-        return np.asarray(np.clip(unit, *self._inner))
+        return np.asarray(np.clip(unit, *self._inner_bounds))
 
     def _snap_to_bounds(self, unit: Floats) -> Floats:
-        """Return units, set to their bounds where they are as near to them as renders go."""
-        low, high = (np.abs(unit - end) < 1e-6 for end in self._inner)
+        """Return units; those at the least distance of renders from a bound become the bound."""
+        low, high = (np.abs(unit - end) < 1e-6 for end in self._inner_bounds)
         return np.where(low, self._low, np.where(high, self._high, unit))
 
     def _next_seeds(self) -> tuple[int, int]:
@@ -379,7 +385,7 @@ def _correlated_pairs(
     for i in range(len(names)):
         for j in range(i):
             correlation = float(covariance[i, j] / (scale[i] * scale[j]))
-            if abs(correlation) > _ALIKE and np.isfinite(errors[[i, j]]).all():
+            if abs(correlation) > _CORRELATED and np.isfinite(errors[[i, j]]).all():
                 yield names[j], names[i], correlation
 
 

@@ -18,7 +18,7 @@ from lookdev.errors import LookdevError
 from lookdev.fitting.picture.photo import Photo
 
 _RELATIVE = 0.02
-"""The least error of a pixel, relative to its brightness: it keeps few pixels from outweighing all others."""
+"""The least error of a pixel, relative to its brightness, so that no few pixels outweigh all others."""
 
 _DARK = 0.02
 """The least error of a pixel, relative to the mean brightness, for dark pixels."""
@@ -56,9 +56,9 @@ class Target:
         """
         color = block_means(photo.color, block) / gain
         variance = block_means(photo.noise**2, block) / (block * gain) ** 2
-        counts = _block_minima(photo.counts, block)
+        weights = _block_minima(photo.weights, block)
         if photo.alpha is not None and not see_through:
-            counts = counts * (_block_minima(photo.alpha, block) >= 1.0 - 1e-4)
+            weights = weights * (_block_minima(photo.alpha, block) >= 1.0 - 1e-4)
         if see_through:
             if photo.alpha is None:
                 raise LookdevError(
@@ -69,17 +69,18 @@ class Target:
             noise = np.full_like(alpha, max(float(np.mean(variance / np.maximum(color, 1e-3) ** 2)), 1e-6))
             color, variance = np.concatenate([color, alpha], -1), np.concatenate([variance, noise], -1)
         else:
-            counts = counts * (covered >= 1.0 - 1e-6)
-        if (counts > 0.0).sum() < 16:
+            weights = weights * (covered >= 1.0 - 1e-6)
+        if (weights > 0.0).sum() < 16:
+            count = f"{int((weights > 0.0).sum())} blocks of {block} x {block} pixels"
             raise LookdevError(
-                f"{photo.file}: {int((counts > 0.0).sum())} blocks of {block} x {block} pixels are of the asset alone; "
+                f"{photo.file}: only {count} show nothing but the asset; "
                 "a picture of the job's camera, whose alpha and mask leave some, would be right"
             )
-        # The weight of a pixel depends on its neighbours, as its own noise would bias it.
-        mean_color = _mean_of_neighbours(color, counts)
-        noise = _mean_of_neighbours(variance, counts)
-        floor = _DARK * (color * counts[..., None]).sum(axis=(0, 1)) / counts.sum()
-        weight = counts[..., None] / (noise + (_RELATIVE * mean_color) ** 2 + floor**2 + 1e-12)
+        # The weight of a pixel depends on its neighbours alone: its own noise would bias it.
+        mean_color = _mean_of_neighbours(color, weights)
+        noise = _mean_of_neighbours(variance, weights)
+        floor = _DARK * (color * weights[..., None]).sum(axis=(0, 1)) / weights.sum()
+        weight = weights[..., None] / (noise + (_RELATIVE * mean_color) ** 2 + floor**2 + 1e-12)
         return cls(color, variance, weight)
 
     def loss(self, a: Floats, b: Floats) -> float:
@@ -111,14 +112,14 @@ def _block_minima(values: Floats, side: int) -> Floats:
     return np.asarray(values.reshape(height // side, side, width // side, side).min(axis=(1, 3)))
 
 
-def _mean_of_neighbours(values: Floats, counts: Floats) -> Floats:
+def _mean_of_neighbours(values: Floats, weights: Floats) -> Floats:
     """Return the weighted means (H, W, C) of the 24 neighbours, or of all pixels where no neighbour has weight."""
     kernel = np.ones((5, 5))
     kernel[2, 2] = 0.0
-    total = convolve(counts, kernel, mode="constant")
+    total = convolve(weights, kernel, mode="constant")
     means = np.empty_like(values)
     for channel in range(values.shape[-1]):
         plane = values[..., channel]
-        mean = convolve(plane * counts, kernel, mode="constant") / np.maximum(total, 1e-12)
-        means[..., channel] = np.where(total > 0.0, mean, np.average(plane, weights=counts))
+        mean = convolve(plane * weights, kernel, mode="constant") / np.maximum(total, 1e-12)
+        means[..., channel] = np.where(total > 0.0, mean, np.average(plane, weights=weights))
     return means

@@ -15,23 +15,24 @@ from lookdev.material import Look
 from lookdev.material.change import Constant, constant_named
 
 _LOGARITHMIC_END = 100.0
-"""Numbers whose slider ends here or higher, such as exponents, are searched as the logarithm of 1 plus them."""
+"""The end of a slider from which on the search uses the logarithm of 1 plus the number, as for exponents."""
 
 _EXPOSURE = Parameter("exposure", "float", 0.0, (-10.0, 10.0), (-2.0, 2.0))
-_RANGED = re.compile(r"([^=]+)=(.+)\.\.(.+)")
+_NAME_WITH_RANGE = re.compile(r"([^=]+)=(.+)\.\.(.+)")
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """A constant that is searched between `low` and `high`; starts are drawn within the range `usual`.
+    """A constant that is searched between `low` and `high`; starts are drawn within `start_range`.
 
-    The search scales numbers to units: linearly, by the width of `usual`, or by the logarithm of 1 plus the number.
+    The search scales numbers to units: linearly, by the width of `start_range`, or by the logarithm of 1 plus the
+    number.
     """
 
     constant: Constant
     low: float
     high: float
-    usual: tuple[float, float]
+    start_range: tuple[float, float]
 
     @property
     def name(self) -> str:
@@ -50,11 +51,13 @@ class Unknown:
 
     @property
     def _is_logarithmic(self) -> bool:
-        return self.low >= 0.0 and self.usual[1] >= _LOGARITHMIC_END
+        return self.low >= 0.0 and self.start_range[1] >= _LOGARITHMIC_END
 
     @property
     def _scale(self) -> float:
-        return float(np.log1p(self.usual[1])) if self._is_logarithmic else self.usual[1] - self.usual[0]
+        return (
+            float(np.log1p(self.start_range[1])) if self._is_logarithmic else self.start_range[1] - self.start_range[0]
+        )
 
     def unit(self, value: Floats) -> Floats:
         """Return the units of values."""
@@ -87,12 +90,12 @@ def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
     """
     unknowns: list[Unknown] = []
     for text in names:
-        match = _RANGED.fullmatch(text.strip())
+        match = _NAME_WITH_RANGE.fullmatch(text.strip())
         constant = constant_named(look, match[1].strip() if match else text.strip())
         low, high = constant.parameter.hard
-        usual = constant.parameter.soft
+        start_range = constant.parameter.soft
         if match:
-            low, high = usual = _range(text, match[2], match[3], (low, high))
+            low, high = start_range = _parse_range(text, match[2], match[3], (low, high))
         elif len(constant.path) > 1:
             raise LookdevError(f"{text}: an input of an expression has no range; '{text}=0..1' would be right")
         if any(unknown.name == constant.name for unknown in unknowns):
@@ -100,13 +103,13 @@ def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
         if not all(low <= number <= high for number in constant.value):
             value = ", ".join(f"{number:g}" for number in constant.value)
             raise LookdevError(f"{text}: the look has {value}, which is not in {low:g}..{high:g}")
-        unknowns.append(Unknown(constant, low, high, (max(usual[0], low), min(usual[1], high))))
+        unknowns.append(Unknown(constant, low, high, (max(start_range[0], low), min(start_range[1], high))))
     if not unknowns:
         raise LookdevError("no parameter is to be found; --parameters roughness,baseColor would be right")
     return tuple(unknowns)
 
 
-def _range(text: str, low: str, high: str, hard: tuple[float, float]) -> tuple[float, float]:
+def _parse_range(text: str, low: str, high: str, hard: tuple[float, float]) -> tuple[float, float]:
     try:
         ends = float(low), float(high)
     except ValueError:

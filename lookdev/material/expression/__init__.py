@@ -56,7 +56,7 @@ class Expression:
             A float or a colour, as `check` returns; finite and within ±1e18. Raises as `check`.
         """
         kind = self.check(types)
-        # Overflow is bounded after every operation on numbers, so its warnings have no meaning.
+        # Results are clipped after every operation on numbers, so warnings of overflow have no meaning.
         with np.errstate(all="ignore"):
             channels = [clip_to_bound(channel) for channel in _Evaluation(values, types).value(self.root)]
             if kind == "float":
@@ -103,7 +103,7 @@ class _Checker:
                         self.kind(argument)
                     else:
                         self._check_float(argument, f"'{name}'")
-                return "color" if function.gives == "color" else "float"
+                return "color" if function.result == "color" else "float"
             case syntax.NumberNode():
                 return "float"
 
@@ -136,12 +136,12 @@ class _Evaluation:
                 return _map_channels(lambda a, b: np.where(truth, a, b), self.value(yes), self.value(no))
             case syntax.ApplyNode():
                 results = self._apply_function(node)
-                # Symbols are clipped once, at the end. Constants must be float32 literals in every operation.
+                # Symbols are clipped once, at the end. Constants are clipped here, as each must be a float32 literal.
                 return tuple(clip_to_bound(x) if isinstance(x, np.ndarray | np.floating) else x for x in results)
 
     def truth_value(self, node: syntax.ExpressionNode) -> BooleanArray:
         """Return the truth values of a node; a number is true where it is not 0."""
-        if isinstance(node, syntax.ApplyNode) and node.function.gives == "truth":
+        if isinstance(node, syntax.ApplyNode) and node.function.result == "truth":
             operand = self.truth_value if node.function.domain == "truth" else self._float
             return cast(BooleanArray, node.function.evaluate(*(operand(argument) for argument in node.arguments)))
         truth: BooleanArray = np.logical_not(np.equal(self._float(node), 0.0))
@@ -152,7 +152,7 @@ class _Evaluation:
 
     def _apply_function(self, node: syntax.ApplyNode) -> tuple[Array, ...]:
         function = node.function
-        if function.gives == "truth":
+        if function.result == "truth":
             return (np.where(self.truth_value(node), 1.0, 0.0),)
         values = [self.value(argument) for argument in node.arguments]
         if function.domain == "color":

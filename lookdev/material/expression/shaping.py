@@ -1,8 +1,8 @@
 """The functions of mask expressions: arithmetic, and the shaping functions of SeExpr.
 
 Plain functions over broadcasting arrays, with the NumPy functions that `lookdev.brdf` uses, so that symbolic arrays
-can run through the same code. Every result of finite numbers within `LARGEST` is finite: docstrings state values that
-SeExpr leaves undefined. A colour is a tuple of three arrays; other functions work on one channel at a time.
+can run through the same code. Every result of finite numbers within `MAX_MAGNITUDE` is finite; docstrings state the
+values that SeExpr leaves undefined. A colour is a tuple of three arrays; other functions work on one channel at a time.
 
 - SeExpr 2, Disney Enterprises: user documentation, and the formulas of its built-in functions.
 - Perlin, K. 2002. Improving Noise. SIGGRAPH.
@@ -18,10 +18,8 @@ from typing import Literal
 
 import numpy as np
 
+from lookdev.arrays import MAX_MAGNITUDE
 from lookdev.brdf.vectors import TINY, Array, BooleanArray, Real
-
-LARGEST = 1e18
-"""The bound of the magnitude of all numbers: the product of two is still a float32."""
 
 _LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec.709, as SeExpr
 _PERIOD = 289.0
@@ -33,14 +31,14 @@ class LanguageFunction:
 
     The last `optional` of the `parameters` may be omitted. `domain` is the type of the arguments: ``"each"`` floats and
     colours, by channel; ``"float"`` floats only; ``"color"`` a colour, as a tuple of three arrays, then floats;
-    ``"truth"`` truth values. `gives` is the type of the result; None is the type of the arguments.
+    ``"truth"`` truth values. `result` is the type of the result; None is the type of the arguments.
     """
 
     evaluate: Callable[..., Array | BooleanArray | tuple[Array, ...]]
     parameters: tuple[str, ...]
     optional: int = 0
     domain: Literal["each", "float", "color", "truth"] = "each"
-    gives: Literal["float", "color", "truth"] | None = None
+    result: Literal["float", "color", "truth"] | None = None
 
     def signature(self, name: str) -> str:
         """Return the text of a call, with optional parameters in brackets."""
@@ -50,8 +48,8 @@ class LanguageFunction:
 
 
 def clip_to_bound(x: Array) -> Array:
-    """Clip a number to `LARGEST`; NaN becomes 0."""
-    return np.where(x > 0.0, np.minimum(x, LARGEST), np.where(x < 0.0, np.maximum(x, -LARGEST), 0.0))
+    """Clip a number to `MAX_MAGNITUDE`; NaN becomes 0."""
+    return np.where(x > 0.0, np.minimum(x, MAX_MAGNITUDE), np.where(x < 0.0, np.maximum(x, -MAX_MAGNITUDE), 0.0))
 
 
 def divide(x: Real, y: Array) -> Array:
@@ -94,12 +92,12 @@ def ceiling(x: Array) -> Array:
     return -np.floor(-x)
 
 
-def whole_part(x: Array) -> Array:
+def truncate(x: Array) -> Array:
     """Return the nearest integer towards zero."""
     return np.where(x < 0.0, ceiling(x), np.floor(x))
 
 
-def nearest_whole(x: Array) -> Array:
+def round_half_away(x: Array) -> Array:
     """Return the nearest integer, halves away from zero."""
     return np.where(x < 0.0, ceiling(x - 0.5), np.floor(x + 0.5))
 
@@ -117,8 +115,8 @@ def boxstep(x: Array, a: Array) -> Array:
 def linearstep(x: Array, a: Array, b: Array) -> Array:
     """Return a linear ramp from 0 at a to 1 at b, which falls where b < a; boxstep where a = b."""
     width = b - a
-    sudden = np.absolute(width) < TINY
-    return np.where(sudden, boxstep(x, a), np.clip((x - a) / np.where(sudden, 1.0, width), 0.0, 1.0))
+    is_step = np.absolute(width) < TINY
+    return np.where(is_step, boxstep(x, a), np.clip((x - a) / np.where(is_step, 1.0, width), 0.0, 1.0))
 
 
 def _smooth(t: Array) -> Array:
@@ -146,10 +144,10 @@ def remap(x: Array, source: Array, span: Array, falloff: Array, interp: Array) -
     `interp` is the shape of the fall: 0 linear, 1 smooth, 2 gaussian.
     """
     span, falloff, distance = np.absolute(span), np.absolute(falloff), np.absolute(x - source)
-    sudden = falloff < TINY
-    t = np.clip((span + falloff - distance) / np.where(sudden, 1.0, falloff), 0.0, 1.0)
+    is_step = falloff < TINY
+    t = np.clip((span + falloff - distance) / np.where(is_step, 1.0, falloff), 0.0, 1.0)
     shaped = np.where(interp < 1.0, t, np.where(interp < 2.0, _smooth(t), _gaussian(t)))
-    return np.where(sudden, np.where(distance < span, 1.0, 0.0), shaped)
+    return np.where(is_step, np.where(distance < span, 1.0, 0.0), shaped)
 
 
 def fit(x: Array, a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
@@ -271,7 +269,7 @@ FUNCTIONS: dict[str, LanguageFunction] = {
     "lerp": LanguageFunction(mix, ("a", "b", "alpha")),
     "linearstep": LanguageFunction(linearstep, ("x", "a", "b")),
     "log": LanguageFunction(logarithm, ("x",)),
-    "luminance": LanguageFunction(luminance, ("color",), domain="color", gives="float"),
+    "luminance": LanguageFunction(luminance, ("color",), domain="color", result="float"),
     "max": LanguageFunction(np.maximum, ("a", "b")),
     "min": LanguageFunction(np.minimum, ("a", "b")),
     "mix": LanguageFunction(mix, ("a", "b", "alpha")),
@@ -279,13 +277,13 @@ FUNCTIONS: dict[str, LanguageFunction] = {
     "noise": LanguageFunction(noise, ("x", "y", "z"), optional=2, domain="float"),
     "pow": LanguageFunction(power, ("x", "y")),
     "remap": LanguageFunction(remap, ("x", "source", "range", "falloff", "interp")),
-    "round": LanguageFunction(nearest_whole, ("x",)),
-    "saturate": LanguageFunction(saturate, ("color", "amount"), domain="color", gives="color"),
+    "round": LanguageFunction(round_half_away, ("x",)),
+    "saturate": LanguageFunction(saturate, ("color", "amount"), domain="color", result="color"),
     "sin": LanguageFunction(np.sin, ("x",)),
     "smoothstep": LanguageFunction(smoothstep, ("x", "a", "b")),
     "sqrt": LanguageFunction(square_root, ("x",)),
     "tan": LanguageFunction(np.tan, ("x",)),
-    "trunc": LanguageFunction(whole_part, ("x",)),
+    "trunc": LanguageFunction(truncate, ("x",)),
 }
 
 _PAIR = ("a", "b")
@@ -298,13 +296,13 @@ OPERATORS: dict[str, LanguageFunction] = {
     "%": LanguageFunction(modulo, _PAIR),
     "^": LanguageFunction(power, _PAIR),
     "negative": LanguageFunction(np.negative, ("a",)),
-    "<": LanguageFunction(np.less, _PAIR, domain="float", gives="truth"),
-    "<=": LanguageFunction(np.less_equal, _PAIR, domain="float", gives="truth"),
-    ">": LanguageFunction(np.greater, _PAIR, domain="float", gives="truth"),
-    ">=": LanguageFunction(np.greater_equal, _PAIR, domain="float", gives="truth"),
-    "==": LanguageFunction(np.equal, _PAIR, domain="float", gives="truth"),
-    "!=": LanguageFunction(lambda a, b: np.logical_not(np.equal(a, b)), _PAIR, domain="float", gives="truth"),
-    "&&": LanguageFunction(np.logical_and, _PAIR, domain="truth", gives="truth"),
-    "||": LanguageFunction(np.logical_or, _PAIR, domain="truth", gives="truth"),
-    "!": LanguageFunction(np.logical_not, ("a",), domain="truth", gives="truth"),
+    "<": LanguageFunction(np.less, _PAIR, domain="float", result="truth"),
+    "<=": LanguageFunction(np.less_equal, _PAIR, domain="float", result="truth"),
+    ">": LanguageFunction(np.greater, _PAIR, domain="float", result="truth"),
+    ">=": LanguageFunction(np.greater_equal, _PAIR, domain="float", result="truth"),
+    "==": LanguageFunction(np.equal, _PAIR, domain="float", result="truth"),
+    "!=": LanguageFunction(lambda a, b: np.logical_not(np.equal(a, b)), _PAIR, domain="float", result="truth"),
+    "&&": LanguageFunction(np.logical_and, _PAIR, domain="truth", result="truth"),
+    "||": LanguageFunction(np.logical_or, _PAIR, domain="truth", result="truth"),
+    "!": LanguageFunction(np.logical_not, ("a",), domain="truth", result="truth"),
 }

@@ -12,10 +12,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
+from lookdev.arrays import MAX_MAGNITUDE
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, LARGEST, OPERATORS, LanguageFunction
+from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS, LanguageFunction
 
-LONGEST = 64 * 1024
+MAX_LENGTH = 64 * 1024
 """The greatest length of an expression, in characters."""
 
 _MAX_DEPTH = 64  # nested operations
@@ -40,7 +41,7 @@ class ExpressionError(LookdevError):
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Node:
     """A part of an expression; `position` is the index of its operator or first character."""
 
     position: int
@@ -48,21 +49,21 @@ class _Part:
 
 
 @dataclass(frozen=True)
-class NumberNode(_Part):
+class NumberNode(_Node):
     """A number, or the value of a named constant."""
 
     value: float
 
 
 @dataclass(frozen=True)
-class NameNode(_Part):
+class NameNode(_Node):
     """An input."""
 
     name: str
 
 
 @dataclass(frozen=True)
-class ApplyNode(_Part):
+class ApplyNode(_Node):
     """A function or operator with its arguments."""
 
     name: str
@@ -71,14 +72,14 @@ class ApplyNode(_Part):
 
 
 @dataclass(frozen=True)
-class ColorNode(_Part):
+class ColorNode(_Node):
     """Three floats as a colour: ``[r, g, b]``."""
 
     channels: tuple[ExpressionNode, ...]
 
 
 @dataclass(frozen=True)
-class ChannelNode(_Part):
+class ChannelNode(_Node):
     """A channel of a colour: ``color[index]``."""
 
     color: ExpressionNode
@@ -86,7 +87,7 @@ class ChannelNode(_Part):
 
 
 @dataclass(frozen=True)
-class ChoiceNode(_Part):
+class ChoiceNode(_Node):
     """One of two values: ``condition ? yes : no``."""
 
     condition: ExpressionNode
@@ -134,8 +135,10 @@ def parse_tree(text: str) -> tuple[ExpressionNode, tuple[str, ...]]:
         The syntax is wrong, a function is unknown or has a wrong number of arguments, or the text is too long or nested
         too deep.
     """
-    if len(text) > LONGEST:
-        raise ExpressionError(text, LONGEST, f"an expression of {len(text)} characters; at most {LONGEST} are read")
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(
+            text, MAX_LENGTH, f"an expression of {len(text)} characters; at most {MAX_LENGTH} are read"
+        )
     parser = _Parser(text)
     return parser.parse_whole(), tuple(parser.names)
 
@@ -229,8 +232,8 @@ class _Parser:
         if token.kind == "number":
             self._next()
             value = float(token.text)
-            if value > LARGEST:
-                raise ExpressionError(self.text, position, f"a number above {LARGEST:g}")
+            if value > MAX_MAGNITUDE:
+                raise ExpressionError(self.text, position, f"a number above {MAX_MAGNITUDE:g}")
             return NumberNode(position, 1, value)
         if token.kind == "name":
             self._next()

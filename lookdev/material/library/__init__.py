@@ -21,10 +21,10 @@ from lookdev.stage import open_stage
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""
 
-SHIPPED = tuple(Path("materials", folder) for folder in ("presets", "metals", "classic"))
+SHIPPED_FOLDERS = tuple(Path("materials", folder) for folder in ("presets", "metals", "classic"))
 """The folders of presets below the current folder and below `lookdev.shipped.shipped_folder`."""
 
-SUFFIXES = (".usda", ".usd", ".usdc")
+LOOK_SUFFIXES = (".usda", ".usd", ".usdc")
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class Library:
 def library_folders(library: Path | None = None) -> tuple[Path, ...]:
     """Return the absolute folders of presets by precedence; LookError where a named one or all are missing.
 
-    These are `library`, else the folders in ``$LOOKDEV_LIBRARY``, else the existing ones of `SHIPPED` below the current
-    folder and below the folder of the shipped files.
+    These are `library`, else the folders in ``$LOOKDEV_LIBRARY``, else the existing ones of `SHIPPED_FOLDERS` below the
+    current folder and below the folder of the shipped files.
     """
     environment_folders = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     named_folders = [library] if library else environment_folders
-    shipped = [above / folder for above in (Path(), shipped_folder()) for folder in SHIPPED]
+    shipped = [above / folder for above in (Path(), shipped_folder()) for folder in SHIPPED_FOLDERS]
     folders = dict.fromkeys(folder.absolute() for folder in named_folders or shipped)
     missing = [folder for folder in folders if not folder.is_dir()]
     if named_folders and missing:
@@ -90,7 +90,7 @@ def read_library(folders: Iterable[Path], category: str | None = None) -> Librar
 
 def find_preset(name: str, library: Path | None = None) -> Preset:
     """Return a preset by its file, or by its name in any case from `library_folders`; LookError where none matches."""
-    if Path(name).suffix in SUFFIXES:
+    if Path(name).suffix in LOOK_SUFFIXES:
         return read_preset(Path(name).absolute())
     folders = library_folders(library)
     files = _preset_files(folders)
@@ -150,7 +150,7 @@ def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:
     files: dict[str, Path] = {}
     for folder in folders:
         for file in sorted(folder.iterdir()):
-            if file.suffix in SUFFIXES and not file.name.startswith("."):
+            if file.suffix in LOOK_SUFFIXES and not file.name.startswith("."):
                 files.setdefault(file.stem.casefold(), file)
     return files
 

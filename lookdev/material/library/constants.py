@@ -13,7 +13,7 @@ from lookdev.brdf import MODELS, layer_shaders
 from lookdev.brdf.parameters import ParameterValue
 from lookdev.cache import atomic_path
 from lookdev.errors import LookError, nearest_hint
-from lookdev.material.change import Constant, with_constants
+from lookdev.material.change import Constant, replace_constants
 from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edit_material, report_faults_for
 from lookdev.material.library.nodes import clear_input, relative_path
 from lookdev.material.library.stack import enabled_layers
@@ -54,7 +54,7 @@ def write_changed(
     check_suffix(out)
     look = read_look(file, prim, variants)
     rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
-    target = with_constants(look, rounded)
+    target = replace_constants(look, rounded)
     with atomic_path(out) as temporary, report_faults_for(out, temporary):
         # Prefer the interface input that states a constant, unless other inputs are connected to it too.
         for by_interface in (True, False):

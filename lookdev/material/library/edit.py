@@ -25,14 +25,14 @@ from lookdev.cache import atomic_path
 from lookdev.errors import LookError
 from lookdev.material import Look
 from lookdev.material.expression import ExpressionKind
-from lookdev.material.library import SUFFIXES, Preset
-from lookdev.material.library.layout import with_layout
-from lookdev.material.library.masks import Held, MaskSource, MaskWriter
-from lookdev.material.library.nodes import clear_input, find_upstream, free_path, prune, relative_asset
+from lookdev.material.library import LOOK_SUFFIXES, Preset
+from lookdev.material.library.layout import restore_layout
+from lookdev.material.library.masks import InputState, MaskSource, MaskWriter
+from lookdev.material.library.nodes import clear_input, find_upstream, free_path, relative_asset, remove_unused
 from lookdev.material.library.preview import author_preview
-from lookdev.material.library.stack import LAYER_PARTS, author_stack, enabled_layers, extended_stack, require_stack
+from lookdev.material.library.stack import LAYER_PARTS, author_stack, enabled_layers, ensure_stack, require_stack
 from lookdev.material.usd import VariantChoice, open_material, read_look, read_material
-from lookdev.material.usd.network import Network, OutputSource, is_set, shader_id
+from lookdev.material.usd.network import Network, OutputSource, is_authored, shader_id
 from lookdev.stage import usd_errors_as_faults
 
 log = logging.getLogger("lookdev.material")
@@ -127,7 +127,7 @@ def add_layer(
     A look with a single layer gets a stack first.
     """
     with edit_material(file, prim, variants) as material:
-        stack, number = extended_stack(material)
+        stack, number = ensure_stack(material)
         # The shader of a preset that is a look has the name Base, as the base of any look.
         name = Sdf.Path(preset.prim).name
         prim_name = camel_case(preset.name) if name == "Base" and camel_case(preset.name).isidentifier() else name
@@ -157,7 +157,7 @@ def remove_layer(
         if removable:
             used = find_upstream(material, attributes)
             stack.remove_inputs(number)
-            prune(material, used)
+            remove_unused(material, used)
         else:
             stack.create_input(number, "Enabled", _TYPES.Bool).Set(False)
     return number, name, removable
@@ -194,10 +194,10 @@ def replace_source(
     old_states = _input_states(Network(Path()).follow(attribute)) if source is not None else {}
     used = find_upstream(material, [attribute])
     clear_input(attribute)
-    prune(material, used, [path for state in old_states.values() for path in state.connections])
+    remove_unused(material, used, [path for state in old_states.values() for path in state.connections])
     if source is not None:
         MaskWriter(attribute.GetStage(), scope, old_states, kind).write(attribute, name, source)
-        prune(material, used)
+        remove_unused(material, used)
 
 
 def write_preview(file: Path, prim: str | None = None) -> str:
@@ -219,15 +219,15 @@ def _author_preview(material: UsdShade.Material) -> str:
     return author_preview(material, list(zip(look.layers, shaders, strict=True)))
 
 
-def _input_states(source: Usd.Attribute | OutputSource | None) -> dict[str, Held]:
+def _input_states(source: Usd.Attribute | OutputSource | None) -> dict[str, InputState]:
     """Return the states of the named inputs of an expression node; {} for any other node."""
     if not isinstance(source, OutputSource) or shader_id(source.shader) != "LookdevExpression":
         return {}
     inputs = {shader_input.GetBaseName(): shader_input.GetAttr() for shader_input in source.shader.GetInputs()}
     return {
-        name: Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
+        name: InputState(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
         for name, attribute in inputs.items()
-        if name != "expression" and is_set(attribute)
+        if name != "expression" and is_authored(attribute)
     }
 
 
@@ -251,7 +251,7 @@ def edit_material(file: Path, prim: str | None, variants: VariantChoice = None) 
 
 def _restore_layout(file: Path, temporary: Path, before: str) -> None:
     """Restore the layout of the text of a file in its edited copy; `before` is the file's text as USD writes it."""
-    text = with_layout(file.read_text("utf-8"), before, temporary.read_text("utf-8"))
+    text = restore_layout(file.read_text("utf-8"), before, temporary.read_text("utf-8"))
     if text is None:
         log.warning("%s: USD's own layout replaces that of its text, and its comments are lost", file)
     else:
@@ -266,8 +266,8 @@ def is_binary(file: Path) -> bool:
 
 def check_suffix(file: Path) -> None:
     """Raise LookError where a file of this name cannot hold a look."""
-    if file.suffix not in SUFFIXES:
-        raise LookError.at(file, "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")
+    if file.suffix not in LOOK_SUFFIXES:
+        raise LookError.at(file, "", "is not a file to write a look in", f"one of {', '.join(LOOK_SUFFIXES)}")
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from lookdev.material.library import read_preset
 from lookdev.material.library.arrange import redirect_connections
 from lookdev.material.library.edit import camel_case, edit_material, report_faults_for
 from lookdev.material.library.nodes import find_sites, find_upstream, free_path, is_defined, moved_path, relative_path
-from lookdev.material.library.stack import extended_stack, find_stack, layer_shader
+from lookdev.material.library.stack import ensure_stack, find_stack, layer_shader
 from lookdev.material.usd import VariantChoice, open_material
 from lookdev.material.usd.network import Network, OutputSource
 
@@ -180,7 +180,7 @@ def _replace_interface(
 def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
     """Copy the nodes of a fragment into a material, and add its layer on top."""
     stage = material.GetPrim().GetStage()
-    stack, number = extended_stack(material)
+    stack, number = ensure_stack(material)
     root, new_paths = stage.GetRootLayer(), {_ROOT: material.GetPath()}
     Sdf.CreatePrimInLayer(root, stack.scope)
     for child in fragment.GetPrimAtPath(_ROOT).nameChildren:

@@ -1,7 +1,7 @@
 """Restores the author's layout in an edited USD file: comments, blank lines, the order of statements.
 
-USD writes a layer in its own layout, without ``#`` comments. So this module merges three texts, statement by statement:
-the author's, and USD's before and after the edit. Where the latter two agree, the author's text stays.
+USD writes a layer in its own layout, without ``#`` comments. This module therefore merges three texts, statement by
+statement: the author's, and USD's before and after the edit. Where the latter two agree, the author's text stays.
 """
 
 from __future__ import annotations
@@ -209,7 +209,7 @@ def _renamed_keys(before: Sequence[_Statement], after: Sequence[_Statement]) -> 
     }
 
 
-def with_layout(author: str, before: str, after: str) -> str | None:
+def restore_layout(author: str, before: str, after: str) -> str | None:
     """Return the text of an edited layer in its author's layout; None where the layout cannot be restored.
 
     `author` is the author's text, `before` the same layer as USD writes it, `after` the edited layer as USD writes it.

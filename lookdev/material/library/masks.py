@@ -15,12 +15,14 @@ from lookdev.material import VIEW
 from lookdev.material.expression import Expression, ExpressionError, ExpressionKind, parse
 from lookdev.material.library.nodes import clear_input, free_path, relative_asset
 
-IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
-"""The suffixes by which the name of an image differs from an expression."""
+IMAGE_SUFFIXES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
+"""The suffixes of image files; a text that ends with none of them is not an image."""
 
-_IMAGE = re.compile(rf"(?P<file>.+({'|'.join(re.escape(suffix) for suffix in IMAGES)}))(:(?P<channel>\w*))?", re.I)
+_IMAGE = re.compile(
+    rf"(?P<file>.+({'|'.join(re.escape(suffix) for suffix in IMAGE_SUFFIXES)}))(:(?P<channel>\w*))?", re.I
+)
 _TYPES = Sdf.ValueTypeNames
-_FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGES)}), primvar:NAME, or an expression"
+_FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGE_SUFFIXES)}), primvar:NAME, or an expression"
 
 
 @dataclass(frozen=True)
@@ -49,14 +51,14 @@ MaskInput: TypeAlias = float | MaskImage | PrimvarName | UvName
 
 
 @dataclass(frozen=True)
-class Computed:
+class MaskExpression:
     """An expression, and the sources of its names."""
 
     expression: Expression
     inputs: Mapping[str, MaskInput] = field(default_factory=dict)
 
 
-MaskSource: TypeAlias = MaskInput | Computed
+MaskSource: TypeAlias = MaskInput | MaskExpression
 
 
 def parse_mask(
@@ -89,7 +91,7 @@ def parse_mask(
         expression = parse(text)
     except ExpressionError as error:
         raise LookError.at(name, "", f"is not {_FORMS}: {error}") from error
-    return Computed(expression, dict(_parse_inputs(inputs, expression, folder)))
+    return MaskExpression(expression, dict(_parse_inputs(inputs, expression, folder)))
 
 
 def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -> Iterator[tuple[str, MaskInput]]:
@@ -101,7 +103,7 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
         source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"), folder)
         if source is None:
             hint = "give NAME=VALUE, NAME=IMAGE[:CHANNEL], NAME=primvar:PRIMVAR or NAME=uv:UVSET"
-            raise LookError.at("--input", text, "names no source of the value", hint)
+            raise LookError.at("--input", text, f"'{value}' is not a number, an image, a primvar or a UV set", hint)
         yield name, source
 
 
@@ -129,7 +131,7 @@ def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Pa
 
 
 @dataclass(frozen=True)
-class Held:
+class InputState:
     """The authored state of an input: its type, and its connections or its value."""
 
     type_name: Sdf.ValueTypeName
@@ -144,7 +146,7 @@ class MaskWriter:
     """
 
     def __init__(
-        self, stage: Usd.Stage, scope: Sdf.Path, states: Mapping[str, Held], kind: ExpressionKind = "float"
+        self, stage: Usd.Stage, scope: Sdf.Path, states: Mapping[str, InputState], kind: ExpressionKind = "float"
     ) -> None:
         self._stage, self._scope, self._states, self._kind = stage, scope, states, kind
 
@@ -167,7 +169,7 @@ class MaskWriter:
                 attribute.SetConnections([self._write_reader(name, "float3" if color else "float", mask.name)])
             case UvName():
                 attribute.SetConnections([self._write_coordinates(mask.name)])
-            case Computed():
+            case MaskExpression():
                 attribute.SetConnections([self._write_expression(name, mask)])
             case _:
                 attribute.Set(mask)
@@ -198,7 +200,7 @@ class MaskWriter:
         node.CreateInput("varname", _TYPES.String).Set(primvar)
         return _create_output(node, "result", {"float": _TYPES.Float, "float2": _TYPES.Float2}.get(kind, _TYPES.Float3))
 
-    def _write_expression(self, name: str, mask: Computed) -> Sdf.Path:
+    def _write_expression(self, name: str, mask: MaskExpression) -> Sdf.Path:
         node = self._define_node(name, "LookdevExpression")
         node.CreateInput("expression", _TYPES.String).Set(mask.expression.text)
         kinds: dict[str, ExpressionKind] = {}

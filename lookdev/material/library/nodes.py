@@ -66,8 +66,10 @@ def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribut
     return paths
 
 
-def prune(material: UsdShade.Material, candidates: Iterable[Sdf.Path], targets: Sequence[Sdf.Path] = ()) -> None:
-    """Remove the candidates that the edited file defines and nothing uses; `targets` count as used."""
+def remove_unused(
+    material: UsdShade.Material, candidates: Iterable[Sdf.Path], targets: Sequence[Sdf.Path] = ()
+) -> None:
+    """Remove the candidates that the edited file defines and nothing uses; `targets` are in use."""
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
     remaining = set(candidates)

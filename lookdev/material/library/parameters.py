@@ -14,7 +14,7 @@ from lookdev.material.library.masks import MaskSource
 from lookdev.material.library.nodes import find_sites
 from lookdev.material.library.stack import layer_shader
 from lookdev.material.usd import VariantChoice
-from lookdev.material.usd.network import is_set, shader_id
+from lookdev.material.usd.network import is_authored, shader_id
 
 
 def set_source(
@@ -44,7 +44,7 @@ def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, 
     with edit_material(file, prim, variants) as material:
         shader, _ = _find_parameter(material, layer, name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
-        if not attribute or not is_set(attribute):
+        if not attribute or not is_authored(attribute):
             raise LookError.at(file, shader.GetPath(), f"does not state '{name}'")
         replace_source(material, attribute, shader.GetPath().GetParentPath(), "", None)
         _remove_property(shader.GetPrim(), f"inputs:{name}")

@@ -29,11 +29,11 @@ from lookdev.material.values import SourceValues, presence
 
 _FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
 _TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
-_DERIVED: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
+_DERIVED_DEFAULTS: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
 _DEFAULTS = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "roughness": np.asarray(0.5)}
 """Defaults of inputs that a model's preview does not set: those of UsdPreviewSurface."""
 
-_LARGEST_F0 = 0.9  # an index of refraction of 38
+_MAX_F0 = 0.9  # an index of refraction of 38
 
 
 class _Grid(ImagePoints):
@@ -155,19 +155,19 @@ def _map_layer(layer: Layer) -> dict[str, Floats]:
     """Return the inputs of the UsdPreviewSurface that approximates one layer."""
     parameters, preview = _mean_parameters(layer), MODELS[layer.model].preview
     same = {name: parameters[parameter] for name, parameter in preview.same.items()}
-    derived = {name: np.asarray(value) for name, value in (_DERIVED | preview.derived(parameters)).items()}
+    derived = {name: np.asarray(value) for name, value in (_DERIVED_DEFAULTS | preview.derived(parameters)).items()}
     derived["ior"] = _ior_of_f0(derived.pop("f0"))
     return _DEFAULTS | same | derived
 
 
 def _mean_value(value: Input, parameter: Parameter) -> Floats:
     assert not isinstance(value, str), "a token has no mean"
-    values = np.asarray(SourceValues(_Grid()).of(value, parameter))
+    values = np.asarray(SourceValues(_Grid()).parameter_value(value, parameter))
     return np.asarray(values.mean(axis=(0, 1)) if values.ndim >= 2 else values)
 
 
 def _ior_of_f0(f0: Floats) -> Floats:
-    root = sqrt(min(float(f0), _LARGEST_F0))
+    root = sqrt(min(float(f0), _MAX_F0))
     return np.asarray((1.0 + root) / (1.0 - root))
 
 

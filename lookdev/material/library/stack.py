@@ -198,8 +198,8 @@ def require_stack(material: UsdShade.Material) -> Stack:
     return stack
 
 
-def extended_stack(material: UsdShade.Material) -> tuple[Stack, int]:
-    """Return the stack of a look, which is defined where it has none, and the number of a further layer."""
+def ensure_stack(material: UsdShade.Material) -> tuple[Stack, int]:
+    """Return the stack of a look and the next free number; a look with a single layer gets a stack first."""
     if find_stack(material) is None:
         author_stack(material, require_surface(material).path)
     stack = require_stack(material)

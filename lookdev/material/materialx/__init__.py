@@ -19,13 +19,13 @@ from lookdev.cache import atomic_path
 from lookdev.errors import Fault, OutputError, nearest_hint
 from lookdev.material import Primvar
 from lookdev.material.definitions import USD_TYPES
-from lookdev.material.library import SUFFIXES
+from lookdev.material.library import LOOK_SUFFIXES
 from lookdev.material.library.nodes import relative_path
 from lookdev.material.materialx.inputs import (
-    TYPES,
+    MATERIALX_TYPES,
     DocumentValue,
+    ImageChannel,
     ImageNode,
-    Sampled,
     Transform2d,
     parse_constant,
     read_value,
@@ -33,7 +33,7 @@ from lookdev.material.materialx.inputs import (
 from lookdev.material.materialx.network import DocumentNetwork
 from lookdev.mtlx import library_inputs
 
-NODE = "disney_principled"
+SURFACE_NODE = "disney_principled"
 """The only surface shader that is imported."""
 
 _JOB_HINT = "the document itself, as 'material' of a look in a job, is read whatever its model"
@@ -56,15 +56,15 @@ class ImportedMaterial:
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportedDocument:
     """The materials of a document, and each input, node and connection that is not carried over."""
 
     file: Path
     materials: tuple[ImportedMaterial, ...]
-    unmapped: tuple[Fault, ...]
+    losses: tuple[Fault, ...]
 
 
-def import_materialx(file: Path) -> Imported:
+def import_materialx(file: Path) -> ImportedDocument:
     """Read every surfacematerial of a MaterialX document whose surface shader is a `disney_principled`.
 
     Raises
@@ -80,27 +80,27 @@ def import_materialx(file: Path) -> Imported:
     layers: dict[str, dict[str, DocumentValue]] = {}
     materials = tuple(imported for material in nodes if (imported := _read_material(network, material, layers)))
     if not nodes:
-        network.add_fault("", "holds no surfacematerial", f"one whose surface shader is a {NODE} is right")
+        network.add_fault("", "holds no surfacematerial", f"one whose surface shader is a {SURFACE_NODE} is right")
     elif not materials:
         for loss in network.losses:
             network.add_fault(loss.where, loss.what, loss.hint)
     network.raise_faults()
     network.add_unread_losses()
-    return Imported(file, materials, network.losses)
+    return ImportedDocument(file, materials, network.losses)
 
 
-def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None:
+def write_usda(imported: ImportedDocument, path: Path, *, replace: bool = False) -> None:
     """Write imported materials as looks, each a layer LookdevDisney; an only material is the default prim.
 
     Image paths relative to the document become relative to `path`. Raises OutputError where `path` exists, unless
     `replace`, or is not the path of a USD file.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"{path}: is not the name of a look; it would end with {', '.join(SUFFIXES)}")
+    if path.suffix.lower() not in LOOK_SUFFIXES:
+        raise OutputError(f"{path}: is not the name of a look; it would end with {', '.join(LOOK_SUFFIXES)}")
     if path.exists() and not replace:
         raise OutputError(f"{path} exists; another name would be right")
     stage = Usd.Stage.CreateInMemory()
-    stage.GetRootLayer().documentation = f"Imported from {imported.file.name} (MaterialX, {NODE})."
+    stage.GetRootLayer().documentation = f"Imported from {imported.file.name} (MaterialX, {SURFACE_NODE})."
     names: set[str] = set()
     for material in imported.materials:
         _Writer(stage, _unique_name(material.name, names), imported.file, path).write(material)
@@ -119,18 +119,18 @@ def _read_material(
     source = network.source_of(port) if port else None
     category = source.element.getCategory() if source and source.is_computed else ""
     network.mark_carried(material, "surfaceshader")
-    if source and category == NODE:
+    if source and category == SURFACE_NODE:
         path = source.element.getNamePath()
         if path not in layers:
             layers[path] = _read_layer(network, source.element)
         return ImportedMaterial(material.getName(), layers[path])
     present = f"the surface shader <{category}>" if category else "no surface shader"
-    network.add_loss(material, f"has {present}", f"only {NODE} is imported; {_JOB_HINT}")
+    network.add_loss(material, f"has {present}", f"only {SURFACE_NODE} is imported; {_JOB_HINT}")
     return None
 
 
 def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, DocumentValue]:
-    definitions = library_inputs(NODE, f"ND_{NODE}")
+    definitions = library_inputs(SURFACE_NODE, f"ND_{SURFACE_NODE}")
     names = [port.getName() for port in shader.getInputs()]
     network.mark_carried(shader, *names)
     for name in names:
@@ -144,7 +144,7 @@ def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Document
                 network.add_value_loss(port, _LOSS_REASONS.get(name, "LookdevDisney has no such input"))
             continue
         value: DocumentValue | None = None
-        if port and port.getType() != TYPES[parameter.kind]:
+        if port and port.getType() != MATERIALX_TYPES[parameter.kind]:
             network.add_fault(port.getNamePath(), f"has type '{port.getType()}'", f"it must be {definition.getType()}")
         elif port:
             value = read_value(network, port, parameter)
@@ -184,7 +184,7 @@ class _Writer:
         for name, value in material.inputs.items():
             kind = _PARAMETERS[name].kind
             layer_input = layer.CreateInput(name, _TYPES.Find(USD_TYPES[kind]))
-            if isinstance(value, Sampled):
+            if isinstance(value, ImageChannel):
                 _set_input(layer_input, self._write_image(value))
             else:
                 _set_input(layer_input, self._write_primvar(value, kind) if isinstance(value, Primvar) else value)
@@ -200,7 +200,7 @@ class _Writer:
             _set_input(shader.CreateInput(name, kind), value)
         return shader
 
-    def _write_image(self, sampled: Sampled) -> UsdShade.Output:
+    def _write_image(self, sampled: ImageChannel) -> UsdShade.Output:
         image = sampled.image
         if image not in self._written:
             inputs = {"file": self._relative_asset(image.file), "sourceColorSpace": image.colorspace}

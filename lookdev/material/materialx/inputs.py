@@ -9,16 +9,18 @@ from typing import Literal
 
 import MaterialX as mx
 
+from lookdev.arrays import MAX_MAGNITUDE
 from lookdev.brdf import Parameter
 from lookdev.material import Channel, Primvar, Wrap
 from lookdev.material.materialx.network import DocumentNetwork, PortSource
+from lookdev.mtlx.document import INVALID_IMAGE_PATH
 from lookdev.space import Color
 from lookdev.stage.colorspaces import srgb_to_linear
 
 Colorspace = Literal["sRGB", "raw"]
 Pair = tuple[float, float]
 
-TYPES = {"float": "float", "color": "color3"}
+MATERIALX_TYPES = {"float": "float", "color": "color3"}
 """MaterialX's type of a parameter, by its kind."""
 
 _VALUE_INPUTS = {"constant": "value"}
@@ -30,10 +32,7 @@ _SPLIT_TYPES = ("color3", "color4", "vector3", "vector4")
 _RGBA: tuple[Channel, ...] = ("r", "g", "b", "a")
 _CHANNELS = {name: channel for names in ("0123", "rgba", "xyzw") for name, channel in zip(names, _RGBA, strict=True)}
 
-# Control characters, and tokens in a path other than that of a UDIM tile.
-_NO_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
 _INDEX = re.compile(r"0|[1-9][0-9]?")
-_LARGEST = 1e18  # the product of two larger numbers is not a float32
 
 
 @dataclass(frozen=True)
@@ -59,23 +58,23 @@ class ImageNode:
 
 
 @dataclass(frozen=True)
-class Sampled:
+class ImageChannel:
     """The channel of an image, or its colour, that is the value of an input."""
 
     image: ImageNode
     channel: Channel
 
 
-DocumentValue = float | Color | Sampled | Primvar
+DocumentValue = float | Color | ImageChannel | Primvar
 
 
 def _parse_numbers(text: str) -> tuple[float, ...]:
-    """Parse a MaterialX value; () where it is not numbers of magnitudes up to `_LARGEST`."""
+    """Parse a MaterialX value; () where it is not numbers of magnitudes up to `MAX_MAGNITUDE`."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
         return ()
-    return numbers if all(abs(number) <= _LARGEST for number in numbers) else ()
+    return numbers if all(abs(number) <= MAX_MAGNITUDE for number in numbers) else ()
 
 
 def parse_constant(text: str) -> float | Color | None:
@@ -91,7 +90,7 @@ def _as_constant(numbers: tuple[float, ...]) -> float | Color | None:
 
 def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -> DocumentValue | None:
     """Read an input of a layer; None where its source cannot be carried over or, with a fault added, is wrong."""
-    source, kind = network.source_of(port), TYPES[parameter.kind]
+    source, kind = network.source_of(port), MATERIALX_TYPES[parameter.kind]
     # A constant may also be a chain of nodes.
     while source.is_computed and not source.channels and source.element.getType() == kind:
         node = source.element
@@ -132,14 +131,14 @@ def _read_primvar(network: DocumentNetwork, node: mx.Node, parameter: Parameter)
     return None if fallback is None else Primvar(name, fallback)
 
 
-def _read_rgb(network: DocumentNetwork, source: PortSource) -> Sampled | None:
+def _read_rgb(network: DocumentNetwork, source: PortSource) -> ImageChannel | None:
     if source.channels or source.element.getType() != "color3":
         return None
     image = _read_image(network, source.element)
-    return Sampled(image, "rgb") if image else None
+    return ImageChannel(image, "rgb") if image else None
 
 
-def _read_channel(network: DocumentNetwork, port: mx.Input) -> Sampled | None:
+def _read_channel(network: DocumentNetwork, port: mx.Input) -> ImageChannel | None:
     """Read a float from an image of floats, or from one channel of an image."""
     source = network.source_of(port)
     node, names, splitter = source.element, source.channels, None
@@ -157,7 +156,7 @@ def _read_channel(network: DocumentNetwork, port: mx.Input) -> Sampled | None:
         return None
     if splitter:
         network.mark_carried(splitter, "in", "index", "channels")
-    return Sampled(image, channel)
+    return ImageChannel(image, channel)
 
 
 def _split_channel(network: DocumentNetwork, splitter: mx.Node, output: str) -> str:
@@ -176,7 +175,7 @@ def _read_image(network: DocumentNetwork, node: mx.Node) -> ImageNode | None:
     holder = network.source_of(port).element
     # Documents come from all operating systems: either slash separates folders.
     file = mx.FilePath(holder.getActiveFilePrefix() + holder.getValueString()).asString(mx.FormatPosix)
-    if not holder.getValueString() or _NO_PATH.search(file):
+    if not holder.getValueString() or INVALID_IMAGE_PATH.search(file):
         network.add_loss(port, f"'{file}' is not carried over", "the path of one image or of a <UDIM> set is")
         return None
     placement_inputs = ("uvtiling", "uvoffset") if tiled else ("uaddressmode", "vaddressmode")
@@ -233,7 +232,7 @@ def _read_place2d(network: DocumentNetwork, node: mx.Node) -> tuple[Transform2d,
     is_constant = rotate and _check_constant(network, rotate, "0 is taken")
     angle = sum(_read_floats(network, network.source_of(rotate).element, 1)) if is_constant else 0.0
     degrees = 0.0 - (math.degrees(angle) if is_constant and rotate.getUnit() == "radian" else angle)
-    if min(map(abs, scale)) < 1.0 / _LARGEST:
+    if min(map(abs, scale)) < 1.0 / MAX_MAGNITUDE:
         network.add_fault(node.getNamePath(), "has a scale of 0", "it divides the texture coordinates")
         return ()
     inverse = (1.0 / scale[0], 1.0 / scale[1])
@@ -283,7 +282,7 @@ def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -
         return numbers
     # The message quotes the beginning only, as the value may be a megabyte long.
     message = f"'{holder.getValueString():.40}' is not a value"
-    hint = f"{count} finite numbers, separated by commas, within {_LARGEST:g}"
+    hint = f"{count} finite numbers, separated by commas, within {MAX_MAGNITUDE:g}"
     network.add_fault(holder.getNamePath(), message, hint)
     return ()
 

@@ -1,7 +1,7 @@
 """Makes the fits of `lookdev.material.translate.lobes`: ``python -m lookdev.material.translate.fitting``.
 
-Each fit is a function of one number. Five are means of directional albedos over all views, weighted by the square of
-the views' cosines:
+Each fit is a function of one number. Five fits are means of directional albedos over all views, weighted by the square
+of the views' cosines:
 
 - `lost`: 1 minus that of Disney's specular lobe with a Fresnel term of 1, by alpha.
 - `hidden`: the additional reflection of this lobe with shadowing by correlated heights, as other models have, by alpha.
@@ -11,7 +11,7 @@ the views' cosines:
 
 `sheen`, `fuzz` and `rough` use MaterialX's own formulas. `edge` is the reflectance at grazing incidence, at most 1,
 with which Schlick's term fits the Fresnel term of a dielectric best up to 80 degrees, by the square root of its normal
-reflectance over `WHITE_EDGE`. A residual is the largest error.
+reflectance over `MIN_ROOT_OF_WHITE_F90`. A residual is the largest error.
 """
 
 from __future__ import annotations
@@ -25,33 +25,32 @@ from lookdev.arrays import Floats
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
-from lookdev.closures.rational import Degree, Problem, fit_rational
-from lookdev.closures.setups import ONE, disney_lobe
-from lookdev.material.translate.lobes import DATA, WHITE_EDGE
+from lookdev.closures.rational import Degree, RationalProblem, fit_rational
+from lookdev.closures.setups import WHITE, disney_lobe
+from lookdev.material.translate.lobes import FITS_FILE, MIN_ROOT_OF_WHITE_F90
 
 _POINTS = np.linspace(0.0, 1.0, 41)
 _ABOVE, _BELOW = Degree(3, 0, 3), Degree(2, 0, 2)
 _CELLS = (48, 32)
 
 
-def lost_energy(alpha: float) -> float:
+def multiple_scattering_energy(alpha: float) -> float:
     """Return the approximate energy of multiple scattering."""
     return 1.0 - _mean_over_views(lambda view: _lobe_albedo(view, alpha, correlated=False))
 
 
-def hidden_energy(alpha: float) -> float:
-    """Return the light that separable shadowing hides and correlated shadowing does not (Heitz 2014, section 5.3)."""
+def overshadowed_energy(alpha: float) -> float:
+    """Return the light that only separable shadowing removes, not correlated (Heitz 2014, section 5.3)."""
 
-    def hidden(view: Floats) -> float:
-        return _lobe_albedo(view, alpha, correlated=True) - _lobe_albedo(view, alpha, correlated=False)
-
-    return _mean_over_views(hidden)
+    return _mean_over_views(
+        lambda view: _lobe_albedo(view, alpha, correlated=True) - _lobe_albedo(view, alpha, correlated=False)
+    )
 
 
 def _lobe_albedo(view: Floats, alpha: float, *, correlated: bool) -> float:
-    lobe = disney_lobe("specular", view, metallic=1.0, baseColor=ONE, roughness=np.sqrt(alpha))
+    lobe = disney_lobe("specular", view, metallic=1.0, baseColor=WHITE, roughness=np.sqrt(alpha))
     wi, weight = half_vector_grid(view, max(alpha, 0.001), _CELLS)
-    energy = np.asarray(lobe.evaluate(DirectionPair.of(view, wi)))[:, 0] * wi[:, 2]
+    energy = np.asarray(lobe.evaluate(DirectionPair.from_directions(view, wi)))[:, 0] * wi[:, 2]
     if correlated:
         # G1 = 2 / (1 + root), and G2 = 2 / (root_i + root_o).
         i, o = (np.sqrt(1.0 + alpha * alpha * (1.0 / cosine**2 - 1.0)) for cosine in (wi[:, 2], view[2]))
@@ -97,7 +96,7 @@ def oren_nayar_albedo(roughness: float) -> float:
 
 
 def grazing_reflectance(share: float) -> float:
-    root = WHITE_EDGE * share
+    root = MIN_ROOT_OF_WHITE_F90 * share
     ior = (1.0 + root) / (1.0 - root)
     c = np.cos(np.radians(np.linspace(0.0, 80.0, 81)))
     g = np.sqrt(ior * ior + c * c - 1.0)
@@ -107,8 +106,8 @@ def grazing_reflectance(share: float) -> float:
 
 
 FUNCTIONS: dict[str, Callable[[float], float]] = {
-    "lost": lost_energy,
-    "hidden": hidden_energy,
+    "lost": multiple_scattering_energy,
+    "hidden": overshadowed_energy,
     "sheen": sheen_albedo,
     "fuzz": fuzz_albedo,
     "rough": oren_nayar_albedo,
@@ -122,7 +121,9 @@ def make_table() -> dict[str, dict[str, object]]:
     table = {}
     for name, function in FUNCTIONS.items():
         target = np.array([function(float(x)) for x in _POINTS])
-        fitted = fit_rational(Problem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)), _ABOVE, _BELOW)
+        fitted = fit_rational(
+            RationalProblem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)), _ABOVE, _BELOW
+        )
         error = np.abs(np.asarray(fitted(_POINTS)) - target).max()
         residual = float(f"{error:.2g}")
         table[name] = {"numerator": fitted.numerator, "denominator": fitted.denominator, "residual": residual}
@@ -138,8 +139,8 @@ def _mean_over_views(albedo: Callable[[Floats], float]) -> float:
 
 def _albedo_of(f: Callable[[DirectionPair], Floats]) -> Callable[[Floats], float]:
     wi, weight = hemisphere_grid(64)
-    return lambda view: float((f(DirectionPair.of(view, wi)) * wi[:, 2]) @ weight)
+    return lambda view: float((f(DirectionPair.from_directions(view, wi)) * wi[:, 2]) @ weight)
 
 
 if __name__ == "__main__":
-    DATA.write_text(json.dumps(make_table(), indent=1) + "\n")
+    FITS_FILE.write_text(json.dumps(make_table(), indent=1) + "\n")

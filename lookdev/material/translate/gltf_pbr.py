@@ -24,7 +24,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
     hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
     emerging = lobes.color_under_sheen(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
     roughness, anisotropic = _disney_roughness(p)
-    layers = lobes.surface(
+    layers = lobes.base_and_coat(
         emerging,
         interface,
         p["normal"],
@@ -35,7 +35,10 @@ def _layers(p: Parameters) -> list[StackLayer]:
         ior=p["ior"],
     )
     mask = p["clearcoat"] * presence
-    return [*layers, lobes.varnish("clearcoat", np.asarray(1.5), p["clearcoat_roughness"], p["clearcoat_normal"], mask)]
+    return [
+        *layers,
+        lobes.dielectric_coat("clearcoat", np.asarray(1.5), p["clearcoat_roughness"], p["clearcoat_normal"], mask),
+    ]
 
 
 def _presence(p: Parameters) -> Real:

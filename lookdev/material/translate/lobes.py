@@ -1,47 +1,44 @@
-"""Layers of which foreign models consist: a diffuse ground and glossy coats, and the formulas of their parameters.
+"""Layers of which foreign models consist, a diffuse base and glossy coats, and the formulas of their parameters.
 
 - Karis, B. 2013. Real Shading in Unreal Engine 4. SIGGRAPH course notes.
 - Turquin, E. 2019. Practical multiple scattering compensation for microfacet models.
 - MaterialX Physically Based Shading Nodes, 1.39.
 
-A ground is Pixar's model without an interface, which is Lambert's reflection. A coat is Disney's specular lobe in mode
-``"coat"``: it withholds the light that it reflects from the layers beneath, as MaterialX's `layer`. Disney's own
-diffuse lobe is not Lambert's, nothing is withheld from it, and its clearcoat is a quarter as strong as a coat.
+A base is Pixar's model without an interface, which is Lambert's reflection. A coat is Disney's specular lobe in mode
+``"coat"``: it withholds the light that it reflects from the layers beneath, as MaterialX's `layer` does. Disney's other
+lobes do not fit: the diffuse lobe is not Lambert's, and the specular lobe withholds no light from it; the clearcoat has
+a quarter of a coat's strength.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from lookdev.brdf import StackLayer
-from lookdev.brdf.rational import Rational
+from lookdev.brdf.rational import Rational, load_rational
 from lookdev.brdf.reflectance import ggx_reflectance
 from lookdev.brdf.vectors import Array, Real, are_equal, mean, mix, mix_color, scale
 
-DATA = Path(__file__).parent / "data" / "fits.json"
+FITS_FILE = Path(__file__).parent / "data" / "fits.json"
 """The file of fits, which `lookdev.material.translate.fitting` writes."""
 
-WHITE_EDGE = 0.2
-"""The square root of a dielectric's normal reflectance from which on its edge is white: an index of 1.5."""
+MIN_ROOT_OF_WHITE_F90 = 0.2
+"""The square root of f0 from which on f90 of a dielectric is 1: that of an index of refraction of 1.5."""
 
 WHITE: Array = np.ones(3)
 
 # The cosine at which Schlick's weight is its cosine-weighted mean over the hemisphere, 1/21.
 _MEAN_COSINE: Array = np.asarray(1.0 - 21.0 ** (-0.2))
 # Below this alpha, less than 0.004 of the light is scattered several times.
-_SMOOTH = 0.03
+_MIN_SCATTERING_ALPHA = 0.03
 
 
-@cache
 def load_fit(name: str) -> Rational:
-    """Return a fit of `DATA`, a function of one number."""
-    entry = json.loads(DATA.read_text())[name]
-    return Rational(entry["numerator"], entry["denominator"])
+    """Return a fit of `FITS_FILE`, a function of one number."""
+    return load_rational(FITS_FILE, name)
 
 
 def f0_of_ior(ior: Real) -> Real:
@@ -50,9 +47,9 @@ def f0_of_ior(ior: Real) -> Real:
     return root * root
 
 
-def edge_of_f0(f0: Real) -> Real:
+def f90_of_f0(f0: Real) -> Real:
     """Return the grazing reflectance, (...), with which Schlick's term fits the Fresnel term of a dielectric best."""
-    share = np.minimum(np.sqrt(f0) * (1.0 / WHITE_EDGE), 1.0)
+    share = np.minimum(np.sqrt(f0) * (1.0 / MIN_ROOT_OF_WHITE_F90), 1.0)
     return np.where(share > 0.999, 1.0, np.clip(load_fit("edge")(share), 0.0, 1.0))
 
 
@@ -61,7 +58,7 @@ def max_channel(color: Array) -> Array:
     return np.maximum(np.maximum(color[..., 0], color[..., 1]), color[..., 2])
 
 
-def ground(
+def base_layer(
     color: Array, normal: Array, presence: Real, *, back: Real = 0.0, clear: Real = 0.0, ior: Real = 1.0
 ) -> StackLayer:
     """Return the layer beneath coats: it reflects and transmits a colour (..., 3), and has no interface.
@@ -69,12 +66,12 @@ def ground(
     The part `clear` of the light passes straight through, refracted by `ior` as in a thin shell. The rest is scattered
     evenly, the part `back` of it to the other side.
     """
-    nothing = np.asarray(0.0)
+    zero = np.asarray(0.0)
     parameters = {
         "surfaceColor": np.clip(color, 0.0, 1.0),
-        "roughness": nothing,
-        "normalScale": nothing,
-        "grazingScale": nothing,
+        "roughness": zero,
+        "normalScale": zero,
+        "grazingScale": zero,
         "diffuseNormal": normal,
         "highlightNormal": normal,
         "presence": presence,
@@ -125,7 +122,7 @@ class Interface:
         For an index near 1, `f90` is below 1.
         """
         f0 = f0_of_ior(ior)
-        return cls(scale(tint, weight * f0), max_channel(tint) * weight * edge_of_f0(f0), roughness)
+        return cls(scale(tint, weight * f0), max_channel(tint) * weight * f90_of_f0(f0), roughness)
 
     def mean_withheld(self) -> Real:
         """Return the approximate mean over all views, (...), of the light that the lobe of `coat` withholds."""
@@ -135,19 +132,19 @@ class Interface:
     def scattered_light(self) -> Array:
         """Return the reflected light, (..., 3), that the lobe of `coat` lacks; it is nearly diffuse.
 
-        It is light that scatters several times (Turquin 2019), and light that the lobe shadows too much, as its heights
-        are not correlated.
+        It has two parts: light that scatters several times (Turquin 2019), and light that the lobe shadows in excess,
+        because the heights in its shadowing are not correlated.
         """
-        lost, hidden = self._roughness_fit("lost"), self._roughness_fit("hidden")
-        typical = self.f0 + (np.expand_dims(self.f90 + np.zeros(()), -1) - self.f0) * (1.0 / 21.0)
-        return scale(typical * typical, lost) + scale(typical * (1.0 - typical), hidden)
+        multiple, overshadowed = self._roughness_fit("lost"), self._roughness_fit("hidden")
+        mean_term = self.f0 + (np.expand_dims(self.f90 + np.zeros(()), -1) - self.f0) * (1.0 / 21.0)
+        return scale(mean_term * mean_term, multiple) + scale(mean_term * (1.0 - mean_term), overshadowed)
 
     def _roughness_fit(self, name: str) -> Array:
         alpha = self.roughness * self.roughness + np.zeros(())
-        return np.where(alpha > _SMOOTH, load_fit(name)(alpha), 0.0)
+        return np.where(alpha > _MIN_SCATTERING_ALPHA, load_fit(name)(alpha), 0.0)
 
     def emerging_light(self, color: Array) -> Array:
-        """Return the light, (..., 3), of a diffuse colour (..., 3) under the interface, and of `scattered_light`."""
+        """Return the light (..., 3) from a diffuse colour (..., 3) through the interface, plus `scattered_light`."""
         scattered = self.scattered_light()
         return scale(color, 1.0 - self.mean_withheld() - mean(scattered)) + scattered
 
@@ -173,7 +170,7 @@ def mix_with_metal(
     return emerging, dielectric.mix_with(metal.tint_by(scale(WHITE, weight)), metalness)
 
 
-def surface(
+def base_and_coat(
     emerging: Array,
     interface: Interface,
     normal: Array,
@@ -186,14 +183,14 @@ def surface(
     clear: Real = 0.0,
     ior: Real = 1.0,
 ) -> list[StackLayer]:
-    """Return a ground and a coat on it.
+    """Return the base and a coat on it.
 
     Parameters
     ----------
     emerging : (..., 3)
-        The light that leaves the ground through the coat.
+        The light that leaves the base through the coat.
     presence, coat_presence : (...)
-        The presence of the ground, and that of the coat, by default the same.
+        The presence of the base, and that of the coat, by default the same.
     roughness : (...)
         The roughness of an anisotropic lobe; by default that of `interface`.
     """
@@ -201,12 +198,14 @@ def surface(
     rough = interface.roughness if roughness is None else roughness
     coat_presence = presence if coat_presence is None else coat_presence
     return [
-        ground(color, normal, presence, back=back, clear=clear, ior=ior),
+        base_layer(color, normal, presence, back=back, clear=clear, ior=ior),
         coat("specular", interface.f0, interface.f90, rough, normal, coat_presence, anisotropic),
     ]
 
 
-def varnish(name: str, ior: Real, roughness: Real, normal: Array, mask: Real, anisotropic: Real = 0.0) -> StackLayer:
+def dielectric_coat(
+    name: str, ior: Real, roughness: Real, normal: Array, mask: Real, anisotropic: Real = 0.0
+) -> StackLayer:
     """Return a clear coat with an index of refraction, (...)."""
     interface = Interface.from_ior(ior, roughness)
     return coat(name, interface.f0, interface.f90, roughness, normal, mask, anisotropic)
@@ -218,7 +217,7 @@ def disney_anisotropy(anisotropy: Real) -> Real:
 
 
 def color_under_sheen(color: Array, weight: Real, sheen: Array, name: str, roughness: Real) -> Array:
-    """Return a diffuse colour (..., 3) under a sheen of a weight (...) and a colour (..., 3), as mean over all views.
+    """Return the mean over views of a diffuse colour (..., 3) under a sheen of a weight (...) and a colour (..., 3).
 
     `name` is the fit of the sheen's albedo by its roughness.
     """

@@ -25,7 +25,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
     tint = _tint(p)
     emerging = lobes.color_under_sheen(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
     roughness, anisotropic = _disney_roughness(base_roughness, p["specular_roughness_anisotropy"])
-    layers = lobes.surface(
+    layers = lobes.base_and_coat(
         emerging,
         interface.tint_by(tint),
         p["geometry_normal"],
@@ -38,7 +38,10 @@ def _layers(p: Parameters) -> list[StackLayer]:
     )
     roughness, anisotropic = _disney_roughness(p["coat_roughness"], p["coat_roughness_anisotropy"])
     mask = coat_weight * presence
-    return [*layers, lobes.varnish("coat", p["coat_ior"], roughness, p["geometry_coat_normal"], mask, anisotropic)]
+    return [
+        *layers,
+        lobes.dielectric_coat("coat", p["coat_ior"], roughness, p["geometry_coat_normal"], mask, anisotropic),
+    ]
 
 
 def _diffuse(p: Parameters) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 
 from lookdev.brdf import Parameter, StackLayer
 from lookdev.brdf.vectors import Parameters, Real, mix_color, scale
-from lookdev.material.translate.lobes import WHITE, Interface, coat, f0_of_ior, max_channel, surface
+from lookdev.material.translate.lobes import WHITE, Interface, base_and_coat, coat, f0_of_ior, max_channel
 from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
@@ -26,7 +26,9 @@ def _layers(p: Parameters) -> list[StackLayer]:
         specular = mix_color(WHITE, color, p["metallic"])
         f0 = mix_color(scale(specular, f0_of_ior(p["ior"])), specular, p["metallic"])
         interface, color = Interface(f0, max_channel(specular), roughness), scale(color, 1.0 - p["metallic"])
-    layers = surface(interface.emerging_light(color), interface, normal, presence=presence, coat_presence=coat_presence)
+    layers = base_and_coat(
+        interface.emerging_light(color), interface, normal, presence=presence, coat_presence=coat_presence
+    )
     at_normal = scale(WHITE, f0_of_ior(p["ior"]))
     return [*layers, coat("clearcoat", at_normal, 1.0, p["clearcoatRoughness"], normal, p["clearcoat"] * coat_presence)]
 
@@ -38,7 +40,7 @@ def _presence(p: Parameters) -> tuple[Real, Real]:
     masked = np.where(p["opacityThreshold"] > 0.0, cut, opacity)
     if p["opacityMode"] in ("presence", "1"):
         return masked, masked
-    # "Even a fully transparent object still receives lighting": its ground is absent, its coats are not.
+    # "Even a fully transparent object still receives lighting": its base is absent, its coats are not.
     return masked, np.where(p["opacityThreshold"] > 0.0, cut, 1.0)
 
 
@@ -57,5 +59,5 @@ PREVIEW_SURFACE = replace(
     MATERIALX_PREVIEW_SURFACE,
     name="preview_surface",
     identifier="UsdPreviewSurface",
-    changed={"opacityMode": Parameter("opacityMode", "token", _MODES[0], choices=_MODES)},
+    overrides={"opacityMode": Parameter("opacityMode", "token", _MODES[0], choices=_MODES)},
 )

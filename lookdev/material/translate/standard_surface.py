@@ -24,7 +24,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
     metal = lobes.Interface(scale(p["base_color"], p["base"]), 1.0, roughness)
     emerging, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness)
     thin = p["thin_walled"] == "1"
-    layers = lobes.surface(
+    layers = lobes.base_and_coat(
         emerging * tint,
         interface.tint_by(tint),
         normal,
@@ -35,7 +35,10 @@ def _layers(p: Parameters) -> list[StackLayer]:
         ior=1.0 if thin else p["specular_IOR"],
     )
     anisotropic, mask = lobes.disney_anisotropy(p["coat_anisotropy"]), coat_weight * presence
-    return [*layers, lobes.varnish("coat", p["coat_IOR"], p["coat_roughness"], p["coat_normal"], mask, anisotropic)]
+    return [
+        *layers,
+        lobes.dielectric_coat("coat", p["coat_IOR"], p["coat_roughness"], p["coat_normal"], mask, anisotropic),
+    ]
 
 
 def _diffuse(p: Parameters) -> Array:
@@ -73,7 +76,7 @@ STANDARD_SURFACE = Translation(
         "thin_film_IOR": Loss(Reason.THIN_FILM, "thin_film_thickness"),
         "emission": Loss(Reason.EMISSION),
         "emission_color": Loss(Reason.EMISSION, "emission"),
-        "opacity": Loss("the lobes.surface is there in part, by the mean of the colour", gray=True),
+        "opacity": Loss("the surface is there in part, by the mean of the colour", gray=True),
         "tangent": Loss(Reason.TANGENT),
     },
 )

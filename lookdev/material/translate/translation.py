@@ -39,7 +39,7 @@ class Loss:
     Nothing is lost where the input that it `needs` is constantly 0 or black, or where a `gray` one has no hue.
     """
 
-    why: str
+    reason: str
     needs: str = ""
     gray: bool = False
 
@@ -70,7 +70,7 @@ class Translation:
     library: str
     layers: Callable[[Parameters], list[StackLayer]]
     loss_reasons: Mapping[str, Loss]
-    changed: Mapping[str, Parameter] = field(default_factory=dict)
+    overrides: Mapping[str, Parameter] = field(default_factory=dict)
 
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -83,7 +83,7 @@ class Translation:
         from lookdev.mtlx import library_inputs  # not at the top: it imports USD, and a job's worker starts first
 
         ports = library_inputs(self.library, definition)
-        return {name: _read_parameter(name, port) for name, port in ports.items()} | dict(self.changed)
+        return {name: _read_parameter(name, port) for name, port in ports.items()} | dict(self.overrides)
 
     def losses(self, inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
         """Yield the inputs, of those that are set, that are lost, wholly or in part, each with the reason."""
@@ -94,7 +94,7 @@ class Translation:
             needed = inputs.get(loss.needs, self.parameters[loss.needs].default) if loss.needs else 1.0
             hueless = loss.gray and isinstance(value, tuple) and len(set(value)) == 1
             if needed not in (0.0, (0.0, 0.0, 0.0)) and not hueless:
-                yield name, str(loss.why)
+                yield name, str(loss.reason)
 
 
 def _read_parameter(name: str, port: Any) -> Parameter:

@@ -25,8 +25,8 @@ from lookdev.material.usd.network import (
     TERMINAL,
     Network,
     OutputSource,
-    authored_properties,
-    is_set,
+    authored_property_count,
+    is_authored,
     shader_id,
 )
 from lookdev.material.variants import expand_wildcards
@@ -35,7 +35,7 @@ from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_wor
 VariantChoice: TypeAlias = Mapping[str, str] | None
 """The selected variant of each set of a material, or of prims above it; other sets keep the file's selections."""
 
-_MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
+_MAX_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
 _DISPLACEMENT = "outputs:lookdev:displacement"
 _HEIGHT = Parameter("height", "float", 0.0, (-inf, inf), (-inf, inf))
 _DISPLACEMENT_INPUTS = ("height", "scale", "midlevel", "units")
@@ -103,7 +103,7 @@ def open_material(file: Path, prim: str | None, variants: VariantChoice = None) 
         yield UsdShade.Material(stage.GetPrimAtPath(path))
 
 
-def materials(stage: Usd.Stage) -> list[Sdf.Path]:
+def material_paths(stage: Usd.Stage) -> list[Sdf.Path]:
     """Return the paths of all materials of a stage."""
     return [prim.GetPath() for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]
 
@@ -171,7 +171,7 @@ def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants
     material = stage.GetPrimAtPath(path)
     if material and material.IsA(UsdShade.Material):
         return path
-    paths = [str(path) for path in materials(stage)]
+    paths = [str(path) for path in material_paths(stage)]
     hint = nearest_hint(str(path), paths) if paths else "the file holds no material"
     network.add_fault(path, "is not a material" if material else "no such prim", hint)
     return None
@@ -181,7 +181,7 @@ def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
     default = stage.GetDefaultPrim()
     if default and default.IsA(UsdShade.Material):
         return default.GetPath()
-    paths = materials(stage)
+    paths = material_paths(stage)
     if len(paths) == 1:
         return paths[0]
     if default and default.IsA(UsdShade.Shader) and not paths:
@@ -232,15 +232,15 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
 def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
     """Read the enabled layers of a LookdevLayers shader, base first."""
     attributes: dict[str, Usd.Attribute] = {}
-    if (count := authored_properties(stack.GetPrim())) > _MOST_PROPERTIES:
-        network.add_fault(stack.GetPath(), f"has {count} properties", f"at most {_MOST_PROPERTIES} would be right")
+    if (count := authored_property_count(stack.GetPrim())) > _MAX_PROPERTIES:
+        network.add_fault(stack.GetPath(), f"has {count} properties", f"at most {_MAX_PROPERTIES} would be right")
         return ()
     for stack_input in stack.GetInputs():
         name, attribute = stack_input.GetBaseName(), stack_input.GetAttr()
         if name != "base" and not LAYER_INPUT.fullmatch(name):
             valid_names = ["base", "layer1", "layer1Mask", "layer1Enabled", "layer1Mode"]
             network.add_fault(attribute, "unknown input", nearest_hint(name, valid_names))
-        elif is_set(attribute):
+        elif is_authored(attribute):
             attributes[name] = attribute
     # Each layer, after the input that it is connected to: faults of the layer name this input.
     layers: list[tuple[Usd.Attribute, Layer]] = []
@@ -274,11 +274,11 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
     """Add faults of modes that the layers beneath rule out, and of tokens that layers of one model must share."""
     for number, (attribute, layer) in enumerate(layers):
         beneath = [layer_below for _, layer_below in layers[:number]]
-        wrong = index_of_excluding_model(layer.mode, [stack_layer.model for stack_layer in (*beneath, layer)])
-        if wrong is not None:
-            takers = " or ".join(model.identifier for model in MODELS.values() if layer.mode in model.modes)
-            message = f"cannot be '{layer.mode}': {layers[wrong][1].name} is a {layers[wrong][1].model} layer"
-            hint = f"only a {takers} layer over nothing but {takers} layers can {layer.mode}; use 'over'"
+        excluding = index_of_excluding_model(layer.mode, [stack_layer.model for stack_layer in (*beneath, layer)])
+        if excluding is not None:
+            models = " or ".join(model.identifier for model in MODELS.values() if layer.mode in model.modes)
+            message = f"cannot be '{layer.mode}': {layers[excluding][1].name} is a {layers[excluding][1].model} layer"
+            hint = f"only a {models} layer over nothing but {models} layers can {layer.mode}; use 'over'"
             network.add_fault(f"{attribute.GetPath()}Mode", message, hint)
         if number and all(layer_below.model == layer.model for layer_below in beneath):
             _check_tokens(network, attribute, layer, beneath[0])
@@ -287,7 +287,7 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
 def _check_tokens(network: Network, attribute: Usd.Attribute, layer: Layer, base: Layer) -> None:
     for name, parameter in MODELS[layer.model].parameters.items():
         token, base_token = (stack_layer.inputs.get(name, parameter.default) for stack_layer in (layer, base))
-        if parameter.kind == "token" and parameter.among == "alike" and token != base_token:
+        if parameter.kind == "token" and parameter.agreement == "alike" and token != base_token:
             message = f"{name} of {layer.name} is '{token}', but that of {base.name} beneath is '{base_token}'"
             network.add_fault(attribute, message, "layers of one model on each other must agree")
 

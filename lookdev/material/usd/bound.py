@@ -23,29 +23,29 @@ from lookdev.material.usd.network import TERMINAL, Network, OutputSource, shader
 from lookdev.material.usd.nodes import NODES
 from lookdev.material.usd.reader import Reader, node_category
 from lookdev.material.usd.terms import NodeValue, NotCarriedError
-from lookdev.mtlx import NOTES
+from lookdev.mtlx import NOTES_KEY
 from lookdev.stage import Composed, open_stage, usd_errors_as_faults
 
-GREY = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
+GREY_LAYER = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
 """The layer of a part whose material cannot be read."""
 
 _SURFACES = ("outputs:mtlx:surface", "outputs:surface")
 _DISPLACEMENTS = ("outputs:mtlx:displacement", "outputs:displacement")
 _VOLUMES = ("outputs:mtlx:volume", "outputs:volume")
-_MOST_LAYERS = 64
+_MAX_SHADERS = 64
 
 
 @dataclass(frozen=True)
 class BoundLook:
-    """A material as a look; `lost` lists each input, node and connection that is not carried over, and why."""
+    """A material as a look; `losses` lists each input, node and connection that is not carried over, and why."""
 
     look: Look
-    lost: tuple[Fault, ...] = ()
+    losses: tuple[Fault, ...] = ()
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """The model of each layer and, for a translated layer, the model that renders it; "neutral grey" for `GREY`."""
-        if self.look.layers[0] is GREY:
+        """The model of each layer, and that which renders a translated layer; "neutral grey" for `GREY_LAYER`."""
+        if self.look.layers[0] is GREY_LAYER:
             return ("neutral grey",)
         return tuple(_model_title(layer.model) for layer in self.look.layers)
 
@@ -57,9 +57,9 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
     ----------
     composed
         The asset. Missing or unreadable images without a fallback are errors, unless `missing` of its composition is
-        "warn"; then `BoundLook.lost` lists them.
+        "warn"; then `BoundLook.losses` lists them.
     paths
-        Paths of materials. A material that cannot be read becomes `GREY`, and `BoundLook.lost` has the reason.
+        Paths of materials. A material that cannot be read becomes `GREY_LAYER`, and `BoundLook.losses` has the reason.
 
     Returns
     -------
@@ -159,7 +159,7 @@ class _Material:
     def grey_look(self, reason: str) -> Look:
         """Return a grey look for a material that cannot be read, and add the reason as a fault."""
         self.add_fault(self.path, reason, "its parts are grey")
-        return Look(self.path.rpartition("/")[2], (GREY,), f"{self.network.file}<{self.path}>")
+        return Look(self.path.rpartition("/")[2], (GREY_LAYER,), f"{self.network.file}<{self.path}>")
 
     def read(self, prim: Usd.Prim) -> Look:
         """Return the look of a material; raises NotCarriedError where it has no surface that can be read."""
@@ -183,7 +183,7 @@ class _Material:
     def _add_document_faults(self, prim: Usd.Prim) -> None:
         """Add the faults of converting MaterialX documents, which the layers made from these store."""
         for layer in dict.fromkeys(spec.layer for spec in prim.GetPrimStack()):
-            for line in str(layer.customLayerData.get(NOTES, "")).splitlines():
+            for line in str(layer.customLayerData.get(NOTES_KEY, "")).splitlines():
                 self.network.add_external_fault(Fault(*line.split("\t")))
 
     def _read_surface(self, attribute: Usd.Attribute, depth: int) -> list[Layer]:
@@ -191,8 +191,8 @@ class _Material:
         source = self.network.follow(attribute)
         if not isinstance(source, OutputSource):
             raise NotCarriedError("" if source is None else "is not connected to a shader")
-        if depth == _MOST_LAYERS:
-            raise NotCarriedError(f"more than {_MOST_LAYERS} shaders are connected in a row")
+        if depth == _MAX_SHADERS:
+            raise NotCarriedError(f"more than {_MAX_SHADERS} shaders are connected in a row")
         kind = node_category(source.shader)
         if kind == "dot_surfaceshader":
             return self._read_surface(self._input_attribute(source, "in"), depth + 1)

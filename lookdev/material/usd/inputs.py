@@ -29,7 +29,7 @@ from lookdev.material import InputSource as FormulaInput
 from lookdev.material.definitions import USD_TYPES
 from lookdev.material.expression import ExpressionError, ExpressionKind, parse
 from lookdev.material.textures import check_images, lacks_negatives, resolve_texture
-from lookdev.material.usd.network import Network, OutputSource, asset_file, image_path, is_set, shader_id
+from lookdev.material.usd.network import Network, OutputSource, asset_file, image_path, is_authored, shader_id
 from lookdev.space import Color
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
@@ -187,7 +187,7 @@ def _read_formula_input(
 ) -> tuple[ExpressionKind, FormulaInput] | None:
     attribute = node.shader.GetPrim().GetAttribute(f"inputs:{name}")
     where = f"{node.path}.inputs:{name}"
-    if name == VIEW and not (attribute and is_set(attribute)):
+    if name == VIEW and not (attribute and is_authored(attribute)):
         if attribute and not network.check_type(attribute, attribute, _TYPES["float"]):
             return None
         return "float", ViewCosine()

@@ -24,8 +24,8 @@ TERMINAL = "outputs:lookdev:surface"
 LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
 """Matches the inputs of a LookdevLayers other than its base."""
 
-_MOST_FAULTS = 1000
-_MOST_UNKNOWN = 100  # inputs of a shader, reported one by one
+_MAX_FAULTS = 1000
+_MAX_UNKNOWN_INPUTS = 100  # inputs of a shader, reported one by one
 _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 
 
@@ -60,8 +60,8 @@ class Network:
     def faults(self) -> tuple[Fault, ...]:
         """All faults so far, in order. A fault of a node that several inputs share is there once."""
         unique = list(dict.fromkeys(self._faults))
-        if more := len(unique[_MOST_FAULTS:]):
-            unique[_MOST_FAULTS:] = [Fault(str(self.file), "", f"{more} more faults", "mend those above first")]
+        if more := len(unique[_MAX_FAULTS:]):
+            unique[_MAX_FAULTS:] = [Fault(str(self.file), "", f"{more} more faults", "mend those above first")]
         return tuple(unique)
 
     def add_fault(self, where: object, message: str, hint: str = "") -> None:
@@ -183,10 +183,10 @@ class Network:
     def check_inputs(self, shader: UsdShade.Shader, valid_names: Sequence[str]) -> None:
         """Add a fault for every input of a shader that is not among `valid_names`."""
         unknown = [shader_input for shader_input in shader.GetInputs() if shader_input.GetBaseName() not in valid_names]
-        for shader_input in unknown[:_MOST_UNKNOWN]:
+        for shader_input in unknown[:_MAX_UNKNOWN_INPUTS]:
             hint = nearest_hint(shader_input.GetBaseName(), valid_names)
             self.add_fault(shader_input.GetAttr(), "unknown input", hint)
-        if more := len(unknown[_MOST_UNKNOWN:]):
+        if more := len(unknown[_MAX_UNKNOWN_INPUTS:]):
             self.add_fault(shader.GetPath(), f"{more} more unknown inputs", f"known: {', '.join(valid_names)}")
 
 
@@ -195,12 +195,12 @@ def shader_id(shader: UsdShade.Shader) -> str:
     return shader.GetShaderId() or ""
 
 
-def is_set(attribute: Usd.Attribute) -> bool:
+def is_authored(attribute: Usd.Attribute) -> bool:
     """Return whether an input has a connection or a value."""
     return bool(attribute.HasAuthoredConnections() or attribute.HasAuthoredValue())
 
 
-def authored_properties(prim: Usd.Prim) -> int:
+def authored_property_count(prim: Usd.Prim) -> int:
     """Return the number of property specs of a prim in all its layers, without the slow composition of their names."""
     return sum(len(spec.properties) for spec in prim.GetPrimStack())
 

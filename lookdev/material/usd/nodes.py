@@ -75,7 +75,7 @@ def _formula_reader(entry: _Formula) -> Callable[[UsdNode], NodeValue]:
 
 
 def _read_dot(node: UsdNode) -> NodeValue:
-    node.ignore("note")
+    node.mark_read("note")
     return node.read_any_term("in", 0.0)
 
 
@@ -117,7 +117,7 @@ def _read_combine(node: UsdNode) -> NodeValue:
 
 def _read_switch(node: UsdNode) -> NodeValue:
     index = int(node.read_numbers("which", 0.0)[0])
-    node.ignore(*(f"in{number}" for number in range(1, 11)))
+    node.mark_read(*(f"in{number}" for number in range(1, 11)))
     return node.read_any_term(f"in{index + 1}", 0.0) if 0 <= index < 10 else constant(0.0)
 
 
@@ -222,7 +222,7 @@ def _read_bump(node: UsdNode) -> NodeValue:
 
 
 def _read_height_to_normal(node: UsdNode) -> NodeValue:
-    node.ignore("texcoord")
+    node.mark_read("texcoord")
     (scale,) = node.read_numbers("scale", 1.0)
     return _height_bump(node, node.read_term("in", 1, 0.0), scale)
 

@@ -12,17 +12,17 @@ from typing import TypeAlias
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
+from lookdev.arrays import MAX_MAGNITUDE
 from lookdev.errors import Fault, nearest_hint
-from lookdev.material.usd.network import Network, OutputSource, is_set, shader_id
+from lookdev.material.usd.network import Network, OutputSource, is_authored, shader_id
 from lookdev.material.usd.terms import NodeValue, NotCarriedError, Terms, constant, convert_channels
 from lookdev.space import Color
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 
-Plain: TypeAlias = "tuple[float, ...] | str | Sdf.AssetPath"
+ConstantValue: TypeAlias = "tuple[float, ...] | str | Sdf.AssetPath"
 """The value of an attribute: numbers, text or a file."""
 
 _MAX_DEPTH = 64  # nodes connected in a row
-_LARGEST = 1e18  # the product of two larger numbers is not a float32
 # The number of channels by the type at the end of an identifier. A name comes before names that are its beginning.
 _WIDTHS = {"float2": 2, "float3": 3, "float4": 4, "float": 1, "integer": 1, "boolean": 1}
 _WIDTHS |= {"vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
@@ -100,7 +100,7 @@ class Reader:
         node.add_unread_faults()
         return term
 
-    def read_constant(self, attribute: Usd.Attribute) -> Plain | None:
+    def read_constant(self, attribute: Usd.Attribute) -> ConstantValue | None:
         """Return the constant of an input; None where it is unset.
 
         Raises NotCarriedError where a node computes the value, or it is not finite or of an unsupported type.
@@ -117,9 +117,9 @@ class Reader:
             return value
         if isinstance(value, _NUMBERS):
             numbers = (float(value),) if isinstance(value, bool | int | float) else tuple(map(float, value))
-            if all(math.isfinite(number) and abs(number) <= _LARGEST for number in numbers):
+            if all(math.isfinite(number) and abs(number) <= MAX_MAGNITUDE for number in numbers):
                 return numbers
-            self.network.add_fault(attribute, f"{value} is not finite", f"it must be within {_LARGEST:g}")
+            self.network.add_fault(attribute, f"{value} is not finite", f"it must be within {MAX_MAGNITUDE:g}")
         else:
             self.network.add_fault(attribute, f"holds a value of type {holder.GetTypeName()}, which is not read")
         raise NotCarriedError
@@ -171,9 +171,9 @@ class UsdNode:
         """Return an input, or None where it has neither a connection nor a value; it counts as read."""
         self._used.add(name)
         attribute = self.shader.GetPrim().GetAttribute(f"inputs:{name}")
-        return attribute if attribute and is_set(attribute) else None
+        return attribute if attribute and is_authored(attribute) else None
 
-    def ignore(self, *names: str) -> None:
+    def mark_read(self, *names: str) -> None:
         """Count inputs that do not affect the result as read."""
         self._used.update(names)
 

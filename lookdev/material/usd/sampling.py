@@ -34,7 +34,7 @@ def read_uv_texture(node: UsdNode) -> NodeValue:
     """Read UsdUVTexture, also as a node of MaterialX."""
     file = _read_file(node, "fallback", 4)
     if isinstance(file, NodeValue):
-        node.ignore("st", "wrapS", "wrapT", "scale", "bias", "sourceColorSpace", "isSRGB")
+        node.mark_read("st", "wrapS", "wrapT", "scale", "bias", "sourceColorSpace", "isSRGB")
         return _select_output(node, file)
     st, transform = _read_image_coordinates(node, "st")
     if node.identifier.startswith("ND_"):
@@ -80,11 +80,11 @@ def read_tiled_image(node: UsdNode) -> NodeValue:
 def read_gltf_image(node: UsdNode) -> NodeValue:
     """Read gltf_image, gltf_colorimage and gltf_normalmap, with the transform of glTF's textures."""
     scale = np.array(node.read_numbers("scale", 1.0, 1.0))
-    (x, y), (turn,) = node.read_numbers("offset", 0.0, 0.0), node.read_numbers("rotate", 0.0)
+    (x, y), (rotation,) = node.read_numbers("offset", 0.0, 0.0), node.read_numbers("rotate", 0.0)
     color = node.identifier.startswith("ND_gltf_colorimage")
     order = node.read_text("operationorder", "1" if color else "0", ("0", "1"))
     pivot = np.array(node.read_numbers("pivot", 0.0, 1.0))
-    matrix = _placement_matrix(pivot, 1.0 / _check_nonzero(node, scale), -turn, np.array([-x, y]), order)
+    matrix = _placement_matrix(pivot, 1.0 / _check_nonzero(node, scale), -rotation, np.array([-x, y]), order)
     texels = _read_image_node(node, matrix, _read_address_modes(node), 4 if color else 0)
     if color:
         for name in ("color", "geomcolor"):
@@ -118,7 +118,7 @@ def read_primvar(node: UsdNode) -> NodeValue:
     if not name:
         raise NotCarriedError("names no primvar")
     if node.width == 2:
-        node.ignore("default", "fallback")  # a mesh has UVs, or is refused
+        node.mark_read("default", "fallback")  # a mesh has UVs, or is refused
         return _uv_term(node, name)
     width = 3 if node.identifier.endswith(("_normal", "_point", "_vector")) else node.width
     if width == 4 or node.identifier.endswith(("string", "filename", "matrix", "matrix33", "matrix44")):
@@ -237,7 +237,7 @@ def _read_image_node(node: UsdNode, matrix: Floats, wraps: list[_WrapMode], widt
     if node.read_text("filtertype", "linear") != "linear":
         node.add_fault("filtertype", "is not carried", "images are looked up linearly")
     if isinstance(file, NodeValue):
-        node.ignore("texcoord")
+        node.mark_read("texcoord")
         return file
     st, transform = _read_image_coordinates(node, "texcoord")
     # MaterialX converts the colour space only of images that are read as colours.
@@ -268,7 +268,7 @@ def _read_file_colorspace(node: UsdNode) -> str:
 
 def _read_file(node: UsdNode, fallback: str, width: int) -> Path | NodeValue:
     """Return the image file of a node, or its fallback where it names no file or the file cannot be read."""
-    node.ignore(fallback, "note")
+    node.mark_read(fallback, "note")
     attribute = node.attribute("file")
     asset = node.reader.read_constant(attribute) if attribute else None
     if attribute is None or (isinstance(asset, Sdf.AssetPath) and not asset.path):

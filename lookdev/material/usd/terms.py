@@ -1,7 +1,8 @@
 """Values of shading networks as text of the expression language: built bottom up, with constants folded.
 
-The value of a node is a `NodeValue`. Linear arithmetic on a single texture or UV set is folded too: it becomes the
-scale and bias of the texture, or the transform of the coordinates, and costs nothing at rendering.
+The value of a node is a `NodeValue`, a term of the expressions of further nodes. Linear arithmetic on a single texture
+or UV set is folded too: it becomes the scale and bias of the texture, or the transform of the coordinates, and costs
+nothing at rendering.
 """
 
 from __future__ import annotations
@@ -12,16 +13,17 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lookdev.arrays import MAX_MAGNITUDE
 from lookdev.material import Bump, Channel, Coordinates, Formula, InputSource, Primvar, Texture, to_transform
 from lookdev.material.expression import ExpressionError, ExpressionKind, parse
-from lookdev.material.expression.shaping import CONSTANTS, LARGEST
-from lookdev.material.expression.syntax import LONGEST
+from lookdev.material.expression.shaping import CONSTANTS
+from lookdev.material.expression.syntax import MAX_LENGTH
 from lookdev.space import Color
 
 Leaf = Texture | Primvar | Coordinates | Bump
 
 _CHANNELS: tuple[Channel, ...] = ("r", "g", "b", "a")
-_SIMPLE = re.compile(r"[A-Za-z0-9_.]+")
+_ATOM = re.compile(r"[A-Za-z0-9_.]+")
 
 
 class NotCarriedError(Exception):
@@ -86,7 +88,7 @@ class NodeValue:
 
 def constant(*numbers: float) -> NodeValue:
     """Return a constant term of one to four channels."""
-    clipped = tuple(min(max(float(number), -LARGEST), LARGEST) for number in numbers)
+    clipped = tuple(min(max(float(number), -MAX_MAGNITUDE), MAX_MAGNITUDE) for number in numbers)
     if len(clipped) == 4:
         return replace(constant(*clipped[:3]), alpha=constant(clipped[3]))
     texts = [_format_number(number) for number in (clipped if len(clipped) == 1 else _to_color(clipped))]
@@ -150,8 +152,8 @@ class Terms:
             if folded:
                 return folded
         text = template.format_map({name: _parenthesize(operand.text) for name, operand in operands.items()})
-        if len(text) > LONGEST:
-            raise NotCarriedError(f"makes an expression of more than {LONGEST} characters")
+        if len(text) > MAX_LENGTH:
+            raise NotCarriedError(f"makes an expression of more than {MAX_LENGTH} characters")
         inputs = {name: leaf for operand in operands.values() for name, leaf in operand.inputs.items()}
         vectors = [operand for operand in operands.values() if operand.width > 1 and operand.numbers is None]
         tangent = bool(vectors) and all(vector.tangent for vector in vectors)
@@ -177,7 +179,7 @@ class Terms:
         full_scale[: scale.size], full_bias[: bias.size] = scale, bias
         scaled = np.array(leaf.scale) * full_scale
         biased = np.array(leaf.bias) * full_scale + full_bias
-        return self.leaf_term(replace(leaf, scale=_to_scale(scaled), bias=_to_scale(biased)), width, hint)
+        return self.leaf_term(replace(leaf, scale=_to_rgba(scaled), bias=_to_rgba(biased)), width, hint)
 
     def channel(self, term: NodeValue, index: int) -> NodeValue:
         """Return one channel of a term; raises NotCarriedError where it has no such channel."""
@@ -219,7 +221,7 @@ def _evaluate(template: str, operands: Mapping[str, NodeValue]) -> NodeValue:
 
 
 def _parenthesize(text: str) -> str:
-    return text if _SIMPLE.fullmatch(text) else f"({text})"
+    return text if _ATOM.fullmatch(text) else f"({text})"
 
 
 def _format_number(number: float) -> str:
@@ -240,6 +242,6 @@ def _to_color(numbers: Sequence[float]) -> Color:
     return a, b, c
 
 
-def _to_scale(values: Iterable[float]) -> tuple[float, float, float, float]:
+def _to_rgba(values: Iterable[float]) -> tuple[float, float, float, float]:
     a, b, c, d = (float(value) for value in values)
     return a, b, c, d

@@ -21,9 +21,9 @@ from lookdev.material import Layer
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.library.nodes import find_upstream
 from lookdev.material.library.stack import Stack, find_stack
-from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
+from lookdev.material.usd import find_material, layer_faults, material_paths, read_material, variant_sets
 from lookdev.material.usd.bound import is_foreign, read_foreign
-from lookdev.material.usd.network import Network, authored_properties, is_set, shader_id
+from lookdev.material.usd.network import Network, authored_property_count, is_authored, shader_id
 from lookdev.material.validate.report import SEVERITIES, Severity, ValidationFinding, ValidationReport
 from lookdev.material.values import presence
 from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
@@ -31,14 +31,14 @@ from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_wor
 Selection: TypeAlias = Mapping[str, str]
 """A variant of each of some sets."""
 
-MOST_COMBINATIONS = 64
+MAX_COMBINATIONS = 64
 """The most combinations of variants to examine; beyond, each variant is examined once, with the file's selections."""
 
-MOST_FINDINGS = 1000
+MAX_FINDINGS = 1000
 """The largest number of findings in a report."""
 
-_MOST_VARIANTS = 256  # examined once
-_MOST_PROPERTIES = 10_000  # and prims; larger materials are examined only for faults of the reader
+_MAX_VARIANTS = 256  # examined once
+_MAX_PROPERTIES = 10_000  # and prims; larger materials are examined only for faults of the reader
 
 # USD's validators for a look, which has no geometry, thus neither axis nor unit.
 _KEYWORDS = {"UsdCoreValidators", "UsdShadeValidators"}
@@ -68,7 +68,7 @@ def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str
     try:
         stage = open_stage(file)
         with usd_errors_as_faults(file):
-            for path in [prim] if prim else map(str, materials(stage)):
+            for path in [prim] if prim else map(str, material_paths(stage)):
                 material, combinations = _examine_material(file, stage, path, variants or {})
                 findings += material
                 looks.append(combinations)
@@ -79,13 +79,13 @@ def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str
                 stage_findings = _usd_findings(stage, findings)
                 findings += [finding for finding in stage_findings if f"{finding.prim}/".startswith(inside)]
     except LookError as error:
-        findings += map(_from_fault, error.faults)
+        findings += map(_to_finding, error.faults)
     ordered = sorted(dict.fromkeys(findings), key=lambda finding: SEVERITIES.index(finding.severity))
-    if more := len(ordered[MOST_FINDINGS:]):
+    if more := len(ordered[MAX_FINDINGS:]):
         last = ValidationFinding(
-            ordered[MOST_FINDINGS].severity, "", "", f"{more} more findings", "mend those above first"
+            ordered[MAX_FINDINGS].severity, "", "", f"{more} more findings", "mend those above first"
         )
-        ordered = [*ordered[:MOST_FINDINGS], last]
+        ordered = [*ordered[:MAX_FINDINGS], last]
     return ValidationReport(str(file), tuple(ordered), len(looks), sum(looks))
 
 
@@ -97,12 +97,12 @@ def _examine_material(
     path = find_material(network, stage, prim, fixed)
     if path is None or network.faults:
         session.Clear()
-        return list(map(_from_fault, network.faults)), 0
+        return list(map(_to_finding, network.faults)), 0
     findings: list[ValidationFinding] = []
     combinations = _combinations(stage, path, fixed)
-    if sum(1 for _ in islice(_combinations(stage, path, fixed), MOST_COMBINATIONS + 1)) > MOST_COMBINATIONS:
-        combinations = islice(_single_variants(stage, path, fixed), _MOST_VARIANTS)
-        message = f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
+    if sum(1 for _ in islice(_combinations(stage, path, fixed), MAX_COMBINATIONS + 1)) > MAX_COMBINATIONS:
+        combinations = islice(_single_variants(stage, path, fixed), _MAX_VARIANTS)
+        message = f"has more than {MAX_COMBINATIONS} combinations of variants; not all were examined"
         hint = "each variant was, with the other sets as the file has them"
         findings.append(ValidationFinding("note", prim, "", message, hint))
     looks: dict[str, tuple[ValidationFinding, ...]] = {}
@@ -121,7 +121,7 @@ def _examine_layers(file: Path, stage: Usd.Stage) -> list[ValidationFinding]:
     if not layers:
         hint = lights_hint(stage) or "define a Material prim"
         return [ValidationFinding("error", "", "", "holds no material and no layer", hint)]
-    return [_from_fault(fault) for layer in layers for fault in layer_faults(file, layer)]
+    return [_to_finding(fault) for layer in layers for fault in layer_faults(file, layer)]
 
 
 def _combination_label(selection: Mapping[str, str]) -> str:
@@ -183,7 +183,7 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Vali
     yield from reader_findings
     if _is_huge(prim):
         yield ValidationFinding(
-            "note", str(path), "", _TOO_LARGE, f"at most {_MOST_PROPERTIES} prims and properties would be"
+            "note", str(path), "", _TOO_LARGE, f"at most {_MAX_PROPERTIES} prims and properties would be"
         )
         return
     usd_findings = _usd_findings(list(Usd.PrimRange(prim)), reader_findings)
@@ -193,7 +193,7 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Vali
         return
     yield from usd_findings
     stack = find_stack(UsdShade.Material(prim))
-    for where, message, hint in (*(_unseen_layers(stack, layers) if stack else ()), *_unread_shaders(prim)):
+    for where, message, hint in (*(_ineffective_layers(stack, layers) if stack else ()), *_unread_shaders(prim)):
         yield ValidationFinding("note", *_split_path(where), message, hint)
     if stack and (switches := _disabled_switches(stack)):
         # Faults of a disabled layer are warnings: enable all layers for a moment to find them.
@@ -214,11 +214,11 @@ def _disabled_switches(stack: Stack) -> list[Usd.Attribute]:
     return [stack.attribute(number, "Enabled") for number in stack.layers if not stack.is_enabled(number)]
 
 
-def _unseen_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
+def _ineffective_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
     """Yield the layers that are never visible, and those that hide all beneath; `layers` are the enabled layers."""
     for attribute in _disabled_switches(stack):
         yield str(attribute.GetPath()), "the layer is not enabled", ""
-    covers = [index for index, layer in enumerate(layers) if index and _is_everywhere(layer)]
+    covers = [index for index, layer in enumerate(layers) if index and _covers_everything(layer)]
     numbers = [number for number in (0, *stack.layers) if stack.is_enabled(number)]
     if len(layers) != len(numbers):  # a stack with faults
         return
@@ -231,7 +231,7 @@ def _unseen_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
         elif covers and covers[-1] > index:
             message = f"the layer never shows: {layers[covers[-1]].name} covers it wholly"
             yield where, message, "give the layer that covers it a mask"
-        if index in covers and not (mask and is_set(mask)):
+        if index in covers and not (mask and is_authored(mask)):
             yield f"{where}Mask", "the mask is not connected, so the layer covers all beneath", ""
 
 
@@ -245,13 +245,13 @@ def _unread_shaders(material: Usd.Prim) -> Iterator[_Unused]:
             yield str(prim.GetPath()), f"{node} that nothing reads", "connect it, or remove it"
 
 
-def _is_everywhere(layer: Layer) -> bool:
+def _covers_everything(layer: Layer) -> bool:
     return layer.mode == "over" and layer.mask == 1.0 and presence(layer) == 1.0
 
 
 def _is_huge(prim: Usd.Prim) -> bool:
-    counts = accumulate(1 + authored_properties(descendant) for descendant in Usd.PrimRange(prim))
-    return any(count > _MOST_PROPERTIES for count in counts)
+    counts = accumulate(1 + authored_property_count(descendant) for descendant in Usd.PrimRange(prim))
+    return any(count > _MAX_PROPERTIES for count in counts)
 
 
 def _read_material(
@@ -264,13 +264,13 @@ def _read_material(
             read_as = ValidationFinding(
                 "note", str(path), "", f"is read as {' and '.join(dict.fromkeys(bound.titles))}"
             )
-            return (read_as, *(replace(_from_fault(fault), severity="note") for fault in bound.lost)), ()
+            return (read_as, *(replace(_to_finding(fault), severity="note") for fault in bound.losses)), ()
         return (), read_material(file, stage, path).layers
     except LookError as error:
-        return tuple(map(_from_fault, error.faults)), ()
+        return tuple(map(_to_finding, error.faults)), ()
 
 
-def _from_fault(fault: Fault) -> ValidationFinding:
+def _to_finding(fault: Fault) -> ValidationFinding:
     return ValidationFinding("error", *_split_path(fault.where), fault.what, fault.hint)
 
 
@@ -285,7 +285,7 @@ def _usd_findings(
 ) -> Iterator[ValidationFinding]:
     """Yield the findings of USD's validators that are not among `reader_findings`."""
     reported = tuple(reader_findings)
-    for error in UsdValidation.ValidationContext(_validators()).Validate(target)[:MOST_FINDINGS]:
+    for error in UsdValidation.ValidationContext(_validators()).Validate(target)[:MAX_FINDINGS]:
         message = usd_words(error.GetMessage())
         if error.GetName() == _UNKNOWN_SHADER and message.startswith(_MATERIALX):
             continue
@@ -293,8 +293,8 @@ def _usd_findings(
         prim, name = next((_split_path(str(site.GetPath())) for site in where if site), ("", ""))
         # The reader already reports a missing file, with the input or the reference that names it.
         file_name = Path(message.split("'")[1]).name if error.GetName() == _UNRESOLVED and "'" in message else message
-        places = {(finding.prim, finding.input) for finding in reported}
-        if (name and (prim, name) in places) or any(file_name in finding.what for finding in reported):
+        locations = {(finding.prim, finding.input) for finding in reported}
+        if (name and (prim, name) in locations) or any(file_name in finding.what for finding in reported):
             continue
         severity = _SEVERITIES.get(error.GetName()) or _USD_SEVERITIES[error.GetType().name]
         yield ValidationFinding(severity, "" if prim == "/" else prim, name, message)

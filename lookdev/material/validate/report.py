@@ -9,7 +9,7 @@ from typing import Literal
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
-_MOST_COMBINATIONS_SHOWN = 4  # of variants that the text lists for one finding; the data has all
+_MAX_LISTED_COMBINATIONS = 4  # of variants that the text lists for one finding; the data has all
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ def _finding_lines(finding: ValidationFinding) -> list[str]:
     if finding.hint:
         lines.append(f"{margin}hint: {finding.hint}")
     if finding.variants:
-        combinations = " | ".join(finding.variants[:_MOST_COMBINATIONS_SHOWN])
-        rest = len(finding.variants[_MOST_COMBINATIONS_SHOWN:])
+        combinations = " | ".join(finding.variants[:_MAX_LISTED_COMBINATIONS])
+        rest = len(finding.variants[_MAX_LISTED_COMBINATIONS:])
         lines.append(f"{margin}in: {combinations}" + (f" and {rest} more" if rest else ""))
     return lines
 

@@ -12,7 +12,7 @@ from lookdev.codegen.program.look import live_name
 from lookdev.errors import LookdevError
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import ExpressionKind
-from lookdev.material.library.masks import Computed, MaskImage, MaskSource, parse_mask
+from lookdev.material.library.masks import MaskExpression, MaskImage, MaskSource, parse_mask
 from lookdev.material.library.stack import LayerEntry, LookOutline
 from lookdev.material.usd import MODES
 
@@ -153,7 +153,7 @@ def read_source(
     source = parse_mask(text.strip(), assignments, folder, target, kind)
     if target != "mask" and isinstance(source, float):
         raise LookdevError(f"{target}: {text.strip()} is a constant: its slider sets it")
-    sources = [source] if not isinstance(source, Computed) else list(source.inputs.values())
+    sources = [source] if not isinstance(source, MaskExpression) else list(source.inputs.values())
     for image in sources:
         if isinstance(image, MaskImage) and not any(
             image.file.resolve().is_relative_to(root.resolve()) for root in roots

@@ -16,7 +16,7 @@ from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.material import Look
 from lookdev.material.library.edit import report_faults_for
-from lookdev.material.library.masks import IMAGES
+from lookdev.material.library.masks import IMAGE_SUFFIXES
 from lookdev.material.library.stack import LookOutline, read_outline
 from lookdev.material.usd import read_look
 
@@ -173,7 +173,7 @@ def images_below(folder: Path) -> list[str]:
     images: list[str] = []
     for above, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        names = [name for name in sorted(files) if name.lower().endswith(IMAGES) and not name.startswith(".")]
+        names = [name for name in sorted(files) if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith(".")]
         images += [Path(above, name).relative_to(folder).as_posix() for name in names]
         if len(images) >= _MOST_IMAGES:
             break

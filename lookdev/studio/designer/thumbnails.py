@@ -12,7 +12,7 @@ from matplotlib.image import imsave
 
 from lookdev.cache import Content, cached_files, code_digest, file_digest
 from lookdev.material.library import Preset
-from lookdev.plotting.figure import picture
+from lookdev.plotting.figure import encode_srgb
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.solid import sphere_values
 from lookdev.plotting.subject import read_subject
@@ -38,7 +38,7 @@ def thumbnail(preset: Preset) -> Path:
 def _draw(preset: Preset) -> bytes:
     sphere = sphere_values(read_subject(preset.name, preset.file.parent), _OPTIONS)
     rgba = np.zeros((SIZE * SIZE, 4))
-    rgba[sphere["pixel"], :3] = picture(np.asarray(sphere["dome"]), _OPTIONS)
+    rgba[sphere["pixel"], :3] = encode_srgb(np.asarray(sphere["dome"]), _OPTIONS)
     rgba[sphere["pixel"], 3] = 1.0
     pixels = np.rint(255.0 * rgba).astype(np.uint8).reshape(SIZE, SIZE, 4)[::-1]
     stream = io.BytesIO()

@@ -17,7 +17,7 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from lookdev.errors import LookdevError, shorten
-from lookdev.plotting import SUFFIXES, draw
+from lookdev.plotting import PLOT_SUFFIXES, draw
 from lookdev.studio.explorer.catalogue import catalogue
 from lookdev.studio.explorer.channel import ExplorerConnection, parse_options
 from lookdev.studio.explorer.frames import ExactFrames
@@ -85,8 +85,8 @@ class ExplorerApp:
 
     async def _send_plot(self, request: Request) -> Response:
         kind, suffix = request.path_params["kind"], f".{request.path_params['suffix']}"
-        if suffix not in SUFFIXES:
-            return PlainTextResponse(f"one of {', '.join(SUFFIXES)} would be right\n", 404)
+        if suffix not in PLOT_SUFFIXES:
+            return PlainTextResponse(f"one of {', '.join(PLOT_SUFFIXES)} would be right\n", 404)
         words, options = request.query_params.getlist("s"), request.query_params.get("options", "{}")
 
         def draw_in_turn() -> bytes:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from lookdev.brdf import MODELS, Model, Parameter
 from lookdev.errors import LookError
-from lookdev.material.library import SUFFIXES, library_folders, read_library
+from lookdev.material.library import LOOK_SUFFIXES, library_folders, read_library
 from lookdev.plotting.curves import FRESNEL_RANGE
-from lookdev.plotting.figure import COLORS
+from lookdev.plotting.figure import SUBJECT_COLORS
 from lookdev.plotting.kinds import KINDS
 from lookdev.plotting.options import AXES, CHANNELS, SCALES, PlotOptions
 from lookdev.studio.explorer.shading import live_parameters
@@ -23,15 +23,20 @@ def catalogue(roots: Roots, library: Path | None) -> dict[str, object]:
     return {
         "models": {name: _model(model) for name, model in MODELS.items()},
         "presets": presets(library),
-        "looks": list(roots.list_files(SUFFIXES)),
+        "looks": list(roots.list_files(LOOK_SUFFIXES)),
         "measured": list(roots.list_files(MEASURED_SUFFIXES)),
         "kinds": {
-            name: {"text": kind.text, "uses": kind.uses, "most": kind.most, "slow": kind.draft is not None}
+            name: {
+                "text": kind.description,
+                "uses": kind.option_names,
+                "most": kind.max_subjects,
+                "slow": kind.draft is not None,
+            }
             for name, kind in KINDS.items()
         },
         "options": {option.name: option.default for option in fields(PlotOptions)},
         "choices": {"scale": SCALES, "angles": SCALES[:2], "axis": AXES, "channels": CHANNELS},
-        "colors": COLORS,
+        "colors": SUBJECT_COLORS,
         "fresnelRange": FRESNEL_RANGE,
         "largestUpload": LARGEST_UPLOAD,
     }
@@ -55,7 +60,7 @@ def _model(model: Model) -> dict[str, object]:
         "title": model.title,
         "text": model.text,
         "delta": model.delta,
-        "quoted": model.quoted,
+        "quoted": model.quote_source,
         "parameters": [_parameter(model, parameter, parameter.name in live) for parameter in model.parameters.values()],
     }
 
@@ -75,5 +80,5 @@ def _parameter(model: Model, parameter: Parameter, live: bool) -> dict[str, obje
         "optional": parameter.optional,
         "live": live,
         "file": parameter.file is not None,
-        "stands": parameter.stands is not None,
+        "stands": parameter.expand is not None,
     }

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from lookdev.plotting.subject import LOOK, split_label
+from lookdev.plotting.subject import LOOK_PATTERN, split_label
 from lookdev.studio import Address
 from lookdev.studio.explorer.app import UPLOAD, ExplorerApp
 from lookdev.studio.explorer.surfaces import Surfaces
@@ -46,7 +46,7 @@ def explore(
 def named_words(words: str, roots: Roots) -> str:
     """Add the file in words of the command line to the roots; return the words with its name."""
     label, rest = split_label(words)
-    match = LOOK.fullmatch(rest)
+    match = LOOK_PATTERN.fullmatch(rest)
     file = match["file"] if match else rest
     _, equals, path = file.partition(":file=")
     if equals:

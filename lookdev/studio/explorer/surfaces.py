@@ -21,7 +21,7 @@ from lookdev.material import Input, Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.plotting import PlotOptions, PlotSubject, kind_named, read_subject
 from lookdev.plotting.figure import PlotValues
-from lookdev.plotting.subject import LOOK, read_parameters, split_label
+from lookdev.plotting.subject import LOOK_PATTERN, read_parameters, split_label
 from lookdev.studio.roots import Roots
 
 LONGEST_WORDS = 4000
@@ -73,7 +73,7 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
     Subjects of measured data would gain little, and subjects whose parameters change with the view cannot be compiled:
     they are returned unchanged.
     """
-    if not subject.layers or not subject.seen_alike or subject.is_delta:
+    if not subject.layers or not subject.is_view_independent or subject.is_delta:
         return subject
     if any(parameter.file for layer in subject.layers for parameter in MODELS[layer.model].parameters.values()):
         return subject
@@ -93,7 +93,7 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
     def f(wo: Floats, wi: Floats) -> Floats:
         return program.f(wo, wi, numbers)
 
-    return replace(subject, faster=f)
+    return replace(subject, evaluate_fast=f)
 
 
 @dataclass
@@ -133,7 +133,7 @@ class Surfaces:
         subject = self.subject(words, fresh=True)
         base, stated = rest, {}
         model = MODELS.get(subject.model)
-        editable = model is not None and subject.seen_alike
+        editable = model is not None and subject.is_view_independent
         if model is not None:
             if Path(base).suffix and ":" not in base and any(parameter.file for parameter in model.parameters.values()):
                 (name,) = (parameter.name for parameter in model.parameters.values() if parameter.file)
@@ -169,7 +169,7 @@ class Surfaces:
 
     def command(self, kind: str, surfaces: Sequence[str], options: PlotOptions) -> str:
         """Return the command line that writes a plot of surfaces."""
-        uses = kind_named(kind).uses
+        uses = kind_named(kind).option_names
         words = [shlex.quote(self.roots.path_words(subject)) for subject in surfaces]
         parts = ["lookdev", "plot", kind, *words, "-o", f"{kind}.png"]
         for name, value in options.changed_options().items():
@@ -184,13 +184,13 @@ class Surfaces:
     def look_file(self, words: str) -> Path | None:
         """Return the file of a look, or None if the words do not name a look in a file."""
         _, rest = split_label(words, self.roots.locate)
-        match = LOOK.fullmatch(rest)
+        match = LOOK_PATTERN.fullmatch(rest)
         return self.roots.locate(match["file"]) if match else None
 
     def rendered_look(self, words: str) -> Look:
         """Return the look for the renderer: of a look in a file, all layers and textures."""
         _, rest = split_label(words, self.roots.locate)
-        if (match := LOOK.fullmatch(rest)) and match["layer"] is None:
+        if (match := LOOK_PATTERN.fullmatch(rest)) and match["layer"] is None:
             return replace(read_look(self.roots.locate(match["file"]), match["prim"]), name="explored")
         return self.look(words)
 
@@ -200,7 +200,7 @@ class Surfaces:
         Raises LookdevError if the parameters change with the view.
         """
         subject = self.subject(words)
-        if not subject.seen_alike:
+        if not subject.is_view_independent:
             raise LookdevError(f"{words}: its parameters change with the view; the renderer shows it, the browser not")
         return look_of(subject.layers, name)
 
@@ -230,7 +230,7 @@ def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, In
 
 
 def _is_look(words: str) -> bool:
-    return LOOK.fullmatch(words) is not None
+    return LOOK_PATTERN.fullmatch(words) is not None
 
 
 def _parse_value(model: Model | None, name: str, text: str) -> str | float | list[float]:

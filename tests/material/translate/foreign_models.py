@@ -45,7 +45,7 @@ def _ggx(alpha: float, degrees: float) -> tuple[Floats, Floats]:
     """Return cosines to the half vectors, (n,), and weights (n,) whose sum is the albedo with a Fresnel term of 1."""
     wo = view(degrees)
     wi, weight = half_vector_grid(wo, alpha, _CELLS)
-    d = DirectionPair.of(wo, wi)
+    d = DirectionPair.from_directions(wo, wi)
     i, o = wi[:, 2], wo[2]
     # Heitz 2014, eq. 99, over 4 cos_theta_i cos_theta_o.
     visible = 0.5 / (
@@ -132,7 +132,7 @@ def sheen_bsdf(roughness: float, degrees: float) -> float:
     """MaterialX's `sheen_bsdf` of Estevez and Kulla (2017)."""
     wi, weight = hemisphere_grid(96)
     wo = view(degrees)
-    d = DirectionPair.of(wo, wi)
+    d = DirectionPair.from_directions(wo, wi)
     inverse = 1.0 / max(roughness, 0.005)
     distribution = (2.0 + inverse) * (1.0 - np.asarray(d.wm)[:, 2] ** 2) ** (0.5 * inverse) / (2.0 * np.pi)
     return float((distribution / (4.0 * (wi[:, 2] + wo[2] - wi[:, 2] * wo[2])) * wi[:, 2]) @ weight)
