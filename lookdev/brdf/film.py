@@ -27,7 +27,7 @@ import numpy as np
 from lookdev.brdf.fresnel import square_root
 from lookdev.brdf.vectors import TINY, Array, Real
 
-_ORDERS = 10
+_ORDER_COUNT = 10
 
 # Wavenumbers in 1/nm of the Gaussians' centres, their standard deviation, and their weights in red, green and blue:
 # least squares of the colours of ``cos(2 pi x / wavelength)`` for x up to 16 micrometres, their sum fixed to 1.
@@ -124,7 +124,7 @@ def _path_colors(path: Array) -> list[tuple[Array, Array]]:
     waves = [(np.cos(phase), np.sin(phase)) for phase in phases]
     doubled, previous = [2.0 * cosine for cosine, _ in waves], [(1.0 + 0.0 * path, 0.0 * path) for _ in waves]
     colors = []
-    for order in range(1, _ORDERS + 1):
+    for order in range(1, _ORDER_COUNT + 1):
         envelope = np.expand_dims(np.exp(-float(order * order) * decay), -1)
         cosine, sine = (
             envelope

@@ -35,7 +35,7 @@ CONDUCTOR = "conductor"
 METAL_COLORS = ("nearest", "bands")
 """The ways to derive a channel's index from a metal's spectra."""
 
-_NONE = "none"
+_NO_METAL = "none"
 
 INDEX_QUOTES = {
     "eta": "the internal IOR (η_i) is the index of refraction of the material itself",
@@ -81,12 +81,12 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
 
     def expand_tokens(tokens: Mapping[str, str]) -> Mapping[str, ParameterValue]:
         name = tokens["metal"]
-        return {} if name == _NONE else {**other_tokens, **metal_index(name, tokens["metalColor"])}
+        return {} if name == _NO_METAL else {**other_tokens, **metal_index(name, tokens["metalColor"])}
 
     return (
         token_parameter(
             "metal",
-            (_NONE, *METALS),
+            (_NO_METAL, *METALS),
             f"Stands for {', '.join([*other_tokens, 'eta and k'])} of a metal.",
             agreement="own",
             expand=expand_tokens,

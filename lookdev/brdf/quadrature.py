@@ -43,6 +43,5 @@ def hemisphere_grid(node_count: int) -> tuple[Floats, Floats]:
     cos = 0.5 * (x + 1.0)
     # The azimuth is periodic: the midpoint rule converges as Gauss's does.
     azimuth = 2.0 * np.pi * (np.arange(node_count) + 0.5) / node_count
-    return direction_at_cosine(*np.meshgrid(cos, azimuth, indexing="ij")).reshape(-1, 3), np.repeat(
-        w * np.pi / node_count, node_count
-    )
+    directions = direction_at_cosine(*np.meshgrid(cos, azimuth, indexing="ij")).reshape(-1, 3)
+    return directions, np.repeat(w * np.pi / node_count, node_count)

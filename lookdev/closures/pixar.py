@@ -66,11 +66,8 @@ def highlight_mix(
     ior = 1.0
     if transmits:
         alpha = 2.0 * alpha * np.sqrt(view[..., 2])
-        frame, ior, kinds = (
-            TiltedFrame(frame.from_local(view)),
-            TRANSMITTED_IOR,
-            ("beckmann_refraction", "ggx_refraction"),
-        )
+        frame, ior = TiltedFrame(frame.from_local(view)), TRANSMITTED_IOR
+        kinds = "beckmann_refraction", "ggx_refraction"
     parts = (kinds[0], 1.0 - share, alpha), (kinds[1], share, shape["width"] * alpha)
     return tuple(
         Closure(kind, part, np.minimum(part_alpha, 1.0), np.minimum(part_alpha, 1.0), frame, ior)

@@ -13,7 +13,7 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf.rational import Rational
 
-_FLOOR = 0.01
+_MIN_DENOMINATOR = 0.01
 _ROUNDS, _STEPS, _TRIES = 8, 40, 8
 
 
@@ -71,7 +71,7 @@ def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degre
                 candidate = coefficients + step
                 q = 1.0 + denominator_terms @ candidate[size:]
                 reduced = (weight * (numerator_terms @ candidate[:size] / q - target) ** 2).sum()
-                if reduced < loss and (1.0 + domain @ candidate[size:]).min() > _FLOOR:
+                if reduced < loss and (1.0 + domain @ candidate[size:]).min() > _MIN_DENOMINATOR:
                     break
                 damping *= 4.0
             else:

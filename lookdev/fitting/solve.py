@@ -25,9 +25,9 @@ from lookdev.fitting.parameters import FreeParameter, free_parameters
 from lookdev.plotting import PlotSubject, model_subject
 
 _TRIALS = 128
-_COARSE = 4
-_SPARSE, _POINTS = 16, 4
-_STEP = 1e-6
+_COARSE_STEP = 4
+_SPARSE_STEP, _EFFECT_POINTS = 16, 4
+_DIFFERENCE_STEP = 1e-6
 _NO_EFFECT = 1e-9
 """The change of the loss, relative to the data, below which a parameter has no effect."""
 
@@ -154,8 +154,8 @@ def _select_effective(
     model: Model, constant: Parameters, free: Sequence[FreeParameter], data: ReflectanceSamples, loss: str
 ) -> Sequence[FreeParameter]:
     """Return the parameters that change f at some random point; those of other forms of the model do not."""
-    problem = _Problem(model, constant, free, data.thin(_SPARSE), loss)
-    points = np.random.default_rng(0).random((_POINTS, problem.size))
+    problem = _Problem(model, constant, free, data.thin(_SPARSE_STEP), loss)
+    points = np.random.default_rng(0).random((_EFFECT_POINTS, problem.size))
     effect = np.max([np.abs(problem.jacobian(point)).max(axis=0) for point in points], axis=0)
     limit = _NO_EFFECT * float(np.abs(problem.target).max())
     return tuple(parameter for parameter, part in problem.parts(effect) if part.max() > limit)
@@ -187,13 +187,13 @@ class _Problem:
 
     def jacobian(self, unit: Floats) -> Floats:
         """Return the derivatives (3 n, size) by differences, each towards the middle of its range."""
-        step = np.where(unit > 0.5, -_STEP, _STEP)
+        step = np.where(unit > 0.5, -_DIFFERENCE_STEP, _DIFFERENCE_STEP)
         residuals = self.residual(np.vstack([unit, unit + np.diag(step)]))
         return np.asarray(((residuals[1:] - residuals[0]) / step[:, None]).T)
 
     def solve(self, starts: int, seed: int) -> tuple[Floats, tuple[float, ...]]:
         """Return the best numbers (size,), and the losses of the followed starts."""
-        coarse = _Problem(self.model, self.constant, self.free, self.data.thin(_COARSE), self.loss)
+        coarse = _Problem(self.model, self.constant, self.free, self.data.thin(_COARSE_STEP), self.loss)
         default = np.concatenate([parameter.unit(self.constant[parameter.name]) for parameter in self.free])
         trials = np.vstack([default, qmc.Sobol(self.size, rng=np.random.default_rng(seed)).random(_TRIALS)])
         quality = np.concatenate([np.mean(coarse.residual(part) ** 2, axis=1) for part in np.array_split(trials, 8)])

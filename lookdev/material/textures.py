@@ -33,8 +33,8 @@ UDIM = "<UDIM>"
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
 
-_WRAPS: dict[str, Wrap] = {"periodic": "repeat", **WRAPS}  # with OpenImageIO's and RenderMan's word
-_UNSIGNED = (oiio.UINT8, oiio.UINT16, oiio.UINT32)
+_WRAP_OF_WORD: dict[str, Wrap] = {"periodic": "repeat", **WRAPS}  # with OpenImageIO's and RenderMan's word
+_UNSIGNED_TYPES = (oiio.UINT8, oiio.UINT16, oiio.UINT32)
 _STRIP_ROWS = 64
 _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(0, 3)}
 
@@ -71,8 +71,8 @@ def image_header(file: Path) -> ImageHeader:
         _channel_indices(file, spec)
     s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
     # UsdUVTexture: black outside where the file has no wrap modes.
-    wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
-    is_eight_bit, is_unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
+    wrap_s, wrap_t = (_WRAP_OF_WORD.get(word.strip(), "black") for word in (s, t or s))
+    is_eight_bit, is_unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED_TYPES
     # Not oiio:ColorSpace, which OpenImageIO sets also where a file states no colour space. 1 is sRGB in Exif.
     profile = spec.get_string_attribute("ICCProfile:profile_description")
     tagged = profile.startswith("sRGB") or spec.get_int_attribute("Exif:ColorSpace") == 1

@@ -19,7 +19,7 @@ INVALID_IMAGE_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
 """Matches control characters, and tokens in the path of an image other than that of a UDIM tile."""
 
 # 1.38 is the first version with a disney_principled node.
-_FIRST, _LAST = (1, 38), tuple(mx.getVersionIntegers()[:2])
+_FIRST_VERSION, _LAST_VERSION = (1, 38), tuple(mx.getVersionIntegers()[:2])
 _MAX_DEPTH = 32
 _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
 
@@ -61,8 +61,8 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
         if tag != "materialx":
             raise LookError([fault(f"the document is <{tag:.40}>, not <materialx>")])
         match = _VERSION.fullmatch(version)
-        if not match or not _FIRST <= (int(match[1]), int(match[2])) <= _LAST:
-            (a, b), (c, d) = _FIRST, _LAST
+        if not match or not _FIRST_VERSION <= (int(match[1]), int(match[2])) <= _LAST_VERSION:
+            (a, b), (c, d) = _FIRST_VERSION, _LAST_VERSION
             raise LookError([fault(f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")])
 
     def start(tag: str, attributes: dict[str, str]) -> None:

@@ -43,15 +43,15 @@ _TYPES = {
     "vector3": Sdf.ValueTypeNames.Float3,
     "vector4": Sdf.ValueTypeNames.Float4,
 }
-_COUNTS = {"float": 1, "integer": 1, "vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
-_LINKS = ("interfacename", "nodegraph", "nodename", "output")
+_COMPONENT_COUNTS = {"float": 1, "integer": 1, "vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
+_CONNECTION_ATTRIBUTES = ("interfacename", "nodegraph", "nodename", "output")
 _UNITS = {"meter": 1.0, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "kilometer": 1e3}
 _UNITS |= {"inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "mile": 1609.344}
 _UNITS |= {"degree": 1.0, "radian": math.degrees(1.0)}
-_INTERFACES = {name: name for name in ("standard_surface", "open_pbr_surface", "gltf_pbr")}
-_INTERFACES |= {"UsdPreviewSurface": "usd_preview_surface"}
+_DEFINITION_FILES = {name: name for name in ("standard_surface", "open_pbr_surface", "gltf_pbr")}
+_DEFINITION_FILES |= {"UsdPreviewSurface": "usd_preview_surface"}
 # Suffixes of node definitions whose version is not the default.
-_VERSIONS = {("standard_surface", "1.0.0"): "_100"}
+_VERSION_SUFFIXES = {("standard_surface", "1.0.0"): "_100"}
 _TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
 
 
@@ -147,7 +147,9 @@ class _Writer:
         ports = {port.getName(): port for port in node.getInputs()}
         category = node.getCategory()
         interface = (
-            library_inputs(_INTERFACES[category], f"ND_{category}_surfaceshader") if category in _INTERFACES else {}
+            library_inputs(_DEFINITION_FILES[category], f"ND_{category}_surfaceshader")
+            if category in _DEFINITION_FILES
+            else {}
         )
         types = {name: port.getType() for name, port in (interface | ports).items()}
         for name, kind in types.items():
@@ -177,7 +179,7 @@ class _Writer:
             attribute.connectionPathList.explicitItems = [target]
             return
         if not port.getValueString():
-            empty = [name for name in ("value", *_LINKS) if port.hasAttribute(name)]
+            empty = [name for name in ("value", *_CONNECTION_ATTRIBUTES) if port.hasAttribute(name)]
             if empty and port.getType() not in ("string", "filename"):
                 self._add_note(port, f"has an empty '{empty[0]}'", "its default is taken")
             return
@@ -211,7 +213,7 @@ class _Writer:
         """
         seen = set()
         while _is_connected(port):
-            interface, graph, node, output = (port.getAttribute(name) for name in _LINKS)
+            interface, graph, node, output = (port.getAttribute(name) for name in _CONNECTION_ATTRIBUTES)
             parent = self._define_container(scope)
             if interface:
                 return parent.path.AppendProperty(f"inputs:{Tf.MakeValidIdentifier(interface)}")
@@ -253,7 +255,7 @@ class _Writer:
     def _define_node(self, node: mx.Node) -> Sdf.PrimSpec:
         path = node.getNamePath()
         if path not in self._written:
-            version = _VERSIONS.get((node.getCategory(), node.getVersionString()), "")
+            version = _VERSION_SUFFIXES.get((node.getCategory(), node.getVersionString()), "")
             identifier = node.getNodeDefString() or f"ND_{node.getCategory()}_{node.getType()}{version}"
             parent = self._define_container(node.getParent())
             self._written[path] = self._define_shader(parent, node.getName(), identifier)
@@ -269,13 +271,17 @@ class _Writer:
             return text
         if kind == "boolean" and text in ("true", "false"):
             return text == "true"
-        if kind in _COUNTS:
+        if kind in _COMPONENT_COUNTS:
             try:
                 numbers = tuple(float(part) for part in re.split(r"[,\s]+", text.strip()))
             except ValueError:
                 numbers = ()
             whole = kind != "integer" or all(number.is_integer() for number in numbers)
-            if whole and len(numbers) == _COUNTS[kind] and all(abs(number) <= MAX_MAGNITUDE for number in numbers):
+            if (
+                whole
+                and len(numbers) == _COMPONENT_COUNTS[kind]
+                and all(abs(number) <= MAX_MAGNITUDE for number in numbers)
+            ):
                 scale = self._unit_scale(port)
                 numbers = tuple(number * scale for number in numbers)
                 return int(numbers[0]) if kind == "integer" else numbers[0] if len(numbers) == 1 else numbers
@@ -283,7 +289,7 @@ class _Writer:
             self._add_note(port, f"a value of type '{kind:.40}' is not read")
             return None
         sort = "whole" if kind == "integer" else "finite"
-        hint = f"{_COUNTS.get(kind, 1)} {sort} numbers, separated by commas, within {MAX_MAGNITUDE:g}"
+        hint = f"{_COMPONENT_COUNTS.get(kind, 1)} {sort} numbers, separated by commas, within {MAX_MAGNITUDE:g}"
         hint = "true or false" if kind == "boolean" else hint
         self.faults.append(Fault(self.file, port.getNamePath(), f"'{text:.40}' is not a value", hint))
         return None
@@ -320,4 +326,4 @@ class _Writer:
 
 
 def _is_connected(port: mx.PortElement) -> bool:
-    return any(port.getAttribute(name) for name in _LINKS)
+    return any(port.getAttribute(name) for name in _CONNECTION_ATTRIBUTES)

@@ -27,12 +27,12 @@ from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 from lookdev.reference.albedo import CELLS, integrate_albedo
 
-_AXIS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
-_EDGE = 1e-6
-_GRAZING = np.sin(np.radians(1.0))
+_AXIS_LABELS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
+_HORIZON_MARGIN = 1e-6
+_MIN_COSINE = np.sin(np.radians(1.0))
 _DECADES = 4.0
 _ALBEDO_VIEWS = 19
-_DRAFT = (16, 8)
+_DRAFT_CELLS = (16, 8)
 
 FRESNEL_RANGE = (-0.5, 8.0)
 """Range of the axis of offset and scaled responses."""
@@ -49,7 +49,7 @@ def plot_cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plo
     else:
         other = "θd" if options.axis == "theta_h" else "θh"
         still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
-    ax.set(xlabel=f"{_AXIS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
+    ax.set(xlabel=f"{_AXIS_LABELS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
     scale_values(ax, options, values["inner"])
     draw_legend(ax)
     return Plot(figure, {f"{options.axis} (degrees)": values["x"], **columns})
@@ -68,7 +68,7 @@ def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     else:
         h, d = (angle, fixed) if options.axis == "theta_h" else (fixed, angle)
         wo, wi = half_difference(h, d, phi)
-    inner = np.minimum(wo[:, 2], wi[:, 2]) > _GRAZING
+    inner = np.minimum(wo[:, 2], wi[:, 2]) > _MIN_COSINE
     return {"x": degrees, "f": evaluate_f(subject, wo, wi, options.cosine), "inner": inner}
 
 
@@ -84,8 +84,8 @@ def plot_retro(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 def retro_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return values as `cartesian_values` does."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
-    w = spherical_direction(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
-    return {"x": degrees, "f": evaluate_f(subject, w, w, options.cosine), "inner": w[:, 2] > _GRAZING}
+    w = spherical_direction(np.radians(np.minimum(degrees, 90.0 - _HORIZON_MARGIN)), np.radians(options.phi))
+    return {"x": degrees, "f": evaluate_f(subject, w, w, options.cosine), "inner": w[:, 2] > _MIN_COSINE}
 
 
 def plot_polar(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
@@ -157,7 +157,7 @@ def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 def fresnel_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return the reflectance (n, 3), or f, offset and scaled, (n, 3), and `schlick` (n,), at degrees `x`, (n,)."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
-    theta = np.radians(np.minimum(degrees, 90.0 - _EDGE))
+    theta = np.radians(np.minimum(degrees, 90.0 - _HORIZON_MARGIN))
     if subject.is_delta:
         return {"x": degrees, "f": _reflectance(subject.bsdf, spherical_direction(theta))}
     schlick = _offset_and_scale(np.asarray(schlick_weight(np.cos(theta)))[:, None], degrees)[:, 0]
@@ -192,7 +192,7 @@ def albedo_values(subject: PlotSubject, options: PlotOptions, draft: bool = Fals
         0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
     )
     views = spherical_direction(np.radians(degrees), np.radians(options.phi))
-    albedos = [integrate_albedo(subject.bsdf, view, _DRAFT if draft else CELLS) for view in views]
+    albedos = [integrate_albedo(subject.bsdf, view, _DRAFT_CELLS if draft else CELLS) for view in views]
     values, error = (np.array([getattr(albedo, name).sum(axis=0) for albedo in albedos]) for name in ("value", "error"))
     return {"x": degrees, "f": values, "error": error}
 

@@ -34,9 +34,9 @@ SUBJECT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f0
 RGB_COLORS = ("#c8322d", "#2b8a3e", "#2454c5")
 DASHES = ("-", "--", ":", "-.")
 
-_LONGEST_LABEL = 56
+_MAX_LABEL_LENGTH = 56
 # Without dates and random names, the same plot is the same file.
-_STABLE: dict[str, dict[str, None]] = {
+_STABLE_METADATA: dict[str, dict[str, None]] = {
     ".png": {"Software": None},
     ".svg": {"Date": None},
     ".pdf": {"CreationDate": None},
@@ -71,7 +71,7 @@ class Plot:
                     rows.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
             else:
                 with mpl.rc_context({"svg.hashsalt": "lookdev"}):
-                    self.figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_STABLE[suffix])
+                    self.figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_STABLE_METADATA[suffix])
 
 
 def check_suffix(file: Path) -> str:
@@ -91,7 +91,7 @@ def create_figure(
 
 def legend_label(label: str) -> str:
     """Return a label for a legend: shortened, and escaped from the mathematics of matplotlib."""
-    label = label if len(label) <= _LONGEST_LABEL else f"{label[: _LONGEST_LABEL - 1]}…"
+    label = label if len(label) <= _MAX_LABEL_LENGTH else f"{label[: _MAX_LABEL_LENGTH - 1]}…"
     return label.replace("$", r"\$")
 
 

@@ -29,15 +29,15 @@ class PlotKind:
     draft: Callable[[PlotSubject, PlotOptions], PlotValues] | None = None
 
 
-_PICTURE = ("exposure", "chroma", "size")
-_CURVE = ("scale", "angles", "limit", "channels", "size")
+_PICTURE_OPTIONS = ("exposure", "chroma", "size")
+_CURVE_OPTIONS = ("scale", "angles", "limit", "channels", "size")
 
 KINDS: dict[str, PlotKind] = {
     "slice": PlotKind(
         "f over theta_h and theta_d, as a picture",
         maps.plot_slices,
         maps.slice_values,
-        ("phi", "cosine", *_PICTURE),
+        ("phi", "cosine", *_PICTURE_OPTIONS),
         max_subjects=12,
     ),
     "polar": PlotKind(
@@ -53,7 +53,7 @@ KINDS: dict[str, PlotKind] = {
         "f against theta_h, theta_d or theta_i",
         curves.plot_cartesian,
         curves.cartesian_values,
-        ("theta", "phi", "axis", "cosine", *_CURVE),
+        ("theta", "phi", "axis", "cosine", *_CURVE_OPTIONS),
     ),
     "albedo": PlotKind(
         "directional albedo, with its error",
@@ -66,20 +66,20 @@ KINDS: dict[str, PlotKind] = {
         "spheres under a point light and a dome",
         solid.plot_spheres,
         solid.sphere_values,
-        ("theta", "phi", *_PICTURE),
+        ("theta", "phi", *_PICTURE_OPTIONS),
         max_subjects=12,
     ),
     "retro": PlotKind(
-        "f where light and view coincide", curves.plot_retro, curves.retro_values, ("phi", "cosine", *_CURVE)
+        "f where light and view coincide", curves.plot_retro, curves.retro_values, ("phi", "cosine", *_CURVE_OPTIONS)
     ),
     "fresnel": PlotKind(
-        "how reflectance rises with theta_d", curves.plot_fresnel, curves.fresnel_values, ("phi", *_CURVE)
+        "how reflectance rises with theta_d", curves.plot_fresnel, curves.fresnel_values, ("phi", *_CURVE_OPTIONS)
     ),
     "difference": PlotKind(
         "slices of two, and their difference",
         maps.plot_difference,
         maps.slice_values,
-        ("phi", "cosine", *_PICTURE),
+        ("phi", "cosine", *_PICTURE_OPTIONS),
         max_subjects=2,
     ),
     "sampling": PlotKind(

@@ -19,9 +19,9 @@ from lookdev.plotting.subject import PlotSubject
 _SAMPLES = 1 << 18
 _CELLS = 32, 64  # along the cosine, of both sides, and along the azimuth
 _NODES = 8
-_LEAST_EXPECTED = 5.0
+_MIN_EXPECTED = 5.0
 """The expected number below which cells are merged, as is usual for the test."""
-_RESOLVED = 0.1
+_MAX_CELL_ERROR = 0.1
 """The largest quadrature error of a cell, in standard deviations of its count, with which the test is valid."""
 
 
@@ -137,12 +137,14 @@ def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int, nodes: int = _N
     coarse, fine = (samples * _cell_probabilities(bsdf, wo, count) for count in (nodes // 2, nodes))
     # The last entry is the number of samples without a direction.
     observed, fine = np.append(observed, samples - len(wi)), np.append(fine, max(samples - fine.sum(), 0.0))
-    is_populated = fine >= _LEAST_EXPECTED
+    is_populated = fine >= _MIN_EXPECTED
     o, e = (np.append(counts[is_populated], counts[~is_populated].sum()) for counts in (observed, fine))
-    o, e = (o, e) if e[-1] >= _LEAST_EXPECTED else (np.append(o[:-2], o[-2:].sum()), np.append(e[:-2], e[-2:].sum()))
-    quadrature_error = np.abs(coarse - fine[:-1]) / np.sqrt(np.maximum(fine[:-1], _LEAST_EXPECTED))
+    o, e = (o, e) if e[-1] >= _MIN_EXPECTED else (np.append(o[:-2], o[-2:].sum()), np.append(e[:-2], e[-2:].sum()))
+    quadrature_error = np.abs(coarse - fine[:-1]) / np.sqrt(np.maximum(fine[:-1], _MIN_EXPECTED))
     statistic, freedom = float(((o - e) ** 2 / e).sum()), max(len(e) - 1, 1)
-    return ChiSquare(statistic, freedom, float(chi2.sf(statistic, freedom)), bool(quadrature_error.max() < _RESOLVED))
+    return ChiSquare(
+        statistic, freedom, float(chi2.sf(statistic, freedom)), bool(quadrature_error.max() < _MAX_CELL_ERROR)
+    )
 
 
 def _cell_probabilities(bsdf: Bsdf, wo: Floats, nodes: int) -> Floats:

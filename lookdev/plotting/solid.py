@@ -30,7 +30,7 @@ _DECADES = 4.0
 _PIXELS = 160
 _DOME = "studio"
 _SAMPLES = 48
-_ROOT = 1.1673039782614187
+_RECURRENCE_ROOT = 1.1673039782614187
 """Positive root of x^5 = x + 1; its powers are the steps of the recurrence in four dimensions (Roberts 2018)."""
 
 
@@ -132,7 +132,7 @@ def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Flo
     """
     dome = prepare_light(load_environment(builtin=_DOME), sampled=False)
     shift = np.random.default_rng(0).random((len(wo), 4))
-    step = (1.0 / _ROOT ** np.arange(1.0, 5.0)) % 1.0
+    step = (1.0 / _RECURRENCE_ROOT ** np.arange(1.0, 5.0)) % 1.0
     total = np.zeros(wo.shape)
     origin = np.zeros(wo.shape)
     # The dome's up axis is z, the picture's y.

@@ -8,14 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import (
-    bsdf_of_lobes,
-    color_parameter,
-    diffuse_lobe,
-    exponent_parameter,
-    parameters_with_normal,
-    sin2_of_power,
-)
+from lookdev.brdf.classic import parts
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import fresnel_blend, schlick_weights
 from lookdev.brdf.lobes import DirectionPair, Lobe
@@ -37,7 +30,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def evaluate(d: DirectionPair) -> Array:
         return scale(attenuated, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i))
 
-    return diffuse_lobe("ashikhmin-shirley", mean(attenuated), attenuated, frame, evaluate)
+    return parts.diffuse_lobe("ashikhmin-shirley", mean(attenuated), attenuated, frame, evaluate)
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
@@ -66,7 +59,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         square = x * x + y * y
         # Eq. 10, whose denominator is the exponent plus 1.
         denominator = (across * x * x + along * y * y) / square
-        sin2 = sin2_of_power(2.0 / denominator, u2)
+        sin2 = parts.sin2_of_power(2.0 / denominator, u2)
         radius = np.sqrt(sin2 / square)
         return reflect(wo, vector(x * radius, y * radius, np.sqrt(np.maximum(1.0 - sin2, 0.0))))
 
@@ -98,13 +91,13 @@ ASHIKHMIN_SHIRLEY = Model(
     name="ashikhmin-shirley",
     title="Ashikhmin-Shirley",
     text="Ashikhmin and Shirley's anisotropic Phong model (Ashikhmin and Shirley 2000).",
-    parameters=parameters_with_normal(
-        color_parameter("diffuse", 0.5, "Rd, the colour of the body beneath the highlight; linear."),
-        color_parameter("specular", 0.05, "Rs, the reflectance at normal incidence; linear."),
-        exponent_parameter("exponentU", 100.0, "Of the cosine where the half vector leans along the tangent."),
-        exponent_parameter("exponentV", 100.0, "Of the cosine where the half vector leans along the bitangent."),
+    parameters=parts.parameters_with_normal(
+        parts.color_parameter("diffuse", 0.5, "Rd, the colour of the body beneath the highlight; linear."),
+        parts.color_parameter("specular", 0.05, "Rs, the reflectance at normal incidence; linear."),
+        parts.exponent_parameter("exponentU", 100.0, "Of the cosine where the half vector leans along the tangent."),
+        parts.exponent_parameter("exponentV", 100.0, "Of the cosine where the half vector leans along the bitangent."),
     ),
-    bsdf=bsdf_of_lobes(_diffuse, _specular),
+    bsdf=parts.bsdf_of_lobes(_diffuse, _specular),
     identifier="LookdevAshikhminShirley",
     reciprocal=lambda tokens: ("diffuse", "specular"),
     preview=Preview({}, _preview),

@@ -20,15 +20,8 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
+from lookdev.brdf.classic import parts
 from lookdev.brdf.classic.distributions import DISTRIBUTIONS, smith_beckmann
-from lookdev.brdf.classic.parts import (
-    MIN_COSINE_PRODUCT,
-    LobeBuilder,
-    bsdf_of_lobes,
-    color_parameter,
-    lambert_builder,
-    parameters_with_normal,
-)
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import DirectionPair, Lobe
@@ -57,11 +50,11 @@ def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
 # Torrance and Sparrow 1967 as in Cook and Torrance 1982: min(1, 2 n.h c_o / (wo.h), 2 n.h c_i / (wo.h)).
 def _v_groove(d: DirectionPair) -> Array:
     i, o = d.cos_theta_i, d.cos_theta_o
-    grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, MIN_COSINE_PRODUCT)
-    return np.minimum(1.0 / np.maximum(i * o, MIN_COSINE_PRODUCT), grooves)
+    grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, parts.MIN_COSINE_PRODUCT)
+    return np.minimum(1.0 / np.maximum(i * o, parts.MIN_COSINE_PRODUCT), grooves)
 
 
-def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Real]) -> LobeBuilder:
+def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Real]) -> parts.LobeBuilder:
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         m, gamma = p[roughness], p["gamma"]
         distribution, shadowing = DISTRIBUTIONS[p["distribution"]], _shadowing(p)
@@ -123,9 +116,9 @@ TORRANCE_SPARROW = Model(
     name="torrance-sparrow",
     title="Torrance-Sparrow",
     text="Torrance and Sparrow's microfacet model (Torrance and Sparrow 1967, Cook and Torrance 1982).",
-    parameters=parameters_with_normal(
-        color_parameter("diffuse", 0.0, "kd, the colour of the body; linear."),
-        color_parameter("specular", 1.0, "ks, multiplies what facets reflect; linear."),
+    parameters=parts.parameters_with_normal(
+        parts.color_parameter("diffuse", 0.0, "kd, the colour of the body; linear."),
+        parts.color_parameter("specular", 1.0, "ks, multiplies what facets reflect; linear."),
         token_parameter(
             "distribution",
             tuple(DISTRIBUTIONS),
@@ -150,18 +143,11 @@ TORRANCE_SPARROW = Model(
         ),
         Parameter("k", "color", (0.0, 0.0, 0.0), hard=(0.0, 20.0), soft=(0.0, 8.0), help="Extinction, by channel."),
         *named_metal(),
-        Parameter(
-            "externalIor",
-            "float",
-            1.0,
-            hard=(1.0, 4.0),
-            soft=(1.0, 2.0),
-            help="Index of refraction around the surface.",
-        ),
+        Parameter("externalIor", "float", 1.0, (1.0, 4.0), (1.0, 2.0), help="Index of refraction around the surface."),
         Parameter("polarisation", "float", 0.5, help="0 all light perpendicular, 1 all parallel to the plane."),
     ),
-    bsdf=bsdf_of_lobes(
-        lambert_builder("torrance-sparrow", "diffuse"),
+    bsdf=parts.bsdf_of_lobes(
+        parts.lambert_builder("torrance-sparrow", "diffuse"),
         _specular("specular", "roughness", lambda p: 1.0 - p["weight2"]),
         _specular("specular2", "roughness2", lambda p: p["weight2"]),
     ),

@@ -13,14 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.classic.parts import (
-    MIN_COSINE_PRODUCT,
-    bsdf_of_lobes,
-    color_parameter,
-    lambert_builder,
-    log_complement,
-    parameters_with_normal,
-)
+from lookdev.brdf.classic import parts
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.lobes import DirectionPair, Lobe
 from lookdev.brdf.model import Model, Preview
@@ -37,7 +30,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return value
 
     def evaluate(d: DirectionPair) -> Array:
-        product = np.maximum(d.cos_theta_i * d.cos_theta_o, MIN_COSINE_PRODUCT)
+        product = np.maximum(d.cos_theta_i * d.cos_theta_o, parts.MIN_COSINE_PRODUCT)
         return scale(p["specular"], gaussian(d) / (product if p["variant"] == "dur" else np.sqrt(product)))
 
     def pdf(d: DirectionPair) -> Array:
@@ -45,7 +38,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return gaussian(d) / (z * z * z * d.cos_theta_d)
 
     def sample(u1: Array, u2: Array) -> Array:
-        r, phi = np.sqrt(-log_complement(u2)), 2.0 * np.pi * u1
+        r, phi = np.sqrt(-parts.log_complement(u2)), 2.0 * np.pi * u1
         x = alpha_x * r * np.cos(phi)
         return reflect(wo, normalize(vector(x, alpha_y * r * np.sin(phi), 1.0 + 0.0 * x)))
 
@@ -87,9 +80,9 @@ WARD = Model(
     name="ward",
     title="Ward",
     text="Ward's anisotropic model (Ward 1992), or with the normalisation of Dür 2006.",
-    parameters=parameters_with_normal(
-        color_parameter("diffuse", 0.2, "kd, the colour of the body; linear."),
-        color_parameter("specular", 0.3, "ks, the colour of the highlight; linear."),
+    parameters=parts.parameters_with_normal(
+        parts.color_parameter("diffuse", 0.2, "kd, the colour of the body; linear."),
+        parts.color_parameter("specular", 0.3, "ks, the colour of the highlight; linear."),
         _alpha("alphaX", "tangent"),
         _alpha("alphaY", "bitangent"),
         token_parameter(
@@ -98,7 +91,7 @@ WARD = Model(
             "1992: divided by the root of the product of both cosines. dur: by the product (Dür 2006).",
         ),
     ),
-    bsdf=bsdf_of_lobes(lambert_builder("ward", "diffuse"), _specular),
+    bsdf=parts.bsdf_of_lobes(parts.lambert_builder("ward", "diffuse"), _specular),
     identifier="LookdevWard",
     # Diffuse and specular may both be white; Dür's albedo grows without bound towards grazing views.
     energy=lambda tokens: np.inf if tokens["variant"] == "dur" else 2.0,

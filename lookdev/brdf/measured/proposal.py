@@ -34,11 +34,11 @@ from lookdev.brdf.vectors import TINY, Array, Real, reflect, vector
 # The keys are `Proposal.is_anisotropic`: whether the data are anisotropic.
 # Elevations and azimuths of half vectors; powers of two, for bisection.
 _HALF_VECTOR_CELLS = {False: (256, 16), True: (128, 32)}
-_POINTS = {False: (2, 2), True: (1, 2)}  # half vectors in a cell, along elevation and azimuth
+_POINTS_PER_CELL = {False: (2, 2), True: (1, 2)}  # half vectors in a cell, along elevation and azimuth
 _VIEW_CELLS = {False: (64, 1), True: (16, 16)}  # elevations and azimuths of views
 
-_NEIGHBOUR_PART = 0.1  # least density relative to the neighbouring cells, as the horizon may cut a cell
-_FLOOR = 0.02  # part of the projected hemisphere where f is below the floor
+_MIN_NEIGHBOUR_RATIO = 0.1  # least density relative to the neighbouring cells, as the horizon may cut a cell
+_FLOOR_FRACTION = 0.02  # part of the projected hemisphere where f is below the floor
 _COSINE_SHARES = (3e-5, 0.99)  # least and largest share of the cosine lobe
 _MIN_VIEW_COSINE = 1e-3  # cosine of the lowest view that has a table
 
@@ -150,7 +150,7 @@ def _edge_sin2(edge: Array, thetas: int) -> Array:
 def make_proposal(grid: MeasurementGrid) -> Proposal:
     """Make the tables for measured data."""
     is_anisotropic = isinstance(grid, AnisotropicGrid)
-    (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS[is_anisotropic]
+    (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS_PER_CELL[is_anisotropic]
     squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))
     solid = np.diff(squares) * (4.0 * np.pi / phis)
     half_vectors = _half_vectors(squares[:-1], np.diff(squares), phis, points)
@@ -162,7 +162,7 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
         color = (f * weight[..., None]).sum(axis=(0, 1, 2, 3, 4))
         brightness = f.mean(axis=-1)
         # The factor keeps values that only rounding lifts above the floor out of the highlights.
-        floor = _quantile(brightness, weight, _FLOOR) * (1.0 + 1e-9)
+        floor = _quantile(brightness, weight, _FLOOR_FRACTION) * (1.0 + 1e-9)
         shares = (np.maximum(brightness - floor, 0.0) * weight).sum(axis=(0, 2, 4))
         total, least, most = color.mean(), *_COSINE_SHARES
         cosine.append(np.clip(np.pi * floor / total, least, most) if total > 0.0 else most)
@@ -170,7 +170,9 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
         at_edges = (np.maximum(f.mean(axis=-1) - floor, 0.0) * weight).mean(axis=(0, 2, 3, 4))
         density.append(_edge_density(at_edges, shares.sum(axis=-1) / (solid * phis), solid * phis))
         parts.append(
-            np.maximum(shares, _NEIGHBOUR_PART * np.maximum(np.roll(shares, 1, axis=1), np.roll(shares, -1, axis=1)))
+            np.maximum(
+                shares, _MIN_NEIGHBOUR_RATIO * np.maximum(np.roll(shares, 1, axis=1), np.roll(shares, -1, axis=1))
+            )
         )
         albedo.append(color)
     nodes, conditional = np.stack(density), _cumulative(np.concatenate(parts))

@@ -83,9 +83,8 @@ def combine_partitions(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partit
         if contribution.name in TRANSMITTED_LOBES and lobe_family(contribution.name) == "highlight"
     ]
     ior_minus_one = _mean(refracted, lambda term: term.ior_minus_one)
-    terms |= {
-        contribution.name: replace(terms[contribution.name], ior_minus_one=ior_minus_one) for contribution in refracted
-    }
+    for name in {contribution.name for contribution in refracted}:
+        terms[name] = replace(terms[name], ior_minus_one=ior_minus_one)
     frames = {
         kind: _mean_frame([contribution for contribution in leaving if lobe_family(contribution.name) == kind])
         for kind in ("diffuse", "highlight")

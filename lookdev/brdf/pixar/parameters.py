@@ -19,10 +19,7 @@ def _cone_scale(lobe: str, lobe_text: str, follows: str = "") -> Parameter:
 
 PARAMETERS = parameters_by_name(
     Parameter(
-        "surfaceColor",
-        "color",
-        (0.8, 0.8, 0.8),
-        help="What is left of the light that enters the surface; linear.",
+        "surfaceColor", "color", (0.8, 0.8, 0.8), help="What is left of the light that enters the surface; linear."
     ),
     Parameter("metallic", "float", 0.0, help="0 dielectric, which reflects 0.05 at normal incidence; 1 metal."),
     Parameter("roughness", "float", 0.5, help="Widens the highlights and fades them out; at 1 all light is diffuse."),
@@ -70,11 +67,8 @@ _SCALE_QUOTE = "Each of the 6 lobes had its own scaling term."
 _CONE_QUOTE = "There were also scaling terms on the cone angle for each of the highlight lobes."
 
 QUOTES: dict[str, str] = {
-    **{
-        name: _CONE_QUOTE if name.endswith("ConeScale") else _SCALE_QUOTE
-        for name in PARAMETERS
-        if name.endswith("Scale")
-    },
+    **dict.fromkeys((name for name in PARAMETERS if name.endswith("Scale")), _SCALE_QUOTE),
+    **dict.fromkeys((name for name in PARAMETERS if name.endswith("ConeScale")), _CONE_QUOTE),
     "metallic": "The default dielectric response is .05 (with the option to adjust this by the user, corresponding to "
     "adjusting the index of refraction of the surface), and for a metal, it is 1.",
     "roughness": "The basic idea is that roughness determines an angle at which the falloff of the specular lobe drops "

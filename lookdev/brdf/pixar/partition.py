@@ -34,7 +34,7 @@ TRANSMITTED_LOBES = ("refraction", "specularTransmission", "diffuseTransmission"
 """The lobes on the other side, in the same order."""
 
 # The limits of cones in degrees: "0 (or epsilon in practice)" (Smits); above 54, albedos at grazing views exceed 1.
-_CONES = (0.25, 54.0)
+_CONE_LIMITS = (0.25, 54.0)
 
 
 @dataclass(frozen=True)
@@ -163,7 +163,8 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         def scaled(weight: Array) -> Array:
             return scale(tint * weight, factor * p["presence"])
 
-        return replace(base.with_weights(scaled, scaled), cone=np.clip(cone, *_CONES), ior_minus_one=ior_minus_one)
+        weighted = base.with_weights(scaled, scaled)
+        return replace(weighted, cone=np.clip(cone, *_CONE_LIMITS), ior_minus_one=ior_minus_one)
 
     broad, tight = smooth * rest, smooth * ratio
     wide, narrow, bend = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0

@@ -119,10 +119,8 @@ class PictureFit:
             remark = f"  ({row.remark})" if row.remark else ""
             before, after = format_numbers(row.before), format_numbers(row.after)
             lines.append(f"  {row.name:<{width}} = {after}{error}  (was {before}){remark}")
-        lines += [
-            f"  {a} and {b} change the picture alike: correlation {value:.3f}"
-            for a, b, value in result.correlated_pairs
-        ]
+        pairs = result.correlated_pairs
+        lines += [f"  {a} and {b} change the picture alike: correlation {value:.3f}" for a, b, value in pairs]
         lines.append(
             f"{self._state}: difference {_percent(result.before)} before, {_percent(result.after)} after, of which the "
             f"picture's noise is {_percent(result.noise)}; {result.seconds:.0f} s"

@@ -20,8 +20,8 @@ from lookdev.space import CHROMATICITIES, adapt_white, rgb_to_xyz
 REC709 = CHROMATICITIES["rec709"]
 """x and y of red, green, blue and white, which an EXR without ``chromaticities`` has."""
 
-_LINEAR = ("openexr", "hdr")
-_LEVELS = 8  # of brightness; the noise is estimated for each
+_LINEAR_FORMATS = ("openexr", "hdr")
+_BRIGHTNESS_LEVELS = 8  # of brightness; the noise is estimated for each
 # The difference of two Laplacians (Immerkær's eq. 2); its response to a plane of brightness is 0.
 _LAPLACIANS = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 
@@ -56,7 +56,7 @@ def read_photo(file: Path, mask: Path | None = None) -> Photo:
     """
     with open_image(file, LookdevError) as image:
         file_format, names = image.format_name(), list(image.spec().channelnames)
-        if file_format not in _LINEAR:
+        if file_format not in _LINEAR_FORMATS:
             raise LookdevError(
                 f"{file}: is {file_format}, whose values are encoded for a display; a linear EXR would be right"
             )
@@ -119,9 +119,9 @@ def estimate_noise(color: Floats, weights: Floats) -> Floats:
         response = np.abs(convolve(plane, _LAPLACIANS, mode="nearest")) / (6.0 * 0.6745)
         smooth = convolve(plane, np.full((3, 3), 1.0 / 9.0), mode="nearest")
         is_sampled = inside if inside.any() else weights > 0.0
-        ends = np.quantile(smooth[is_sampled], np.linspace(0.0, 1.0, _LEVELS + 1))
-        level = np.clip(np.searchsorted(ends, smooth, side="right") - 1, 0, _LEVELS - 1)
+        ends = np.quantile(smooth[is_sampled], np.linspace(0.0, 1.0, _BRIGHTNESS_LEVELS + 1))
+        level = np.clip(np.searchsorted(ends, smooth, side="right") - 1, 0, _BRIGHTNESS_LEVELS - 1)
         medians = [np.median(response[is_sampled & (level == n)]) if (is_sampled & (level == n)).any() else 0.0
-                   for n in range(_LEVELS)]  # fmt: skip
+                   for n in range(_BRIGHTNESS_LEVELS)]  # fmt: skip
         noise[..., channel] = np.array(medians)[level]
     return noise

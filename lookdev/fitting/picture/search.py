@@ -82,8 +82,7 @@ class SearchResult:
     without_effect, undetermined
         Names of numbers that change no pixel, and of numbers whose error is larger than a quarter of the slider.
     alike
-        Pairs of numbers with similar effects on the picture, and their correlation: each is less certain than their
-        sum.
+        Pairs of numbers that the picture does not separate well, and the correlation of their errors.
     before, after, noise
         The loss at the look's original values, the loss at the result, and the part of the loss that is the picture's
         noise.
@@ -292,10 +291,9 @@ class Search:
         values = {
             unknown.name: tuple(map(float, unknown.value(part))) for unknown, part in parts if not unknown.is_exposure
         }
-        halves = self.render(values, with_derivatives, samples, seeds)[..., : self.target.value.shape[-1]].astype(
-            np.float64
-        )
-        light = np.array([1.0, 1.0, 1.0, 0.0])[: halves.shape[-1]]  # alpha is not exposed
+        channels = self.target.value.shape[-1]
+        halves = self.render(values, with_derivatives, samples, seeds)[..., :channels].astype(np.float64)
+        light = np.array([1.0, 1.0, 1.0, 0.0])[:channels]  # alpha is not exposed
         gain = {unknown.is_exposure: 2.0 ** float(unknown.value(part)[0]) for unknown, part in parts}.get(True, 1.0)
         halves *= gain * light + (1.0 - light)
         picture_and_slopes, index = [halves[:, 0]], 1
@@ -330,9 +328,8 @@ class Search:
         noise_variance = float((self._weight * variance).mean())
         # The prior standard error of a number is the width of its slider. A number without effect keeps this error.
         information = _positive_part(cross_product) + noise_variance * identity
-        scores = (
-            _positive_part((first * (self._weight**2 * variance)[:, None]).T @ second) + noise_variance**2 * identity
-        )
+        weighted_variance = (self._weight**2 * variance)[:, None]
+        scores = _positive_part((first * weighted_variance).T @ second) + noise_variance**2 * identity
         inverse = np.linalg.inv(information)
         covariance = inverse @ scores @ inverse
         return _LocalModel(weighted.T @ residual, hessian, unbiased, covariance, noise_variance)

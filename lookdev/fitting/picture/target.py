@@ -17,10 +17,10 @@ from lookdev.arrays import Floats
 from lookdev.errors import LookdevError
 from lookdev.fitting.picture.photo import Photo
 
-_RELATIVE = 0.02
+_MIN_RELATIVE_ERROR = 0.02
 """The least error of a pixel, relative to its brightness, so that no few pixels outweigh all others."""
 
-_DARK = 0.02
+_MIN_DARK_ERROR = 0.02
 """The least error of a pixel, relative to the mean brightness, for dark pixels."""
 
 
@@ -79,8 +79,8 @@ class Target:
         # The weight of a pixel depends on its neighbours alone: its own noise would bias it.
         mean_color = _mean_of_neighbours(color, weights)
         noise = _mean_of_neighbours(variance, weights)
-        floor = _DARK * (color * weights[..., None]).sum(axis=(0, 1)) / weights.sum()
-        weight = weights[..., None] / (noise + (_RELATIVE * mean_color) ** 2 + floor**2 + 1e-12)
+        floor = _MIN_DARK_ERROR * (color * weights[..., None]).sum(axis=(0, 1)) / weights.sum()
+        weight = weights[..., None] / (noise + (_MIN_RELATIVE_ERROR * mean_color) ** 2 + floor**2 + 1e-12)
         return cls(color, variance, weight)
 
     def loss(self, a: Floats, b: Floats) -> float:

@@ -55,9 +55,8 @@ class Unknown:
 
     @property
     def _scale(self) -> float:
-        return (
-            float(np.log1p(self.start_range[1])) if self._is_logarithmic else self.start_range[1] - self.start_range[0]
-        )
+        low, high = self.start_range
+        return float(np.log1p(high)) if self._is_logarithmic else high - low
 
     def unit(self, value: Floats) -> Floats:
         """Return the units of values."""

@@ -20,7 +20,7 @@ MAX_LENGTH = 64 * 1024
 """The greatest length of an expression, in characters."""
 
 _MAX_DEPTH = 64  # nested operations
-_SHOWN_LENGTH = 40  # characters of a name in a message; a message quotes twice as many of the faulty line
+_MAX_QUOTED_LENGTH = 40  # characters of a name in a message; a message quotes twice as many of the faulty line
 
 
 class ExpressionError(LookdevError):
@@ -31,8 +31,8 @@ class ExpressionError(LookdevError):
         start = text.rfind("\n", 0, position) + 1
         end = text.find("\n", position)
         end = len(text) if end < 0 else end
-        first = max(start, min(position - _SHOWN_LENGTH, end - 2 * _SHOWN_LENGTH))
-        last = min(end, first + 2 * _SHOWN_LENGTH)
+        first = max(start, min(position - _MAX_QUOTED_LENGTH, end - 2 * _MAX_QUOTED_LENGTH))
+        last = min(end, first + 2 * _MAX_QUOTED_LENGTH)
         before, after = "…" * (first > start), "…" * (last < end)
         line = "".join(c if c.isprintable() else " " for c in text[first:last])
         caret = " " * (len(before) + position - first) + "^"
@@ -136,16 +136,15 @@ def parse_tree(text: str) -> tuple[ExpressionNode, tuple[str, ...]]:
         too deep.
     """
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(
-            text, MAX_LENGTH, f"an expression of {len(text)} characters; at most {MAX_LENGTH} are read"
-        )
+        message = f"an expression of {len(text)} characters; at most {MAX_LENGTH} are read"
+        raise ExpressionError(text, MAX_LENGTH, message)
     parser = _Parser(text)
     return parser.parse_whole(), tuple(parser.names)
 
 
 def shorten_name(text: str) -> str:
     """Return a name, shortened for a message."""
-    return text if len(text) <= _SHOWN_LENGTH else f"{text[:_SHOWN_LENGTH]}…"
+    return text if len(text) <= _MAX_QUOTED_LENGTH else f"{text[:_MAX_QUOTED_LENGTH]}…"
 
 
 def _tokenize(text: str) -> Iterator[_Token]:

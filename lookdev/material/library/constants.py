@@ -80,7 +80,7 @@ def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
             raise LookError.at(file, "", "cannot be copied as a look in USD")
     before, after = file.resolve().parent, out.resolve().parent
     if before != after:
-        _reanchor(temporary, before, after)
+        _reanchor_paths(temporary, before, after)
 
 
 def check_writable(file: Path, prim: str | None = None, variants: VariantChoice = None) -> None:
@@ -137,7 +137,7 @@ def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool 
     target.Set(usd_value)
 
 
-def _reanchor(layer_file: Path, before: Path, after: Path) -> None:
+def _reanchor_paths(layer_file: Path, before: Path, after: Path) -> None:
     """Rewrite the relative paths of a USD layer for another folder."""
     layer = Sdf.Layer.FindOrOpen(str(layer_file))
 

@@ -25,7 +25,7 @@ _TYPES = Sdf.ValueTypeNames
 _ROOT = Sdf.Path("/LookdevLayer")
 _STACK = _ROOT.AppendChild("Layers")
 _MAX_LENGTH = 1 << 20
-_KINDS = {"Mask": _TYPES.Float, "Enabled": _TYPES.Bool, "Mode": _TYPES.Token}
+_PART_TYPES = {"Mask": _TYPES.Float, "Enabled": _TYPES.Bool, "Mode": _TYPES.Token}
 _DOC = "A layer of a look, as the Designer copies and pastes it."
 
 
@@ -117,7 +117,7 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     """Return a USD layer with a layer of a look, its nodes and its mask."""
     stage, network = material.GetPrim().GetStage(), Network(Path())
     root, (number, shader), stack = stage.GetRootLayer(), layer_shader(material, layer), find_stack(material)
-    attributes = {} if stack is None else {part: stack.attribute(number, part) for part in _KINDS if number}
+    attributes = {} if stack is None else {part: stack.attribute(number, part) for part in _PART_TYPES if number}
     authored = {part: attribute for part, attribute in attributes.items() if attribute}
     nodes = find_upstream(material, authored.values()) | {shader.GetPath()}
     nodes |= find_upstream(material, [shader_input.GetAttr() for shader_input in shader.GetInputs()])
@@ -139,7 +139,8 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     output = new_paths[shader.GetPath()].AppendProperty("outputs:layer")
     Sdf.AttributeSpec(stack_spec, "inputs:layer1", _TYPES.Token).connectionPathList.explicitItems = [output]
     for part, attribute in authored.items():
-        spec, holder = Sdf.AttributeSpec(stack_spec, f"inputs:layer1{part}", _KINDS[part]), network.follow(attribute)
+        spec = Sdf.AttributeSpec(stack_spec, f"inputs:layer1{part}", _PART_TYPES[part])
+        holder = network.follow(attribute)
         if isinstance(holder, OutputSource):
             target = moved_path(holder.path.AppendProperty(f"outputs:{holder.output}"), new_paths)
             if target is None:
@@ -190,7 +191,7 @@ def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
     for old, new in new_paths.items():
         if old != _ROOT:
             redirect_connections(root, new_paths, new)
-    for part, kind in {"": _TYPES.Token, **_KINDS}.items():
+    for part, kind in {"": _TYPES.Token, **_PART_TYPES}.items():
         spec = fragment.GetAttributeAtPath(_STACK.AppendProperty(f"inputs:layer1{part}"))
         if not spec:
             continue

@@ -29,9 +29,9 @@ from lookdev.stage import Composed, open_stage, usd_errors_as_faults
 GREY_LAYER = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
 """The layer of a part whose material cannot be read."""
 
-_SURFACES = ("outputs:mtlx:surface", "outputs:surface")
-_DISPLACEMENTS = ("outputs:mtlx:displacement", "outputs:displacement")
-_VOLUMES = ("outputs:mtlx:volume", "outputs:volume")
+_SURFACE_TERMINALS = ("outputs:mtlx:surface", "outputs:surface")
+_DISPLACEMENT_TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")
+_VOLUME_TERMINALS = ("outputs:mtlx:volume", "outputs:volume")
 _MAX_SHADERS = 64
 
 
@@ -114,7 +114,7 @@ def read_any_look(
 def is_foreign(material: Usd.Prim) -> bool:
     """Return whether a material has no outputs of `lookdev` and a connected surface of another model."""
     lookdev_properties = material.GetAuthoredPropertiesInNamespace("outputs:lookdev")
-    return not lookdev_properties and any(_is_connected(material, name) for name in _SURFACES)
+    return not lookdev_properties and any(_is_connected(material, name) for name in _SURFACE_TERMINALS)
 
 
 def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
@@ -166,8 +166,8 @@ class _Material:
         if not prim or not prim.IsA(UsdShade.Material):
             raise NotCarriedError("is not a material")
         self._add_document_faults(prim)
-        terminals = [name for name in _SURFACES if _is_connected(prim, name)]
-        for name in _VOLUMES:
+        terminals = [name for name in _SURFACE_TERMINALS if _is_connected(prim, name)]
+        for name in _VOLUME_TERMINALS:
             if _is_connected(prim, name):
                 self.add_fault(prim.GetAttribute(name), "volumes are not supported", "only surfaces are shown")
         for name in terminals:
@@ -200,7 +200,7 @@ class _Material:
             return self._read_mix(source, depth)
         identifier = shader_id(source.shader)
         if identifier == "ND_disney_principled":
-            return [self._read_layer(source, "disney", _PRINCIPLED)]
+            return [self._read_layer(source, "disney", _PRINCIPLED_DEFAULTS)]
         if name := foreign_shaders().get(identifier):
             return [self._read_layer(source, name, {})]
         message = f"the surface shader <{source.path}> of {identifier or 'no info:id'} is not supported"
@@ -231,7 +231,7 @@ class _Material:
         parameters = layer_parameters(model)
         for shader_input in source.shader.GetInputs():
             name, attribute = shader_input.GetBaseName(), shader_input.GetAttr()
-            if name == "displacement" and model in _PREVIEWS:
+            if name == "displacement" and model in _PREVIEW_MODELS:
                 self._check_displacement(attribute, source)
             elif name in parameters:
                 value = self._read_input(source, attribute, parameters[name])
@@ -289,7 +289,7 @@ class _Material:
 
     def _check_normal(self, source: OutputSource, attribute: Usd.Attribute, term: NodeValue) -> None:
         """Add faults of normal maps that are decoded as colours or biased; NotCarriedError for world space."""
-        if node_category(source.shader) not in _TANGENT_SPACE and not term.tangent:
+        if node_category(source.shader) not in _TANGENT_SPACE_SHADERS and not term.tangent:
             hint = "only one of a normalmap or a bump, in tangent space, is supported"
             raise NotCarriedError(f"is a normal in world space; {hint}")
         if not isinstance(texture := term.leaf, Texture):
@@ -309,7 +309,7 @@ class _Material:
         prim = source.shader.GetPrim()
         while prim and not prim.IsA(UsdShade.Material):
             prim = prim.GetParent()
-        if prim and not any(_is_connected(prim, name) for name in _DISPLACEMENTS):
+        if prim and not any(_is_connected(prim, name) for name in _DISPLACEMENT_TERMINALS):
             holder = self.network.follow(attribute)
             if isinstance(holder, OutputSource) or (holder is not None and holder.Get()):
                 self.add_fault(attribute, "has no effect: outputs:displacement of the material is not connected")
@@ -321,7 +321,9 @@ class _Material:
 
     def _read_displacement(self, prim: Usd.Prim) -> Displacement | None:
         """Return the displacement of a material along the normal, in units of the file; None where it has none."""
-        terminal = next((prim.GetAttribute(name) for name in _DISPLACEMENTS if _is_connected(prim, name)), None)
+        terminal = next(
+            (prim.GetAttribute(name) for name in _DISPLACEMENT_TERMINALS if _is_connected(prim, name)), None
+        )
         if terminal is None:
             return None
         try:
@@ -329,7 +331,7 @@ class _Material:
             if not isinstance(source, OutputSource):
                 raise NotCarriedError("" if source is None else "is not connected to a shader")
             kind = node_category(source.shader)
-            if kind not in ("displacement", *_TANGENT_SPACE):
+            if kind not in ("displacement", *_TANGENT_SPACE_SHADERS):
                 raise NotCarriedError(f"{shader_id(source.shader) or 'no info:id'} is not supported")
             attribute = source.shader.GetPrim().GetAttribute("inputs:displacement")
             if attribute and attribute.GetTypeName() != Sdf.ValueTypeNames.Float:
@@ -345,9 +347,9 @@ class _Material:
             return None
 
 
-_TANGENT_SPACE = ("UsdPreviewSurface", "UsdPreviewSurface_surfaceshader")
-_PREVIEWS = ("preview_surface", "materialx_preview_surface")
-_PRINCIPLED: Mapping[str, Input] = {"baseColor": (0.16, 0.16, 0.16)}
+_TANGENT_SPACE_SHADERS = ("UsdPreviewSurface", "UsdPreviewSurface_surfaceshader")
+_PREVIEW_MODELS = ("preview_surface", "materialx_preview_surface")
+_PRINCIPLED_DEFAULTS: Mapping[str, Input] = {"baseColor": (0.16, 0.16, 0.16)}
 _ZERO = NodeValue("0", 1, numbers=(0.0,))
 
 

@@ -35,7 +35,7 @@ from lookdev.space import Color
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
 # The node that can be the source of each kind of value, besides UsdUVTexture and LookdevExpression.
-_NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
+_SOURCE_NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
 _MAX_DEPTH = 32  # nested expressions
 _IMAGE_HINT = "a path to an image, relative to the file that names it"
 _ST_HINT = "connect inputs:st to a UsdPrimvarReader_float2, or to a UsdTransform2d that is connected to one"
@@ -115,12 +115,12 @@ def _read_varying(
         if texture and kind == "normal":
             _check_normal_map(network, source, texture)
         return texture
-    if identifier == _NODES[kind]:
+    if identifier == _SOURCE_NODES[kind]:
         return _read_bump(network, source) if kind == "normal" else _read_primvar(network, attribute, parameter, source)
     if identifier == "LookdevExpression":
         return _read_formula(network, attribute, kind, source, enclosing)
     message = f"a {kind} cannot come from <{source.path}>, whose info:id is '{identifier}'"
-    network.add_fault(attribute, message, f"use UsdUVTexture, {_NODES[kind]} or LookdevExpression")
+    network.add_fault(attribute, message, f"use UsdUVTexture, {_SOURCE_NODES[kind]} or LookdevExpression")
     return None
 
 

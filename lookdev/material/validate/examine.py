@@ -41,17 +41,17 @@ _MAX_VARIANTS = 256  # examined once
 _MAX_PROPERTIES = 10_000  # and prims; larger materials are examined only for faults of the reader
 
 # USD's validators for a look, which has no geometry, thus neither axis nor unit.
-_KEYWORDS = {"UsdCoreValidators", "UsdShadeValidators"}
-_DEPENDENCIES = "usdUtilsValidators:MissingReferenceValidator"
+_VALIDATOR_KEYWORDS = {"UsdCoreValidators", "UsdShadeValidators"}
+_REFERENCE_VALIDATOR = "usdUtilsValidators:MissingReferenceValidator"
 _USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "Info": "note"}
 # USD's error for an unknown shader: nodes of other renderers may be beside ours.
 _UNKNOWN_SHADER = "MissingShaderIdInRegistry"
 # A file of several looks needs no default prim: a job names its look.
 _SEVERITIES: dict[str, Severity] = {_UNKNOWN_SHADER: "warning", "MissingDefaultPrim": "note"}
 # The reader reads nodes of MaterialX or adds notes; USD's wheels lack their definitions.
-_MATERIALX = "shaderId 'ND_"
+_MATERIALX_SHADER = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
-_UNRESOLVED = "UnresolvableDependency"
+_UNRESOLVED_REFERENCE = "UnresolvableDependency"
 
 _Unused: TypeAlias = tuple[str, str, str]
 """A prim or property without effect: its path, what is wrong, and what would be right or ""."""
@@ -287,12 +287,14 @@ def _usd_findings(
     reported = tuple(reader_findings)
     for error in UsdValidation.ValidationContext(_validators()).Validate(target)[:MAX_FINDINGS]:
         message = usd_words(error.GetMessage())
-        if error.GetName() == _UNKNOWN_SHADER and message.startswith(_MATERIALX):
+        if error.GetName() == _UNKNOWN_SHADER and message.startswith(_MATERIALX_SHADER):
             continue
         where = (site.GetProperty() if site.IsProperty() else site.GetPrim() for site in error.GetSites())
         prim, name = next((_split_path(str(site.GetPath())) for site in where if site), ("", ""))
         # The reader already reports a missing file, with the input or the reference that names it.
-        file_name = Path(message.split("'")[1]).name if error.GetName() == _UNRESOLVED and "'" in message else message
+        file_name = (
+            Path(message.split("'")[1]).name if error.GetName() == _UNRESOLVED_REFERENCE and "'" in message else message
+        )
         locations = {(finding.prim, finding.input) for finding in reported}
         if (name and (prim, name) in locations) or any(file_name in finding.what for finding in reported):
             continue
@@ -308,5 +310,5 @@ def _validators() -> tuple[UsdValidation.Validator, ...]:
         for node in UsdShade.ShaderDefUtils.GetDiscoveryResults(UsdShade.Shader(prim), str(DEFINITIONS)):
             Sdr.Registry().AddDiscoveryResult(node)
     registry = UsdValidation.ValidationRegistry()
-    names = [data.name for data in registry.GetAllValidatorMetadata() if _KEYWORDS & set(data.GetKeywords())]
-    return tuple(registry.GetOrLoadValidatorsByName([*names, _DEPENDENCIES]))
+    names = [data.name for data in registry.GetAllValidatorMetadata() if _VALIDATOR_KEYWORDS & set(data.GetKeywords())]
+    return tuple(registry.GetOrLoadValidatorsByName([*names, _REFERENCE_VALIDATOR]))
