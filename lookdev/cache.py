@@ -89,7 +89,7 @@ def output_errors(path: Path, problem: str = "cannot be written", *, name_file: 
 
 
 @contextmanager
-def from_memory(file: Path) -> Iterator[str]:
+def memory_file(file: Path) -> Iterator[str]:
     """Yield the name of a file in memory, to which a library writes; then write its content to `file`.
 
     A full disk is thus an OSError. The image libraries and OSL's compiler do not report data that they lose on closing

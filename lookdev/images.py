@@ -21,8 +21,8 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.errors import LookdevError
-from lookdev.safe_text import stated_limit
-from lookdev.sandbox import reading
+from lookdev.safe_text import environment_limit
+from lookdev.sandbox import report_reading
 
 if TYPE_CHECKING:  # the render worker, which does not read images here, starts sooner
     import OpenImageIO as oiio
@@ -46,7 +46,7 @@ _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 def default_pixel_limit() -> int:
     """Return the largest number of pixels of an image; raises OutputError where the variable is not a number."""
-    return stated_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
+    return environment_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
 
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
@@ -86,7 +86,7 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
     oiio.attribute("openexr:core", 1)
     as_stored = oiio.ImageSpec()
     as_stored["oiio:UnassociatedAlpha"] = 1
-    with reading(file):
+    with report_reading(file):
         image = oiio.ImageInput.open(str(file), as_stored)
         if image is None:
             raise error(f"{file}: cannot be read as an image: {_reason(oiio.geterror)}")
@@ -136,7 +136,7 @@ def _limit(most: int | None) -> tuple[int, str]:
     return default_pixel_limit(), f"{PIXELS_VARIABLE} = {default_pixel_limit()} pixels"
 
 
-def strips(
+def read_strips(
     image: oiio.ImageInput, file: Path, channels: range, error: type[LookdevError]
 ) -> Iterator[tuple[int, Floats32]]:
     """Yield an open image in strips: the index of a strip's first row, and its pixels (rows, width, channels).
@@ -190,7 +190,7 @@ def whole_image(image: oiio.ImageInput, file: Path, channels: range, error: type
     """Return the pixels of an open image (height, width, channels); raises `error` where they cannot be read."""
     spec = image.spec()
     pixels = np.empty((spec.height, spec.width, len(channels)), np.float32)
-    for first, part in strips(image, file, channels, error):
+    for first, part in read_strips(image, file, channels, error):
         pixels[first : first + len(part)] = part
     return pixels
 

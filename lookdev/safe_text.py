@@ -34,7 +34,7 @@ class TextError(FaultsError):
     """A text file cannot be read, or its content is not what it should be."""
 
 
-def stated_limit(variable: str, default: int, unit: str) -> int:
+def environment_limit(variable: str, default: int, unit: str) -> int:
     """Return the limit in an environment variable, or `default`; raises OutputError where it is not a whole number."""
     text = os.environ.get(variable, str(default))
     if not re.fullmatch(r"[1-9][0-9]{0,11}", text):

@@ -25,7 +25,7 @@ from lookdev.space import Color, Space, to_space
 
 DEGREES = 180.0 / math.pi
 
-_NEAREST = 1e-6  # metres, the least distance that a falloff computes with: no exponent divides by 0
+_MIN_DISTANCE = 1e-6  # metres, the least distance that a falloff computes with: no exponent divides by 0
 
 
 def slope(start: float, end: float) -> float:
@@ -158,17 +158,17 @@ class Shadow:
 
     def transmittance(self, distance: Floats) -> Floats:
         """Return the share (..., 3) of the light that passes occluders at distances (...)."""
-        return shadow_passed(distance, *self.numbers, np.array(self.color))
+        return shadow_transmittance(distance, *self.numbers, np.array(self.color))
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """The arguments of `shadow_passed` between the distance and the colour."""
+        """The arguments of `shadow_transmittance` between the distance and the colour."""
         limit = self.distance if self.distance >= 0.0 else math.inf
         return float(self.enable), min(limit, FAR), max(min(self.falloff, self.distance), 0.0), self.falloff_gamma
 
 
 # UsdLuxShadowAPI: inputs:shadow:falloffGamma, with linear distance within the zone.
-def shadow_passed(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
+def shadow_transmittance(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
     """Return the share (..., 3) of the light that passes occluders at distances (...).
 
     Occluders beyond `limit` cast no shadow, and the shadow fades over the last `zone` metres before the limit. It has a
@@ -215,12 +215,12 @@ class Falloff:
 
 def falloff_factor(distance: Real, virtual: Real, power: Real, start: Real, rise: Real) -> Floats:
     """Return the factor (...) of the radiance at distances (...): `Falloff.factor`."""
-    nearest = np.maximum(distance, _NEAREST)
+    nearest = np.maximum(distance, _MIN_DISTANCE)
     factor: Floats = nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
     return factor
 
 
-MOST_GROUPS = 80
+MAX_SHADOW_GROUPS = 80
 """The most groups of parts that shadow links can distinguish, not counting the group that casts all shadows."""
 
 

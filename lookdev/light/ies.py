@@ -22,8 +22,8 @@ from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.safe_text import read_bytes
 
-_LARGEST = 1 << 24  # bytes of a file
-_MOST_ANGLES = 3601
+_MAX_BYTES = 1 << 24  # bytes of a file
+_MAX_ANGLES = 3601
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _HEADERS = ("IESNA91", "IESNA:LM-63-", "IES:LM-63-")
 _VERTICAL = ((0.0, 90.0), (90.0, 180.0), (0.0, 180.0))
@@ -137,7 +137,7 @@ def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = Fals
     EnvironmentMapError
         It is not an IES file of type C, or contradicts itself; the message names the line.
     """
-    table = parse_profile(read_bytes(file, _LARGEST).decode("latin-1"), str(file))
+    table = parse_profile(read_bytes(file, _MAX_BYTES).decode("latin-1"), str(file))
     power = profile_power(table) if normalize else 1.0
     if not power > 0.0:
         raise EnvironmentMapError(f"{file}: sends no light, so its power cannot be normalized")
@@ -174,14 +174,14 @@ def parse_profile(text: str, where: str) -> Floats:
     numbers = _NumberReader(where, lines, tilts[0])
     if lines[tilts[0] - 1].strip() == "TILT=INCLUDE":
         numbers.take_integer("lamp to luminaire geometry", 1, 3)
-        count = numbers.take_integer("number of tilt angles", 1, _MOST_ANGLES)
+        count = numbers.take_integer("number of tilt angles", 1, _MAX_ANGLES)
         numbers.take("tilt angles", count)
         numbers.take("tilt factors", count)
     numbers.take_integer("number of lamps", 1, 1 << 16)
     numbers.take("lumens of a lamp", 1)  # -1: absolute photometry
     multiplier = numbers.take_positive("candela multiplier")
-    down_count = numbers.take_integer("number of vertical angles", 2, _MOST_ANGLES)
-    around_count = numbers.take_integer("number of horizontal angles", 1, _MOST_ANGLES)
+    down_count = numbers.take_integer("number of vertical angles", 2, _MAX_ANGLES)
+    around_count = numbers.take_integer("number of horizontal angles", 1, _MAX_ANGLES)
     kind = numbers.take_integer("photometric type", 1, 3)
     if kind != 1:
         raise numbers.fault(f"is of type {'?CBA'[kind]} goniophotometry; type C, 1, would be right")

@@ -52,7 +52,7 @@ def world_domes(lights: Sequence[Light]) -> list[Dome]:
     return [light.world_dome for light in lights if light.world_dome]
 
 
-def still_domes(lights: Sequence[Light]) -> bool | None:
+def are_domes_still(lights: Sequence[Light]) -> bool | None:
     """Return whether the domes of a rig stand still while it turns; None if some do and some do not.
 
     A constant dome counts as either.
@@ -61,6 +61,6 @@ def still_domes(lights: Sequence[Light]) -> bool | None:
     return None if len(still) > 1 else still == {True}
 
 
-def varied_domes(lights: Sequence[Light]) -> bool:
+def has_varied_dome(lights: Sequence[Light]) -> bool:
     """Return whether the lights have a dome whose radiance varies, which Cycles should importance sample."""
     return any(not dome.constant for dome in world_domes(lights))

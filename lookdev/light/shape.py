@@ -19,7 +19,7 @@ from lookdev.brdf.vectors import Real, dot
 FAR = 1e30
 """The distance in metres for a miss. It is finite because generated code has no infinity."""
 
-INFINITE = 1e20
+INFINITE_DISTANCE = 1e20
 """The distance in metres to a light that is infinitely far."""
 
 
@@ -62,7 +62,7 @@ def greatest_cosine(axis: Floats, squared_sine: Floats, normal: Floats) -> Float
     return np.where(inside, 1, np.maximum(rotated, 0))
 
 
-def uniform_density(versine: Real) -> Real:
+def uniform_pdf(versine: Real) -> Real:
     """Return the pdf (...) per steradian of `draw_uniform`; `versine` is 1 - cos of the cone's half angle."""
     return 1 / (2 * math.pi * versine)
 

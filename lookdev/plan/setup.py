@@ -60,7 +60,7 @@ def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: Sce
 
 
 @dataclass(frozen=True)
-class Turns:
+class TurntableFrames:
     """The turntables that show every setup, the folder of all files, and the camera's azimuth in degrees."""
 
     turntables: tuple[JobTurntable, ...]

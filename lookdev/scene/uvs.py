@@ -22,7 +22,7 @@ def look_uvs(look: Look) -> tuple[str, ...]:
     return tuple(dict.fromkeys(leaf.st for leaf in _leaves(look) if not isinstance(leaf, Primvar)))
 
 
-def with_uvs(
+def add_missing_uvs(
     asset: Asset, look_of_part: Mapping[str, Look], bound: Collection[str] = ()
 ) -> tuple[Asset, tuple[str, ...]]:
     """Return the asset with the UV sets that its looks read, and notes on replaced sets.
@@ -56,7 +56,7 @@ def with_uvs(
     return replace(completed, digest=asset_digest(completed)), notes
 
 
-def absent_primvars(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str, ...]:
+def missing_primvar_notes(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str, ...]:
     """Return notes on primvars that looks read and meshes lack; `look_of_part` maps slots' paths to looks."""
     looks = [look_of_part[slot.path] for slot in asset.slots]
     primvar_names = {id(look): {leaf.name for leaf in _leaves(look) if isinstance(leaf, Primvar)} for look in looks}

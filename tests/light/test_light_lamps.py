@@ -126,7 +126,7 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
     shadow = Shadow(True, (0.1, 0.0, 0.0), 3.0, 1.0, 2.0)
     emission = Emission((3.0, 2.0, 0.25), 0.5, 2.0, shaping, shadow, falloff, turns=False, camera=True)
     rect, dome = replace(RectLight.example(), emission=emission), LIGHT_KINDS["dome"].example()
-    code = lights_code((dome, rect), sampled=True, stand=RigOrigin((1.0, 2.0, 3.0), (0.5, 0.25)))
+    code = lights_code((dome, rect), sampled=True, rig_origin=RigOrigin((1.0, 2.0, 3.0), (0.5, 0.25)))
     numbers = code.numbers["lamps"]
     assert numbers[:3].tolist() == [0.5, 1.75, 3.0]
     lamp, world = numbers[3:].reshape(2, len(FIELDS))

@@ -14,13 +14,13 @@ from lookdev.asset.usd.attributes import points_from_velocities
 from lookdev.asset.usd.curves import curve_shape, point_shape
 from lookdev.asset.usd.mesh import mesh_shape
 from lookdev.asset.usd.primitives import (
-    LEAST_ERROR,
+    MIN_ERROR,
     PRIMITIVES,
     PrimitiveKey,
-    allotted_errors,
     primitive_key,
     primitive_shape,
     proportions,
+    surface_errors,
 )
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.asset.usd.skinning import Skinning
@@ -58,7 +58,7 @@ class GprimReader:
         self._errors: dict[PrimitiveKey, float] = {}
         self._shared: dict[PrimitiveKey, tuple[PrimitiveKey, float]] = {}
 
-    def allot(self, gprims: Iterable[PlacedGprim]) -> None:
+    def set_errors(self, gprims: Iterable[PlacedGprim]) -> None:
         """Allot the errors of implicit surfaces, from all visible gprims.
 
         If they are too many for the least error, surfaces of equal proportions become scaled copies of one surface.
@@ -73,9 +73,9 @@ class GprimReader:
                 scale = float(np.linalg.norm(gprim.transforms[:, :3, :3], axis=(1, 2)).max()) / np.sqrt(3.0)
                 radii[key] = max(radii.get(key, 0.0), max(key[2:]) * scale)
         sized = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
-        errors = allotted_errors(np.array(list(sized.values())))
+        errors = surface_errors(np.array(list(sized.values())))
         self._errors = dict(zip(sized, errors.tolist(), strict=True))
-        if (errors > LEAST_ERROR).any():
+        if (errors > MIN_ERROR).any():
             self._shared = {key: proportions(key, error) for key, error in self._errors.items()}
 
     def key(self, prim: Usd.Prim) -> tuple[object, ...]:
@@ -119,7 +119,7 @@ class GprimReader:
         return self._shared.get(primitive_key(prim, self._time), ((), 1.0))[1]
 
     def _read_primitive(self, prim: Usd.Prim) -> GprimSurface:
-        error = self._errors.get(primitive_key(prim, self._time), LEAST_ERROR)
+        error = self._errors.get(primitive_key(prim, self._time), MIN_ERROR)
         shape = primitive_shape(prim, self._time, self._unit / self._shared_scale(prim), error)
         deformed = self.skinning.deform(prim, shape.points / self._unit)
         if deformed is not None and shape.normals is not None:

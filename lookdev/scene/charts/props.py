@@ -41,7 +41,7 @@ _SEAM = 0.12  # part of a patch's cell between the patch and the cell's edge
 _BORDER = 0.03  # reflectance
 _BALL_PART, _CELL_PART = 0.5, 0.72  # side of the measured square, in a diameter or a cell: free of edges
 _SEGMENTS = 256  # of a ball
-_FEWEST = 2.0  # whole pixels along the side of a measured square
+_MIN_PIXELS = 2.0  # whole pixels along the side of a measured square
 
 MATTE = Look("matte", (Layer("Matte", "lambert", {"reflectance": Primvar("reflectance", (GREY, GREY, GREY))}),))
 CHROME = Look("chrome", (Layer("Chrome", "mirror", {"metal": "chromium"}),))
@@ -147,7 +147,7 @@ class Strip:
         }
         return {"grey ball": grey.inner(_BALL_PART), **{name: box.inner(_CELL_PART) for name, box in cells.items()}}
 
-    def misfit(self) -> tuple[str, str]:
+    def fit_fault(self) -> tuple[str, str]:
         """Return the reason why the props do not fit into the strip, and a hint; both "" if they fit."""
         chrome, _, chart = self.props
         length = self.resolution[1 if self.upright else 0]
@@ -158,12 +158,12 @@ class Strip:
             return problem, f"size = {most:g} at most, or another place"
         return "", ""
 
-    def too_small(self) -> str:
+    def size_note(self) -> str:
         """Return the reason why patches cannot be measured, with a hint; "" if they can."""
         side = self.measured_boxes["black 2"].width
-        if side >= _FEWEST + 1.0:
+        if side >= _MIN_PIXELS + 1.0:
             return ""
-        least = math.ceil(1e3 * self.size * (_FEWEST + 1.0) / side) / 1e3
+        least = math.ceil(1e3 * self.size * (_MIN_PIXELS + 1.0) / side) / 1e3
         return (
             f"[charts] is not measured: {side:.1f} pixels across the middle of a patch are too few; size = {least:g} "
             "or a higher resolution would be right"
