@@ -92,8 +92,8 @@ def output_errors(path: Path, problem: str = "cannot be written", *, name_file: 
 def memory_file(file: Path) -> Iterator[str]:
     """Yield the name of a file in memory, to which a library writes; then write its content to `file`.
 
-    A full disk is thus an OSError. The image libraries and OSL's compiler do not report data that they lose on closing
-    a file.
+    A full disk is thus an OSError: the image libraries and OSL's compiler do not report data that they lose as they
+    close a file.
     """
     with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
         yield f"/proc/self/fd/{memory.fileno()}"

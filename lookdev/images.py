@@ -176,8 +176,8 @@ def read_strips(
 def _decode_first_dwa(decode_one: Callable[[], object]) -> None:
     """Decode the first block of DWA images of this process in one thread.
 
-    While OpenEXR decodes its first block, it chooses the decoder for this processor. Other threads meanwhile decode
-    with one that rounds differently: without this function, one process of sixty read other pixels and another digest.
+    While OpenEXR decodes its first block, it chooses the decoder for this processor. Other threads would meanwhile
+    decode with one that rounds differently (docs/notebook/first-dwa-block.md).
     """
     global _dwa_decoded
     with _dwa:

@@ -1,4 +1,4 @@
-"""The ends of processes: with the program that started them, and of a program within two seconds after a signal."""
+"""The ends of processes: a child ends with its parent, and a program ends within two seconds after a signal."""
 
 from __future__ import annotations
 

@@ -51,13 +51,13 @@ def chromaticity_xyz(chromaticity: Sequence[float]) -> Floats:
 
 
 def rgb_to_xyz_matrix(chromaticities: Sequence[float]) -> Floats:
-    """Return the matrix (3, 3) to X, Y, Z from the space of primaries and white, given as `CHROMATICITIES` are."""
+    """Return the matrix (3, 3) to X, Y, Z from RGB of the primaries and the white, in the form of `CHROMATICITIES`."""
     columns = np.stack([chromaticity_xyz(chromaticities[i : i + 2]) for i in (0, 2, 4)], axis=-1)
     return np.asarray(columns * np.linalg.solve(columns, chromaticity_xyz(chromaticities[6:8])))
 
 
 def white_adaptation(white: Sequence[float], to: Sequence[float]) -> Floats:
-    """Return Bradford's matrix (3, 3) that converts X, Y, Z under a white, x and y, to those under another."""
+    """Return Bradford's matrix (3, 3) that adapts X, Y, Z from one white to another, both chromaticities x, y."""
     before, after = (_BRADFORD @ chromaticity_xyz(chromaticity) for chromaticity in (white, to))
     return np.asarray(np.linalg.inv(_BRADFORD) @ np.diag(after / before) @ _BRADFORD)
 

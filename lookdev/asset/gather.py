@@ -13,7 +13,7 @@ from lookdev.asset.mesh import Asset, Instance, Mesh
 # Fewer meshes than `_MIN_MESHES` are not joined, nor are meshes of more faces than `_MAX_FACES`.
 _MIN_MESHES, _MAX_FACES = 64, 1000
 _JOINED_CORNERS = 1 << 20  # of a joined mesh: its arrays are computed in float64
-# The largest step of float32 at the asset's radius, in edge lengths of a mesh: a larger step would bend its facets.
+# The largest step of float32 at the asset's radius, relative to a mesh's edge length: a larger one would bend facets.
 _MAX_STEP = 1e-3
 
 
@@ -50,7 +50,7 @@ def join_small_meshes(asset: Asset) -> Asset:
 
 
 def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
-    """Return an asset whose instances of the given meshes keep angles; the meshes take any other stretch."""
+    """Return an asset whose instances of the given meshes preserve angles; the meshes are stretched instead."""
     new_meshes, instances = list(asset.meshes), list[Instance]()
     numbers: dict[tuple[int, bytes], int] = {}
     for instance in asset.instances:

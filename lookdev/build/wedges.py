@@ -71,7 +71,7 @@ def expand_wedges(job: Job, findings: Findings) -> Wedges:
         lower = {name.casefold() for name in taken}
         for name, variation in added.items():
             if name.casefold() in lower:
-                findings.add(variation.key, f"makes a {kind} called '{name}', as another one is", "rename that one")
+                findings.add(variation.key, f"makes a {kind} called '{name}', the name of another", "rename the other")
     return Wedges(wedges.looks, wedges.rigs, wedges.pairs, tuple(sheets.values()))
 
 

@@ -106,7 +106,7 @@ def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], 
 
 
 _UNSUPPORTED_LAYOUT = (
-    "the layout of the job's [[look]] is not one that is edited here: edit the job as text, and load it"
+    "the job's [[look]] has a layout that cannot be edited here; edit the job as text, and load it again"
 )
 
 

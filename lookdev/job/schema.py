@@ -59,7 +59,7 @@ Background = Annotated[
 DEFAULT_FOCAL_LENGTH = 50.0
 
 MAX_FRAMES = 250_000
-"""The most frame files of a job: to plan them takes 1.1 GB and half a minute, or 1.6 GB if no two are of one scene."""
+"""The most frame files of a job: a plan of them takes at most 1.6 GB of memory, and half a minute."""
 
 
 _EXPOSURE = "Exposure in stops: radiance is multiplied by 2^exposure."

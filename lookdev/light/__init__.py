@@ -40,7 +40,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, rig_origin: RigOrigin
     """
     if light := coded_light(lights):
         return light.code(sampled=sampled)
-    return rig_code(CodedRig.of(lights), sampled=sampled, rig_origin=rig_origin)
+    return rig_code(CodedRig.from_lights(lights), sampled=sampled, rig_origin=rig_origin)
 
 
 def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:

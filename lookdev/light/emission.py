@@ -25,11 +25,11 @@ from lookdev.space import Color, Space, to_space
 
 DEGREES = 180.0 / math.pi
 
-_MIN_DISTANCE = 1e-6  # metres, the least distance that a falloff computes with: no exponent divides by 0
+_MIN_DISTANCE = 1e-6  # metres: falloffs clamp distances to it, so that no exponent divides by 0
 
 
 def slope(start: float, end: float) -> float:
-    """Return the `rise` of a `smooth_step` from `start` to `end`; 0 if both are equal, for a step that is 0."""
+    """Return the `rise` of a `smooth_step` from `start` to `end`; 0, for a step of 0 everywhere, if they are equal."""
     return 1.0 / (end - start) if end > start else 0.0
 
 
@@ -87,9 +87,8 @@ def focus_factor(cosine: Floats, focus: Real, tint: Real) -> Floats:
 def check_number(name: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
     """Return `value`; raise EnvironmentMapError unless it is finite, at least `least` and greater than `above`."""
     if not (math.isfinite(value) and value >= least and value > above):
-        right = (
-            f"more than {above:g}" if above > -math.inf else f"at least {least:g}" if least > -math.inf else "finite"
-        )
+        least_text = f"at least {least:g}" if least > -math.inf else "finite"
+        right = f"more than {above:g}" if above > -math.inf else least_text
         raise EnvironmentMapError(f"{name} {value:g}: a number that is {right} would be right")
     return value
 

@@ -93,7 +93,7 @@ def profile_factor(
     """
 
     def number(index: Array) -> Array:
-        """Return a number of `IesProfile.numbers`."""
+        """Return a number of `IesProfile.numbers` by its index."""
         return look_up(table, start + index, 0.0)
 
     # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.

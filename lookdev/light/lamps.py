@@ -64,7 +64,7 @@ of the diffuse or specular response.
 """
 
 
-def weight(
+def estimate_irradiance(
     shape: LampShape, beam: Sequence[Real] | None, falloff: Sequence[Real] | None, point: Floats, normal: Floats
 ) -> Array:
     """Return an estimate (...) of the irradiance at points (..., 3) with normals (..., 3) from a shape of radiance 1.
@@ -107,7 +107,7 @@ class CodedRig:
     domes: tuple[Light, ...]
 
     @classmethod
-    def of(cls, lights: Sequence[Light]) -> CodedRig:
+    def from_lights(cls, lights: Sequence[Light]) -> CodedRig:
         """Return the rig of some lights; raise EnvironmentMapError if one is neither a lamp nor a dome."""
         for fault in rig_faults(lights):
             raise EnvironmentMapError(f"{fault}; backend 'exact' renders it where it is the only light")
@@ -246,7 +246,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCod
 
 
 def is_plain(light: Light) -> bool:
-    """Return whether the OSL of a light's own kind renders it; a dome must have world axes and a default emission."""
+    """Return whether the OSL of a light's own kind renders it: for a dome, with world axes and a default emission."""
     if light.map_dome is not light:
         return True
     emission = light.emission

@@ -39,9 +39,9 @@ def missing_features(emission: Emission, *supported: str, first: Iterable[str] =
 
 
 def missing_shadow_features(emission: Emission) -> Iterator[str]:
-    """Yield a phrase if an emission has a shadow control, which Blender lacks even where it can disable shadows.
+    """Yield a phrase if an emission has a shadow control; Blender has none, even where it can disable shadows.
 
-    Blender's lights without a shadow are still occluded for directions that the BSDF samples.
+    Occluders still block a Blender light without shadows in directions that the BSDF samples.
     """
     if emission.shadow != WHITE.shadow:
         yield _FIELD_PHRASES["shadow"]

@@ -2,7 +2,7 @@
 
 The rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is drawn in proportion to the mean of
 the texture times the quadrant's solid angle. Within the last quadrant, `spherical_rectangle` draws the direction. The
-mean is the mean of bilinear look-ups, so that a quadrant of mean 0 emits no light at all.
+mean is that of bilinear look-ups, so that a quadrant of mean 0 emits no light.
 
 Generated code follows `draw_cell` and `cell_pdf`, whose arrays may be symbolic.
 """

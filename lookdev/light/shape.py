@@ -55,7 +55,7 @@ def cone_about(point: Floats, reach: Real) -> tuple[Floats, Floats]:
 
 
 def greatest_cosine(axis: Floats, squared_sine: Floats, normal: Floats) -> Floats:
-    """Return the largest cosine (...) of a normal (..., 3) to the directions of a cone, at least 0."""
+    """Return the largest cosine (...) between a normal (..., 3) and the directions of a cone, at least 0."""
     cosine = dot(axis, normal)
     rotated = cosine * np.sqrt(1 - squared_sine) + np.sqrt(squared_sine * np.maximum(1 - cosine * cosine, 0))
     inside = (squared_sine >= 1) | ((cosine > 0) & (cosine * cosine >= 1 - squared_sine))

@@ -1,15 +1,15 @@
 """Directions to a rectangle, nearly uniform over its solid angle, with an exact pdf.
 
-As in Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles", 2013, a direction is an
-azimuth about an axis parallel to two of the sides, then the sine of its elevation, which is uniform between those of
-the two sides. Their exact azimuth inverts a sum of four angles, which has no correct digit in float32 at solid angles
-below about 1e-3 sr. Here the density of the azimuth is piecewise linear: its values at the middles of `SEGMENTS` equal
-segments are the ranges of the sine there. The pdf of the result is exact. The weight of a sample, 1 over pdf and solid
-angle, is 1 with a standard deviation of 0.05 in most places, 0.14 in the worst places tried, and is at most 1.2.
+As in Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles", 2013, a direction has two
+coordinates: the azimuth about an axis parallel to two of the sides, and the sine of the elevation, which is uniform
+between its values at the other two sides. Their azimuth is exact, but inverts a sum of four angles. In float32, that
+sum has no correct digit at solid angles below about 1e-3 sr. Here the density of the azimuth is piecewise linear: in
+the middle of each of `SEGMENTS` equal segments, it is proportional to the range of the sine. The pdf of the result is
+exact; docs/notebook/spherical-rectangle.md has the variance of its weights.
 
-Nothing is computed as a difference of nearly equal numbers, so that the same formulas serve in float32 from 1e-6 of a
-rectangle's size above it to 1e6 sizes away. The azimuth is about the axis for which its range is smaller. This keeps
-its density smooth near an edge and in the plane of the rectangle.
+No formula subtracts nearly equal numbers. The formulas therefore hold in float32 at distances from 1e-6 to 1e6 times
+the rectangle's size. The azimuth is about the axis for which its range is smaller: its density stays smooth near an
+edge and in the plane of the rectangle.
 
 All functions keep the type of their arguments, so that float32 can be tested.
 """
@@ -45,7 +45,7 @@ class RectanglePoint(NamedTuple):
 
 
 class SphericalRectangle(NamedTuple):
-    """Rectangles (...) as seen from the origin; x is along the sides whose ends bound the azimuth.
+    """Rectangles (...) as seen from the origin; the azimuth is in the plane of x and z, from `x0` to `x0 + width`.
 
     A rectangle is at `z` > 0, from `x0` to `x0 + width` and from `y0` to `y0 + height`. `swapped` is true where x is
     the rectangle's own y.
@@ -147,33 +147,33 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
     """Return y1 / r1 - y0 / r0, y1 = y0 + height, where r^2 = squared + y^2."""
     y1 = y0 + height
     r0, r1 = np.sqrt(squared + y0 * y0), np.sqrt(squared + y1 * y1)
-    apart = y0 * y1 < 0
+    spans_zero = y0 * y1 < 0
     weight = y1 * r0 + y0 * r1
-    beside = squared * (y0 + y1) * height / (r0 * r1 * np.where(apart | (weight == 0), 1, weight))
-    return np.where(apart, y1 / r1 - y0 / r0, beside)
+    same_side_range = squared * (y0 + y1) * height / (r0 * r1 * np.where(spans_zero | (weight == 0), 1, weight))
+    return np.where(spans_zero, y1 / r1 - y0 / r0, same_side_range)
 
 
 def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tuple[Floats, Floats]:
-    """Return the fraction of the height at which the sine has passed the fraction v of its range, and y there."""
+    """Return the fraction of the height, and y, at which the sine has covered the fraction v of its range."""
     y1 = y0 + height
-    apart, below = y0 * y1 < 0, (y0 + y1 < 0)
-    v = np.where(below & ~apart, 1 - v, v)
-    near = np.where(apart, y0, np.where(below, -y1, y0))
+    spans_zero, is_below = y0 * y1 < 0, (y0 + y1 < 0)
+    v = np.where(is_below & ~spans_zero, 1 - v, v)
+    near = np.where(spans_zero, y0, np.where(is_below, -y1, y0))
     far = near + height
     d, r0, r1 = np.sqrt(squared), np.sqrt(squared + near * near), np.sqrt(squared + far * far)
     sine = near / r0
     step = v * _sine_range(squared, near, height)
     reached = sine + step
     # 1 - sine^2 at the ends and at v, without the difference where the sine is near 1.
-    across = 1 - near * far / (r0 * r1)
-    beside = squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(apart, 0, near * far)))
-    mixed = np.where(apart, across, beside)
+    spanning = 1 - near * far / (r0 * r1)
+    product = r0 * r1 * (r0 * r1 + np.where(spans_zero, 0, near * far))
+    mixed = np.where(spans_zero, spanning, squared * (squared + near * near + far * far) / product)
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
     first = d / r0
     beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)
-    y = np.where(apart, d * reached / np.maximum(cosine, _TINY), near + beyond)
-    t = np.clip(np.where(apart, y - near, beyond) / height, 0, 1)
-    mirrored = below & ~apart
+    y = np.where(spans_zero, d * reached / np.maximum(cosine, _TINY), near + beyond)
+    t = np.clip(np.where(spans_zero, y - near, beyond) / height, 0, 1)
+    mirrored = is_below & ~spans_zero
     return np.where(mirrored, 1 - t, t), np.where(mirrored, -y, y)
 
 

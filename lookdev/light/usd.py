@@ -94,7 +94,7 @@ class PlacedPrim:
     def radius(self, hint: str, shape: str, others: tuple[int, ...]) -> float:
         """Return the radius of a light that other renderers may treat as a point or a line, if `hint` is set.
 
-        "Renderers that only support area lights can disregard this": here every lamp has a surface, because mirrors
+        "Renderers that only support area lights can disregard this". Here every lamp has a surface, because mirrors
         reflect it. The radius scales with the y axis; EnvironmentMapError unless the `others` have the same scale.
         """
         if self.light.flag(hint):

@@ -173,7 +173,7 @@ class OneDome(SceneLights):
     """A dome in world axes. The directions of all samples are stratified over its slots."""
 
     def __init__(self, mi: Mitsuba, dome: Dome) -> None:
-        super().__init__(mi, CodedRig.of((dome,)))
+        super().__init__(mi, CodedRig.from_lights((dome,)))
         self._dome = DomeLight(mi, dome)
         self.sampled = self._dome.sampled
 

@@ -43,7 +43,7 @@ class RigSampler(SceneLights):
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.shader_lights
         groups = [task.names_of_light.index(name) for name in task.light_groups[: len(lights)]]
-        rig = CodedRig.of(lights)
+        rig = CodedRig.from_lights(lights)
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
         values = rig.rows(RigOrigin((x, y, z), task.camera.pivot))

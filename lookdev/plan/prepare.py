@@ -70,9 +70,8 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Plan
     def prepare_card(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # make_setups reports it
-                plane = load_asset(
-                    builtin="plane"
-                )  # rendered without bounces; a card is lit with them, as any asset is
+                # A plane renders without bounces; as another asset, it has those of the job.
+                plane = load_asset(builtin="plane")
                 card = make_asset("card", plane.meshes, plane.instances, plane.slots)
                 scene = Scene.of_look(card, look, lights[0], job.render.resolution)
                 scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))

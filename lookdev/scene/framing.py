@@ -29,7 +29,7 @@ _STEPS = 100
 """The most Newton steps; about five are usual."""
 
 _MIN_GAP = 1e-4
-"""Least distance of the camera from the asset, in depths of the asset; it is reached for a needle seen end-on."""
+"""The least distance of the camera from the asset, relative to the asset's depth: a needle seen end-on needs it."""
 
 
 def frame_camera(

@@ -13,8 +13,8 @@ from lookdev.asset.silhouette import turning_axis
 from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
 
-_ASPECT_TOLERANCE = 0.01  # relative difference of two aspect ratios that is not noticeable
-_TARGET_DISTANCE = 0.1  # target's distance over that of the farthest point: the clip range includes near points
+_ASPECT_TOLERANCE = 0.01  # a smaller relative difference of two aspect ratios is not noticeable
+_TARGET_DISTANCE = 0.1  # as a fraction of the farthest point's distance, so that the clip range includes near points
 
 
 def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
@@ -63,7 +63,7 @@ def shot_notes(shot: UsdCamera, points: Floats, resolution: tuple[int, int]) -> 
     depths = (np.array(shot.position) - points) @ np.array(shot.frame[2])
     near, far = shot.clipping
     if depths.max() <= 0.0:
-        yield f"{shot.path}: the asset is behind it, as long as it is not turned"
+        yield f"{shot.path}: the asset, before it turns, is behind the camera"
     elif depths.min() < near or depths.max() > far:
         yield f"{shot.path}: its clippingRange would cut the asset; it is not applied"
 

@@ -1,8 +1,8 @@
 """The UV sets and primvars that looks read, on the meshes that the looks are assigned to.
 
 A set that a mesh lacks is replaced by the mesh's default set, `st` or else its only set, under the missing name. If a
-mesh has no default set either, `lookdev.plan` reports the fault: only the generated source tells whether a shader reads
-the set.
+mesh has no default set either, `lookdev.plan` reports the fault: only the generated source shows whether a shader
+reads the set.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ def add_missing_uvs(
             meshes.append(mesh)
             continue
         slots = np.unique(mesh.face_slots).tolist()
-        has_no_uvs = not mesh.uvs and all(is_bound[slot] or not uv_names[id(looks[slot])] for slot in slots)
+        reads_zeros = not mesh.uvs and all(is_bound[slot] or not uv_names[id(looks[slot])] for slot in slots)
         zeros = np.zeros((len(mesh.corner_points), 2), np.float32)
         fallback = mesh.uvs[mesh.default_uv] if mesh.default_uv else zeros
         missing = [name for slot in slots for name in uv_names[id(looks[slot])] if name not in mesh.uvs]
-        added = dict.fromkeys(missing, fallback) if mesh.default_uv or has_no_uvs else {}
+        added = dict.fromkeys(missing, fallback) if mesh.default_uv or reads_zeros else {}
         for name in added:
             lacking.setdefault((name, mesh.default_uv), []).append(mesh)
         meshes.append(replace(mesh, uvs={**mesh.uvs, **added}) if added else mesh)

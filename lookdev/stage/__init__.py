@@ -42,9 +42,9 @@ def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
         with sandbox.report_reading(file):
             yield warnings
     except Tf.ErrorException as error:
-        raise StageError([Fault(str(file), "", f"USD cannot open it: {usd_error_message(error)}")]) from error
+        raise StageError.at(file, "", f"USD cannot open it: {usd_error_message(error)}") from error
     except UnicodeDecodeError as error:
-        raise StageError([Fault(str(file), "", NOT_UTF8)]) from error
+        raise StageError.at(file, "", NOT_UTF8) from error
     finally:
         warnings += [_warning_text(messages) for messages in diagnostics.TakeCoalescedDiagnostics()]
 
@@ -73,7 +73,7 @@ def open_stage(file: Path) -> Usd.Stage:
         malformed MaterialX document.
     """
     with usd_errors_as_faults(file):
-        open_layers = _open_layers(file)  # referenced here, so that they stay open until the stage opens them
+        open_layers = _open_layers(file)  # a reference, so that they stay open until the stage opens them
         stage = Usd.Stage.Open(open_layers[0])
         del open_layers
         return stage
@@ -152,11 +152,11 @@ def dependencies(file: Path) -> set[Path]:
 
 
 def _check_path(composition: Composition) -> None:
+    """Raise StageError unless the composition's prim is the path of a prim."""
     prim = "/" if composition.prim is None else composition.prim
     path = Sdf.Path(prim) if Sdf.Path.IsValidPathString(prim) else Sdf.Path()
     if not (path.IsAbsolutePath() and path.IsAbsoluteRootOrPrimPath()):
-        problem, hint = f"{prim!r} is not the path of a prim", "one looks like '/World/Car'"
-        raise StageError([Fault(str(composition.file), "", problem, hint)])
+        raise StageError.at(composition.file, "", f"{prim!r} is not the path of a prim", "one looks like '/World/Car'")
 
 
 def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
@@ -231,8 +231,8 @@ def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
                 sets.setdefault(set_name, set()).update(prim.GetVariantSet(set_name).GetVariantNames())
     if name not in sets:
         hint = nearest_hint(name, sorted(sets)) if sets else "it has none"
-        path = composed.composition.prim or ""
-        raise StageError([Fault(str(composed.composition.file), path, f"has no variant set '{name}'", hint)])
+        file, path = composed.composition.file, composed.composition.prim or ""
+        raise StageError.at(file, path, f"has no variant set '{name}'", hint)
     return tuple(sorted(sets[name]))
 
 
@@ -327,7 +327,7 @@ def clean_usd_message(text: str) -> str:
 
 
 def quote(text: str) -> str:
-    """Quote a text for a message; a long text is cut off."""
+    """Return a text in quotes for a message; a long text is cut off."""
     return repr(text if len(text) <= _MAX_QUOTED else f"{text[:_MAX_QUOTED]}…")
 
 
@@ -339,9 +339,9 @@ def _open_layer(file: Path) -> Sdf.Layer:
 def _open_layers(file: Path) -> list[Sdf.Layer]:
     """Check and open a file, returned first, and all layers it can be composed of, those of unselected variants too."""
     if not has_text_path(file):
-        raise StageError([Fault(str(file), "", "its path is not UTF-8", "rename it, or its folder")])
+        raise StageError.at(file, "", "its path is not UTF-8", "rename it, or its folder")
     if not file.is_file():
-        raise StageError([Fault(str(file), "", "is not a file" if file.exists() else "no such file")])
+        raise StageError.at(file, "", "is not a file" if file.exists() else "no such file")
     try:
         root = str(document_layer(str(file)) if is_document(str(file)) else file)
     except LookError as error:
@@ -370,7 +370,7 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
             continue  # composition reports the error, with the prim that names the layer
         if layer is None:
             if path == root:
-                raise StageError([Fault(root, "", "USD cannot open it: it does not know the format")])
+                raise StageError.at(root, "", "USD cannot open it: it does not know the format")
             continue  # composition reports an unknown format too
         layers.append(layer)
         assets = {_resolve_asset(layer, asset) for asset in layer.GetCompositionAssetDependencies()} - visited

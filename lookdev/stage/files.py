@@ -1,7 +1,7 @@
 """Checks that USD can read a file without harm.
 
-USD's text reader recurses: a deeply nested file overflows its stack. It waits for ever for a named pipe. USD's binary
-reader trusts the table of sections; damage within a section, which is not checked here, can still crash it.
+USD's text reader recurses, so that a deeply nested file overflows its stack, and waits without end for a named pipe.
+USD's binary reader trusts the table of sections. Damage within a section is not checked here, and can crash it.
 """
 
 from __future__ import annotations

@@ -213,7 +213,7 @@ def test_faults_of_rigs_are_reported_with_the_others(file, leg):
 
 def test_what_is_bound_in_vain_is_in_the_notes(file):
     UsdSkel.BindingAPI.Apply(file.mesh("/Cube").GetPrim())
-    assert file.load().notes == (f"{file.path}: /Cube: is below no SkelRoot, without which USD deforms nothing",)
+    assert file.load().notes == (f"{file.path}: /Cube: is not below a SkelRoot, without which USD deforms nothing",)
 
 
 def test_too_many_points_are_refused(file, monkeypatch):

@@ -157,7 +157,7 @@ def test_characters_are_written_as_they_are() -> None:
 
 def test_a_layout_that_an_edit_breaks_is_refused() -> None:
     text = NESTED.replace('prims = ["/C"]', 'prims = ["/C"]\nlists = [\n["a"]\n]')
-    with pytest.raises(LookdevError, match=r"the layout of the job's \[\[look\]\] is not one that is edited here"):
+    with pytest.raises(LookdevError, match=r"the job's \[\[look\]\] has a layout that cannot be edited here"):
         assign(text, 0, ["/C"], GOLD, 1)
 
 

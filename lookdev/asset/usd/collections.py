@@ -61,6 +61,8 @@ def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) 
             raise AssetError(f"'{collection}' is not a valid collection: {clean_usd_message(reason)}")
         for target in collections[name].GetIncludesRel().GetTargets():
             if target.IsPropertyPath() and not Usd.CollectionAPI.Get(stage, target):
-                raise AssetError(f"'{collection}' is not a valid collection: it includes {target}, which is none")
+                raise AssetError(
+                    f"'{collection}' is not a valid collection: it includes {target}, which is not a collection"
+                )
         query = collections[name].ComputeMembershipQuery()
         return frozenset(path for path in paths if query.IsPathIncluded(Sdf.Path(path)))

@@ -106,7 +106,7 @@ def rig_functions(
 
     `lights_by_slot` are the numbers of the lights that light each slot, `groups` the shadow groups of the slots.
     """
-    rig = CodedRig.of(lights)
+    rig = CodedRig.from_lights(lights)
     domes = tuple(None if light.constant else light.map_dome for light in rig.domes)
     numbers = [rig.rows(rig_origin).astype(np.float64)]
     bin_starts = []

@@ -93,7 +93,7 @@ def generate_surface(
 
     traced = trace_lobes(graph, lobes, light_sampled, recorded=recorded)
     names = ShaderNames(inputs)
-    rig = None if coded_light(lights) else CodedRig.of(lights)
+    rig = None if coded_light(lights) else CodedRig.from_lights(lights)
     has_factors = rig is not None and rig.needs("split")
     guides = {}
     if features:
@@ -177,7 +177,7 @@ def _shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
     light_groups = groups or [0] * len(lights)
     if coded_light(lights):
         return list(light_groups)
-    rig = CodedRig.of(lights)
+    rig = CodedRig.from_lights(lights)
     numbers = {id(light): number for number, light in enumerate(lights)}
     return [light_groups[numbers[id(light)]] for light in (*rig.lamps, *rig.domes)]
 

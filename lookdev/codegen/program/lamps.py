@@ -26,7 +26,7 @@ from lookdev.light.emission import (
     shadow_transmittance,
 )
 from lookdev.light.ies import profile_factor
-from lookdev.light.lamps import SHAPES, weight
+from lookdev.light.lamps import SHAPES, estimate_irradiance
 from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import TexturedRectangle
 from lookdev.light.spherical_rectangle import (
@@ -78,7 +78,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
     direction w and a normal n, and u1 and u2.
 
     ``weight``
-        `lookdev.light.lamps.weight` at p and n, times the mean radiance.
+        `lookdev.light.lamps.estimate_irradiance` at p and n, times the mean radiance.
     ``meet``
         Distance and density of the direction w from p.
     ``draw``
@@ -106,7 +106,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
 
     def estimate() -> list[Scalar]:
         beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
-        return elements_of(row.fields("mean")[0] * weight(shape, beam, falloff, p, n))
+        return elements_of(row.fields("mean")[0] * estimate_irradiance(shape, beam, falloff, p, n))
 
     def meet(direction: Floats) -> list[Scalar]:
         return [*elements_of(shape.distance(p, direction)), *elements_of(shape.pdf(p, direction))]

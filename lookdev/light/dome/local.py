@@ -29,9 +29,9 @@ _VERSION = 1
 class LocalDome(Light):
     """A dome light whose image is on a sphere of `radius` about `position`, in metres; it illuminates the inside.
 
-    Parallax applies: a point sees the image from its own position. Objects beyond the sphere cast no shadow of it. Its
-    light fades over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius), and none arrives
-    outside. Axes and emission are those of `dome`.
+    Parallax applies: a point sees the image from its own position. Objects beyond the sphere do not occlude its light.
+    The light fades over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius), and does not
+    reach points outside. Axes and emission are those of `dome`.
     """
 
     kind = "local_dome"
@@ -155,7 +155,7 @@ def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, F
 
 
 def directions_to_ball(point: Floats, map_direction: Floats, radius: Real) -> Floats:
-    """Return directions (..., 3) from points to where directions (..., 3) from a ball's centre meet its surface."""
+    """Return directions (..., 3) from points to the points of a ball in directions (..., 3) from its centre."""
     towards = radius * map_direction - point
     length = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)
     return np.where(length > 0.0, towards / np.where(length > 0.0, length, 1.0), ZENITH)

@@ -74,8 +74,8 @@ def cut_slots(directions: Floats, integral: float) -> tuple[Ints32, Floats32]:
 def pack_ranges(first: Ints, count: Ints, times: Ints) -> Ints32:
     """Pack ranges of `cut_ranges` into integers: 20 bits for the first point, 12 for a code.
 
-    A code up to `MOST_POINTS` is the count of points. A greater code stands for a single point that fills
-    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot, such as those of a point that exceed the largest code.
+    A code up to `MOST_POINTS` is the count of points. A greater code is a single point that fills
+    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot; slots of a point beyond the largest code are empty, too.
     """
     # Slots of one point are consecutive.
     repetition = np.arange(len(first)) - np.searchsorted(first, first)
@@ -86,8 +86,8 @@ def pack_ranges(first: Ints, count: Ints, times: Ints) -> Ints32:
 def cut_ranges(values: Floats | Floats32, number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
     """Cut a row of values (n,), not negative and not all zero, into ranges of nearly the same sum.
 
-    Values below `least` count as `least`, which limits the length of a range. A range ends where the values are zero
-    for longer than an average range, because samples of points without weight are wasted.
+    Values below `least` count as `least`, which limits the length of a range. A range ends at a run of zeros that is
+    longer than an average range, because samples of points without weight are wasted.
 
     Returns
     -------

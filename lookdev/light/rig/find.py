@@ -69,8 +69,8 @@ def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> list[U
 def _light_list_paths(root: Usd.Prim, report: RigReport) -> list[Sdf.Path]:
     """Return the paths of lights and filters, from `UsdLuxLightListAPI`.
 
-    "In this mode, ComputeLightList() will traverse the model hierarchy, accumulating cached light lists": in this mode
-    it does not find lights outside of models, so that it is used only where a prim has a cache to consult.
+    "In this mode, ComputeLightList() will traverse the model hierarchy, accumulating cached light lists": that mode
+    misses lights outside of models. It is used only where a prim has a cache to consult.
     """
     api = UsdLux.LightListAPI(root)
     all_paths = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeIgnoreCache))

@@ -263,7 +263,7 @@ def _read_image(pending: _PendingLight, images: _Images, report: RigReport) -> N
         if image.error is not None:
             height, width = image.environment.radiance.shape[:2]
             size, off = f"{width} x {height}", f"{100.0 * image.error:.2g} %"
-            text = f"turned from a ball into a lat-long map of {size}, its power off by {off}"
+            text = f"converted from a ball to a lat-long map of {size}; its power is off by {off}"
             report.note(path, f"{shape.image}: {text}")
 
 

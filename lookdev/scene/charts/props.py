@@ -70,7 +70,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of a frame that has the props, along the edge `side`; `size` is its part of the height or width."""
+    """The strip of a frame with the props, along the edge `side`; `size` is its share of the height or width."""
 
     side: FrameSide
     size: float
@@ -155,7 +155,7 @@ class Strip:
         if used > length:
             most = math.floor(1e3 * self.size * length / used) / 1e3
             problem = f"the props need {math.ceil(used)} pixels along the {self.side} edge, the frame has {length}"
-            return problem, f"size = {most:g} at most, or another place"
+            return problem, f"size = {most:g} at most, or another place, would be right"
         return "", ""
 
     def size_note(self) -> str:
@@ -179,7 +179,7 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     middle = np.array([*camera.pivot, center[2]])
     depth = float((camera.position - middle) @ back)
     if depth <= 0.0:
-        raise AssetError("the middle of the asset is behind the camera, so there is no place for the props of [charts]")
+        raise AssetError("the middle of the asset is behind the camera, and with it the props of [charts]")
     shift_x, shift_y = (2.0 * shift * camera.reach for shift in camera.shift)
     target = camera.position + depth * (shift_x * right + shift_y * up - back)
     distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))
