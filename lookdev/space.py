@@ -92,6 +92,5 @@ def to_rec709(color: ArrayLike, space: Space) -> Floats:
 
 def error_in_rec709(error: ArrayLike, space: Space) -> Floats:
     """Convert standard errors (..., 3) of colours of `space`, independent in each channel, to linear Rec.709."""
-    return np.asarray(
-        np.sqrt(np.square(np.asarray(error, np.float64)) @ np.square(np.linalg.inv(matrix_from_rec709(space))).T)
-    )
+    variance = np.square(np.asarray(error, np.float64)) @ np.square(np.linalg.inv(matrix_from_rec709(space))).T
+    return np.asarray(np.sqrt(variance))

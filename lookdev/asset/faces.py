@@ -74,19 +74,8 @@ class Faces:
         faces = np.searchsorted(face_source, all_faces)
         sizes = sizes[is_valid]
         corners = np.concatenate([[0], np.cumsum(sizes)])[faces]
-        return cls(
-            shapes,
-            point_starts,
-            all_faces,
-            all_corners,
-            faces,
-            corners,
-            sizes,
-            face_source,
-            corner_source,
-            points,
-            holes[is_valid],
-        )
+        starts = point_starts, all_faces, all_corners
+        return cls(shapes, *starts, faces, corners, sizes, face_source, corner_source, points, holes[is_valid])
 
     def corner_values(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats32]:
         """Return the values of attributes of equal width at the valid corners of their shapes.

@@ -14,15 +14,7 @@ import numpy as np
 from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.asset.faces import Faces, first_in_runs, raise_faults
 from lookdev.asset.mesh import Mesh, Subdivision
-from lookdev.asset.normals import (
-    area_vectors,
-    batch_slices,
-    blocks,
-    concatenate,
-    normalize_or,
-    run_starts,
-    sum_by,
-)
+from lookdev.asset.normals import area_vectors, batch_slices, blocks, concatenate, normalize_or, run_starts, sum_by
 from lookdev.asset.shape import MAX_COORDINATE, Attribute, PolygonShape
 from lookdev.errors import AssetError
 
@@ -82,7 +74,7 @@ def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]
     sizes = faces.sizes.astype(np.int32)
 
     meshes: list[Mesh | None] = []
-    for i, shape in enumerate(shapes):
+    for i, (shape, values) in enumerate(zip(shapes, attributes, strict=True)):
         face_slice = slice(faces.faces[i], faces.faces[i + 1])
         corner_slice = slice(faces.corners[i], faces.corners[i + 1])
         if faces.holes[face_slice].all():  # true also for no faces
@@ -106,9 +98,7 @@ def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]
                 tangents=None,
                 uvs=uvs[i],
                 primvars={
-                    attribute.name: attributes[i][attribute.name]
-                    for attribute in shape.attributes
-                    if not attribute.is_uv
+                    attribute.name: values[attribute.name] for attribute in shape.attributes if not attribute.is_uv
                 },
                 subdivision=subdivision,
                 default_uv=shape.default_uv if shape.default_uv in uvs[i] else "",

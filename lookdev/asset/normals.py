@@ -99,9 +99,8 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def sum_by(group: AnyInts, vectors: Floats, count: int) -> Floats:
-    """Return the sum (count, 3) of the vectors (m, 3) of each group (m,)."""
-    sums = [np.bincount(group, vectors[:, i], count) for i in range(3)]
-    return np.stack(sums, axis=-1).astype(np.float64)
+    """Return the sum (count, k) of the vectors (m, k) of each group (m,)."""
+    return np.stack([np.bincount(group, column, count) for column in vectors.T], axis=-1).astype(np.float64)
 
 
 def flat_normals(areas: Floats, face_sizes: AnyInts) -> Floats:

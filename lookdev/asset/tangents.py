@@ -17,16 +17,7 @@ from numpy.typing import NDArray
 
 from lookdev.arrays import Floats, Floats32, Indices, Reals
 from lookdev.asset.mesh import Mesh
-from lookdev.asset.normals import (
-    AnyInts,
-    batch_slices,
-    blocks,
-    dot,
-    next_corners,
-    normalize_or,
-    run_starts,
-    sum_by,
-)
+from lookdev.asset.normals import AnyInts, batch_slices, blocks, dot, next_corners, normalize_or, run_starts, sum_by
 from lookdev.brdf import vectors
 
 _ROUNDS = 8

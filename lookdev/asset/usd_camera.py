@@ -12,20 +12,13 @@ from lookdev.arrays import Floats
 from lookdev.asset.shape import MAX_COORDINATE
 from lookdev.asset.usd.walk import faulty_transform_path, is_affine
 from lookdev.errors import Fault, FaultsError, nearest_hint
-from lookdev.stage import quote, usd_error_message
+from lookdev.stage import error_message, quote
 from lookdev.stage.units import Z_UP, is_y_up
 
 _TIME = Usd.TimeCode.EarliestTime()
-_LENS = (
-    "projection",
-    "horizontalAperture",
-    "verticalAperture",
-    "horizontalApertureOffset",
-    "verticalApertureOffset",
-    "focalLength",
-    "fStop",
-    "focusDistance",
-)
+_LENGTHS = ("horizontalAperture", "verticalAperture", "focalLength")
+_OFFSETS = ("horizontalApertureOffset", "verticalApertureOffset")
+_LENS = ("projection", *_LENGTHS, *_OFFSETS, "fStop", "focusDistance")
 _UNSUPPORTED = (
     "clippingPlanes",
     "exposure",
@@ -112,7 +105,7 @@ def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
         elif not (isinstance(value, float) and abs(value) <= MAX_COORDINATE):
             value_text = f"is {value:g}" if isinstance(value, float) else "has a value of another type"
             yield Fault(file, location, value_text, f"a number within +-{MAX_COORDINATE:g} is needed")
-        elif name in ("focalLength", "horizontalAperture", "verticalAperture") and value <= 0.0:
+        elif name in _LENGTHS and value <= 0.0:
             yield Fault(file, location, f"is {value:g}; a positive length is needed")
         elif name in ("fStop", "focusDistance") and value < 0.0:
             yield Fault(file, location, f"is {value:g}; it must not be negative")
@@ -129,7 +122,7 @@ def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
         try:
             problem = _transform_problem(_stage_matrix(prim))
         except Tf.ErrorException as error:
-            problem = f"USD cannot compute its transform: {usd_error_message(error)}"
+            problem = f"USD cannot compute its transform: {error_message(error)}"
         if problem:
             yield Fault(
                 file, faulty_transform_path(prim, _TIME), problem, "a camera is placed by translation and rotation"

@@ -157,17 +157,17 @@ class Shadow:
 
     def transmittance(self, distance: Floats) -> Floats:
         """Return the share (..., 3) of the light that passes occluders at distances (...)."""
-        return shadow_transmittance(distance, *self.numbers, np.array(self.color))
+        return shadow_factor(distance, *self.numbers, np.array(self.color))
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """The arguments of `shadow_transmittance` between the distance and the colour."""
+        """The arguments of `shadow_factor` between the distance and the colour."""
         limit = self.distance if self.distance >= 0.0 else math.inf
         return float(self.enable), min(limit, FAR), max(min(self.falloff, self.distance), 0.0), self.falloff_gamma
 
 
 # UsdLuxShadowAPI: inputs:shadow:falloffGamma, with linear distance within the zone.
-def shadow_transmittance(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
+def shadow_factor(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
     """Return the share (..., 3) of the light that passes occluders at distances (...).
 
     Occluders beyond `limit` cast no shadow, and the shadow fades over the last `zone` metres before the limit. It has a

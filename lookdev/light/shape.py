@@ -1,7 +1,7 @@
 """Shapes that emit light, in a light's own space, and the formulas that the renderers share.
 
 A shape's fields are numbers, or symbolic arrays in their place: the generated code is traced from the same methods
-(`lookdev.codegen.osl.rig`). Points and directions are (..., 3); directions are unit vectors away from the point.
+(`lookdev.codegen.program.lamps`). Points and directions are (..., 3); directions are unit vectors away from the point.
 """
 
 from __future__ import annotations

@@ -50,12 +50,8 @@ def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: Sce
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
     # Passes show positions, which turn with the asset.
-    around = (
-        not sampling.passes
-        and scene.asset.revolved
-        and _orbits_asset_axis(scene)
-        and is_rotation_invariant(task.shaders)
-    )
+    is_revolved = scene.asset.revolved and _orbits_asset_axis(scene)
+    around = not sampling.passes and is_revolved and is_rotation_invariant(task.shaders)
     return Setup(look, ibl, scene, task, sampling, around)
 
 

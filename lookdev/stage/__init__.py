@@ -42,7 +42,7 @@ def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
         with sandbox.report_reading(file):
             yield warnings
     except Tf.ErrorException as error:
-        raise StageError.at(file, "", f"USD cannot open it: {usd_error_message(error)}") from error
+        raise StageError.at(file, "", f"USD cannot open it: {error_message(error)}") from error
     except UnicodeDecodeError as error:
         raise StageError.at(file, "", NOT_UTF8) from error
     finally:
@@ -311,7 +311,7 @@ def _warning_text(messages: UsdUtils.CoalescingDiagnosticDelegateItem) -> str:
     return " ".join(clean_usd_message(texts[0]).split()) + more
 
 
-def usd_error_message(error: Tf.ErrorException) -> str:
+def error_message(error: Tf.ErrorException) -> str:
     """Return the message of a USD exception, cleaned by `clean_usd_message`."""
     try:
         return clean_usd_message("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))

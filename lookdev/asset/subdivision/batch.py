@@ -81,12 +81,7 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
         if faces[i] == faces[i + 1]:
             raise AssetError(_no_face_message(mesh))
         corner_slice = slice(corners[i], corners[i + 1])
-        uvs = dict(zip(mesh.uvs, [values[corner_slice] for values in refined.values], strict=False))
-        primvar_values = [values[corner_slice] for values in refined.values[len(uvs) :]]
-        primvars = [
-            array.reshape(-1, *cage_values.shape[1:])
-            for array, cage_values in zip(primvar_values, mesh.primvars.values(), strict=True)
-        ]
+        arrays = iter([values[corner_slice] for values in refined.values])
         result.append(
             replace(
                 mesh,
@@ -96,8 +91,8 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
                 face_slots=slots[faces[i] : faces[i + 1]],
                 normals=refined.normals[corner_slice],
                 tangents=None,
-                uvs=uvs,
-                primvars=dict(zip(mesh.primvars, primvars, strict=True)),
+                uvs={name: next(arrays) for name in mesh.uvs},
+                primvars={name: next(arrays).reshape(-1, *cage.shape[1:]) for name, cage in mesh.primvars.items()},
                 subdivision=None,
             )
         )

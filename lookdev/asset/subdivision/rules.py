@@ -14,7 +14,7 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Scheme
-from lookdev.asset.normals import run_starts
+from lookdev.asset.normals import run_starts, sum_by
 from lookdev.asset.subdivision.topology import Level
 
 _TRIANGLE_WEIGHT = 0.470
@@ -47,11 +47,6 @@ def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
     _smooth_edges(level, means, edge_points, rules)
     around = values[level.points[level.next]] + means[level.faces]
     return np.concatenate([_refine_points(level, values, around, rules), edge_points, means])
-
-
-def group_sums(groups: Indices, values: Floats, count: int) -> Floats:
-    """Return the sum (count, k) of the values (m, k) of each group (m,)."""
-    return np.stack([np.bincount(groups, column, count) for column in values.T], axis=-1)
 
 
 def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
@@ -96,14 +91,14 @@ def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -
     smooth = 1.0 - corner - crease
     point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
     result: Floats = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
-    result += (smooth * ring_weight)[:, None] * group_sums(level.points, around, len(values))
+    result += (smooth * ring_weight)[:, None] * sum_by(level.points, around, len(values))
     # The two edges of a crease: the sharp ones, or, at a point that becomes a crease, those that stay sharp.
     threshold = np.where(is_crease, 0.0, 1.0)
     for this, other in (level.ends.T, level.ends.T[::-1]):
         edges = np.flatnonzero((level.edge_sharpness > threshold[this]) & (crease[this] > 0.0))
         if len(edges):
             point = this[edges]
-            result += group_sums(point, 0.125 * crease[point, None] * values[other[edges]], len(values))
+            result += sum_by(point, 0.125 * crease[point, None] * values[other[edges]], len(values))
     return result
 
 

@@ -77,9 +77,8 @@ def checked_floats(value: object, attribute: Usd.Attribute, width: int, is_array
             return np.asarray(value)
     elif (values := np.asarray([value])).dtype.kind == "f" and values.shape[1:] == shape:
         return values
-    raise wrong_type(
-        attribute.GetPrim(), attribute.GetName(), value, _NEEDED[shape].removesuffix("" if is_array else "[]")
-    )
+    needed = _NEEDED[shape] if is_array else _NEEDED[shape].removesuffix("[]")
+    raise wrong_type(attribute.GetPrim(), attribute.GetName(), value, needed)
 
 
 def check_bounded(values: Elements, prim: Usd.Prim, name: str) -> None:

@@ -195,13 +195,10 @@ def _sample_curves(
 ) -> tuple[_Samples, int]:
     """Return samples, denser where the curves or their radii bend, and the number of sides of a tube."""
     probe = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
-    points_and_radii = np.hstack([probe.vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")]).reshape(
-        -1, 5, 4
-    )
-    bends = 16.0 * np.linalg.norm(
-        points_and_radii[:, 2:] - 2.0 * points_and_radii[:, 1:-1] + points_and_radii[:, :-2], axis=2
-    ).max(axis=1)
-    lengths = np.linalg.norm(np.diff(points_and_radii, axis=1), axis=2).sum(axis=1)
+    points_and_radii = np.hstack([probe.vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")])
+    samples = points_and_radii.reshape(-1, 5, 4)
+    bends = 16.0 * np.linalg.norm(samples[:, 2:] - 2.0 * samples[:, 1:-1] + samples[:, :-2], axis=2).max(axis=1)
+    lengths = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(axis=1)
     # A chord deviates from a curve by at most its second derivative times the square of the step in t, over 8.
     chords = np.sqrt(bends / (8.0 * _CHORD_TOLERANCE * np.where(lengths > 0.0, lengths, 1.0)))
     chords = np.clip(np.ceil(chords), 1.0, _MAX_CHORDS)

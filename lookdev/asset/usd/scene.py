@@ -74,12 +74,13 @@ class UsdScene:
     def asset(self) -> Asset:
         """Return the asset; its notes lack the file's name."""
         surfaces = self._read_surfaces()
-        bases = make_meshes(self._shapes, self._y_up)
+        meshes = make_meshes(self._shapes, self._y_up)
+        mesh_of_shape = {shape: mesh for shape, mesh in enumerate(meshes) if mesh is not None}
         for surface in surfaces:
-            if bases[surface.shape] is None:
+            if surface.shape not in mesh_of_shape:
                 self._note("without a face, left out", surface.gprim.prim)
-        surfaces = [surface for surface in surfaces if bases[surface.shape] is not None]
-        numbers = self._make_meshes(surfaces, bases)
+        surfaces = [surface for surface in surfaces if surface.shape in mesh_of_shape]
+        numbers = self._make_meshes(surfaces, mesh_of_shape)
         instances = self._make_instances([surface.gprim for surface in surfaces], numbers)
         for prim in self._walk.unknown_prims:
             self._note(f"of the type {prim.GetTypeName()}, which USD does not know, not rendered", prim)
@@ -151,15 +152,14 @@ class UsdScene:
         self._shapes.append(shape)
         return len(self._shapes) - 1, surface
 
-    def _make_meshes(self, surfaces: Sequence[_PlacedSurface], bases: Sequence[Mesh | None]) -> list[int]:
+    def _make_meshes(self, surfaces: Sequence[_PlacedSurface], mesh_of_shape: Mapping[int, Mesh]) -> list[int]:
         """Make a mesh for each shape with its materials and inherited primvars; return each surface's mesh number."""
         used_parts: dict[int, tuple[int, ...]] = {}
         parts: list[Usd.Prim] = []
         for surface in surfaces:
             if surface.shape not in used_parts:
-                mesh = bases[surface.shape]
-                assert mesh is not None, "surfaces without a face are dropped"
-                used_parts[surface.shape] = tuple(np.unique(mesh.face_slots).tolist()) if surface.subsets else (0,)
+                slots = mesh_of_shape[surface.shape].face_slots
+                used_parts[surface.shape] = tuple(np.unique(slots).tolist()) if surface.subsets else (0,)
             prim = surface.gprim.prim
             parts += [prim.GetChild(surface.subsets[part - 1]) if part else prim for part in used_parts[surface.shape]]
         materials = _bound_materials(parts)
@@ -171,21 +171,15 @@ class UsdScene:
         for surface in surfaces:
             count = len(used_parts[surface.shape])
             surface_materials = materials[first : first + count]
-            key = (
-                surface.shape,
-                surface.inherited.key,
-                *(prototype_path(material) for material in surface_materials),
-            )
+            key = (surface.shape, surface.inherited.key, *(prototype_path(material) for material in surface_materials))
             if key not in numbers:
                 numbers[key] = len(self._meshes)
-                slots = [
+                mesh = mesh_of_shape[surface.shape]
+                self._meshes.append(self._assign_slots(mesh, surface, used_parts[surface.shape]))
+                self._slots += [
                     Slot(str(prim.GetPath()), str(material.GetPath()) if material else None)
                     for prim, material in zip(parts[first : first + count], surface_materials, strict=True)
                 ]
-                mesh = bases[surface.shape]
-                assert mesh is not None, "surfaces without a face are dropped"
-                self._meshes.append(self._assign_slots(mesh, surface, used_parts[surface.shape]))
-                self._slots += slots
             result.append(numbers[key])
             first += count
         return result
@@ -279,10 +273,7 @@ def _add_constant_attributes(mesh: Mesh, attributes: Mapping[str, Attribute]) ->
         (uvs if attribute.is_uv else primvars)[name] = values
     subdivision = mesh.subdivision
     if subdivision is not None:
-        interpolation = {
-            **subdivision.interpolation,
-            **{name: attribute.interpolation for name, attribute in attributes.items()},
-        }
-        subdivision = replace(subdivision, interpolation=interpolation)
+        added = {name: attribute.interpolation for name, attribute in attributes.items()}
+        subdivision = replace(subdivision, interpolation={**subdivision.interpolation, **added})
     default = mesh.default_uv if mesh.uvs else default_uv(list(uvs), list(uvs))
     return replace(mesh, uvs=uvs, primvars=primvars, subdivision=subdivision, default_uv=default)

@@ -191,12 +191,8 @@ class Skinning:
         if influences is None and not offsets:
             return None
         animation = self._skeletons.animation(skeleton)
-        dependencies = (
-            prim,
-            skeleton,
-            *([animation] if animation else []),
-            *(item.GetPrim() for item in properties.values()),
-        )
+        owners = [item.GetPrim() for item in properties.values()]
+        dependencies = [prim, skeleton, *([animation] if animation else []), *owners]
         key = tuple(prototype_path(dependency) for dependency in dependencies)
         return _Binding(prim if influences is None else skeleton, key, influences, offsets)
 

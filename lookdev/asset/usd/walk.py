@@ -15,7 +15,7 @@ from lookdev.arrays import Bools, Floats
 from lookdev.asset.shape import MAX_COORDINATE
 from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token, sample_time
 from lookdev.errors import AssetError
-from lookdev.stage import quote, relationship_targets, usd_error_message
+from lookdev.stage import error_message, quote, relationship_targets
 
 _SCENE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 # A prototype may be an `over` or a `class`, which is visible only through its instancer.
@@ -186,7 +186,7 @@ class Walk:
             return np.array(self._transforms.ComputeRelativeTransform(prim, prototype)[0], np.float64)
         except Tf.ErrorException as error:
             path = faulty_transform_path(prim, self._time)
-            raise AssetError(f"{path}: USD cannot compute the transform: {usd_error_message(error)}") from error
+            raise AssetError(f"{path}: USD cannot compute the transform: {error_message(error)}") from error
 
     def _walk_instancer(
         self, instancer: UsdGeom.PointInstancer, transforms: Floats, outer_instancers: tuple[Sdf.Path, ...]

@@ -18,13 +18,7 @@ from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.program.look import trace_look
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import (
-    FIRST_LIGHT_PART,
-    HANDEDNESS,
-    LOBE_GROUPS,
-    TANGENT_BINDING,
-    ShaderSource,
-)
+from lookdev.codegen.source import FIRST_LIGHT_PART, HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.templates import expand_template
 from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph

@@ -15,28 +15,13 @@ from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import ProgramOperation
 from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.symbolic import elements_of, symbols
+from lookdev.light import spherical_rectangle as spherical
 from lookdev.light.dome.local import directions_to_ball, exit_ball, fade_factor
-from lookdev.light.emission import (
-    DEGREES,
-    azimuth,
-    cone_factor,
-    falloff_factor,
-    focus_factor,
-    off_axis,
-    shadow_transmittance,
-)
+from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_factor
 from lookdev.light.ies import profile_factor
 from lookdev.light.lamps import SHAPES, estimate_irradiance
 from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import TexturedRectangle
-from lookdev.light.spherical_rectangle import (
-    RectanglePoint,
-    density,
-    directions_to_points,
-    draw,
-    intersect_rectangle,
-    project_part,
-)
 
 BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
 FALLOFF = ("virtual", "power", "fade", "fade_rise")
@@ -131,7 +116,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
 
     functions = {"weight": estimate, "meet": lambda: meet(w), "draw": sample, "sent": radiance}
     if kind == "picture":
-        hit = intersect_rectangle(p, w, *sizes)[1]
+        hit = spherical.intersect_rectangle(p, w, *sizes)[1]
         functions["place"] = lambda: [*elements_of(hit.s), *elements_of(hit.t)]
     return functions
 
@@ -140,7 +125,7 @@ def trace_shadow(field: str = "{}") -> TracedFunctions:
     """Return ``passed``, the share of a light that passes an occluder at ``distance``, from `SHADOW_FIELDS`."""
     row = LampSymbols(field)
     enable, limit, zone, gamma = row.fields(*SHADOW_FIELDS[:4])
-    share = shadow_transmittance(row.numbers("distance")[0], enable, limit, zone, gamma, row.fields(*SHADOW_FIELDS[4:]))
+    share = shadow_factor(row.numbers("distance")[0], enable, limit, zone, gamma, row.fields(*SHADOW_FIELDS[4:]))
     return {"passed": lambda: elements_of(share)}
 
 
@@ -159,16 +144,16 @@ def trace_parts(field: str = "{}") -> TracedFunctions:
     row = LampSymbols(field)
     (width, height), (s, t, size) = row.fields("a", "b"), row.numbers("part_s", "part_t", "size")
     p, w = map(row.vector, "pw")
-    part = project_part(p, width, height, s, t, size)
+    part = spherical.project_part(p, width, height, s, t, size)
 
-    def pdf(point: RectanglePoint) -> list[Scalar]:
+    def pdf(point: spherical.RectanglePoint) -> list[Scalar]:
         within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
-        return elements_of(density(part, RectanglePoint(within[0], within[1], point.x, point.y)))
+        return elements_of(spherical.density(part, spherical.RectanglePoint(within[0], within[1], point.x, point.y)))
 
-    distance, hit = intersect_rectangle(p, w, width, height)
-    direction = directions_to_points(p, draw(part, row.numbers("u1", "u2")))
-    direction_distance, direction_hit = intersect_rectangle(p, direction, width, height)
-    angle = project_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
+    distance, hit = spherical.intersect_rectangle(p, w, width, height)
+    direction = spherical.directions_to_points(p, spherical.draw(part, row.numbers("u1", "u2")))
+    direction_distance, direction_hit = spherical.intersect_rectangle(p, direction, width, height)
+    angle = spherical.project_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
     return {
         "angle": lambda: elements_of(angle),
         "place": lambda: [*elements_of(distance), *elements_of(hit.s), *elements_of(hit.t)],

@@ -21,15 +21,7 @@ from lookdev.light.rig.emission import read_emission
 from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_attribute_owners, find_lights, is_light
 from lookdev.light.rig.images import LightImage, load_light_image
 from lookdev.light.usd import LightShape, PlacedPrim
-from lookdev.stage import (
-    Composed,
-    Composition,
-    compose,
-    prim_and_ancestors,
-    quote,
-    usd_error_message,
-    usd_errors_as_faults,
-)
+from lookdev.stage import Composed, Composition, compose, error_message, prim_and_ancestors, quote, usd_errors_as_faults
 from lookdev.stage.units import Z_UP, is_y_up
 from lookdev.stage.units import faults as unit_faults
 
@@ -217,7 +209,7 @@ class _Reader:
         try:
             matrix = np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64).T
         except Tf.ErrorException as error:
-            self._report.fault(prim.GetPath(), f"USD cannot compute its transform: {usd_error_message(error)}")
+            self._report.fault(prim.GetPath(), f"USD cannot compute its transform: {error_message(error)}")
             return None
         if not (np.abs(matrix) <= _MAX_NUMBER).all() or not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), 0.0, 1e-9):
             right = f"numbers within +-{_MAX_NUMBER:g}, and a last column of 0 0 0 1, would be right"
