@@ -146,7 +146,7 @@ def run_supervised(program: Callable[[], None]) -> int:
 
 
 @dataclass(frozen=True)
-class _Use:
+class _ResourceUse:
     """The use of a process: MiB of private memory now, CPU seconds of all its threads, and seconds on the clock."""
 
     memory: float
@@ -154,7 +154,7 @@ class _Use:
     clock: float
 
     @classmethod
-    def of_process(cls, process: int) -> _Use:
+    def of_process(cls, process: int) -> _ResourceUse:
         """Return the use of a running process, by proc(5)."""
         status = Path(f"/proc/{process}/status").read_text()
         private = re.search(r"^RssAnon:\s*(\d+) kB$", status, re.MULTILINE)
@@ -171,7 +171,7 @@ class _ChildState:
     seconds: int
     files: list[str] = field(default_factory=list)
     sizes: dict[str, int] = field(default_factory=dict)
-    start: _Use | None = None
+    start: _ResourceUse | None = None
 
     def handle(self, message: dict[str, Any]) -> None:
         """Take over a report of the child."""
@@ -186,7 +186,7 @@ class _ChildState:
 
     def check(self) -> str:
         """Measure the child while it reads; return the fault of the outermost file, or ''."""
-        now = _Use.of_process(self.child)
+        now = _ResourceUse.of_process(self.child)
         self.start = self.start or now
         size = sum(self.sizes.values()) / _MIB
         memory, seconds = self.memory + _MEMORY_PER_MIB * size, self.seconds + _SECONDS_PER_MIB * size

@@ -41,7 +41,9 @@ class AssignedMaterial:
 _MATERIAL_KEYS = ("material", "prim", "variants")
 
 
-def assign(text: str, look: int, prims: Sequence[str], material: AssignedMaterial, covering: int | None = None) -> str:
+def assign_material(
+    text: str, look: int, prims: Sequence[str], material: AssignedMaterial, covering: int | None = None
+) -> str:
     """Return a job's text in which a look assigns a material to prims; `look` is its index in the file.
 
     `covering` is the index of the `assign` that covers a part of the prims now, or None. If an `assign` has exactly

@@ -165,9 +165,9 @@ def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tup
     step = v * _sine_range(squared, near, height)
     reached = sine + step
     # 1 - sine^2 at the ends and at v, without the difference where the sine is near 1.
-    spanning = 1 - near * far / (r0 * r1)
-    product = r0 * r1 * (r0 * r1 + np.where(spans_zero, 0, near * far))
-    mixed = np.where(spans_zero, spanning, squared * (squared + near * near + far * far) / product)
+    across = 1 - near * far / (r0 * r1)
+    aside = squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(spans_zero, 0, near * far)))
+    mixed = np.where(spans_zero, across, aside)
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
     first = d / r0
     beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)

@@ -133,9 +133,9 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
                 for line in error.args[0].splitlines():
                     findings.add(where, line)
                 continue
+            setup = replace(setup, exposure=rig.exposure, rotation=rig.rotation)
             # Props stand still in front of the camera in every pose.
-            around = setup.around or key == "charts"
-            setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation, around=around))
+            setups.append(replace(setup, is_rotation_invariant=True) if key == "charts" else setup)
     findings.raise_faults()
     shared = tuple(_share_programs(setups))
     count = len(scenes.charts)

@@ -30,14 +30,14 @@ class Setup:
     scene: Scene
     task: SceneTask
     requested: Sampling  # that of the task may have fewer bounces
-    around: bool = False  # the asset looks the same however it is turned: its poses are one frame
+    is_rotation_invariant: bool = False  # the asset looks the same however it is turned: its poses are one frame
     exposure: float = 0.0  # of the light, stops
     rotation: float = 0.0  # of the light, degrees, added to its angle in every pose
 
     def poses(self, turntable: JobTurntable, azimuth: float) -> tuple[Pose, ...]:
         """Return the pose of each frame of a turntable; frames with equal poses show the same picture."""
         poses = turntable_poses(turntable, self.rotation, azimuth)
-        return tuple(canonical_pose(pose, self.around, self.task.light_stays) for pose in poses)
+        return tuple(canonical_pose(pose, self.is_rotation_invariant, self.task.light_stays) for pose in poses)
 
 
 def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: SceneTasks | None = None) -> Setup:

@@ -87,7 +87,7 @@ class PatternFits:
     """The number of the `first` pattern that fits each path, and the numbers of the patterns that fit no path."""
 
     first: Mapping[str, int]
-    unfit: tuple[int, ...]
+    unmatched: tuple[int, ...]
 
 
 def fit_patterns(

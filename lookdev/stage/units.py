@@ -19,7 +19,7 @@ def is_y_up(stage: Usd.Stage) -> bool:
     return bool(UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y)
 
 
-def faults(stage: Usd.Stage, unit: float | None = None) -> Iterator[tuple[str, str]]:
+def unit_faults(stage: Usd.Stage, unit: float | None = None) -> Iterator[tuple[str, str]]:
     """Yield (problem, what is right) for the unit and the up axis of a stage; `unit` replaces the stage's own."""
     unit = UsdGeom.GetStageMetersPerUnit(stage) if unit is None else unit
     if not 1.0 / MAX_UNIT <= unit <= MAX_UNIT:

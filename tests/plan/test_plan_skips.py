@@ -113,7 +113,7 @@ def test_a_ball_looks_the_same_all_around_its_axis(axis: tuple[float, float] | N
     ball = load_asset(builtin="sphere")
     camera = replace(Camera(40.0, 10.0, ball.center, 5.0), axis=axis)
     scene = Scene.of_look(ball, look(PLAIN), prepare_light(load_environment(builtin="white")), (8, 8), camera)
-    assert make_setup("plain", "white", scene, Sampling()).around is around
+    assert make_setup("plain", "white", scene, Sampling()).is_rotation_invariant is around
 
 
 @pytest.mark.parametrize("model", CONTINUOUS)

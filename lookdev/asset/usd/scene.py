@@ -19,8 +19,8 @@ from lookdev.asset.usd.gprims import GPRIMS, GprimReader, GprimSurface
 from lookdev.asset.usd.primvars import InheritedPrimvars, default_uv
 from lookdev.asset.usd.walk import PURPOSES, PlacedGprim, Walk, faulty_transform_path, is_affine, prototype_path
 from lookdev.errors import AssetError, nearest_hint
-from lookdev.stage import Composed, binding_targets, units
-from lookdev.stage.units import Z_UP
+from lookdev.stage import Composed, binding_targets
+from lookdev.stage.units import Z_UP, is_y_up, unit_faults
 
 _MIN_RADIUS, _MAX_RADIUS = 1e-6, 1e9  # the radii, in metres, of assets that renderers handle
 _MAX_PATHS = 3  # in a note
@@ -57,9 +57,9 @@ class UsdScene:
         stage = composed.stage
         self._time = _time_code(stage, time)
         self._unit = UsdGeom.GetStageMetersPerUnit(stage)
-        if faults := [f"{problem}; it must be {rule}" for problem, rule in units.faults(stage)]:
+        if faults := [f"{problem}; it must be {rule}" for problem, rule in unit_faults(stage)]:
             raise AssetError("\n".join(faults))
-        self._y_up = units.is_y_up(stage)
+        self._y_up = is_y_up(stage)
         for purpose in purposes:
             if purpose not in PURPOSES:
                 raise AssetError(f"there is no purpose '{purpose}' ({nearest_hint(purpose, PURPOSES)})")
@@ -71,7 +71,7 @@ class UsdScene:
         self._slots: list[Slot] = []
         self._paths_of_notes: dict[str, list[str]] = {}
 
-    def asset(self) -> Asset:
+    def read_asset(self) -> Asset:
         """Return the asset; its notes lack the file's name."""
         surfaces = self._read_surfaces()
         meshes = make_meshes(self._shapes, self._y_up)

@@ -35,7 +35,7 @@ def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: 
     The pixels are not read if the cache has the files of the dome of the same content.
     """
     if builtin == "white" or (file is None) == (builtin is None):
-        return _read(file, builtin, sampled)
+        return _read_map(file, builtin, sampled)
     source = builtin_file(builtin or "") if file is None else file
     check_file(source, EnvironmentMapError)
     # The suffix determines how the content is read.
@@ -45,14 +45,14 @@ def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: 
         case [str(digest), int(width), int(height), bool(constant), float(largest), dict(repairs)]:
             if dome := load_cached_dome(digest, width, height, constant, sampled):
                 return DomeMap(dome, Repairs(**repairs), largest, str(file or builtin))
-    dome_map = _read(file, builtin, sampled)
+    dome_map = _read_map(file, builtin, sampled)
     dome = dome_map.dome
     record = [dome.map_digest, dome.width, dome.height, dome.constant, dome_map.largest, asdict(dome_map.repairs)]
     store_cached(_ROOM, key, record)
     return dome_map
 
 
-def _read(file: Path | None, builtin: str | None, sampled: bool) -> DomeMap:
+def _read_map(file: Path | None, builtin: str | None, sampled: bool) -> DomeMap:
     environment = load_environment(file, builtin)
     dome = prepare_light(environment, sampled=sampled)
     return DomeMap(dome, environment.repairs, float(environment.radiance.max()), environment.where)

@@ -22,8 +22,7 @@ from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_attribute_owners
 from lookdev.light.rig.images import LightImage, load_light_image
 from lookdev.light.usd import LightShape, PlacedPrim
 from lookdev.stage import Composed, Composition, compose, error_message, prim_and_ancestors, quote, usd_errors_as_faults
-from lookdev.stage.units import Z_UP, is_y_up
-from lookdev.stage.units import faults as unit_faults
+from lookdev.stage.units import Z_UP, is_y_up, unit_faults
 
 _Images = dict[tuple[object, ...], LightImage]  # by `_PendingLight.key`
 

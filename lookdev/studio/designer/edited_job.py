@@ -19,7 +19,7 @@ from lookdev.build.faults import Findings
 from lookdev.build.scenes import JobScenes, build_scenes
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import Job, parse_job
-from lookdev.job.edit import AssignedMaterial, assign, assign_to_rest, unassign
+from lookdev.job.edit import AssignedMaterial, assign_material, assign_to_rest, unassign
 from lookdev.job.keys import MATERIAL_SUFFIXES
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.schema import JobIbl, JobRig
@@ -159,7 +159,7 @@ class EditedJob:
                 label = f"assign {Path(material_table.material).stem} to {targets}"
                 if not prims:
                     return label, assign_to_rest(text, look, material_table).encode()
-                return label, assign(
+                return label, assign_material(
                     text, look, prims, material_table, self._assignment(read_job, name, part).assign
                 ).encode()
         raise LookdevError("an assignment has a part, prims and a material; or a part, and 'take', true")
