@@ -28,7 +28,7 @@ from lookdev.safe_text import has_text_path
 
 _CODE_SUFFIXES = {".py", ".h", ".osl", ".csv", ".json"}
 _notes: list[str] = []
-_digests: dict[tuple[Path, int, int, int], str] = {}  # SHA-256 by the state of a file: see `_state`
+_digests: dict[tuple[Path, int, int, int], str] = {}  # SHA-256 by the state of a file: see `_file_state`
 
 
 def cache_dir(*parts: str) -> Path:
@@ -89,11 +89,11 @@ def output_errors(path: Path, problem: str = "cannot be written", *, name_file: 
 
 
 @contextmanager
-def from_memory(file: Path) -> Iterator[str]:
+def memory_file(file: Path) -> Iterator[str]:
     """Yield the name of a file in memory, to which a library writes; then write its content to `file`.
 
-    A full disk is thus an OSError. The image libraries and OSL's compiler do not report data that they lose on closing
-    a file.
+    A full disk is thus an OSError: the image libraries and OSL's compiler do not report data that they lose as they
+    close a file.
     """
     with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
         yield f"/proc/self/fd/{memory.fileno()}"
@@ -180,7 +180,7 @@ class Content:
             content = cls(file_digest(temporary), suffix)
             if not content.is_whole():
                 temporary.replace(content._stored_file)
-                _digests[_state(content._stored_file, status)] = content.digest
+                _digests[_file_state(content._stored_file, status)] = content.digest
         return content
 
     @classmethod
@@ -220,7 +220,7 @@ def is_whole(file: Path, digest: str) -> bool:
     try:
         status = file.stat()
         if stat.S_ISREG(status.st_mode):
-            state = _state(file, status)
+            state = _file_state(file, status)
             if state not in _digests:
                 _digests[state] = file_digest(file)
             if _digests[state] == digest:
@@ -321,6 +321,6 @@ def _cache_write_errors(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _state(file: Path, status: os.stat_result) -> tuple[Path, int, int, int]:
+def _file_state(file: Path, status: os.stat_result) -> tuple[Path, int, int, int]:
     """Return path, inode, size and time of a file: they differ after the file was changed or replaced."""
     return file, status.st_ino, status.st_size, status.st_mtime_ns

@@ -21,8 +21,8 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.errors import LookdevError
-from lookdev.safe_text import stated_limit
-from lookdev.sandbox import reading
+from lookdev.safe_text import environment_limit
+from lookdev.sandbox import report_reading
 
 if TYPE_CHECKING:  # the render worker, which does not read images here, starts sooner
     import OpenImageIO as oiio
@@ -37,7 +37,7 @@ DEFAULT_PIXELS = 1 << 27
 _BYTES = 32  # bytes of a file for each pixel of the limit: uncompressed, eight channels of floats
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
-_dwa, _dwa_decoded = threading.Lock(), False
+_dwa_lock, _dwa_decoded = threading.Lock(), False
 _PNG_SIDE = 1_000_000  # pixels: libpng's limit
 # By the colour type of a PNG: the bits of a sample, and the samples of a pixel.
 _PNG_DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
@@ -46,7 +46,7 @@ _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 def default_pixel_limit() -> int:
     """Return the largest number of pixels of an image; raises OutputError where the variable is not a number."""
-    return stated_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
+    return environment_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
 
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
@@ -64,7 +64,7 @@ def check_file(file: Path, error: type[LookdevError], most: int | None = None) -
         raise error(f"{file}: is not a regular file")
     if not status.st_size:
         raise error(f"{file}: cannot be read as an image: it is empty")
-    pixels, limit = _limit(most)
+    pixels, limit = _pixel_limit(most)
     if status.st_size > _BYTES * pixels:
         largest = f"at most {_BYTES * pixels} are read, {_BYTES} for each of {limit}"
         raise error(f"{file}: has {status.st_size} bytes; {largest}")
@@ -81,15 +81,15 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
     check_file(file, error, most)
     _check_png(file, error, whole=False)
     # Some formats are decoded on opening: OpenImageIO refuses larger images then.
-    oiio.attribute("limits:imagesize_MB", -(-_BYTES * _limit(most)[0] // _MEGABYTE))
+    oiio.attribute("limits:imagesize_MB", -(-_BYTES * _pixel_limit(most)[0] // _MEGABYTE))
     # The other EXR reader of OpenImageIO writes the faults of an image to stderr.
     oiio.attribute("openexr:core", 1)
     as_stored = oiio.ImageSpec()
     as_stored["oiio:UnassociatedAlpha"] = 1
-    with reading(file):
+    with report_reading(file):
         image = oiio.ImageInput.open(str(file), as_stored)
         if image is None:
-            raise error(f"{file}: cannot be read as an image: {_reason(oiio.geterror)}")
+            raise error(f"{file}: cannot be read as an image: {_error_reason(oiio.geterror)}")
         try:
             check_size(file, image.spec(), error, most)
             yield image
@@ -105,7 +105,7 @@ def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most
     width, height = max(sizes, key=lambda size: size[0] * size[1])
     if spec.depth > 1:
         raise error(f"{file}: is a volume of depth {spec.depth}; a flat image would be right")
-    pixels, limit = _limit(most)
+    pixels, limit = _pixel_limit(most)
     if width * height > pixels:
         raise error(f"{file}: is {width} x {height} pixels large; at most {limit} would be right")
 
@@ -129,14 +129,14 @@ def _check_png(file: Path, error: type[LookdevError], *, whole: bool) -> None:
         raise error(f"{file}: cannot be read as an image: {fault}")
 
 
-def _limit(most: int | None) -> tuple[int, str]:
+def _pixel_limit(most: int | None) -> tuple[int, str]:
     """Return the largest number of pixels, and its name in a message."""
     if most is not None:
         return most, f"{most} pixels"
     return default_pixel_limit(), f"{PIXELS_VARIABLE} = {default_pixel_limit()} pixels"
 
 
-def strips(
+def read_strips(
     image: oiio.ImageInput, file: Path, channels: range, error: type[LookdevError]
 ) -> Iterator[tuple[int, Floats32]]:
     """Yield an open image in strips: the index of a strip's first row, and its pixels (rows, width, channels).
@@ -161,7 +161,7 @@ def strips(
         else:
             pixels = image.read_scanlines(subimage, 0, begin, end, spec.z, *selection)
         if pixels is None or image.has_error:  # missing rows of a TIFF set the error alone
-            raise error(f"{file}: cannot be read as an image: {_reason(image.geterror)}")
+            raise error(f"{file}: cannot be read as an image: {_error_reason(image.geterror)}")
         return pixels
 
     if spec.get_string_attribute("compression").startswith("dwa"):
@@ -176,11 +176,11 @@ def strips(
 def _decode_first_dwa(decode_one: Callable[[], object]) -> None:
     """Decode the first block of DWA images of this process in one thread.
 
-    While OpenEXR decodes its first block, it chooses the decoder for this processor. Other threads meanwhile decode
-    with one that rounds differently: without this function, one process of sixty read other pixels and another digest.
+    While OpenEXR decodes its first block, it chooses the decoder for this processor. Other threads would meanwhile
+    decode with one that rounds differently (docs/notebook/first-dwa-block.md).
     """
     global _dwa_decoded
-    with _dwa:
+    with _dwa_lock:
         if not _dwa_decoded:
             decode_one()
             _dwa_decoded = True
@@ -190,12 +190,12 @@ def whole_image(image: oiio.ImageInput, file: Path, channels: range, error: type
     """Return the pixels of an open image (height, width, channels); raises `error` where they cannot be read."""
     spec = image.spec()
     pixels = np.empty((spec.height, spec.width, len(channels)), np.float32)
-    for first, part in strips(image, file, channels, error):
+    for first, part in read_strips(image, file, channels, error):
         pixels[first : first + len(part)] = part
     return pixels
 
 
-def _reason(error: Callable[[], str]) -> str:
+def _error_reason(error: Callable[[], str]) -> str:
     """Return the first line of OpenImageIO's error: the library of a format repeats the error in further lines."""
     try:
         first = error().strip().partition("\n")[0][:300]
@@ -227,7 +227,7 @@ def _png_fault(file: Path, *, whole: bool) -> str:
             if zlib.crc32(kind + data).to_bytes(4, "big") != checksum:
                 return "the header of the PNG is damaged" if kind == b"IHDR" else "the PNG is damaged"
             if kind == b"IHDR":
-                left = _png_bytes(data)
+                left = _min_png_bytes(data)
                 if not left:
                     return "the header of the PNG is damaged"
                 width, height = struct.unpack(">II", data[:8])
@@ -243,7 +243,7 @@ def _png_fault(file: Path, *, whole: bool) -> str:
         return "the PNG is cut off" if whole and left else ""
 
 
-def _png_bytes(header: bytes) -> int:
+def _min_png_bytes(header: bytes) -> int:
     """Return a lower bound of the bytes of a PNG's pixels before compression; 0 for a damaged header."""
     if len(header) != 13:
         return 0

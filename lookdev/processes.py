@@ -1,4 +1,4 @@
-"""The ends of processes: with the program that started them, and of a program within two seconds after a signal."""
+"""The ends of processes: a child ends with its parent, and a program ends within two seconds after a signal."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def end_with_parent() -> None:
 
 
 @contextmanager
-def leaving() -> Iterator[None]:
+def exit_after_block() -> Iterator[None]:
     """End the process after the block: with exit code 0, or with 1 and a traceback after an exception.
 
     The interpreter's own exit can hang where Blender is loaded, or where threads of Dr.Jit or a reading thread remain.

@@ -15,7 +15,7 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from lookdev.errors import Fault, FaultsError, OutputError
+from lookdev.errors import FaultsError, OutputError
 
 MAX_BYTES = 64 << 20
 """The largest size of a text file in bytes; some kinds of files have a limit of their own."""
@@ -23,7 +23,7 @@ MAX_BYTES = 64 << 20
 MAX_DEPTH = 32
 """The largest depth of nested tables, objects and lists."""
 
-# A key with more parts than MAX_DEPTH: the parser would take time and memory by the square of their number.
+# A key with more parts than MAX_DEPTH: the parser's time and memory grow with the square of their number.
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _DEEP_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*\.[ \t]*){{{MAX_DEPTH}}}", re.MULTILINE)
 
@@ -34,7 +34,7 @@ class TextError(FaultsError):
     """A text file cannot be read, or its content is not what it should be."""
 
 
-def stated_limit(variable: str, default: int, unit: str) -> int:
+def environment_limit(variable: str, default: int, unit: str) -> int:
     """Return the limit in an environment variable, or `default`; raises OutputError where it is not a whole number."""
     text = os.environ.get(variable, str(default))
     if not re.fullmatch(r"[1-9][0-9]{0,11}", text):
@@ -55,12 +55,12 @@ def read_bytes(file: Path, largest: int = MAX_BYTES) -> bytes:
     """Return the content of a regular file of at most `largest` bytes; raises TextError."""
     try:
         if file.exists() and not file.is_file():
-            raise _file_error(file, "is a folder" if file.is_dir() else "is a pipe, a socket or a device", _HINT)
+            raise TextError.at(file, "", "is a folder" if file.is_dir() else "is a pipe, a socket or a device", _HINT)
         if (size := file.stat().st_size) > largest:
-            raise _file_error(file, f"has {size} bytes", f"at most {largest} are read")
+            raise TextError.at(file, "", f"has {size} bytes", f"at most {largest} are read")
         return file.read_bytes()
     except OSError as error:
-        raise _file_error(file, f"cannot be read: {error.strerror}") from None
+        raise TextError.at(file, "", f"cannot be read: {error.strerror}") from None
 
 
 def read_text(file: Path, largest: int = MAX_BYTES) -> str:
@@ -74,8 +74,7 @@ def decode(data: bytes, file: object) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line, column = data.count(b"\n", 0, error.start) + 1, error.start - data.rfind(b"\n", 0, error.start)
-        where = f"line {line}, column {column}"
-        raise TextError([Fault(str(file), where, "not UTF-8 text", "save it as UTF-8")]) from None
+        raise TextError.at(file, f"line {line}, column {column}", "not UTF-8 text", "save it as UTF-8") from None
 
 
 def parse_toml(text: str, file: object) -> dict[str, Any]:
@@ -118,7 +117,7 @@ def _parse(parse: Callable[[Any], Any], text: str | bytes, file: object, languag
         if isinstance(error, json.JSONDecodeError):
             message, where = error.msg, f"line {error.lineno}, column {error.colno}"
         message = message.partition("; use sys.")[0]
-        raise TextError([Fault(str(file), where, f"not {language}: {message}")]) from None
+        raise TextError.at(file, where, f"not {language}: {message}") from None
     else:
         if not _is_deep(data):
             return data
@@ -126,7 +125,7 @@ def _parse(parse: Callable[[Any], Any], text: str | bytes, file: object, languag
 
 
 def _depth_error(file: object) -> TextError:
-    return _file_error(file, f"has tables or lists more than {MAX_DEPTH} deep", "flatten it")
+    return TextError.at(file, "", f"has tables or lists more than {MAX_DEPTH} deep", "flatten it")
 
 
 def _is_deep(data: object) -> bool:
@@ -137,7 +136,3 @@ def _is_deep(data: object) -> bool:
         if not level:
             return False
     return True
-
-
-def _file_error(file: object, message: str, hint: str = "") -> TextError:
-    return TextError([Fault(str(file), "", message, hint)])

@@ -1,10 +1,10 @@
 """The program in a child process: a file that crashes its reader, or takes too much time or memory, ends the child.
 
 The libraries that read USD files and images trust their input: a damaged file can crash the process, and a file of a
-few bytes can compose to any number of prims. `run_supervised` runs a program in a child process. Where the program
-reads a file from outside, it reports that to its parent by `reading`. The parent then knows which file to name in a
-message, and limits time and memory until the file is read. Outside of `run_supervised`, as in a user's Python
-program, `reading` does nothing.
+few bytes can compose to any number of prims. `run_supervised` runs a program in a child process. The program reports
+each file from outside to its parent by `report_reading`. The parent then knows which file to name in a message, and
+limits time and memory until the file is read. Outside of `run_supervised`, as in a user's Python program,
+`report_reading` does nothing.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ class KilledError(LookdevError):
     """The system killed the program."""
 
 
-class NativeCrash(Exception):
+class NativeCrashError(Exception):
     """A signal ended the program while it read no file: a defect, which a report file describes."""
 
 
 @contextmanager
-def reading(file: Path) -> Iterator[None]:
+def report_reading(file: Path) -> Iterator[None]:
     """Report to the parent, if there is one, that the block reads a file of any content."""
     if _pipe_to_parent is None:
         yield
@@ -98,7 +98,7 @@ def run_supervised(program: Callable[[], None]) -> int:
         The child ended while it read a file, or exceeded its limits of time or memory. The message names the file.
     KilledError
         SIGKILL ended the child.
-    NativeCrash
+    NativeCrashError
         Another signal ended the child, with the traceback of its Python code.
     LookdevError
         A limit in the environment is not a number.
@@ -142,11 +142,11 @@ def run_supervised(program: Callable[[], None]) -> int:
     if file:
         raise ReadingError(f"{file}: reading it crashed ({signal_name}); it is damaged: write it anew")
     os.lseek(trace, 0, os.SEEK_SET)
-    raise NativeCrash(f"{signal_name}\n{os.read(trace, _MIB).decode(errors='replace')}")
+    raise NativeCrashError(f"{signal_name}\n{os.read(trace, _MIB).decode(errors='replace')}")
 
 
 @dataclass(frozen=True)
-class _Use:
+class _ResourceUse:
     """The use of a process: MiB of private memory now, CPU seconds of all its threads, and seconds on the clock."""
 
     memory: float
@@ -154,7 +154,7 @@ class _Use:
     clock: float
 
     @classmethod
-    def of_process(cls, process: int) -> _Use:
+    def of_process(cls, process: int) -> _ResourceUse:
         """Return the use of a running process, by proc(5)."""
         status = Path(f"/proc/{process}/status").read_text()
         private = re.search(r"^RssAnon:\s*(\d+) kB$", status, re.MULTILINE)
@@ -171,7 +171,7 @@ class _ChildState:
     seconds: int
     files: list[str] = field(default_factory=list)
     sizes: dict[str, int] = field(default_factory=dict)
-    start: _Use | None = None
+    start: _ResourceUse | None = None
 
     def handle(self, message: dict[str, Any]) -> None:
         """Take over a report of the child."""
@@ -186,7 +186,7 @@ class _ChildState:
 
     def check(self) -> str:
         """Measure the child while it reads; return the fault of the outermost file, or ''."""
-        now = _Use.of_process(self.child)
+        now = _ResourceUse.of_process(self.child)
         self.start = self.start or now
         size = sum(self.sizes.values()) / _MIB
         memory, seconds = self.memory + _MEMORY_PER_MIB * size, self.seconds + _SECONDS_PER_MIB * size

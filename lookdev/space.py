@@ -29,7 +29,7 @@ OCIO_NAMES: dict[Space, str] = {"rec709": "Linear Rec.709 (sRGB)", "acescg": "AC
 INTEROP_IDS: dict[Space, str] = {"rec709": "lin_rec709_scene", "acescg": "lin_ap1_scene"}
 """The names of the spaces by the Color Interop Forum, for OpenEXR's ``colorInteropID``."""
 
-BASE = "cg-config-v2.2.0_aces-v1.3_ocio-v2.4"
+OCIO_CONFIG = "cg-config-v2.2.0_aces-v1.3_ocio-v2.4"
 """The built-in config of OpenColorIO that defines both spaces."""
 
 CHROMATICITIES: dict[Space, tuple[float, ...]] = {
@@ -50,26 +50,26 @@ def chromaticity_xyz(chromaticity: Sequence[float]) -> Floats:
     return np.array([x / y, 1.0, (1.0 - x - y) / y])
 
 
-def rgb_to_xyz(chromaticities: Sequence[float]) -> Floats:
-    """Return the matrix (3, 3) to X, Y, Z from the space of primaries and white, given as `CHROMATICITIES` are."""
+def rgb_to_xyz_matrix(chromaticities: Sequence[float]) -> Floats:
+    """Return the matrix (3, 3) to X, Y, Z from RGB of the primaries and the white, in the form of `CHROMATICITIES`."""
     columns = np.stack([chromaticity_xyz(chromaticities[i : i + 2]) for i in (0, 2, 4)], axis=-1)
     return np.asarray(columns * np.linalg.solve(columns, chromaticity_xyz(chromaticities[6:8])))
 
 
-def adapt_white(white: Sequence[float], to: Sequence[float]) -> Floats:
-    """Return Bradford's matrix (3, 3) that converts X, Y, Z under a white, x and y, to those under another."""
+def white_adaptation(white: Sequence[float], to: Sequence[float]) -> Floats:
+    """Return Bradford's matrix (3, 3) that adapts X, Y, Z from one white to another, both chromaticities x, y."""
     before, after = (_BRADFORD @ chromaticity_xyz(chromaticity) for chromaticity in (white, to))
     return np.asarray(np.linalg.inv(_BRADFORD) @ np.diag(after / before) @ _BRADFORD)
 
 
 @cache
-def from_rec709(space: Space) -> Floats:
+def matrix_from_rec709(space: Space) -> Floats:
     """Return the matrix (3, 3) that converts columns of linear Rec.709 to `space`; each of its rows sums to 1."""
     if space == REC709:
         return np.eye(3)
     import PyOpenColorIO as ocio  # not at the top: it takes 0.1 s, and few jobs need it
 
-    config = ocio.Config.CreateFromBuiltinConfig(BASE)
+    config = ocio.Config.CreateFromBuiltinConfig(OCIO_CONFIG)
     processor = config.getProcessor(OCIO_NAMES[REC709], OCIO_NAMES[space]).getDefaultCPUProcessor()
     rows = np.array([processor.applyRGB(axis) for axis in np.eye(3).tolist()], np.float64)
     # OpenColorIO rounds to float32; the division makes white stay exactly white.
@@ -80,18 +80,17 @@ def from_rec709(space: Space) -> Floats:
 
 def to_space(color: ArrayLike, space: Space) -> Floats:
     """Convert colours (..., 3) of linear Rec.709 to `space`."""
-    return np.asarray(np.asarray(color, np.float64) @ from_rec709(space).T)
+    return np.asarray(np.asarray(color, np.float64) @ matrix_from_rec709(space).T)
 
 
 def to_rec709(color: ArrayLike, space: Space) -> Floats:
     """Convert colours (..., 3) of `space` to linear Rec.709, without clipping."""
     if space == REC709:
         return np.asarray(color, np.float64)
-    return np.asarray(np.asarray(color, np.float64) @ np.linalg.inv(from_rec709(space)).T)
+    return np.asarray(np.asarray(color, np.float64) @ np.linalg.inv(matrix_from_rec709(space)).T)
 
 
 def error_in_rec709(error: ArrayLike, space: Space) -> Floats:
     """Convert standard errors (..., 3) of colours of `space`, independent in each channel, to linear Rec.709."""
-    return np.asarray(
-        np.sqrt(np.square(np.asarray(error, np.float64)) @ np.square(np.linalg.inv(from_rec709(space))).T)
-    )
+    variance = np.square(np.asarray(error, np.float64)) @ np.square(np.linalg.inv(matrix_from_rec709(space))).T
+    return np.asarray(np.sqrt(variance))

@@ -17,7 +17,7 @@ from lookdev.job import Job, parse_job
 from lookdev.light import Dome
 from lookdev.material import Look
 from lookdev.output.exr import read_header
-from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.plan import Plan, Setup, TurntableFrames, build_plan
 from lookdev.processes import end_at_signals
 from lookdev.rendering.task import SceneTask
 from lookdev.run.events import FrameDone
@@ -78,7 +78,7 @@ def make_plan(job: Job) -> Plan:
         source = ShaderSource(look.name, f"shader {look.name}() {{}}", (), (), f"500d {look.name}", transmits=True)
         task = SceneTask(Content("a55e7", ".npz"), "exact", (source,), (0,), (light,), size, sampling, camera)
         setups += [Setup(look.name, ibl.name, shown, task, sampling, exposure=ibl.exposure) for ibl in job.ibl]
-    turns = Turns(job.turntable, job.output, job.camera.azimuth)
+    turns = TurntableFrames(job.turntable, job.output, job.camera.azimuth)
     plan = build_plan(
         setups, turns, read_header, labels={"job": str(job.file)}, frame_suffixes=job.outputs.frame_suffixes
     )

@@ -12,8 +12,8 @@ from lookdev.cache import (
     atomic_path,
     cache_dir,
     cached_files,
-    from_memory,
     load_cached,
+    memory_file,
     store_cached,
     take_notes,
 )
@@ -152,9 +152,9 @@ def test_a_cache_that_is_no_folder_is_named(tmp_path, monkeypatch):
 
 def test_what_a_library_loses_on_a_full_disk_is_an_error(tmp_path):
     (tmp_path / "full").symlink_to("/dev/full")
-    with pytest.raises(OSError, match="No space left"), from_memory(tmp_path / "full") as memory:
+    with pytest.raises(OSError, match="No space left"), memory_file(tmp_path / "full") as memory:
         Path(memory).write_bytes(b"a few bytes")
-    with from_memory(tmp_path / "room") as memory:
+    with memory_file(tmp_path / "room") as memory:
         Path(memory).write_bytes(b"a few bytes")
     assert (tmp_path / "room").read_bytes() == b"a few bytes"
 

@@ -21,7 +21,7 @@ from lookdev.cli import app
 from lookdev.inspect.doctor import SYSTEM_LIBRARIES
 from lookdev.job import json_schema, load_job, parse_job
 from lookdev.light.rig import load_rig
-from lookdev.light.rig.attributes import OURS
+from lookdev.light.rig.attributes import LOOKDEV_ATTRIBUTES
 from lookdev.light.rig.find import USD_LIGHTS
 from lookdev.material.library import SHIPPED_FOLDERS, read_library
 from lookdev.material.usd import read_look
@@ -213,8 +213,8 @@ def test_an_example_rig_is_valid(text, tmp_path):
 
 def test_every_attribute_of_ours_is_documented():
     rows = re.findall(r"^\| `lookdev:([\w:]+)` \| (\w+) \|", LIGHTS.read_text(), re.MULTILINE)
-    assert dict(rows) == OURS
-    assert {name for kind in USD_LIGHTS.values() for name in kind.attributes} == set(OURS)
+    assert dict(rows) == LOOKDEV_ATTRIBUTES
+    assert {name for kind in USD_LIGHTS.values() for name in kind.attributes} == set(LOOKDEV_ATTRIBUTES)
 
 
 def test_tables_are_what_the_code_says():

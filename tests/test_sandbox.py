@@ -17,7 +17,7 @@ pytestmark = pytest.mark.both_pythons
 _PROGRAM = """
 import ctypes, os, signal, sys, time
 from pathlib import Path
-from lookdev.sandbox import reading, report_opened, run_supervised
+from lookdev.sandbox import report_opened, report_reading, run_supervised
 from lookdev.processes import end_at_signals
 def program():
 {body}
@@ -46,7 +46,7 @@ def outcome(body: str, **variables: str) -> str:
     [
         ("print('hello')", "hello\ncode 0\n"),
         ("sys.exit(3)", "code 3\n"),
-        ("with reading(Path('a')): sys.exit(3)", "code 3\n"),
+        ("with report_reading(Path('a')): sys.exit(3)", "code 3\n"),
         ("os.kill(os.getpid(), signal.SIGTERM)", f"code {128 + signal.SIGTERM}\n"),
         ("sys.stderr.close(); raise ValueError", "code 1\n"),
     ],
@@ -59,15 +59,15 @@ def test_a_program_ends_as_it_would_alone(body, expected):
     ("body", "message"),
     [
         (
-            "with reading(Path('a.usd')):\n  with reading(Path('b.png')): ctypes.string_at(0)",
+            "with report_reading(Path('a.usd')):\n  with report_reading(Path('b.png')): ctypes.string_at(0)",
             "ReadingError b.png: reading it crashed (SIGSEGV); it is damaged: write it anew\n",
         ),
         (
-            "with reading(Path('a.usd')):\n  with reading(Path('b.png')): pass\n  os.abort()",
+            "with report_reading(Path('a.usd')):\n  with report_reading(Path('b.png')): pass\n  os.abort()",
             "ReadingError a.usd: reading it crashed (SIGABRT); it is damaged: write it anew\n",
         ),
         (
-            "with reading(Path('a\\x1b[2J')): os.kill(os.getpid(), signal.SIGKILL)",
+            "with report_reading(Path('a\\x1b[2J')): os.kill(os.getpid(), signal.SIGKILL)",
             "KilledError the system killed the program while it read a?[2J (SIGKILL), "
             "as it does where memory is short\n",
         ),
@@ -78,22 +78,23 @@ def test_a_signal_while_a_file_is_read_names_the_file(body, message):
 
 
 def test_a_signal_at_another_time_is_a_defect_with_its_place():
-    text = outcome("with reading(Path('a.usd')): pass\nos.abort()")
-    assert text.startswith("NativeCrash SIGABRT\n")
+    text = outcome("with report_reading(Path('a.usd')): pass\nos.abort()")
+    assert text.startswith("NativeCrashError SIGABRT\n")
     assert 'File "<string>", line 8 in program' in text
 
 
+_READING_A = "report_reading(Path('a.usd'))"
 _SWELLS = "held = b'x' * (64 << 20)"
 
 
 @pytest.mark.parametrize(
     ("body", "whole"),
     [
-        (f"with reading(Path('a.usd')): {_SWELLS}; time.sleep(10)", False),
-        (f"with reading(Path('a.usd')):\n  with reading(Path('b.usd')): {_SWELLS}\n  time.sleep(10)", False),
-        (f"{_SWELLS}\nwith reading(Path('a.usd')): time.sleep(0.2)", True),
-        (f"with reading(Path('large')): {_SWELLS}; time.sleep(0.2)", True),
-        (f"with reading(Path('a.usd')): report_opened(Path('large')); {_SWELLS}; time.sleep(0.2)", True),
+        (f"with report_reading(Path('a.usd')): {_SWELLS}; time.sleep(10)", False),
+        (f"with {_READING_A}:\n  with report_reading(Path('b.usd')): {_SWELLS}\n  time.sleep(10)", False),
+        (f"{_SWELLS}\nwith report_reading(Path('a.usd')): time.sleep(0.2)", True),
+        (f"with report_reading(Path('large')): {_SWELLS}; time.sleep(0.2)", True),
+        (f"with report_reading(Path('a.usd')): report_opened(Path('large')); {_SWELLS}; time.sleep(0.2)", True),
     ],
     ids=["swells", "inside", "before", "large", "layer"],
 )
@@ -113,8 +114,8 @@ def test_memory_is_bounded_by_the_size_of_what_is_read(tmp_path, monkeypatch, bo
 @pytest.mark.parametrize(
     ("body", "ends"),
     [
-        ("with reading(Path('a.usd')):\n  while True: pass", False),
-        ("with reading(Path('a.usd')): time.sleep(1.3)", True),  # another file system may be slow
+        ("with report_reading(Path('a.usd')):\n  while True: pass", False),
+        ("with report_reading(Path('a.usd')): time.sleep(1.3)", True),  # another file system may be slow
     ],
     ids=["computes", "waits"],
 )

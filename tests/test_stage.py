@@ -275,7 +275,7 @@ def test_values_of_clips(clips_folder):
         ("@manifest.usda@", "@gone.usda@", "gone.usda is not there"),
         ("[@clip.usda@]", "[@bad.usda@]", "bad.usda cannot be read: USD cannot open it"),
         ('primPath = "/Root"', 'primPath = "/Other"', "clip.usda has no prim '/Other', which primPath names"),
-        ("[(0, 0)]", "[(0, 1)]", "active names a clip that is none of the 1"),
+        ("[(0, 0)]", "[(0, 1)]", "active names a clip that does not exist: there are 1, counted from 0"),
         ("(9, 9)", "(9, inf)", "active and times must be finite"),
         ("double2[] active = [(0, 0)]", 'string active = "a"', "active is not of type double2[]"),
     ],

@@ -103,8 +103,8 @@ def main() -> None:
 if __name__ == "__main__":
     import bpy  # noqa: F401  (brings the modules of Cycles)
 
-    from lookdev.processes import end_with_parent, leaving
+    from lookdev.processes import end_with_parent, exit_after_block
 
     end_with_parent()
-    with leaving():
+    with exit_after_block():
         main()

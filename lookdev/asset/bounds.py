@@ -11,10 +11,10 @@ import numpy as np
 from lookdev.arrays import Floats, Floats32, Indices, Reals
 from lookdev.asset.mesh import Asset, Instance, Mesh
 
-_ROUNDS = 100
+_MAX_ROUNDS = 100
 _TOLERANCE = 1e-7
 _CELLS = 8  # along each side of a mesh's bounding box
-_MOST_PARTS = 512  # of a mesh
+_MAX_PARTS = 512  # of a mesh
 _FEW_POINTS, _FEW_INSTANCES = 512, 16  # a mesh with fewer has no cells
 _PART_POINTS, _SHORT_PART_POINTS = 1024, 128  # without cells, with cells
 _INSTANCE_BLOCK = 32  # instances whose parts are sorted together
@@ -35,7 +35,7 @@ class _InstancedPoints:
         for number in np.flatnonzero(is_gridded):
             mesh_points = self._points[begins[number] : begins[number] + counts[number]]
             mesh_points[:] = mesh_points[np.argsort(grid_cells(mesh_points, boxes[number]), kind="stable")]
-        runs = np.maximum(np.where(is_gridded, _SHORT_PART_POINTS, _PART_POINTS), -(-counts // _MOST_PARTS))
+        runs = np.maximum(np.where(is_gridded, _SHORT_PART_POINTS, _PART_POINTS), -(-counts // _MAX_PARTS))
         parts = -(-counts // runs)
         first = np.cumsum(parts) - parts
         self._starts = np.repeat(begins - first * runs, parts) + np.arange(parts.sum()) * np.repeat(runs, parts)
@@ -104,7 +104,7 @@ def smallest_ball(farthest: Callable[[Floats], tuple[Floats, float]], start: Flo
     """
     support, _ = farthest(start)
     support, center, radius = support[None], support, 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         far, distance = farthest(center)
         if distance <= radius * (1.0 + _TOLERANCE):
             break

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lookdev.arrays import Bools, Floats32, Indices
-from lookdev.asset.normals import blocks, concatenate, face_starts
+from lookdev.asset.normals import blocks, concatenate, run_starts
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.tangents import mix_bits
 from lookdev.errors import AssetError
@@ -55,7 +55,7 @@ class Faces:
         _check_range(shapes, points, np.diff(all_corners), counts[:, 0], "faceVertexIndices", "points")
         if len(shapes) > 1:
             points += np.repeat(point_starts[:-1], counts[:, 2])
-        holes = _holes(shapes, all_faces)
+        holes = _hole_mask(shapes, all_faces)
 
         is_cage = np.array([shape.subdivision is not None for shape in shapes])
         is_valid = (sizes >= 3) & ~(holes & ~np.repeat(is_cage, counts[:, 1]))
@@ -65,7 +65,7 @@ class Faces:
         is_left_handed = np.array([shape.left_handed for shape in shapes])
         if is_left_handed.any() or not is_valid.all():
             corner_source = np.arange(len(points))
-            last = np.repeat(2 * face_starts(sizes) + sizes - 1, sizes)
+            last = np.repeat(2 * run_starts(sizes) + sizes - 1, sizes)
             # The corners of a left-handed face in reverse order.
             is_reversed = np.repeat(is_left_handed, counts[:, 2])
             corner_source = np.where(is_reversed, last - corner_source, corner_source)[np.repeat(is_valid, sizes)]
@@ -74,21 +74,10 @@ class Faces:
         faces = np.searchsorted(face_source, all_faces)
         sizes = sizes[is_valid]
         corners = np.concatenate([[0], np.cumsum(sizes)])[faces]
-        return cls(
-            shapes,
-            point_starts,
-            all_faces,
-            all_corners,
-            faces,
-            corners,
-            sizes,
-            face_source,
-            corner_source,
-            points,
-            holes[is_valid],
-        )
+        starts = point_starts, all_faces, all_corners
+        return cls(shapes, *starts, faces, corners, sizes, face_source, corner_source, points, holes[is_valid])
 
-    def at_corners(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats32]:
+    def corner_values(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats32]:
         """Return the values of attributes of equal width at the valid corners of their shapes.
 
         `attributes` are pairs of the number of a shape and an attribute of it.
@@ -99,8 +88,8 @@ class Faces:
             An attribute has the wrong number of values, or one that is not finite; a line for each.
         """
         shape_numbers = np.array([shape_number for shape_number, _ in attributes], np.intp)
-        raise_all(
-            fault for shape_number, attribute in attributes if (fault := self._wrong_count(shape_number, attribute))
+        raise_faults(
+            fault for shape_number, attribute in attributes if (fault := self._count_fault(shape_number, attribute))
         )
         with np.errstate(over="ignore"):
             values = concatenate([attribute.values for _, attribute in attributes]).astype(np.float32, copy=False)
@@ -108,29 +97,30 @@ class Faces:
         starts = np.cumsum(lengths) - lengths
         if not (finite := np.isfinite(values)).all():
             wrong = np.flatnonzero(~finite.reshape(len(values), -1).all(axis=1))
-            raise_all(
+            raise_faults(
                 f"{self._name(*attributes[i])}: value {j} is not finite; every value must be a number"
-                for i, j in first_in_each(wrong, starts)
+                for i, j in first_in_runs(wrong, starts)
             )
-        kinds = np.array([_CORNER_INDEX[attribute.interpolation] for _, attribute in attributes], np.intp)
+        elements = np.array([_ELEMENT_NUMBERS[attribute.interpolation] for _, attribute in attributes], np.intp)
         counts = np.diff(self.corners)[shape_numbers]
-        if (kinds == kinds[0]).all():
-            index = self._sources(kinds[0], shape_numbers, starts)
+        if (elements == elements[0]).all():
+            index = self._value_indices(elements[0], shape_numbers, starts)
         else:
             index = np.empty(counts.sum(), np.intp)
-            for kind in np.unique(kinds):
-                has_kind = kinds == kind
-                index[np.repeat(has_kind, counts)] = self._sources(kind, shape_numbers[has_kind], starts[has_kind])
+            for element in np.unique(elements):
+                is_selected = elements == element
+                values_of_element = self._value_indices(element, shape_numbers[is_selected], starts[is_selected])
+                index[np.repeat(is_selected, counts)] = values_of_element
         return np.split(values.take(index, axis=0), np.cumsum(counts)[:-1])
 
-    def _sources(self, kind: int, shape_numbers: Indices, value_starts: Indices) -> Indices:
-        """Return the index of the value of each valid corner of some shapes, by the number of their interpolation."""
+    def _value_indices(self, element: int, shape_numbers: Indices, value_starts: Indices) -> Indices:
+        """Return the index of each valid corner's value, for shapes whose values belong to one kind of element."""
         counts = np.diff(self.corners)[shape_numbers]
-        if kind == 0:
+        if element == 0:
             return np.repeat(value_starts, counts)
-        if kind == 1:
+        if element == 1:
             indices, begins = np.repeat(self.face_source, self.sizes), self.all_faces
-        elif kind == 2:
+        elif element == 2:
             indices, begins = self.corner_points, self.all_points
         else:
             source = self.corner_source
@@ -143,13 +133,13 @@ class Faces:
             indices = indices[np.repeat(is_selected, np.diff(self.corners))]
         return indices + np.repeat(shift, counts) if shift.any() else indices
 
-    def _wrong_count(self, number: int, attribute: Attribute) -> str:
+    def _count_fault(self, number: int, attribute: Attribute) -> str:
         shape, name = self.shapes[number], self._name(number, attribute)
-        if attribute.interpolation not in _CORNER_INDEX:
-            names = ", ".join(_CORNER_INDEX)
+        if attribute.interpolation not in _ELEMENT_NUMBERS:
+            names = ", ".join(_ELEMENT_NUMBERS)
             return f"{name} has interpolation {attribute.interpolation!r:.60}; known: {names}"
         counts = (1, len(shape.face_sizes), len(shape.points), len(shape.face_points))
-        count = counts[_CORNER_INDEX[attribute.interpolation]]
+        count = counts[_ELEMENT_NUMBERS[attribute.interpolation]]
         if len(attribute.values) == count:
             return ""
         return f"{name} has {len(attribute.values)} values; interpolation '{attribute.interpolation}' needs {count}"
@@ -159,11 +149,11 @@ class Faces:
         return f"{self.shapes[number].name}: {prefix}{attribute.name}"
 
 
-# The element that an interpolation has a value for: 0 the shape, 1 a face, 2 a point, 3 a corner.
-_CORNER_INDEX = {"constant": 0, "uniform": 1, "varying": 2, "vertex": 2, "faceVarying": 3}
+# The element to which a value belongs, by interpolation: 0 is the shape, 1 a face, 2 a point, 3 a corner.
+_ELEMENT_NUMBERS = {"constant": 0, "uniform": 1, "varying": 2, "vertex": 2, "faceVarying": 3}
 
 
-def first_in_each(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
+def first_in_runs(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
     """Return the first of the sorted positions in each run that has any: the run's number and the offset in the run."""
     owners, first = np.unique(np.searchsorted(begins, positions, side="right") - 1, return_index=True)
     return list(zip(owners.tolist(), (positions[first] - begins[owners]).tolist(), strict=True))
@@ -175,7 +165,7 @@ def _check_sizes(shapes: Sequence[PolygonShape], sizes: Indices, face_begins: In
     corner_counts = np.array([len(shape.face_points) for shape in shapes])
     wrong = total != corner_counts
     wrong[np.searchsorted(face_begins, np.flatnonzero(sizes < 0), side="right") - 1] = True
-    raise_all(
+    raise_faults(
         f"{shapes[i].name}: faceVertexCounts add up to {total[i]} corners, faceVertexIndices has {corner_counts[i]}; "
         "they must agree, and none may be negative"
         for i in np.flatnonzero(wrong)
@@ -190,9 +180,9 @@ def _check_range(
         return
     wrong = np.flatnonzero((indices < 0) | (indices >= np.repeat(limits, lengths)))
     begins = np.cumsum(lengths) - lengths
-    raise_all(
+    raise_faults(
         f"{shapes[i].name}: {name}[{j}] is {indices[begins[i] + j]}, but {index_rule(limits[i], noun)}"
-        for i, j in first_in_each(wrong, begins)
+        for i, j in first_in_runs(wrong, begins)
     )
 
 
@@ -201,13 +191,13 @@ def index_rule(count: int, noun: str) -> str:
     return f"there are {count} {noun}; it must lie in 0..{count - 1}" if count else f"there are no {noun}"
 
 
-def raise_all(faults: Iterable[str]) -> None:
+def raise_faults(faults: Iterable[str]) -> None:
     """Raise an AssetError with a line for each fault, if there are any."""
     if text := "\n".join(faults):
         raise AssetError(text)
 
 
-def _holes(shapes: Sequence[PolygonShape], face_begins: Indices) -> Bools:
+def _hole_mask(shapes: Sequence[PolygonShape], face_begins: Indices) -> Bools:
     """Return whether each face of all shapes (f,) is a hole."""
     holes_by_shape = [np.zeros(0, np.intp) if shape.holes is None else shape.holes for shape in shapes]
     lengths, limits = np.array([len(holes) for holes in holes_by_shape]), np.diff(face_begins)
@@ -226,7 +216,7 @@ def _distinct_faces(points: Indices, sizes: Indices) -> Bools:
     distinct, key = np.ones(len(sizes), bool), np.zeros(len(sizes), np.uint64)
     for faces, corners in blocks(sizes):
         block_sizes, block_points = sizes[faces], points[corners].astype(np.uint64)
-        starts = face_starts(block_sizes)
+        starts = run_starts(block_sizes)
         for size in block_sizes[:1] if (block_sizes == block_sizes[0]).all() else np.unique(block_sizes):
             faces_of_size = np.flatnonzero(block_sizes == size)
             points_of_faces = block_points[starts[faces_of_size] + np.arange(size)[:, None]]

@@ -12,16 +12,16 @@ from typing import TypeVar
 import numpy as np
 
 from lookdev.arrays import Floats, Floats32, Indices
-from lookdev.asset.faces import Faces, first_in_each, raise_all
+from lookdev.asset.faces import Faces, first_in_runs, raise_faults
 from lookdev.asset.mesh import Mesh, Subdivision
-from lookdev.asset.normals import area_vectors, batches, blocks, concatenate, face_starts, normalize_or, sum_by
-from lookdev.asset.shape import LARGEST, Attribute, PolygonShape
+from lookdev.asset.normals import area_vectors, batch_slices, blocks, concatenate, normalize_or, run_starts, sum_by
+from lookdev.asset.shape import MAX_COORDINATE, Attribute, PolygonShape
 from lookdev.errors import AssetError
 
 _Vectors = TypeVar("_Vectors", Floats, Floats32)
 
 
-def finish(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh | None]:
+def make_meshes(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh | None]:
     """Return a mesh for each shape, None for a shape without a valid face; `face_slots` are the parts of the shape.
 
     With `y_up` the shapes' y axis becomes the meshes' z axis, and their z axis the -y axis. Normals of a shape that
@@ -35,12 +35,12 @@ def finish(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh | No
     """
     meshes: list[Mesh | None] = []
     faults: list[str] = []
-    for batch in batches([len(shape.face_points) for shape in shapes]):
+    for batch in batch_slices([len(shape.face_points) for shape in shapes]):
         try:
-            meshes += _finish_batch(shapes[batch], y_up)
+            meshes += _make_batch(shapes[batch], y_up)
         except AssetError:
             faults += _shape_faults(shapes[batch], y_up)
-    raise_all(faults)
+    raise_faults(faults)
     return meshes
 
 
@@ -48,12 +48,12 @@ def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
     """Yield the faults of shapes, finished one by one: in a batch, a fault of one can hide those of others."""
     for shape in shapes:
         try:
-            _finish_batch([shape], y_up)
+            _make_batch([shape], y_up)
         except AssetError as error:
             yield str(error)
 
 
-def _finish_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]:
+def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]:
     faces = Faces.collect(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
@@ -74,7 +74,7 @@ def _finish_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | Non
     sizes = faces.sizes.astype(np.int32)
 
     meshes: list[Mesh | None] = []
-    for i, shape in enumerate(shapes):
+    for i, (shape, values) in enumerate(zip(shapes, attributes, strict=True)):
         face_slice = slice(faces.faces[i], faces.faces[i + 1])
         corner_slice = slice(faces.corners[i], faces.corners[i + 1])
         if faces.holes[face_slice].all():  # true also for no faces
@@ -98,9 +98,7 @@ def _finish_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | Non
                 tangents=None,
                 uvs=uvs[i],
                 primvars={
-                    attribute.name: attributes[i][attribute.name]
-                    for attribute in shape.attributes
-                    if not attribute.is_uv
+                    attribute.name: values[attribute.name] for attribute in shape.attributes if not attribute.is_uv
                 },
                 subdivision=subdivision,
                 default_uv=shape.default_uv if shape.default_uv in uvs[i] else "",
@@ -125,11 +123,11 @@ def _single_precision(
     points: Floats, shapes: Sequence[PolygonShape], used_points: Indices, begins: Indices
 ) -> Floats32:
     # NaN fails both comparisons.
-    if not (points.max() <= LARGEST and points.min() >= -LARGEST):
-        is_bounded = np.abs(points) <= LARGEST
-        raise_all(
-            f"{shapes[i].name}: points[{j}] is not a number of metres within +-{LARGEST:g}"
-            for i, j in first_in_each(used_points[~is_bounded.all(axis=1)], begins)
+    if not (points.max() <= MAX_COORDINATE and points.min() >= -MAX_COORDINATE):
+        is_bounded = np.abs(points) <= MAX_COORDINATE
+        raise_faults(
+            f"{shapes[i].name}: points[{j}] is not a number of metres within +-{MAX_COORDINATE:g}"
+            for i, j in first_in_runs(used_points[~is_bounded.all(axis=1)], begins)
         )
     return points.astype(np.float32)
 
@@ -142,7 +140,7 @@ def _corner_attributes(shapes: Sequence[PolygonShape], faces: Faces) -> list[dic
             groups.setdefault((attribute.name, attribute.values.shape[1:]), []).append((number, attribute))
     result: list[dict[str, Floats32]] = [{} for _ in shapes]
     for attributes in groups.values():
-        for (number, attribute), values in zip(attributes, faces.at_corners(attributes), strict=True):
+        for (number, attribute), values in zip(attributes, faces.corner_values(attributes), strict=True):
             result[number][attribute.name] = values
     return result
 
@@ -170,12 +168,12 @@ def _corner_normals(
     normals = np.repeat(flat, faces.sizes, axis=0)
     if smooth.any():
         normals[is_smooth] = units[corner_points[is_smooth]]
-    for (i, _), values in zip(authored, faces.at_corners(authored) if authored else (), strict=True):
+    for (i, _), values in zip(authored, faces.corner_values(authored) if authored else (), strict=True):
         face_slice, corner_slice = slice(*faces.faces[i : i + 2]), slice(*faces.corners[i : i + 2])
         sizes = faces.sizes[face_slice]
         if areas is not None and len(sizes):
             vectors = _to_z_up(values) if y_up else values
-            along = (np.add.reduceat(vectors, face_starts(sizes), dtype=np.float64) * areas[face_slice]).sum()
+            along = (np.add.reduceat(vectors, run_starts(sizes), dtype=np.float64) * areas[face_slice]).sum()
             sign = -1.0 if along < 0.0 else 1.0
             shape_normals = normals[corner_slice]
             for _, block in blocks(sizes):

@@ -10,11 +10,11 @@ import numpy as np
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset.mesh import Asset, Instance, Mesh
 
-# Fewer meshes than `_MANY` are not joined, nor are meshes of more faces than `_FACES`.
-_MANY, _FACES = 64, 1000
-_CORNERS = 1 << 20  # of a joined mesh: its arrays are computed in float64
-# The largest step of float32 at the asset's radius, in edge lengths of a mesh: a larger step would bend its facets.
-_STEP = 1e-3
+# Fewer meshes than `_MIN_MESHES` are not joined, nor are meshes of more faces than `_MAX_FACES`.
+_MIN_MESHES, _MAX_FACES = 64, 1000
+_JOINED_CORNERS = 1 << 20  # of a joined mesh: its arrays are computed in float64
+# The largest step of float32 at the asset's radius, relative to a mesh's edge length: a larger one would bend facets.
+_MAX_STEP = 1e-3
 
 
 def join_small_meshes(asset: Asset) -> Asset:
@@ -28,13 +28,13 @@ def join_small_meshes(asset: Asset) -> Asset:
     matrices = np.array([instance.matrix for instance in asset.instances])
     is_single = np.bincount(mesh_numbers, minlength=len(asset.meshes))[mesh_numbers] == 1
     faces = np.array([len(mesh.face_sizes) for mesh in asset.meshes])[mesh_numbers]
-    if np.count_nonzero(is_single & (faces <= _FACES)) < _MANY:
+    if np.count_nonzero(is_single & (faces <= _MAX_FACES)) < _MIN_MESHES:
         return asset
     volumes = np.linalg.det(matrices[:, :3, :3])
     extents = np.array([np.ptp(mesh.points, axis=0).max() for mesh in asset.meshes])[mesh_numbers]
     edges = extents * np.cbrt(np.abs(volumes)) / np.sqrt(faces)
-    is_fine = edges * _STEP < asset.radius * np.finfo(np.float32).eps
-    is_joined = is_single & (faces <= _FACES) & (volumes > 0.0) & ~is_fine
+    is_fine = edges * _MAX_STEP < asset.radius * np.finfo(np.float32).eps
+    is_joined = is_single & (faces <= _MAX_FACES) & (volumes > 0.0) & ~is_fine
     meshes, instances = list[Mesh](), list[Instance]()
     for group in _join_groups(asset, np.flatnonzero(is_joined).tolist()):
         meshes.append(_join_meshes([asset.meshes[mesh_numbers[i]] for i in group], matrices[group]))
@@ -50,7 +50,7 @@ def join_small_meshes(asset: Asset) -> Asset:
 
 
 def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
-    """Return an asset whose instances of the given meshes keep angles; the meshes take any other stretch."""
+    """Return an asset whose instances of the given meshes preserve angles; the meshes are stretched instead."""
     new_meshes, instances = list(asset.meshes), list[Instance]()
     numbers: dict[tuple[int, bytes], int] = {}
     for instance in asset.instances:
@@ -78,7 +78,7 @@ def _join_groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
         layout = mesh.tangents is None, tuple(mesh.uvs), widths
         groups.setdefault(layout, []).append(i)
         corners[layout] = corners.get(layout, 0) + len(mesh.corner_points)
-        if corners[layout] >= _CORNERS:
+        if corners[layout] >= _JOINED_CORNERS:
             yield groups.pop(layout)
             del corners[layout]
     yield from groups.values()

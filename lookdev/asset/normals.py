@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lookdev.arrays import Floats, Indices, Ints, Ints32, Reals
 
-Numbers = Ints | Ints32 | Indices
+AnyInts = Ints | Ints32 | Indices
 _Number = TypeVar("_Number", bound=np.generic)
 
 _BLOCK_CORNERS = 1 << 13  # corners
@@ -23,12 +23,12 @@ def concatenate(arrays: Sequence[NDArray[_Number]]) -> NDArray[_Number]:
     return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
-def face_starts(face_sizes: Numbers) -> Indices:
-    """Return the index (f,) of each face's first corner."""
-    return np.cumsum(face_sizes, dtype=np.intp) - face_sizes
+def run_starts(lengths: AnyInts) -> Indices:
+    """Return the start (k,) of each of consecutive runs, such as the corners of faces, from their lengths (k,)."""
+    return np.cumsum(lengths, dtype=np.intp) - lengths
 
 
-def next_corners(face_sizes: Numbers) -> Indices:
+def next_corners(face_sizes: AnyInts) -> Indices:
     """Return the index (m,) of the next corner around the face, for each corner."""
     ends = np.cumsum(face_sizes, dtype=np.intp)
     following = np.arange(1, (int(ends[-1]) if len(ends) else 0) + 1)
@@ -36,7 +36,7 @@ def next_corners(face_sizes: Numbers) -> Indices:
     return following
 
 
-def blocks(face_sizes: Numbers) -> Iterator[tuple[slice, slice]]:
+def blocks(face_sizes: AnyInts) -> Iterator[tuple[slice, slice]]:
     """Yield slices of faces and of their corners; arrays over one slice fit into the processor's cache."""
     ends = np.cumsum(face_sizes, dtype=np.intp)
     face = corner = 0
@@ -46,7 +46,7 @@ def blocks(face_sizes: Numbers) -> Iterator[tuple[slice, slice]]:
         face, corner = stop, int(ends[stop - 1])
 
 
-def batches(corners: Sequence[int]) -> Iterator[slice]:
+def batch_slices(corners: Sequence[int]) -> Iterator[slice]:
     """Yield slices of meshes by their numbers of corners: large enough to outweigh NumPy's calls, small in memory."""
     start = total = 0
     for number, count in enumerate(corners):
@@ -56,14 +56,14 @@ def batches(corners: Sequence[int]) -> Iterator[slice]:
             start, total = number + 1, 0
 
 
-def area_vectors(corner_positions: Floats, face_sizes: Numbers) -> Floats:
+def area_vectors(corner_positions: Floats, face_sizes: AnyInts) -> Floats:
     """Return each face's area times its unit normal (f, 3), by Newell's method; faces need not be planar.
 
     `corner_positions` is (m, 3), counter-clockwise when seen from outside.
     """
     if len(face_sizes) and (size := face_sizes[0]) <= _FEW_CORNERS and (face_sizes == size).all():
         return _same_size_area_vectors(corner_positions.reshape(-1, size, 3))
-    starts = face_starts(face_sizes)
+    starts = run_starts(face_sizes)
     # Relative to a corner of the face: far from the origin the cross products cancel.
     local = corner_positions - np.repeat(corner_positions[starts], face_sizes, axis=0)
     x, y, z = local.T
@@ -98,18 +98,17 @@ def dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("...i,...i", a, b)[..., None])
 
 
-def sum_by(group: Numbers, vectors: Floats, count: int) -> Floats:
-    """Return the sum (count, 3) of the vectors (m, 3) of each group (m,)."""
-    sums = [np.bincount(group, vectors[:, i], count) for i in range(3)]
-    return np.stack(sums, axis=-1).astype(np.float64)
+def sum_by(group: AnyInts, vectors: Floats, count: int) -> Floats:
+    """Return the sum (count, k) of the vectors (m, k) of each group (m,)."""
+    return np.stack([np.bincount(group, column, count) for column in vectors.T], axis=-1).astype(np.float64)
 
 
-def flat_normals(areas: Floats, face_sizes: Numbers) -> Floats:
+def flat_normals(areas: Floats, face_sizes: AnyInts) -> Floats:
     """Return unit normals (m, 3), constant over each face, from `area_vectors`; +z for a face without area."""
     return np.repeat(normalize_or(areas, np.array([0.0, 0.0, 1.0])), face_sizes, axis=0)
 
 
-def smooth_normals(areas: Floats, corner_points: Numbers, face_sizes: Numbers, point_count: int) -> Floats:
+def smooth_normals(areas: Floats, corner_points: AnyInts, face_sizes: AnyInts, point_count: int) -> Floats:
     """Return unit normals (m, 3): the area-weighted mean over the faces of a point; if that is 0, the face's own."""
     sums = sum_by(corner_points, np.repeat(areas, face_sizes, axis=0), point_count)
     return normalize_or(sums[corner_points], flat_normals(areas, face_sizes))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from lookdev.arrays import Floats, Indices, Reals
 from lookdev.asset.mesh import Interpolation, Subdivision
 
-LARGEST = 1e18
+MAX_COORDINATE = 1e18
 """The largest coordinate: the product of two larger ones is not a float32."""
 
 

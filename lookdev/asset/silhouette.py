@@ -14,8 +14,8 @@ from lookdev.asset.bounds import grid_cells, smallest_ball
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import concatenate
 
-_MANY_USES = 8  # instances of a mesh from which computing its hull is faster than transforming all points
-_FEW_POINTS = 32  # points of a mesh up to which transforming them is faster than computing its hull
+_HULL_INSTANCES = 8  # of a mesh with as many instances, the hull is computed first: faster than to transform all points
+_FEW_POINTS = 32  # of a mesh with at most as many points, no hull is computed
 _PART_POINTS = 2**11  # points of a part of a mesh
 _COARSE, _FINE = 64, 1024  # planes of the coarse and of the fine polytope
 _MANY_POINTS = 2**18  # points outside the coarse polytope from which a fine one is built
@@ -42,13 +42,14 @@ def hull_points(asset: Asset) -> Floats:
         for number, cloud in clouds.items()
     }
     seeds = replace(placed, clouds=ends).points()
-    polytope = _Polytope(_extremes(seeds, _directions(_COARSE))).grow(seeds, _COARSE)
+    polytope = _Polytope(_extreme_points(seeds, _directions(_COARSE))).grow(seeds, _COARSE)
     if not polytope.is_solid:
         return _hull_points(placed.points())
     placed = placed.select_outside(polytope)
     if placed.size > _MANY_POINTS:
-        directions = _directions(min(max(_SEEDS // len(placed.of), 8), _COARSE))
-        ends = {number: _extremes(clouds[number], directions) for number in np.unique(placed.of).tolist()}
+        directions = _directions(min(max(_SEEDS // len(placed.cloud_numbers), 8), _COARSE))
+        numbers = np.unique(placed.cloud_numbers).tolist()
+        ends = {number: _extreme_points(clouds[number], directions) for number in numbers}
         polytope = polytope.grow(replace(placed, clouds=ends).points(), _FINE)
         placed = placed.select_outside(polytope)
     return np.concatenate([polytope.corners, *placed.split().points_outside(polytope)])
@@ -91,7 +92,7 @@ class _Polytope:
         """Return the hull extended by the points farthest beyond its planes, to `count` planes or all points."""
         polytope = self
         while 0 < len(polytope.planes) < count:
-            extremes = _extremes(points, polytope.planes[:, :3])
+            extremes = _extreme_points(points, polytope.planes[:, :3])
             distances = (extremes - polytope._middle) @ polytope.planes[:, :3].T + polytope.planes[:, 3]
             is_outside = (distances > 0.0).any(axis=1)
             if not is_outside.any():
@@ -111,49 +112,49 @@ class _Polytope:
 
 @dataclass(frozen=True, eq=False)
 class _PlacedClouds:
-    """Instances of point clouds (k, 3): `of` (n,) is the number of the cloud of each, `matrices` (n, 4, 4) place it."""
+    """Instances of point clouds (k, 3): the number of each instance's cloud (n,), and its matrix (n, 4, 4)."""
 
     clouds: Mapping[int, Floats]
-    of: Indices
+    cloud_numbers: Indices
     matrices: Floats
 
     @property
     def size(self) -> int:
         """The number of points of all instances."""
-        return sum(len(self.clouds[number]) for number in self.of.tolist())
+        return sum(len(self.clouds[number]) for number in self.cloud_numbers.tolist())
 
     def points(self) -> Floats:
         """Return all points in world space."""
-        placements = zip(self.of.tolist(), self.matrices, strict=True)
+        placements = zip(self.cloud_numbers.tolist(), self.matrices, strict=True)
         return concatenate([self.clouds[number] @ matrix[:3, :3].T + matrix[:3, 3] for number, matrix in placements])
 
     def select_outside(self, polytope: _Polytope) -> _PlacedClouds:
         """Return the instances whose bounding box is not inside a polytope."""
-        is_outside = np.zeros(len(self.of), np.bool_)
+        is_outside = np.zeros(len(self.cloud_numbers), np.bool_)
         boxes = {number: np.array([cloud.min(axis=0), cloud.max(axis=0)]) for number, cloud in self.clouds.items()}
-        for block in _blocks(np.arange(len(self.of)), 4 * len(polytope.planes)):
+        for block in _blocks(np.arange(len(self.cloud_numbers)), 4 * len(polytope.planes)):
             planes = polytope.local_planes(self.matrices[block])
-            box = np.array([boxes[number] for number in self.of[block].tolist()])
+            box = np.array([boxes[number] for number in self.cloud_numbers[block].tolist()])
             is_outside[block] = _is_box_beyond(planes, box).any(axis=1)
-        return replace(self, of=self.of[is_outside], matrices=self.matrices[is_outside])
+        return replace(self, cloud_numbers=self.cloud_numbers[is_outside], matrices=self.matrices[is_outside])
 
     def split(self) -> _PlacedClouds:
         """Return the same points as instances of parts, of at most `_PART_POINTS` points that lie near each other."""
         parts: list[Floats] = []
         parts_of_cloud: dict[int, Indices] = {}
-        for number in np.unique(self.of).tolist():
+        for number in np.unique(self.cloud_numbers).tolist():
             cloud_parts = _split_cloud(self.clouds[number])
             parts_of_cloud[number] = np.arange(len(parts), len(parts) + len(cloud_parts))
             parts += cloud_parts
-        part_numbers = [parts_of_cloud[number] for number in self.of.tolist()]
+        part_numbers = [parts_of_cloud[number] for number in self.cloud_numbers.tolist()]
         matrices = np.repeat(self.matrices, [len(numbers) for numbers in part_numbers], axis=0)
         return _PlacedClouds(dict(enumerate(parts)), np.concatenate([np.zeros(0, np.intp), *part_numbers]), matrices)
 
     def points_outside(self, polytope: _Polytope) -> Iterator[Floats]:
         """Yield the points, in world space, that are not inside a polytope."""
-        order = np.argsort(self.of, kind="stable")
-        for members in np.split(order, np.flatnonzero(np.diff(self.of[order])) + 1) if len(order) else []:
-            cloud = self.clouds[int(self.of[members[0]])]
+        order = np.argsort(self.cloud_numbers, kind="stable")
+        for members in np.split(order, np.flatnonzero(np.diff(self.cloud_numbers[order])) + 1) if len(order) else []:
+            cloud = self.clouds[int(self.cloud_numbers[members[0]])]
             box = np.array([cloud.min(axis=0), cloud.max(axis=0)])
             for block in _blocks(members, 4 * len(polytope.planes)):
                 planes = polytope.local_planes(self.matrices[block])
@@ -198,7 +199,7 @@ def _directions(count: int) -> Floats:
     return np.stack([levels * np.cos(angles), levels * np.sin(angles), heights], axis=-1)
 
 
-def _extremes(points: Floats, directions: Floats) -> Floats:
+def _extreme_points(points: Floats, directions: Floats) -> Floats:
     """Return the points (k, 3) that are extreme along the given directions."""
     return np.asarray(points[np.unique([(points @ direction).argmax() for direction in directions])])
 
@@ -208,7 +209,7 @@ def _mesh_points(mesh: Mesh, uses: int) -> Floats:
     is_used = np.zeros(len(mesh.points), np.bool_)
     is_used[mesh.corner_points] = True
     points = mesh.points[is_used].astype(np.float64)
-    return _hull_points(points) if uses >= _MANY_USES and len(points) > _FEW_POINTS else points
+    return _hull_points(points) if uses >= _HULL_INSTANCES and len(points) > _FEW_POINTS else points
 
 
 def _hull_points(points: Floats) -> Floats:

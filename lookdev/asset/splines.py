@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lookdev.arrays import Floats, Indices, Reals
+from lookdev.asset.normals import run_starts
 from lookdev.errors import AssetError
 
 # Rows: the coefficients of t^3, t^2, t and 1; columns: the vertices of a segment.
@@ -41,15 +42,10 @@ class Splines:
         """Return the values (n, ...) of the vertices and of the phantom vertices, which UsdGeom extrapolates."""
         if not self.pinned:
             return values
-        first = starts_of(self.vertex_counts)
+        first = run_starts(self.vertex_counts)
         last = first + self.vertex_counts - 1
         before, after = 2 * values[first] - values[first + 1], 2 * values[last] - values[last - 1]
         return np.asarray(np.concatenate([values, before, after]))
-
-
-def starts_of(counts: Indices) -> Indices:
-    """Return the start index (c,) of each of consecutive groups of the given sizes."""
-    return np.cumsum(counts) - counts
 
 
 def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines:
@@ -73,8 +69,8 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
         )
     segment_counts = counts // step if periodic else (counts - fewest) // step + 1
     curves = np.repeat(np.arange(len(counts)), segment_counts)
-    numbers = np.arange(len(curves)) - starts_of(segment_counts)[curves]
-    first, total = starts_of(counts), int(counts.sum())
+    numbers = np.arange(len(curves)) - run_starts(segment_counts)[curves]
+    first, total = run_starts(counts), int(counts.sum())
     matrix = BASES[basis]
 
     def at(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
@@ -116,7 +112,7 @@ def nurbs_splines(
         raise AssetError(f"{where}: there are {len(ranges)} ranges, but {len(counts)} curves")
     if len(weights) not in (0, counts.sum()) or (weights <= 0.0).any():
         raise AssetError(f"{where}: pointWeights must be positive numbers, one for each of {counts.sum()} points")
-    first = starts_of(counts)
+    first = run_starts(counts)
     spans: list[Floats] = []
     curve_knots = np.split(knots, np.cumsum(counts + orders)[:-1])
     for curve, own_knots in enumerate(curve_knots):

@@ -23,7 +23,7 @@ from lookdev.errors import AssetError
 
 _ALIGNMENT = 64  # bytes
 _FORMAT = 5  # increases, too, when the tangents of an unchanged asset change
-_FLAGS = ("convex", "sheet", "revolved")
+_FLAG_FIELDS = ("convex", "sheet", "revolved")
 
 # The fields of `Mesh` that are stored as one array for all meshes: the type, the numbers in a row, the rows.
 _ARRAYS: dict[str, tuple[type[np.generic], int, str]] = {
@@ -79,10 +79,10 @@ def asset_digest(asset: Asset) -> str:
     return digest.hexdigest()
 
 
-def save_asset(asset: Asset, directed: Iterable[int] = ()) -> Path:
+def save_asset(asset: Asset, tangent_meshes: Iterable[int] = ()) -> Path:
     """Write an asset to the cache, once, and return its file there.
 
-    In the file, the meshes with the numbers `directed` have tangents. If the asset lacks some of them, they are
+    In the file, the meshes with the numbers `tangent_meshes` have tangents. If the asset lacks some of them, they are
     computed, and the name of the file differs. The paths of instances are not stored, since no pixel depends on them.
     Raises ValueError if a mesh is a control cage.
     """
@@ -90,7 +90,7 @@ def save_asset(asset: Asset, directed: Iterable[int] = ()) -> Path:
     if cages:
         raise ValueError(f"{asset.name}: {cages[0]} is a control cage, which is refined before it is rendered")
     digest = asset.digest or asset_digest(asset)
-    missing = [number for number in directed if asset.meshes[number].tangents is None]
+    missing = [number for number in tangent_meshes if asset.meshes[number].tangents is None]
     name = hashlib.sha256(json.dumps([digest, missing]).encode()).hexdigest() if missing else digest
 
     def write(path: Path) -> None:
@@ -157,7 +157,7 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
 def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, object]:
     return {
         "format": _FORMAT,
-        **{name: getattr(asset, name) for name in ("name", *_FLAGS)},
+        **{name: getattr(asset, name) for name in ("name", *_FLAG_FIELDS)},
         "slots": [[slot.path, slot.material] for slot in asset.slots],
         "meshes": [mesh.name for mesh in asset.meshes],
         "layouts": layouts,
@@ -223,7 +223,7 @@ def _assemble_asset(line: bytes, file_bytes: Bytes) -> Asset:
         slots=tuple(Slot(slot, material) for slot, material in description["slots"]),
         center=tuple(head["center"]),
         **{name: head[name] for name in ("radius", "digest")},
-        **{name: description[name] for name in ("name", *_FLAGS)},
+        **{name: description[name] for name in ("name", *_FLAG_FIELDS)},
     )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lookdev.arrays import Floats, Floats32, Indices, Reals
 from lookdev.asset.mesh import Mesh
-from lookdev.asset.normals import Numbers, batches, blocks, dot, face_starts, next_corners, normalize_or, sum_by
+from lookdev.asset.normals import AnyInts, batch_slices, blocks, dot, next_corners, normalize_or, run_starts, sum_by
 from lookdev.brdf import vectors
 
 _ROUNDS = 8
@@ -33,7 +33,7 @@ def tangents_of(meshes: Sequence[Mesh]) -> list[Floats32]:
     tangents = {i: mesh.tangents for i, mesh in enumerate(meshes) if mesh.tangents is not None}
     for has_uvs in (True, False):
         missing = [i for i, mesh in enumerate(meshes) if i not in tangents and bool(mesh.uvs) == has_uvs]
-        for batch in batches([len(meshes[i].corner_points) for i in missing]):
+        for batch in batch_slices([len(meshes[i].corner_points) for i in missing]):
             tangents |= zip(missing[batch], _batch_tangents([meshes[i] for i in missing[batch]]), strict=True)
     return [tangents[i] for i in range(len(meshes))]
 
@@ -56,11 +56,11 @@ def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats32]:
 
 def corner_tangents(
     points: Reals,
-    corner_points: Numbers,
-    face_sizes: Numbers,
+    corner_points: AnyInts,
+    face_sizes: AnyInts,
     normals: Floats32,
     uvs: Floats32 | None,
-    meshes: Numbers | None = None,
+    meshes: AnyInts | None = None,
 ) -> Floats32:
     """Return unit tangents (m, 3), orthogonal to the corner normals, from arrays as in `Mesh` and `uvs` (m, 2).
 
@@ -109,9 +109,9 @@ def handedness(mesh: Mesh) -> Floats32:
     return np.repeat(sign, mesh.face_sizes).astype(np.float32)
 
 
-def _orientation(face_sizes: Numbers, following: Numbers, uvs: Floats) -> Floats:
+def _orientation(face_sizes: AnyInts, following: AnyInts, uvs: Floats) -> Floats:
     """Return each face's sign (f,): 1 if its UVs have the face's winding, -1 if they are mirrored, 0 without area."""
-    starts = face_starts(face_sizes)
+    starts = run_starts(face_sizes)
     first = np.repeat(uvs[starts], face_sizes, axis=0)
     u, v = (uvs - first).T
     uv_area = np.add.reduceat(u * v[following] - u[following] * v, starts)
@@ -122,14 +122,14 @@ def _orientation(face_sizes: Numbers, following: Numbers, uvs: Floats) -> Floats
 
 
 def _face_tangents(
-    positions: Floats, face_sizes: Numbers, following: Numbers, uvs: Floats, orientation: Floats
+    positions: Floats, face_sizes: AnyInts, following: AnyInts, uvs: Floats, orientation: Floats
 ) -> Floats:
     """Return each face's tangent (f, 3), not unit; zero if it has none.
 
     By Stokes' theorem the integral of v dP around a face is the integral of (N x grad v) over it, and dP/du
     points along (grad v x N) if the UVs have the face's winding, against it if they are mirrored.
     """
-    starts = face_starts(face_sizes)
+    starts = run_starts(face_sizes)
     v = uvs[:, 1] - np.repeat(uvs[starts, 1], face_sizes)
     circulation = (0.5 * (v + v[following]))[:, None] * (positions[following] - positions)
     return np.asarray(-orientation[:, None] * np.add.reduceat(circulation, starts, axis=0))
@@ -144,7 +144,7 @@ def _orthogonalize(vectors: Floats, normals: Floats) -> Floats:
 
 
 def _longitude_tangents(
-    points: Floats, corner_points: Numbers, face_sizes: Numbers, normals: Floats32, meshes: Numbers | None
+    points: Floats, corner_points: AnyInts, face_sizes: AnyInts, normals: Floats32, meshes: AnyInts | None
 ) -> Floats32:
     """Return unit tangents (m, 3) around the z axis, counter-clockwise seen from above."""
     starts = np.flatnonzero(np.diff(meshes, prepend=-1)) if meshes is not None else np.zeros(1, np.intp)
@@ -160,7 +160,7 @@ def _longitude_tangents(
     return tangents
 
 
-def _number_positions(points: Reals, meshes: Numbers | None) -> Indices:
+def _number_positions(points: Reals, meshes: AnyInts | None) -> Indices:
     """Number the points (n,): points of one mesh at the same position have the same number."""
     key = _hash_rows(points) if meshes is None else mix_bits(_hash_rows(points) ^ meshes.astype(np.uint64))
     sorted_keys = np.sort(key)

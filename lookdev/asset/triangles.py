@@ -6,7 +6,7 @@ import numpy as np
 
 from lookdev.arrays import Floats, Ints
 from lookdev.asset.mesh import Mesh
-from lookdev.asset.normals import area_vectors, face_starts
+from lookdev.asset.normals import area_vectors, run_starts
 
 
 def triangulate(mesh: Mesh) -> Mesh:
@@ -21,7 +21,7 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
     A polygon becomes a fan about its first corner if the fan stays inside it; otherwise a quad is split along its other
     diagonal, and a larger polygon by ear clipping.
     """
-    sizes, starts = mesh.face_sizes.astype(np.int64), face_starts(mesh.face_sizes)
+    sizes, starts = mesh.face_sizes.astype(np.int64), run_starts(mesh.face_sizes)
     positions = mesh.points[mesh.corner_points].astype(np.float64)
     counts = sizes - 2
     faces = np.repeat(np.arange(len(sizes)), counts)

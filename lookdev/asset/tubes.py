@@ -14,7 +14,7 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.tangents import perpendicular
 
-_MAX_CUT = 4.0  # in radii; where a curve reverses, the bisecting plane contains it
+_MAX_CUT = 4.0  # in radii: where a curve reverses, the bisecting plane contains the curve
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +22,7 @@ class Rings:
     """Samples (r,) of curves, in order: positions (r, 3), unit directions (r, 3), radii (r,).
 
     pieces (r,) and curves (r,) are the numbers of the piece and the curve of each ring, from 0 without gaps; closed
-    (c,) tells whether the last piece of a curve meets its first.
+    (c,) is true where the last piece of a curve meets its first.
     """
 
     positions: Floats

@@ -9,29 +9,22 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom
 
 from lookdev.arrays import Floats
-from lookdev.asset.shape import LARGEST
+from lookdev.asset.shape import MAX_COORDINATE
 from lookdev.asset.usd.walk import faulty_transform_path, is_affine
 from lookdev.errors import Fault, FaultsError, nearest_hint
-from lookdev.stage import error_words, quote
+from lookdev.stage import error_message, quote
 from lookdev.stage.units import Z_UP, is_y_up
 
 _TIME = Usd.TimeCode.EarliestTime()
-_LENS = (
-    "projection",
-    "horizontalAperture",
-    "verticalAperture",
-    "horizontalApertureOffset",
-    "verticalApertureOffset",
-    "focalLength",
-    "fStop",
-    "focusDistance",
-)
+_LENGTHS = ("horizontalAperture", "verticalAperture", "focalLength")
+_OFFSETS = ("horizontalApertureOffset", "verticalApertureOffset")
+_LENS = ("projection", *_LENGTHS, *_OFFSETS, "fStop", "focusDistance")
 _UNSUPPORTED = (
     "clippingPlanes",
     "exposure",
     *(f"exposure:{name}" for name in ("fStop", "iso", "responsivity", "time")),
 )
-_TENTH = 0.1  # scene units: the unit of focal length, apertures and offsets (UsdGeomCamera, "Units")
+_LENS_UNIT = 0.1  # scene units: the unit of focal length, apertures and offsets (UsdGeomCamera, "Units")
 _MAX_COSINE = 1e-4  # the largest cosine between axes that count as orthogonal
 
 
@@ -76,7 +69,7 @@ def read_camera(stage: Usd.Stage, path: str) -> UsdCamera:
         raise FaultsError(faults)
     values = {name: prim.GetAttribute(name).Get(_TIME) for name in (*_LENS, "clippingRange")}
     unit = UsdGeom.GetStageMetersPerUnit(stage)
-    lens = _TENTH * unit
+    lens = _LENS_UNIT * unit
     axes, position = _camera_axes(prim), _stage_matrix(prim)[3, :3] * unit
     if is_y_up(stage):
         to_z_up = Z_UP[:3, :3]
@@ -109,10 +102,10 @@ def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
             if value != UsdGeom.Tokens.perspective:
                 value_text = quote(value) if isinstance(value, str) else "no text"
                 yield Fault(file, location, f"the projection is {value_text}; only perspective cameras render")
-        elif not (isinstance(value, float) and abs(value) <= LARGEST):
+        elif not (isinstance(value, float) and abs(value) <= MAX_COORDINATE):
             value_text = f"is {value:g}" if isinstance(value, float) else "has a value of another type"
-            yield Fault(file, location, value_text, f"a number within +-{LARGEST:g} is needed")
-        elif name in ("focalLength", "horizontalAperture", "verticalAperture") and value <= 0.0:
+            yield Fault(file, location, value_text, f"a number within +-{MAX_COORDINATE:g} is needed")
+        elif name in _LENGTHS and value <= 0.0:
             yield Fault(file, location, f"is {value:g}; a positive length is needed")
         elif name in ("fStop", "focusDistance") and value < 0.0:
             yield Fault(file, location, f"is {value:g}; it must not be negative")
@@ -129,7 +122,7 @@ def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
         try:
             problem = _transform_problem(_stage_matrix(prim))
         except Tf.ErrorException as error:
-            problem = f"USD cannot compute its transform: {error_words(error)}"
+            problem = f"USD cannot compute its transform: {error_message(error)}"
         if problem:
             yield Fault(
                 file, faulty_transform_path(prim, _TIME), problem, "a camera is placed by translation and rotation"
@@ -138,7 +131,7 @@ def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
 
 def _is_range(value: object) -> bool:
     """Return whether a value is a pair of increasing numbers; the second may be infinite."""
-    return isinstance(value, Gf.Vec2f) and abs(value[0]) <= LARGEST and value[0] < value[1]
+    return isinstance(value, Gf.Vec2f) and abs(value[0]) <= MAX_COORDINATE and value[0] < value[1]
 
 
 def _xformable_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
@@ -157,7 +150,7 @@ def _transform_problem(matrix: Floats) -> str:
     axes = matrix[:3, :3]
     sizes = np.linalg.norm(axes, axis=1)
     if not (is_affine(matrix) and (sizes > 0.0).all()):
-        return f"its transform is singular, not affine, or has a number not within +-{LARGEST:g}"
+        return f"its transform is singular, not affine, or has a number not within +-{MAX_COORDINATE:g}"
     unit = axes / sizes[:, None]
     if np.abs(unit @ unit.T - np.eye(3)).max() > _MAX_COSINE:
         return "its transform shears it"

@@ -38,7 +38,7 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.metrics import relmse_of_halves
 from lookdev.output.exr import read_frame, write_frame
 from lookdev.output.frame_name import FrameName
-from lookdev.plan import Turns, make_setup
+from lookdev.plan import TurntableFrames, make_setup
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.worker import last_line
 from lookdev.run.render import render_setups
@@ -285,7 +285,7 @@ def _render_job(
         light = prepare_light(load_environment(builtin=ibl))
         scene = Scene.of_look(asset, look, light, (subject.resolution, subject.resolution))
         setups.append(make_setup(subject.look, ibl, scene, sampling))
-    plan, result = render_setups(setups, Turns(turntables, folder), JobOutputs())
+    plan, result = render_setups(setups, TurntableFrames(turntables, folder), JobOutputs())
     seconds = time.perf_counter() - started
     if result.interrupted:
         raise KeyboardInterrupt

@@ -69,7 +69,7 @@ class AssetReader:
     def composition(self, look: JobLook) -> Composition | None:
         """Return the composition of the asset for a look; None for a built-in asset.
 
-        If a look has no material, its variants are variants of the asset.
+        The variants of a look without a material are variants of the asset.
         """
         table = self._table
         if table.usd is None:

@@ -157,7 +157,7 @@ def _match_patterns(
                 broken.add(pattern)
                 members[pattern] = frozenset()
     fits = fit_patterns([pattern for _, pattern in patterns], composed.paths, members)
-    for key, pattern in (patterns[number] for number in fits.unfit):
+    for key, pattern in (patterns[number] for number in fits.unmatched):
         if pattern in broken:
             continue
         if pattern in members:

@@ -8,7 +8,7 @@ from pathlib import Path
 from lookdev.build.assets import AssetReader
 from lookdev.build.faults import Findings
 from lookdev.job.parts import JobLook
-from lookdev.job.schema import SEVERAL_JOBS, Job, excess_frames
+from lookdev.job.schema import SEVERAL_JOBS_HINT, Job, excess_frames_message
 from lookdev.material.usd import expand_variants
 from lookdev.material.variants import MAX_COMBINATIONS
 
@@ -44,8 +44,8 @@ def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job
         problem = f"'*' expands to variants that make {len(looks)} looks, at most {MAX_COMBINATIONS} would be right"
         findings.add("look", problem, "name a variant of some of the sets")
         findings.raise_faults()
-    if excess := excess_frames(len(looks), len(job.rigs), job.turntable):
-        findings.add("turntable", excess, SEVERAL_JOBS)
+    if excess := excess_frames_message(len(looks), len(job.rigs), job.turntable):
+        findings.add("turntable", excess, SEVERAL_JOBS_HINT)
         findings.raise_faults()
     return job.model_copy(update={"look": tuple(looks)}), keys
 

@@ -32,7 +32,7 @@ from lookdev.scene.displace import displace
 from lookdev.scene.framing import DEFAULT_FILL, Arc
 from lookdev.scene.ground import GREY, Ground
 from lookdev.scene.shot import shot_camera, shot_notes
-from lookdev.scene.uvs import absent_primvars, with_uvs
+from lookdev.scene.uvs import add_missing_uvs, missing_primvar_notes
 from lookdev.stage import open_stage
 
 _STEP = 5.0  # degrees between two angles at which an outline is projected
@@ -65,9 +65,9 @@ def refine_and_frame(
         asset, displaced = cages[name]
         with findings.collect(keys[name]):
             refined, level_notes = refiner.refine(asset, cameras[name], displaced)
-            complete, uv_notes = with_uvs(refined, assigned_asset.looks, assigned_asset.bound)
+            complete, uv_notes = add_missing_uvs(refined, assigned_asset.looks, assigned_asset.bound)
             assets[name] = displace(complete, assigned_asset.looks)
-            findings.note(*level_notes, *uv_notes, *absent_primvars(complete, assigned_asset.looks))
+            findings.note(*level_notes, *uv_notes, *missing_primvar_notes(complete, assigned_asset.looks))
     findings.raise_faults()
     if any(mesh.subdivision is not None for asset, _ in cages.values() for mesh in asset.meshes):
         cameras, camera_notes = job_cameras(job, assets, shot)

@@ -53,7 +53,7 @@ def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLigh
     """Read the lights of a job; without `sampled`, domes have no tables with which shaders draw directions."""
     rigs: list[RigLights] = []
     for table in job.rigs:
-        with findings.collect(job.place_of(table.name)):
+        with findings.collect(job.key_of_rig(table.name)):
             rig = _read_table(job, table, sampled=sampled)
             rig.check_exposed(table.exposure)
             findings.note(*rig.notes)
@@ -69,7 +69,7 @@ def vary_lights(
     `rigs` are the lights that the job has without wedges. Lights that only differ in exposure and rotation share their
     tables.
     """
-    keys = {rig.name: job.place_of(rig.name) for rig in job.rigs}
+    keys = {rig.name: job.key_of_rig(rig.name) for rig in job.rigs}
     tables = {rig.name: rig for rig in job.rigs}
     lights = {rig.name: rig for rig in rigs}
     varied_lights, varied_tables = [], []

@@ -18,7 +18,7 @@ from lookdev.arrays import Floats
 from lookdev.asset import Asset, Mesh, read_asset, save_asset
 from lookdev.asset.silhouette import hull_points
 from lookdev.asset.store import asset_digest, make_asset
-from lookdev.asset.subdivision import Refinement, orbit_pixel, refine_all, refinement_levels
+from lookdev.asset.subdivision import Refinement, orbit_pixel_size, refine_all, refinement_levels
 from lookdev.cache import Content, cached_file, code_digest, load_cached, store_cached
 from lookdev.errors import AssetError
 from lookdev.material import Look
@@ -44,22 +44,22 @@ class Refiner:
         self._meshes: dict[tuple[int, int], tuple[Mesh, Mesh]] = {}
         self._assets: dict[tuple[int, tuple[int, ...]], tuple[Asset, Asset]] = {}
 
-    def refine(self, asset: Asset, camera: Camera, detailed: Collection[int] = ()) -> tuple[Asset, tuple[str, ...]]:
-        """Return the asset with cages refined for a camera, and notes; `detailed` and errors as `refinement_levels`.
+    def refine(self, asset: Asset, camera: Camera, displaced: Collection[int] = ()) -> tuple[Asset, tuple[str, ...]]:
+        """Return the asset with cages refined for a camera, and notes; `displaced` and errors as `refinement_levels`.
 
         Raises AssetError also if the level that the job states makes too many faces.
         """
         if all(mesh.subdivision is None for mesh in asset.meshes):
             return asset, ()
-        refinement = self._levels(asset, camera, detailed)
+        refinement = self._levels(asset, camera, displaced)
         key = id(asset), refinement.levels
         if key not in self._assets:
-            self._assets[key] = self._refine(asset, refinement.levels, detailed), asset
+            self._assets[key] = self._refine(asset, refinement.levels, displaced), asset
         return self._assets[key][0], refinement.notes
 
-    def _refine(self, asset: Asset, levels: tuple[int, ...], detailed: Collection[int]) -> Asset:
+    def _refine(self, asset: Asset, levels: tuple[int, ...], displaced: Collection[int]) -> Asset:
         cages = {(id(mesh), level): mesh for mesh, level in zip(asset.meshes, levels, strict=True)}
-        key = geometry_key(asset, detailed, levels)
+        key = geometry_key(asset, displaced, levels)
         # If another look has some of the meshes in memory, they are shared instead of read from the cache.
         shared = any(cage_key in self._meshes for cage_key in cages)
         refined = None if shared else _load_refined(key, asset)
@@ -78,14 +78,14 @@ class Refiner:
             store_cached(_ROOM, key, {"asset": [file.digest, file.suffix]})
         return replace(refined, unit=asset.unit, notes=asset.notes)
 
-    def _levels(self, asset: Asset, camera: Camera, detailed: Collection[int]) -> Refinement:
+    def _levels(self, asset: Asset, camera: Camera, displaced: Collection[int]) -> Refinement:
         if self._level == "auto":
-            pixel = orbit_pixel(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
+            pixel = orbit_pixel_size(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
             view = [*camera.position.tolist(), *camera.pivot, camera.reach, self._width]
-            key = geometry_key(asset, detailed, view)
+            key = geometry_key(asset, displaced, view)
             refinement = _load_levels(key, len(asset.meshes))
             if refinement is None:
-                refinement = refinement_levels(asset, pixel, detailed)
+                refinement = refinement_levels(asset, pixel, displaced)
                 store_cached(_ROOM, key, {"levels": refinement.levels, "notes": refinement.notes})
             return refinement
         levels = [0 if mesh.subdivision is None else self._level for mesh in asset.meshes]
@@ -108,10 +108,10 @@ def cages_of_displaced(asset: Asset, looks: Mapping[str, Look]) -> tuple[Asset, 
     return replace(asset, meshes=tuple(meshes)), displaced
 
 
-def geometry_key(asset: Asset, detailed: Collection[int], parameters: Sequence[float]) -> str:
-    """Return the key of a result that depends on an asset, its meshes `detailed`, and a camera or levels."""
+def geometry_key(asset: Asset, displaced: Collection[int], parameters: Sequence[float]) -> str:
+    """Return the key of a result that depends on an asset, its meshes `displaced`, and a camera or levels."""
     digest = asset.digest or asset_digest(asset)
-    content = [code_digest("asset"), digest, sorted(detailed), list(parameters)]
+    content = [code_digest("asset"), digest, sorted(displaced), list(parameters)]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 

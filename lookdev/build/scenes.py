@@ -14,7 +14,7 @@ from lookdev.build.frame import job_grounds, read_shot, refine_and_frame
 from lookdev.build.lights import RigLights, read_lights, vary_lights
 from lookdev.build.wedges import Wedges, WedgeSheet, expand_wedges, vary_looks
 from lookdev.errors import shorten
-from lookdev.job.schema import MOST_FRAMES, SEVERAL_JOBS, Job
+from lookdev.job.schema import MAX_FRAMES, SEVERAL_JOBS_HINT, Job
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.scene import Camera, Film, Scene
@@ -40,7 +40,7 @@ class JobScenes:
     charts: Mapping[str, Scene] = field(default_factory=dict)  # of reference props, by rig
 
 
-def job_scenes(
+def build_scenes(
     job: Job,
     ahead: PrepareAhead = lambda job, look, lights: None,
     reader: AssetReader | None = None,
@@ -114,9 +114,9 @@ class _RenderedAssets:
 def _check_frames(job: Job, wedges: Wedges, findings: Findings) -> None:
     """Raise FaultsError if wedges make more frames than a job can have."""
     count = len(wedges.pairs) * sum(turntable.frames for turntable in job.turntable)
-    if count > MOST_FRAMES and job.wedge:
-        problem = f"wedges make {count} frames of the job; at most {MOST_FRAMES} would be right"
-        findings.add("wedge", problem, SEVERAL_JOBS)
+    if count > MAX_FRAMES and job.wedge:
+        problem = f"wedges make {count} frames of the job; at most {MAX_FRAMES} would be right"
+        findings.add("wedge", problem, SEVERAL_JOBS_HINT)
         findings.raise_faults()
 
 
@@ -176,7 +176,7 @@ def _make_chart_scenes(
         name = _largest(assets)
         with findings.collect("charts"):
             camera, strip = props_camera(cameras[name], assets[name].center), job.charts.strip(job.render.resolution)
-            findings.note(*filter(None, [strip.too_small()]))
+            findings.note(*filter(None, [strip.size_note()]))
             for rig in rigs:
                 lights = rig.place_around(assets[name])
                 charts[rig.name] = props_scene(strip, camera, lights, job.render.space)

@@ -71,7 +71,7 @@ def expand_wedges(job: Job, findings: Findings) -> Wedges:
         lower = {name.casefold() for name in taken}
         for name, variation in added.items():
             if name.casefold() in lower:
-                findings.add(variation.key, f"makes a {kind} called '{name}', as another one is", "rename that one")
+                findings.add(variation.key, f"makes a {kind} called '{name}', the name of another", "rename the other")
     return Wedges(wedges.looks, wedges.rigs, wedges.pairs, tuple(sheets.values()))
 
 
@@ -111,9 +111,9 @@ def _add_sheet(wedges: Wedges, wedge: JobWedge, key: str, look: str, rig: str) -
     cells, labels = [], []
     for steps in product(*(axis.steps for axis in wedge.axes)):
         cell = []
-        for base, of_light, added in ((look, False, wedges.looks), (rig, True, wedges.rigs)):
-            axis_steps = [pair for pair in zip(wedge.axes, steps, strict=True) if pair[0].of_light == of_light]
-            name = "_".join([base, *(f"{axis.short}_{_name_part(axis, step)}" for axis, step in axis_steps)])
+        for base, varies_light, added in ((look, False, wedges.looks), (rig, True, wedges.rigs)):
+            axis_steps = [pair for pair in zip(wedge.axes, steps, strict=True) if pair[0].varies_light == varies_light]
+            name = "_".join([base, *(f"{axis.short_name}_{_name_part(axis, step)}" for axis, step in axis_steps)])
             if axis_steps:
                 changes = tuple((axis.parameter, step) for axis, step in axis_steps)
                 added.setdefault(name, Variation(base, changes, key))
@@ -134,7 +134,7 @@ def _find_duplicates(wedge: JobWedge, wedge_key: str, findings: Findings) -> Non
         names = [_name_part(axis, step) for step in axis.steps]
         if duplicates := sorted({name for name in names if names.count(name) > 1}):
             findings.add(f"{key}.values", f"{duplicates[0]} is there twice", "give each value once")
-        if not axis.short:
+        if not axis.short_name:
             findings.add(f"{key}.parameter", f"'{axis.parameter}' has no name")
     if len({axis.parameter for axis in wedge.axes}) < len(wedge.axes):
         findings.add(f"{wedge_key}.by.parameter", "varies what the wedge varies already")

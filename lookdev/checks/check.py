@@ -26,7 +26,7 @@ from lookdev.job.keys import MATERIAL_SUFFIXES
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.material.usd.bound import read_any_look
-from lookdev.plan import Setup, Turns, make_setup
+from lookdev.plan import Setup, TurntableFrames, make_setup
 from lookdev.plan.prepare import read_setups
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -110,7 +110,8 @@ def check_file(
     names = [name for name in CHECKS if name in (only or DEFAULT_CHECKS)]
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
-    setups, turns = _read_setups(file, prim, variants or {}, backend) if file else ((), Turns((_TURNTABLE,), Path()))
+    no_setups = (), TurntableFrames((_TURNTABLE,), Path())
+    setups, turns = _read_setups(file, prim, variants or {}, backend) if file else no_setups
     with open_renderer() as render:
         subject = _Subject(setups, turns, render, depth, seed, alter)
         for name in names:
@@ -124,7 +125,7 @@ def parse_only(text: str) -> tuple[str, ...]:
 
 def _read_setups(
     file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None
-) -> tuple[tuple[Setup, ...], Turns]:
+) -> tuple[tuple[Setup, ...], TurntableFrames]:
     """Return the setups of a job or of a look's file, and their turntables."""
     if file.suffix.lower() not in MATERIAL_SUFFIXES:
         if backend is not None:
@@ -140,7 +141,7 @@ def _read_setups(
     for name, selection in expand_material(stem, file, prim, variants):
         scene = Scene.of_look(asset, read_any_look(file, prim, selection, name).look, light, _RESOLUTION)
         setups.append(make_setup(name, _LIGHT, scene, Sampling(), tasks))
-    return tuple(setups), Turns((_TURNTABLE,), Path())
+    return tuple(setups), TurntableFrames((_TURNTABLE,), Path())
 
 
 @dataclass(frozen=True)
@@ -148,7 +149,7 @@ class _Subject:
     """The arguments of a check: the setups to check, and how."""
 
     setups: tuple[Setup, ...]
-    turns: Turns
+    turns: TurntableFrames
     render: RenderHalves
     depth: DepthName
     seed: int

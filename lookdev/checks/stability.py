@@ -320,7 +320,7 @@ def _make_task(look: Look, case: SceneCase) -> FrameTask:
     uv_sets = [
         attribute.attribute for source in task.shaders for attribute in source.attributes if attribute.kind == "uv"
     ]
-    asset = Content.store_copy(save_asset(_add_uv_sets(case.asset, uv_sets), directed=[0]))
+    asset = Content.store_copy(save_asset(_add_uv_sets(case.asset, uv_sets), tangent_meshes=[0]))
     return frame_task(replace(task, asset=asset), Pose(30.0, 75.0), f"stress {look.name}, {case.name}")
 
 

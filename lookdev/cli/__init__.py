@@ -20,7 +20,7 @@ from lookdev.cli import checks, export, files, jobs, machine, materials, plots, 
 from lookdev.cli.options import say, say_notes
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.processes import end_at_signals
-from lookdev.sandbox import KilledError, NativeCrash, run_supervised
+from lookdev.sandbox import KilledError, NativeCrashError, run_supervised
 
 EX_SOFTWARE = 70
 """Exit code of a defect of the program (sysexits.h)."""
@@ -47,7 +47,7 @@ def main() -> None:
         _leave(str(error), 1)
     except LookdevError as error:
         _leave(str(error), 2)
-    except NativeCrash as error:
+    except NativeCrashError as error:
         _leave_with_report(error)
     sys.exit(code)
 

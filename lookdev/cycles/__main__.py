@@ -16,7 +16,7 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-from lookdev.processes import end_with_parent, leaving
+from lookdev.processes import end_with_parent, exit_after_block
 from lookdev.rendering.answers import AnswerStream
 
 _MAX_LOG_GROWTH = 1 << 20
@@ -97,7 +97,7 @@ def main() -> None:
     """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` run one command."""
     end_with_parent()
     answers = AnswerStream()
-    with leaving():
+    with exit_after_block():
         if arguments := sys.argv[1:]:
             # Blender does not remove its temporary folder; the parent removes that of `_serve`.
             with tempfile.TemporaryDirectory(prefix="lookdev-") as scratch:

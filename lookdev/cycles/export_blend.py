@@ -22,7 +22,7 @@ from lookdev.cycles.scene import BlenderScene
 from lookdev.cycles.timeline import animate, mark_turntables, share_animation
 from lookdev.cycles.world import build_world
 from lookdev.errors import LookdevError, RenderError
-from lookdev.light.native import varied_domes
+from lookdev.light.native import has_varied_dome
 from lookdev.rendering.blend import BLEND_TASK, BlendTask
 from lookdev.rendering.task import SceneTask
 
@@ -134,7 +134,7 @@ def _add_worlds(task: BlendTask) -> bpy.types.World:
     """Add the world of every rig; return the first."""
     worlds = []
     for rig in task.rigs:
-        sampled = varied_domes(rig.lights)
+        sampled = has_varied_dome(rig.lights)
         worlds.append(build_world(rig.name, rig.lights, sampled=sampled, strength=rig.strength, turn=rig.turn))
         worlds[-1].use_fake_user = True
     return worlds[0]

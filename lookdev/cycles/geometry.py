@@ -17,7 +17,7 @@ from mathutils import Matrix
 from lookdev.arrays import Elements, Floats, Floats32, Indices, Ints
 from lookdev.asset.gather import join_small_meshes, move_stretch_to_meshes
 from lookdev.asset.mesh import Asset, Mesh
-from lookdev.asset.normals import blocks, face_starts
+from lookdev.asset.normals import blocks, run_starts
 from lookdev.asset.tangents import handedness
 from lookdev.asset.triangles import triangulate
 from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding, GeneratedSource, short_name
@@ -220,7 +220,7 @@ def _build_mesh(
     data.vertices.add(len(mesh.points))
     data.loops.add(len(mesh.corner_points))
     data.polygons.add(len(mesh.face_sizes))
-    data.polygons.foreach_set("loop_start", face_starts(mesh.face_sizes).astype(np.int32))
+    data.polygons.foreach_set("loop_start", run_starts(mesh.face_sizes).astype(np.int32))
     # Attributes are copied as whole arrays.
     data.attributes["position"].data.foreach_set("vector", mesh.points.ravel())
     data.attributes[".corner_vert"].data.foreach_set("value", mesh.corner_points)
@@ -256,7 +256,7 @@ def _compact(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
     Cycles stores values of corners three times for every triangle.
     """
     sizes = mesh.face_sizes
-    at_faces = values[face_starts(sizes)]
+    at_faces = values[run_starts(sizes)]
     if all(
         np.array_equal(values[corners], np.repeat(at_faces[faces], sizes[faces], axis=0))
         for faces, corners in blocks(sizes)

@@ -15,7 +15,7 @@ from typing import TypedDict
 import bpy
 
 from lookdev.cycles.plain_sequence import add_environment_texture
-from lookdev.processes import leaving
+from lookdev.processes import exit_after_block
 from lookdev.rendering.answers import AnswerStream, peak_memory
 
 
@@ -55,5 +55,5 @@ def render(request: ImportRequest, answers: AnswerStream) -> None:
 
 if __name__ == "__main__":
     channel = AnswerStream()
-    with leaving():
+    with exit_after_block():
         render(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")), channel)

@@ -25,7 +25,7 @@ from lookdev.codegen.source import PrincipledSource
 from lookdev.cycles import version
 from lookdev.cycles.nodes import add_node
 from lookdev.cycles.principled import build_principled_material
-from lookdev.processes import leaving
+from lookdev.processes import exit_after_block
 
 
 class SequenceCamera(TypedDict):
@@ -147,5 +147,5 @@ def add_environment_texture(
 
 
 if __name__ == "__main__":
-    with leaving():
+    with exit_after_block():
         render(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))

@@ -21,7 +21,7 @@ from lookdev.cycles.streams import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
 from lookdev.light import RigOrigin, coded_light
-from lookdev.light.native import still_domes, varied_domes, world_domes
+from lookdev.light.native import are_domes_still, has_varied_dome, world_domes
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Pose
 
@@ -128,7 +128,7 @@ class BlenderScene:
             see_through = any(source.see_through for source in task.shaders)
             engine.configure_closures(self.scene, task.resolution, bounces, task.device, see_through=see_through)
             # Sampling a constant light reduces no variance.
-            sampled = self.is_principled or varied_domes(task.lights)
+            sampled = self.is_principled or has_varied_dome(task.lights)
             self.scene.world = build_world("light", task.lights, sampled=sampled)
         if self.is_principled:
             configure_user_defaults(self.scene)
@@ -146,8 +146,8 @@ class BlenderScene:
         match source:
             case ShaderSource():
                 x, y, z = self._asset.center
-                stand = RigOrigin((x, y, z), self.task.camera.pivot)
-                return build_surface_material(source, number, self.task.lights_of(number), stand)
+                rig_origin = RigOrigin((x, y, z), self.task.camera.pivot)
+                return build_surface_material(source, number, self.task.lights_of(number), rig_origin)
             case NodeSource():
                 return build_material(source, self._groups)
             case PrincipledSource():
@@ -247,7 +247,7 @@ class BlenderScene:
 
     def _frame(self, pose: Pose) -> float:
         """Return the angle, in degrees, of the scene's rotation backwards, so that its world stands still."""
-        return 0.0 if still_domes(self.task.lights) else pose.lighting
+        return 0.0 if are_domes_still(self.task.lights) else pose.lighting
 
     def select_catcher_part(self, part: int) -> None:
         """Make OSL shaders show a part of a frame with a shadow catcher (`lookdev.codegen.osl.catching`)."""

@@ -13,7 +13,7 @@ import numpy as np
 from bpy.types import ShaderNodeScript, ShaderNodeTree
 
 from lookdev.arrays import Floats32, Ints32
-from lookdev.cache import Content, cache_dir, cached_file, from_memory
+from lookdev.cache import Content, cache_dir, cached_file, memory_file
 from lookdev.codegen.source import ShaderSource
 from lookdev.cycles import version
 from lookdev.cycles.nodes import add_node
@@ -51,7 +51,7 @@ def compile_osl(source: ShaderSource) -> Path:
         file = compiled.with_suffix(".osl")
         try:
             file.write_text(text, encoding="utf-8")
-            with from_memory(compiled) as memory:
+            with memory_file(compiled) as memory:
                 is_compiled, log = capture_output(lambda: _cycles.osl_compile(os.fspath(file), memory))
             if not is_compiled:
                 refused = file.replace(cache_dir("osl") / f"{name}.osl")
@@ -82,14 +82,14 @@ def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, 
 
 
 def build_surface_material(
-    source: ShaderSource, number: int, lights: Sequence[Light], stand: RigOrigin
+    source: ShaderSource, number: int, lights: Sequence[Light], rig_origin: RigOrigin
 ) -> bpy.types.Material:
     """Create the material of a look whose shader integrates the light.
 
     Its varying constants are the properties `varying_values` of that number. Cycles reads the properties of an object
     anew for each render and compiles nothing.
     """
-    code = lights_code(lights, sampled=source.directions[1] > 0, stand=stand)
+    code = lights_code(lights, sampled=source.directions[1] > 0, rig_origin=rig_origin)
     parameters = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
     values = {name: str(value.path) if isinstance(value, Content) else value for name, value in parameters.items()}
     arrays = {name: _cached_array_text(content) for name, content in code.arrays.items()}

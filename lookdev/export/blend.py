@@ -18,7 +18,7 @@ from lookdev.cache import Content, atomic_path, output_errors
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
 from lookdev.export import Exported
 from lookdev.light import native_images
-from lookdev.light.native import still_domes
+from lookdev.light.native import are_domes_still
 from lookdev.material import Bump, Look, Texture, leaf_sources
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
@@ -100,7 +100,7 @@ def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *,
         for rig in job.rigs
     )
     for other in rigs:
-        if still_domes(other.lights) != still_domes(rigs[0].lights):
+        if are_domes_still(other.lights) != are_domes_still(rigs[0].lights):
             raise RenderError(
                 f"the domes of one of the rigs '{rigs[0].name}' and '{other.name}' turn and those of the other stand "
                 "still; a job for each would be right"

@@ -22,7 +22,7 @@ from lookdev.cache import output_errors, write_file
 from lookdev.errors import LookdevError
 from lookdev.export import Exported
 from lookdev.job import Job
-from lookdev.plan.chunks import MOST_CHUNKS, Division
+from lookdev.plan.chunks import MAX_CHUNKS, Division
 from lookdev.plan.costs import estimate_costs
 from lookdev.plan.prepare import prepare_job
 from lookdev.run.manifest import input_files
@@ -116,7 +116,7 @@ def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict
         else:
             del parameters[name]["default"]
     for name, count in (("Chunks", chunks.count), ("Machines", chunks.machines or chunks.count)):
-        parameters[name] |= {"default": count, "maxValue": MOST_CHUNKS}
+        parameters[name] |= {"default": count, "maxValue": MAX_CHUNKS}
     parameters["Command"]["default"] = needs.command
     render = template["steps"][0]
     render["stepEnvironments"][0]["script"]["actions"]["onEnter"]["args"][-1] = job.render.backend

@@ -26,7 +26,7 @@ from lookdev.output.color import SHIPPED
 from lookdev.output.display import composite, to_display
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_legend, write_sheet
-from lookdev.plan import Setup, Turns, make_setup
+from lookdev.plan import Setup, TurntableFrames, make_setup
 from lookdev.run.events import ReportEvent, SheetWritten
 from lookdev.run.frames import RunResult
 from lookdev.run.render import render_setups
@@ -98,7 +98,7 @@ def _render(
 ) -> tuple[RunResult, list[Bytes]]:
     """Render setups at one angle; return their pictures over a linear grey, none where a frame fails."""
     turntables = (JobTurntable(kind="element", frames=1, start=start),)
-    plan, result = render_setups(setups, Turns(turntables, output), _OUTPUTS, report=report)
+    plan, result = render_setups(setups, TurntableFrames(turntables, output), _OUTPUTS, report=report)
     files = [reel.files[0] for reel in plan.reels] if result.exit_code == 0 else []
     return result, [to_display(composite(*read_frame(file), np.full(3, background)), _VIEW) for file in files]
 

@@ -24,7 +24,7 @@ _Data = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Wear:
+class AssignedMaterial:
     """A material that a job assigns: its path as in the job, its prim if the job names one, and its variants."""
 
     material: str
@@ -41,7 +41,9 @@ class Wear:
 _MATERIAL_KEYS = ("material", "prim", "variants")
 
 
-def assign(text: str, look: int, prims: Sequence[str], material: Wear, covering: int | None = None) -> str:
+def assign_material(
+    text: str, look: int, prims: Sequence[str], material: AssignedMaterial, covering: int | None = None
+) -> str:
     """Return a job's text in which a look assigns a material to prims; `look` is its index in the file.
 
     `covering` is the index of the `assign` that covers a part of the prims now, or None. If an `assign` has exactly
@@ -62,7 +64,7 @@ def assign(text: str, look: int, prims: Sequence[str], material: Wear, covering:
     return _edit_look(text, look, {}, edit_assigns)
 
 
-def wear_all(text: str, look: int, material: Wear) -> str:
+def assign_to_rest(text: str, look: int, material: AssignedMaterial) -> str:
     """Return a job's text in which a look has a material for every part that nothing is assigned to."""
     return _edit_look(text, look, material.keys, lambda assigns: [*enumerate(assigns)])
 
@@ -106,7 +108,7 @@ def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], 
 
 
 _UNSUPPORTED_LAYOUT = (
-    "the layout of the job's [[look]] is not one that is edited here: edit the job as text, and load it"
+    "the job's [[look]] has a layout that cannot be edited here; edit the job as text, and load it again"
 )
 
 

@@ -137,7 +137,7 @@ class JobTable(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def meaningless(word: Literal["without", "beside"], other: str, hint: str) -> Callable[[Any, ValidationInfo], Any]:
+def reject_key(word: Literal["without", "beside"], other: str, hint: str) -> Callable[[Any, ValidationInfo], Any]:
     """Return the validator of a key that has no meaning without, or beside, the earlier key `other`."""
 
     def check(value: Any, info: ValidationInfo) -> Any:
@@ -149,7 +149,7 @@ def meaningless(word: Literal["without", "beside"], other: str, hint: str) -> Ca
     return check
 
 
-def instead_of(other: str) -> AfterValidator:
+def alternative_to(other: str) -> AfterValidator:
     """Return the validator of a key that a table has exactly if it lacks the earlier key `other`."""
 
     def check(value: str | None, info: ValidationInfo) -> str | None:

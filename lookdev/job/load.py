@@ -21,7 +21,7 @@ from lookdev.safe_text import TextError, has_text_path, parse_toml, read_text
 
 KeyPath = tuple[str | int, ...]  # ("ibl", 1, "exposure")
 
-_LARGEST = 1 << 20  # bytes of a job file
+_MAX_BYTES = 1 << 20  # bytes of a job file
 
 
 def load_job(path: Path, rules: PathRules = ()) -> Job:
@@ -37,7 +37,7 @@ def load_job(path: Path, rules: PathRules = ()) -> Job:
     if not has_text_path(path.absolute()):
         raise JobError([Fault(str(path.absolute()), "", "its path is not UTF-8", "rename it, or its folder")])
     try:
-        text = read_text(path, _LARGEST)
+        text = read_text(path, _MAX_BYTES)
     except TextError as error:
         hint = "" if path.exists() else "'lookdev example' lists jobs to copy"
         raise JobError(replace(fault, hint=fault.hint or hint) for fault in error.faults) from None

@@ -16,10 +16,10 @@ from lookdev.job.keys import (
     PrimPath,
     Text,
     UsdFile,
-    instead_of,
+    alternative_to,
     key,
     key_error,
-    meaningless,
+    reject_key,
 )
 
 _Variants = dict[Text, Text]
@@ -43,7 +43,7 @@ class JobAsset(JobTable):
     """The asset: a USD file or a built-in asset."""
 
     usd: UsdFile | None = key(None, "A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
-    builtin: Annotated[BuiltinAsset | None, instead_of("usd")] = Field(
+    builtin: Annotated[BuiltinAsset | None, alternative_to("usd")] = Field(
         default=None, validate_default=True, description="A built-in asset, instead of a file."
     )
     prim: PrimPath | None = key(None, "Render only what is under this prim of the USD file; default: everything.")
@@ -117,5 +117,5 @@ class JobLook(JobTable):
     assign: tuple[JobAssign, ...] = key((), "Materials of some parts; the first entry that names a part counts.")
 
     _require_material = field_validator("prim", "parts")(
-        meaningless("without", "material", "a look without 'material' has what the asset binds")
+        reject_key("without", "material", "a look without 'material' has what the asset binds")
     )

@@ -25,10 +25,10 @@ from lookdev.job.keys import (
     OneOf,
     PrimPath,
     UsdFile,
-    instead_of,
+    alternative_to,
     key,
     key_error,
-    meaningless,
+    reject_key,
 )
 from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
@@ -58,8 +58,8 @@ Background = Annotated[
 
 DEFAULT_FOCAL_LENGTH = 50.0
 
-MOST_FRAMES = 250_000
-"""The most frame files of a job: to plan them takes 1.1 GB and half a minute, or 1.6 GB if no two are of one scene."""
+MAX_FRAMES = 250_000
+"""The most frame files of a job: a plan of them takes at most 1.6 GB of memory, and half a minute."""
 
 
 _EXPOSURE = "Exposure in stops: radiance is multiplied by 2^exposure."
@@ -71,7 +71,7 @@ class JobIbl(JobTable):
 
     name: KeyName = Field(description="The light's name, unique; it becomes a folder of the output.")
     file: IblFile | None = key(None, "A lat-long environment map, .exr or .hdr.")
-    builtin: Annotated[BuiltinIbl | None, instead_of("file")] = Field(
+    builtin: Annotated[BuiltinIbl | None, alternative_to("file")] = Field(
         default=None, validate_default=True, description="A built-in environment, instead of a file."
     )
     exposure: Exposure = key(0.0, _EXPOSURE)
@@ -85,7 +85,7 @@ class JobRig(JobTable):
         description="The rig's name, unique among rigs and lights; it becomes a folder of the output."
     )
     usd: UsdFile | None = key(None, "A USD file (.usd, .usda, .usdc, .usdz) with lights.")
-    builtin: Annotated[BuiltinRig | None, instead_of("usd")] = Field(
+    builtin: Annotated[BuiltinRig | None, alternative_to("usd")] = Field(
         default=None, validate_default=True, description="A built-in rig, instead of a file."
     )
     prim: PrimPath | None = key(
@@ -142,7 +142,7 @@ class JobCamera(JobTable):
         "job", "'job': one camera frames what all looks show; 'each': each look has its own."
     )
 
-    _require_usd = field_validator("file")(meaningless("without", "usd", "usd = '/Cameras/shot'"))
+    _require_usd = field_validator("file")(reject_key("without", "usd", "usd = '/Cameras/shot'"))
 
     @field_validator("fov", "focal_length", "sensor_width", "elevation", "azimuth", "fill", "margin", "framing")
     @classmethod
@@ -152,9 +152,9 @@ class JobCamera(JobTable):
         return value
 
     _reject_beside_fov = field_validator("focal_length", "sensor_width")(
-        meaningless("beside", "fov", "give either 'fov' or 'focal_length'")
+        reject_key("beside", "fov", "give either 'fov' or 'focal_length'")
     )
-    _reject_beside_fill = field_validator("margin")(meaningless("beside", "fill", "give either 'fill' or 'margin'"))
+    _reject_beside_fill = field_validator("margin")(reject_key("beside", "fill", "give either 'fill' or 'margin'"))
 
     @property
     def horizontal_fov(self) -> float:
@@ -273,8 +273,8 @@ class Job(JobTable):
     @classmethod
     def _limit_frames(cls, value: tuple[JobTurntable, ...], info: ValidationInfo) -> tuple[JobTurntable, ...]:
         looks, ibls, rigs = (len(info.data.get(key, ())) for key in ("look", "ibl", "rig"))
-        if excess := excess_frames(looks, ibls + rigs, value):
-            raise key_error(excess, SEVERAL_JOBS)
+        if excess := excess_frames_message(looks, ibls + rigs, value):
+            raise key_error(excess, SEVERAL_JOBS_HINT)
         return value
 
     @field_validator("camera")
@@ -311,7 +311,7 @@ class Job(JobTable):
         """The image-based lights of the job, then its rigs."""
         return (*self.ibl, *self.rig)
 
-    def place_of(self, rig: str) -> str:
+    def key_of_rig(self, rig: str) -> str:
         """Return the key, such as ``ibl[1]``, of the light or rig that is called `rig`."""
         keys = [f"ibl[{i}]" for i in range(len(self.ibl))] + [f"rig[{i}]" for i in range(len(self.rig))]
         return keys[[entry.name for entry in self.rigs].index(rig)]
@@ -322,17 +322,17 @@ class Job(JobTable):
         return self._file
 
 
-SEVERAL_JOBS = "write several jobs"
+SEVERAL_JOBS_HINT = "write several jobs"
 
 
-def excess_frames(looks: int, rigs: int, turntables: Iterable[JobTurntable]) -> str:
-    """Return the message about a job with more than `MOST_FRAMES` frames; '' for one with at most as many."""
+def excess_frames_message(looks: int, rigs: int, turntables: Iterable[JobTurntable]) -> str:
+    """Return the message about a job with more than `MAX_FRAMES` frames; '' for one with at most as many."""
     frames = sum(turntable.frames for turntable in turntables)
     count = looks * rigs * frames
-    if count <= MOST_FRAMES:
+    if count <= MAX_FRAMES:
         return ""
     factors = f"{looks} looks under {rigs} lights in turntables of {frames} frames"
-    return f"{factors} make {count} frames; at most {MOST_FRAMES} would be right"
+    return f"{factors} make {count} frames; at most {MAX_FRAMES} would be right"
 
 
 LISTS: tuple[tuple[str, ...], ...] = (("look",), ("ibl", "rig"), ("turntable",), ("wedge",))

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator
 
 from lookdev.job.features import check_feature
-from lookdev.job.keys import JobTable, MaterialFile, MaterialPrim, Text, key, key_error, meaningless
+from lookdev.job.keys import JobTable, MaterialFile, MaterialPrim, Text, key, key_error, reject_key
 from lookdev.scene.charts.props import FOLDER, FrameSide, Strip
 
 _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
@@ -29,7 +29,7 @@ class JobCharts(JobTable):
 
     def check(self, resolution: tuple[int, int], backend: str, looks: Iterable[str]) -> None:
         """Raise the error of a job whose resolution, backend or names of looks rule the props out."""
-        problem, hint = self.strip(resolution).misfit()
+        problem, hint = self.strip(resolution).fit_fault()
         if problem:
             raise key_error(problem, hint)
         check_feature("charts", backend, self)
@@ -54,7 +54,7 @@ class JobGround(JobTable):
     )
 
     _require_material = field_validator("prim", "variants")(
-        meaningless("without", "material", "it chooses among what a file has")
+        reject_key("without", "material", "it chooses among what a file has")
     )
 
     def check(self, backend: str, denoise: str, passes: Iterable[str]) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, TypeAdapter, ValidationError
 
-from lookdev.job.keys import Degrees, Exposure, JobTable, KeyName, Text, instead_of, key
+from lookdev.job.keys import Degrees, Exposure, JobTable, KeyName, Text, alternative_to, key
 
 WedgeNumber = Annotated[float, Field(ge=-1e18, le=1e18)]
 WedgeValue = Annotated[
@@ -34,7 +34,7 @@ class JobAxis(JobTable):
         None, "Its values: numbers, linear colours [r, g, b], names, or expressions of a mask."
     )
     range: Annotated[
-        tuple[WedgeNumber, WedgeNumber, Annotated[int, Field(ge=2, le=1000)]] | None, instead_of("values")
+        tuple[WedgeNumber, WedgeNumber, Annotated[int, Field(ge=2, le=1000)]] | None, alternative_to("values")
     ] = Field(
         default=None,
         validate_default=True,
@@ -50,12 +50,12 @@ class JobAxis(JobTable):
         return tuple(float(f"{first + (last - first) * i / (count - 1):.6g}") for i in range(count))
 
     @property
-    def short(self) -> str:
+    def short_name(self) -> str:
         """The name of the parameter as a part of a file name."""
         return re.sub(r"[^A-Za-z0-9._-]+", "_", self.parameter.removeprefix("light:")).strip("_.")
 
     @property
-    def of_light(self) -> bool:
+    def varies_light(self) -> bool:
         """Whether the parameter is a value of lights, not of looks."""
         return self.parameter in ("exposure", "rotation") or self.parameter.startswith("light:")
 
@@ -79,7 +79,7 @@ class JobWedge(JobAxis):
     @property
     def title(self) -> str:
         """The name of the wedge's sheets."""
-        return self.name or "_".join(axis.short for axis in self.axes)
+        return self.name or "_".join(axis.short_name for axis in self.axes)
 
 
 def light_key_error(key: str, value: WedgeInput) -> str:

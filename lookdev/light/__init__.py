@@ -30,7 +30,7 @@ def coded_light(lights: Sequence[Light]) -> CodedLight | None:
     return None
 
 
-def lights_code(lights: Sequence[Light], *, sampled: bool, stand: RigOrigin = RigOrigin()) -> LightCode:  # noqa: B008
+def lights_code(lights: Sequence[Light], *, sampled: bool, rig_origin: RigOrigin = RigOrigin()) -> LightCode:  # noqa: B008
     """Return the values that the OSL of a scene's lights takes.
 
     Raises
@@ -40,7 +40,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, stand: RigOrigin = Ri
     """
     if light := coded_light(lights):
         return light.code(sampled=sampled)
-    return rig_code(CodedRig.of(lights), sampled=sampled, stand=stand)
+    return rig_code(CodedRig.from_lights(lights), sampled=sampled, rig_origin=rig_origin)
 
 
 def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
@@ -49,7 +49,7 @@ def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
     for number, light in enumerate(lights, start=1):
         if gap := light.native_gap():
             gaps.append(f"{light_label(light, number)}: it has {gap}, which Cycles' own lights lack")
-    if native.still_domes(lights) is None:
+    if native.are_domes_still(lights) is None:
         gaps.append("some domes stand still while others turn with the rig: Cycles has one world for all of them")
     return tuple(gaps)
 

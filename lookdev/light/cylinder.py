@@ -32,7 +32,7 @@ class Cylinder:
     radius: Floats | float
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        return meet_side(point, direction, self.length, self.radius)
+        return intersect_side(point, direction, self.length, self.radius)
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
         cover = covering_rectangle(point, self.length, self.radius)
@@ -83,7 +83,7 @@ class CylinderLight(PlacedLight):
         return 2.0 * math.pi * self.radius * self.length
 
 
-def meet_side(point: Floats, direction: Floats, length: Floats | float, radius: Floats | float) -> Floats:
+def intersect_side(point: Floats, direction: Floats, length: Floats | float, radius: Floats | float) -> Floats:
     """Return the distance (...) along directions (..., 3) to the outside; `FAR` for misses, and from inside."""
     x, y, z = np.moveaxis(point, -1, 0)
     wx, wy, wz = np.moveaxis(direction, -1, 0)

@@ -18,7 +18,7 @@ from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
 from lookdev.light.rect import RectangleShape
 from lookdev.light.shape import FAR, LampShape, cone_about
-from lookdev.light.spherical_rectangle import meet_plane, plane_angle
+from lookdev.light.spherical_rectangle import approximate_solid_angle, intersect_rectangle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
@@ -30,7 +30,7 @@ class Ellipse:
     y: Real
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        distance, hit = meet_plane(point, direction, 2 * self.x, 2 * self.y)
+        distance, hit = intersect_rectangle(point, direction, 2 * self.x, 2 * self.y)
         s, t = hit.s - 0.5, hit.t - 0.5
         return np.where(s * s + t * t <= 0.25, distance, FAR)
 
@@ -41,7 +41,7 @@ class Ellipse:
         return self._bounding_rectangle.sample(point, u)
 
     def solid_angle(self, point: Floats) -> Floats:
-        return plane_angle(point, 2 * self.x, 2 * self.y, math.pi * self.x * self.y)
+        return approximate_solid_angle(point, 2 * self.x, 2 * self.y, math.pi * self.x * self.y)
 
     def cone(self, point: Floats) -> tuple[Floats, Floats]:
         return cone_about(point, np.maximum(self.x, self.y))

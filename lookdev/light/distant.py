@@ -18,11 +18,11 @@ from lookdev.light.base import LightKind
 from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, Lamp
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes
-from lookdev.light.shape import FAR, INFINITE, LampShape, draw_uniform, uniform_density
-from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
+from lookdev.light.shape import FAR, INFINITE_DISTANCE, LampShape, draw_uniform, uniform_pdf
+from lookdev.light.usd import LIGHT_ATTRIBUTES, LightShape, PlacedPrim, UsdLight
 from lookdev.space import Color
 
-_NARROWEST = math.radians(0.005)  # least half angle that float32 distinguishes from 0
+_MIN_HALF_ANGLE = math.radians(0.005)  # least half angle that float32 distinguishes from 0
 
 
 @dataclass(frozen=True)
@@ -34,10 +34,10 @@ class Cone:
     def distance(self, point: Floats, direction: Floats) -> Floats:
         # The chord keeps its digits where the cosine is near 1.
         chord = direction - ZENITH
-        return np.where(dot(chord, chord) <= 2 * self.versine, INFINITE, FAR)
+        return np.where(dot(chord, chord) <= 2 * self.versine, INFINITE_DISTANCE, FAR)
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
-        return np.where(self.distance(point, direction) < FAR, uniform_density(self.versine), 0)
+        return np.where(self.distance(point, direction) < FAR, uniform_pdf(self.versine), 0)
 
     def sample(self, point: Floats, u: Floats) -> Floats:
         return draw_uniform(self.versine, u)
@@ -84,7 +84,7 @@ class DistantLight(Lamp):
     @property
     def versine(self) -> float:
         """1 - cos of half the angle of its `shape`."""
-        return 2.0 * math.sin(max(self._half_angle, _NARROWEST) / 2.0) ** 2
+        return 2.0 * math.sin(max(self._half_angle, _MIN_HALF_ANGLE) / 2.0) ** 2
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
@@ -120,8 +120,8 @@ class DistantLight(Lamp):
     @property
     def _radiance_scale(self) -> float:
         """The factor of the radiance: `shape` widens a cone that is too narrow, and the irradiance stays the same."""
-        projected = math.pi * math.sin(_NARROWEST) ** 2
-        return 1.0 if self._half_angle >= _NARROWEST else self.size_factor / projected
+        projected = math.pi * math.sin(_MIN_HALF_ANGLE) ** 2
+        return 1.0 if self._half_angle >= _MIN_HALF_ANGLE else self.size_factor / projected
 
 
 def _read(prim: PlacedPrim) -> LightShape:
@@ -129,4 +129,4 @@ def _read(prim: PlacedPrim) -> LightShape:
     return LightShape(lambda _: light, size=light.size_factor)
 
 
-DISTANT = LightKind(DistantLight, DistantLight.example, {"DistantLight": UsdLight(_read, ALL_LIGHTS)})
+DISTANT = LightKind(DistantLight, DistantLight.example, {"DistantLight": UsdLight(_read, LIGHT_ATTRIBUTES)})

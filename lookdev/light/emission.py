@@ -25,11 +25,11 @@ from lookdev.space import Color, Space, to_space
 
 DEGREES = 180.0 / math.pi
 
-_NEAREST = 1e-6  # metres, the least distance that a falloff computes with: no exponent divides by 0
+_MIN_DISTANCE = 1e-6  # metres: falloffs clamp distances to it, so that no exponent divides by 0
 
 
 def slope(start: float, end: float) -> float:
-    """Return the `rise` of a `smooth_step` from `start` to `end`; 0 if both are equal, for a step that is 0."""
+    """Return the `rise` of a `smooth_step` from `start` to `end`; 0, for a step of 0 everywhere, if they are equal."""
     return 1.0 / (end - start) if end > start else 0.0
 
 
@@ -87,9 +87,8 @@ def focus_factor(cosine: Floats, focus: Real, tint: Real) -> Floats:
 def check_number(name: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
     """Return `value`; raise EnvironmentMapError unless it is finite, at least `least` and greater than `above`."""
     if not (math.isfinite(value) and value >= least and value > above):
-        right = (
-            f"more than {above:g}" if above > -math.inf else f"at least {least:g}" if least > -math.inf else "finite"
-        )
+        least_text = f"at least {least:g}" if least > -math.inf else "finite"
+        right = f"more than {above:g}" if above > -math.inf else least_text
         raise EnvironmentMapError(f"{name} {value:g}: a number that is {right} would be right")
     return value
 
@@ -158,17 +157,17 @@ class Shadow:
 
     def transmittance(self, distance: Floats) -> Floats:
         """Return the share (..., 3) of the light that passes occluders at distances (...)."""
-        return shadow_passed(distance, *self.numbers, np.array(self.color))
+        return shadow_factor(distance, *self.numbers, np.array(self.color))
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """The arguments of `shadow_passed` between the distance and the colour."""
+        """The arguments of `shadow_factor` between the distance and the colour."""
         limit = self.distance if self.distance >= 0.0 else math.inf
         return float(self.enable), min(limit, FAR), max(min(self.falloff, self.distance), 0.0), self.falloff_gamma
 
 
 # UsdLuxShadowAPI: inputs:shadow:falloffGamma, with linear distance within the zone.
-def shadow_passed(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
+def shadow_factor(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
     """Return the share (..., 3) of the light that passes occluders at distances (...).
 
     Occluders beyond `limit` cast no shadow, and the shadow fades over the last `zone` metres before the limit. It has a
@@ -215,12 +214,12 @@ class Falloff:
 
 def falloff_factor(distance: Real, virtual: Real, power: Real, start: Real, rise: Real) -> Floats:
     """Return the factor (...) of the radiance at distances (...): `Falloff.factor`."""
-    nearest = np.maximum(distance, _NEAREST)
+    nearest = np.maximum(distance, _MIN_DISTANCE)
     factor: Floats = nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
     return factor
 
 
-MOST_GROUPS = 80
+MAX_SHADOW_GROUPS = 80
 """The most groups of parts that shadow links can distinguish, not counting the group that casts all shadows."""
 
 

@@ -22,8 +22,8 @@ from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.safe_text import read_bytes
 
-_LARGEST = 1 << 24  # bytes of a file
-_MOST_ANGLES = 3601
+_MAX_BYTES = 1 << 24  # bytes of a file
+_MAX_ANGLES = 3601
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _HEADERS = ("IESNA91", "IESNA:LM-63-", "IES:LM-63-")
 _VERTICAL = ((0.0, 90.0), (90.0, 180.0), (0.0, 180.0))
@@ -93,7 +93,7 @@ def profile_factor(
     """
 
     def number(index: Array) -> Array:
-        """Return a number of `IesProfile.numbers`."""
+        """Return a number of `IesProfile.numbers` by its index."""
         return look_up(table, start + index, 0.0)
 
     # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.
@@ -137,7 +137,7 @@ def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = Fals
     EnvironmentMapError
         It is not an IES file of type C, or contradicts itself; the message names the line.
     """
-    table = parse_profile(read_bytes(file, _LARGEST).decode("latin-1"), str(file))
+    table = parse_profile(read_bytes(file, _MAX_BYTES).decode("latin-1"), str(file))
     power = profile_power(table) if normalize else 1.0
     if not power > 0.0:
         raise EnvironmentMapError(f"{file}: sends no light, so its power cannot be normalized")
@@ -151,16 +151,16 @@ def profile_power(table: Floats) -> float:
     UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, leaves the unit open. Its reference implementation (hdEmbree)
     uses this mean, integrated over patches by their midpoints; here the integral of the bilinear table is exact.
     """
-    down, around, candela = np.radians(table[0, 1:]), np.radians(table[1:, 0]), table[1:, 1:]
+    vertical, horizontal, candela = np.radians(table[0, 1:]), np.radians(table[1:, 0]), table[1:, 1:]
     # The integral of a linear function times the sine, as weights of the values at both ends of each step.
-    step = np.diff(down)
-    mean = (np.sin(down[1:]) - np.sin(down[:-1])) / step
-    weights = np.zeros(len(down))
-    weights[:-1] += np.cos(down[:-1]) - mean
-    weights[1:] += mean - np.cos(down[1:])
+    step = np.diff(vertical)
+    mean = (np.sin(vertical[1:]) - np.sin(vertical[:-1])) / step
+    weights = np.zeros(len(vertical))
+    weights[:-1] += np.cos(vertical[:-1]) - mean
+    weights[1:] += mean - np.cos(vertical[1:])
     rings = candela @ weights
-    total = float((np.diff(around) * (rings[1:] + rings[:-1]) / 2.0).sum())
-    return total / (2.0 * np.pi * (1.0 if down[-1] - down[0] < 1.6 else 2.0))
+    total = float((np.diff(horizontal) * (rings[1:] + rings[:-1]) / 2.0).sum())
+    return total / (2.0 * np.pi * (1.0 if vertical[-1] - vertical[0] < 1.6 else 2.0))
 
 
 def parse_profile(text: str, where: str) -> Floats:
@@ -174,14 +174,14 @@ def parse_profile(text: str, where: str) -> Floats:
     numbers = _NumberReader(where, lines, tilts[0])
     if lines[tilts[0] - 1].strip() == "TILT=INCLUDE":
         numbers.take_integer("lamp to luminaire geometry", 1, 3)
-        count = numbers.take_integer("number of tilt angles", 1, _MOST_ANGLES)
+        count = numbers.take_integer("number of tilt angles", 1, _MAX_ANGLES)
         numbers.take("tilt angles", count)
         numbers.take("tilt factors", count)
     numbers.take_integer("number of lamps", 1, 1 << 16)
     numbers.take("lumens of a lamp", 1)  # -1: absolute photometry
     multiplier = numbers.take_positive("candela multiplier")
-    down_count = numbers.take_integer("number of vertical angles", 2, _MOST_ANGLES)
-    around_count = numbers.take_integer("number of horizontal angles", 1, _MOST_ANGLES)
+    vertical_count = numbers.take_integer("number of vertical angles", 2, _MAX_ANGLES)
+    horizontal_count = numbers.take_integer("number of horizontal angles", 1, _MAX_ANGLES)
     kind = numbers.take_integer("photometric type", 1, 3)
     if kind != 1:
         raise numbers.fault(f"is of type {'?CBA'[kind]} goniophotometry; type C, 1, would be right")
@@ -189,36 +189,36 @@ def parse_profile(text: str, where: str) -> Floats:
     numbers.take("width, length and height", 3)
     factor = multiplier * numbers.take_positive("ballast factor") * numbers.take_positive("ballast-lamp factor")
     numbers.take("input watts", 1)
-    down = numbers.take_angles("vertical angles", down_count, _VERTICAL)
-    around = numbers.take_angles("horizontal angles", around_count, _HORIZONTAL)
+    vertical = numbers.take_angles("vertical angles", vertical_count, _VERTICAL)
+    horizontal = numbers.take_angles("horizontal angles", horizontal_count, _HORIZONTAL)
     rows = []
-    for _ in range(around_count):
-        row = numbers.take("candela values", down_count)
+    for _ in range(horizontal_count):
+        row = numbers.take("candela values", vertical_count)
         if not (row >= 0.0).all():
             raise numbers.fault(f"candela value {row.min():g}: none is negative")
         rows.append(row)
     numbers.check_end()
-    around, candela = _mirror_to_full_circle(around, np.stack(rows))
-    table = np.zeros((1 + len(around), 1 + len(down)))
-    table[0, 1:], table[1:, 0], table[1:, 1:] = down, around, factor * candela
+    horizontal, candela = _mirror_to_full_circle(horizontal, np.stack(rows))
+    table = np.zeros((1 + len(horizontal), 1 + len(vertical)))
+    table[0, 1:], table[1:, 0], table[1:, 1:] = vertical, horizontal, factor * candela
     if not table.max() < 1e18:
         raise _fault(where, len(lines), f"a candela value of {table.max():g}; at most 1e18 would be right")
     return table
 
 
-def _mirror_to_full_circle(around: Floats, candela: Floats) -> tuple[Floats, Floats]:
+def _mirror_to_full_circle(horizontal: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """Mirror horizontal angles and values (H, V) to the whole circle, 0 to 360."""
-    if around[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees
-        angles = np.unique(np.concatenate([around, (540.0 - around) % 360.0, [0.0, 360.0]]))
+    if horizontal[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees
+        angles = np.unique(np.concatenate([horizontal, (540.0 - horizontal) % 360.0, [0.0, 360.0]]))
         source = np.where((angles < 90.0) | (angles > 270.0), (540.0 - angles) % 360.0, angles)
-        return angles, np.stack([np.interp(source, around, column) for column in candela.T], axis=-1)
-    if len(around) == 1:
+        return angles, np.stack([np.interp(source, horizontal, column) for column in candela.T], axis=-1)
+    if len(horizontal) == 1:
         return np.array([0.0, 360.0]), candela[[0, 0]]
     for half in (90.0, 180.0):
-        if around[-1] == half:
-            around = np.concatenate([around, 2.0 * half - around[-2::-1]])
+        if horizontal[-1] == half:
+            horizontal = np.concatenate([horizontal, 2.0 * half - horizontal[-2::-1]])
             candela = np.concatenate([candela, candela[-2::-1]])
-    return around, candela
+    return horizontal, candela
 
 
 def _fault(where: str, line: int, problem: str) -> EnvironmentMapError:

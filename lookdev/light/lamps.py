@@ -64,7 +64,7 @@ of the diffuse or specular response.
 """
 
 
-def weight(
+def estimate_irradiance(
     shape: LampShape, beam: Sequence[Real] | None, falloff: Sequence[Real] | None, point: Floats, normal: Floats
 ) -> Array:
     """Return an estimate (...) of the irradiance at points (..., 3) with normals (..., 3) from a shape of radiance 1.
@@ -107,9 +107,9 @@ class CodedRig:
     domes: tuple[Light, ...]
 
     @classmethod
-    def of(cls, lights: Sequence[Light]) -> CodedRig:
+    def from_lights(cls, lights: Sequence[Light]) -> CodedRig:
         """Return the rig of some lights; raise EnvironmentMapError if one is neither a lamp nor a dome."""
-        for fault in not_of_rigs(lights):
+        for fault in rig_faults(lights):
             raise EnvironmentMapError(f"{fault}; backend 'exact' renders it where it is the only light")
         lamps = tuple(light for light in lights if light.shapes)
         return cls(lamps, tuple(light for light in lights if light.map_dome))
@@ -139,11 +139,11 @@ class CodedRig:
         """The lamps with a texture."""
         return tuple(lamp for lamp in self.lamps if isinstance(lamp, RectLight) and lamp.texture)
 
-    def rows(self, stand: RigOrigin) -> Floats32:
+    def rows(self, rig_origin: RigOrigin) -> Floats32:
         """Return `RigOrigin.offset`, then the row of each lamp and each dome, as one array."""
         starts = dict(zip(self._tables, np.cumsum([0, *map(len, self._tables.values())]).tolist(), strict=False))
-        rows = [self._row(light, starts, stand) for light in (*self.lamps, *self.domes)]
-        return np.array([*stand.offset, *(value for row in rows for value in row)], np.float32)
+        rows = [self._row(light, starts, rig_origin) for light in (*self.lamps, *self.domes)]
+        return np.array([*rig_origin.offset, *(value for row in rows for value in row)], np.float32)
 
     def tables(self) -> Floats32:
         """Return the numbers of profiles (`IesProfile.numbers`) and the trees of textures, as one array."""
@@ -161,9 +161,9 @@ class CodedRig:
             tables[light.texture.digest] = light.means.values.ravel()
         return tables
 
-    def _row(self, light: Light, starts: dict[str, int], stand: RigOrigin) -> list[float]:
+    def _row(self, light: Light, starts: dict[str, int], rig_origin: RigOrigin) -> list[float]:
         emission, color = light.emission, light.emitted_radiance
-        x, y, z = light.position or (*stand.axis, 0.0)
+        x, y, z = light.position or (*rig_origin.axis, 0.0)
         brightest, texture, tree = 1.0, -1, -1
         if isinstance(light, RectLight) and light.texture and light.picture is not None:
             texture, tree = self.pictures.index(light), starts[light.texture.digest]
@@ -175,7 +175,7 @@ class CodedRig:
         virtual, power, fade, fade_rise = falloff.numbers if falloff else (0.0, -2.0, 0.0, 0.0)
         return [
             list(SHAPES).index(light.shape_name) if light.shapes else -1,
-            *(x - stand.axis[0], y - stand.axis[1], z),
+            *(x - rig_origin.axis[0], y - rig_origin.axis[1], z),
             *(value for axis in light.axes for value in axis),
             *(*light.shape_numbers, 0.0, 0.0)[:2],
             light.reach,
@@ -197,7 +197,7 @@ class CodedRig:
         ]
 
 
-def not_of_rigs(lights: Sequence[Light]) -> list[str]:
+def rig_faults(lights: Sequence[Light]) -> list[str]:
     """Return a sentence for each light that cannot be part of a rig, because it is neither a lamp nor a dome."""
     return [
         f"{light_label(light, number)}: it is neither a lamp nor a dome"
@@ -206,7 +206,7 @@ def not_of_rigs(lights: Sequence[Light]) -> list[str]:
     ]
 
 
-def rig_code(rig: CodedRig, *, sampled: bool, stand: RigOrigin) -> LightCode:
+def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCode:
     """Return the values for the shader of a rig."""
     tables, excluded_sets = rig.tables(), rig.shadow_excluded
     groups = 1 + max((group for excluded in excluded_sets for group in excluded), default=-1)
@@ -238,7 +238,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, stand: RigOrigin) -> LightCode:
             arrays |= files[1]
     parameters |= {f"picture{number}": lamp.texture for number, lamp in enumerate(rig.pictures) if lamp.texture}
     lines = (*(f"#define {name} {value}" for name, value in counts.items()), *Dome.table_constants() * bool(rig.domes))
-    numbers = {"lamps": rig.rows(stand), "tables": tables}
+    numbers = {"lamps": rig.rows(rig_origin), "tables": tables}
     if excluded_sets:
         is_excluded = [group in excluded for excluded in excluded_sets for group in range(groups)]
         numbers["spared"] = np.array(is_excluded, np.float32)
@@ -246,7 +246,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, stand: RigOrigin) -> LightCode:
 
 
 def is_plain(light: Light) -> bool:
-    """Return whether the OSL of a light's own kind renders it; a dome must have world axes and a default emission."""
+    """Return whether the OSL of a light's own kind renders it: for a dome, with world axes and a default emission."""
     if light.map_dome is not light:
         return True
     emission = light.emission

@@ -39,9 +39,9 @@ def missing_features(emission: Emission, *supported: str, first: Iterable[str] =
 
 
 def missing_shadow_features(emission: Emission) -> Iterator[str]:
-    """Yield a phrase if an emission has a shadow control, which Blender lacks even where it can disable shadows.
+    """Yield a phrase if an emission has a shadow control; Blender has none, even where it can disable shadows.
 
-    Blender's lights without a shadow are still occluded for directions that the BSDF samples.
+    Occluders still block a Blender light without shadows in directions that the BSDF samples.
     """
     if emission.shadow != WHITE.shadow:
         yield _FIELD_PHRASES["shadow"]
@@ -52,7 +52,7 @@ def world_domes(lights: Sequence[Light]) -> list[Dome]:
     return [light.world_dome for light in lights if light.world_dome]
 
 
-def still_domes(lights: Sequence[Light]) -> bool | None:
+def are_domes_still(lights: Sequence[Light]) -> bool | None:
     """Return whether the domes of a rig stand still while it turns; None if some do and some do not.
 
     A constant dome counts as either.
@@ -61,6 +61,6 @@ def still_domes(lights: Sequence[Light]) -> bool | None:
     return None if len(still) > 1 else still == {True}
 
 
-def varied_domes(lights: Sequence[Light]) -> bool:
+def has_varied_dome(lights: Sequence[Light]) -> bool:
     """Return whether the lights have a dome whose radiance varies, which Cycles should importance sample."""
     return any(not dome.constant for dome in world_domes(lights))

@@ -2,9 +2,9 @@
 
 The rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is drawn in proportion to the mean of
 the texture times the quadrant's solid angle. Within the last quadrant, `spherical_rectangle` draws the direction. The
-mean is the mean of bilinear look-ups, so that a quadrant of mean 0 emits no light at all.
+mean is that of bilinear look-ups, so that a quadrant of mean 0 emits no light.
 
-Generated code follows `draw_cell` and `cell_density`, whose arrays may be symbolic.
+Generated code follows `draw_cell` and `cell_pdf`, whose arrays may be symbolic.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lookdev.brdf.vectors import Array, Real
 from lookdev.cache import Content
 from lookdev.light.dome.environment import EnvironmentMap, write_exr
 from lookdev.light.dome.warp import interpolate
-from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, seen_part
+from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, project_part
 
 LEVELS = 5
 """Number of divisions of a texture, to 32 x 32 cells."""
@@ -89,11 +89,11 @@ def draw_cell(means: NumberTable, start: Real, point: Floats, width: Real, heigh
         is_upper, u2 = _choose(u2, above / np.maximum(both, _TINY))
         row = 2 * row + is_upper
     size = 1.0 / 2**LEVELS
-    target = draw(seen_part(point, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))
+    target = draw(project_part(point, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))
     return target._replace(s=(column + target.s) * size, t=(row + target.t) * size)
 
 
-def cell_density(
+def cell_pdf(
     means: NumberTable, start: Real, point: Floats, width: Real, height: Real, target: RectanglePoint
 ) -> Floats:
     """Return the pdf (...) per steradian with which `draw_cell` returns points."""
@@ -109,7 +109,7 @@ def cell_density(
         weight = np.where(i > 2 * upper, np.where(on_right, high_right, high), np.where(on_right, low_right, low))
         probability = probability * weight / np.maximum(low + low_right + high + high_right, _TINY)
     size = 1.0 / cells
-    cell = seen_part(point, width, height, column * size, row * size, size)
+    cell = project_part(point, width, height, column * size, row * size, size)
     s, t = np.clip(target.s * cells - column, 0, 1), np.clip(target.t * cells - row, 0, 1)
     return probability * density(cell, RectanglePoint(s, t, target.x, target.y))
 
@@ -123,7 +123,7 @@ def _weights(
 
     def quadrant_weight(i: int, j: int) -> Array:
         r, c = 2 * row + i, 2 * column + j
-        angle = seen_part(point, width, height, c / side, r / side, 1.0 / side, CELL_SEGMENTS).solid_angle
+        angle = project_part(point, width, height, c / side, r / side, 1.0 / side, CELL_SEGMENTS).solid_angle
         return table_number(means, start + (before + r * side + c), 0.0) * angle
 
     return (quadrant_weight(0, 0), quadrant_weight(0, 1)), (quadrant_weight(1, 0), quadrant_weight(1, 1))

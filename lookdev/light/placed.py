@@ -36,7 +36,7 @@ class Lamp(Light):
     @property
     @abstractmethod
     def size_factor(self) -> float:
-        """The divisor of the radiance where the power is normalized, in m^2, or steradians: `UsdLuxLightAPI`."""
+        """The divisor of the radiance where the power is normalized (`UsdLuxLightAPI`): in m^2, or in steradians."""
 
     def radiance(self, point: Floats, direction: Floats) -> Floats:
         local_point, local_direction = self._to_own_space(point), to_local(self.axes, direction)

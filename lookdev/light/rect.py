@@ -14,13 +14,13 @@ from lookdev.arrays import Floats
 from lookdev.brdf.table import NumberTable
 from lookdev.brdf.vectors import Real
 from lookdev.cache import Content
+from lookdev.light import spherical_rectangle as spherical
 from lookdev.light.base import LightKind
 from lookdev.light.dome.environment import EnvironmentMap, map_in_space, read_exr
 from lookdev.light.emission import WHITE
-from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
+from lookdev.light.picture import cell_pdf, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
 from lookdev.light.placed import PlacedLight
 from lookdev.light.shape import FAR, LampShape, cone_about
-from lookdev.light.spherical_rectangle import density, draw, meet_plane, plane_angle, seen_part, towards_plane
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 from lookdev.space import Space
 
@@ -33,20 +33,26 @@ class RectangleShape:
     height: Real
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        return meet_plane(point, direction, self.width, self.height)[0]
+        return self._intersect(point, direction)[0]
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
-        distance, hit = meet_plane(point, direction, self.width, self.height)
-        return np.where(distance < FAR, density(seen_part(point, self.width, self.height), hit), 0)
+        distance, hit = self._intersect(point, direction)
+        return np.where(distance < FAR, spherical.density(self._project(point), hit), 0)
 
     def sample(self, point: Floats, u: Floats) -> Floats:
-        return towards_plane(point, draw(seen_part(point, self.width, self.height), u))
+        return spherical.directions_to_points(point, spherical.draw(self._project(point), u))
 
     def solid_angle(self, point: Floats) -> Floats:
-        return plane_angle(point, self.width, self.height, self.width * self.height)
+        return spherical.approximate_solid_angle(point, self.width, self.height, self.width * self.height)
 
     def cone(self, point: Floats) -> tuple[Floats, Floats]:
         return cone_about(point, np.sqrt(self.width * self.width + self.height * self.height) / 2)
+
+    def _intersect(self, point: Floats, direction: Floats) -> tuple[Floats, spherical.RectanglePoint]:
+        return spherical.intersect_rectangle(point, direction, self.width, self.height)
+
+    def _project(self, point: Floats) -> spherical.SphericalRectangle:
+        return spherical.project_part(point, self.width, self.height)
 
 
 @dataclass(frozen=True)
@@ -57,12 +63,13 @@ class TexturedRectangle(RectangleShape):
     start: Real = 0.0
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
-        distance, hit = meet_plane(point, direction, self.width, self.height)
-        density = cell_density(self.means, self.start, point, self.width, self.height, hit)
-        return np.where(distance < FAR, density, 0)
+        distance, hit = self._intersect(point, direction)
+        pdf = cell_pdf(self.means, self.start, point, self.width, self.height, hit)
+        return np.where(distance < FAR, pdf, 0)
 
     def sample(self, point: Floats, u: Floats) -> Floats:
-        return towards_plane(point, draw_cell(self.means, self.start, point, self.width, self.height, u))
+        target = draw_cell(self.means, self.start, point, self.width, self.height, u)
+        return spherical.directions_to_points(point, target)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +133,7 @@ class RectLight(PlacedLight):
     def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
-        _, hit = meet_plane(point, direction, self.width, self.height)
+        _, hit = spherical.intersect_rectangle(point, direction, self.width, self.height)
         return np.asarray(look_up(self.picture, 1.0 - hit.s, 1.0 - hit.t))
 
 

@@ -1,7 +1,7 @@
 """Shapes that emit light, in a light's own space, and the formulas that the renderers share.
 
 A shape's fields are numbers, or symbolic arrays in their place: the generated code is traced from the same methods
-(`lookdev.codegen.osl.rig`). Points and directions are (..., 3); directions are unit vectors away from the point.
+(`lookdev.codegen.program.lamps`). Points and directions are (..., 3); directions are unit vectors away from the point.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lookdev.brdf.vectors import Real, dot
 FAR = 1e30
 """The distance in metres for a miss. It is finite because generated code has no infinity."""
 
-INFINITE = 1e20
+INFINITE_DISTANCE = 1e20
 """The distance in metres to a light that is infinitely far."""
 
 
@@ -55,14 +55,14 @@ def cone_about(point: Floats, reach: Real) -> tuple[Floats, Floats]:
 
 
 def greatest_cosine(axis: Floats, squared_sine: Floats, normal: Floats) -> Floats:
-    """Return the largest cosine (...) of a normal (..., 3) to the directions of a cone, at least 0."""
+    """Return the largest cosine (...) between a normal (..., 3) and the directions of a cone, at least 0."""
     cosine = dot(axis, normal)
     rotated = cosine * np.sqrt(1 - squared_sine) + np.sqrt(squared_sine * np.maximum(1 - cosine * cosine, 0))
     inside = (squared_sine >= 1) | ((cosine > 0) & (cosine * cosine >= 1 - squared_sine))
     return np.where(inside, 1, np.maximum(rotated, 0))
 
 
-def uniform_density(versine: Real) -> Real:
+def uniform_pdf(versine: Real) -> Real:
     """Return the pdf (...) per steradian of `draw_uniform`; `versine` is 1 - cos of the cone's half angle."""
     return 1 / (2 * math.pi * versine)
 

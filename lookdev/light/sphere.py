@@ -13,7 +13,7 @@ from lookdev.arrays import Floats
 from lookdev.brdf.vectors import Real, cross, dot
 from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
-from lookdev.light.shape import FAR, LampShape, cone_about, draw_uniform, orient_to_axis, uniform_density
+from lookdev.light.shape import FAR, LampShape, cone_about, draw_uniform, orient_to_axis, uniform_pdf
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 
@@ -24,11 +24,11 @@ class Sphere:
     radius: Real
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        return meet_sphere(point, direction, self.radius)
+        return intersect_sphere(point, direction, self.radius)
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
         hits = self.distance(point, direction) < FAR
-        return np.where(hits, uniform_density(sphere_versine(point, self.radius)), 0)
+        return np.where(hits, uniform_pdf(sphere_versine(point, self.radius)), 0)
 
     def sample(self, point: Floats, u: Floats) -> Floats:
         axis, _ = self.cone(point)
@@ -73,7 +73,7 @@ def sphere_versine(point: Floats, radius: Real) -> Floats:
     return versine
 
 
-def meet_sphere(point: Floats, direction: Floats, radius: Real) -> Floats:
+def intersect_sphere(point: Floats, direction: Floats, radius: Real) -> Floats:
     """Return the distance (...) along directions (..., 3) to a sphere at the origin; `FAR` for misses, and from inside.
 
     The distance of the line from the centre is the length of a cross product, which keeps its digits from afar.

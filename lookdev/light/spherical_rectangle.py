@@ -1,15 +1,15 @@
 """Directions to a rectangle, nearly uniform over its solid angle, with an exact pdf.
 
-As in Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles", 2013, a direction is an
-azimuth about an axis parallel to two of the sides, then the sine of its elevation, which is uniform between those of
-the two sides. Their exact azimuth inverts a sum of four angles, which has no correct digit in float32 at solid angles
-below about 1e-3 sr. Here the density of the azimuth is piecewise linear: its values at the middles of `SEGMENTS` equal
-segments are the ranges of the sine there. The pdf of the result is exact. The weight of a sample, 1 over pdf and solid
-angle, is 1 with a standard deviation of 0.05 in most places, 0.14 in the worst places tried, and is at most 1.2.
+As in Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles", 2013, a direction has two
+coordinates: the azimuth about an axis parallel to two of the sides, and the sine of the elevation, which is uniform
+between its values at the other two sides. Their azimuth is exact, but inverts a sum of four angles. In float32, that
+sum has no correct digit at solid angles below about 1e-3 sr. Here the density of the azimuth is piecewise linear: in
+the middle of each of `SEGMENTS` equal segments, it is proportional to the range of the sine. The pdf of the result is
+exact; docs/notebook/spherical-rectangle.md has the variance of its weights.
 
-Nothing is computed as a difference of nearly equal numbers, so that the same formulas serve in float32 from 1e-6 of a
-rectangle's size above it to 1e6 sizes away. The azimuth is about the axis for which its range is smaller. This keeps
-its density smooth near an edge and in the plane of the rectangle.
+No formula subtracts nearly equal numbers. The formulas therefore hold in float32 at distances from 1e-6 to 1e6 times
+the rectangle's size. The azimuth is about the axis for which its range is smaller: its density stays smooth near an
+edge and in the plane of the rectangle.
 
 All functions keep the type of their arguments, so that float32 can be tested.
 """
@@ -45,7 +45,7 @@ class RectanglePoint(NamedTuple):
 
 
 class SphericalRectangle(NamedTuple):
-    """Rectangles (...) as seen from the origin; x is along the sides whose ends bound the azimuth.
+    """Rectangles (...) as seen from the origin; the azimuth is in the plane of x and z, from `x0` to `x0 + width`.
 
     A rectangle is at `z` > 0, from `x0` to `x0 + width` and from `y0` to `y0 + height`. `swapped` is true where x is
     the rectangle's own y.
@@ -57,17 +57,17 @@ class SphericalRectangle(NamedTuple):
     height: Floats
     z: Floats
     swapped: Bools
-    angle: Floats
+    azimuth_range: Floats
     """Range of the azimuth."""
-    density: tuple[Floats, ...]
+    sine_ranges: tuple[Floats, ...]
     """Ranges (...) of the sine of the elevation, at the middles of equal segments of the azimuth."""
-    mass: Real
-    """Mean of `density`."""
+    mean_sine_range: Real
+    """Mean of `sine_ranges`."""
 
     @property
     def solid_angle(self) -> Floats:
         """Its solid angle in steradians, accurate to a few percent."""
-        return self.angle * self.mass
+        return self.azimuth_range * self.mean_sine_range
 
 
 def project_rectangle(
@@ -81,28 +81,28 @@ def project_rectangle(
         for value, swapped_value in ((x0, y0), (width, height), (y0, x0), (height, width), (along_x, along_y))
     )
     middles = (_point_at_angle(x0, width, z, angle, (step + 0.5) / segments)[1] for step in range(segments))
-    density = tuple(_sine_range(x * x + z * z, y0, height) for x in middles)
-    mass = sum(density) / segments
-    return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
+    sine_ranges = tuple(_sine_range(x * x + z * z, y0, height) for x in middles)
+    mean_sine_range = sum(sine_ranges) / segments
+    return SphericalRectangle(x0, width, y0, height, z, swapped, angle, sine_ranges, mean_sine_range)
 
 
 def draw(rectangle: SphericalRectangle, u: Array) -> RectanglePoint:
     """Map points u (..., 2) of the unit square to points of the rectangles."""
-    segments = len(rectangle.density)
-    remaining = u[..., 0] * rectangle.mass * segments
+    segments = len(rectangle.sine_ranges)
+    remaining = u[..., 0] * rectangle.mean_sine_range * segments
     fraction = np.zeros_like(remaining)
     for step in range(segments + 1):
-        left, right = rectangle.density[max(step - 1, 0)], rectangle.density[min(step, segments - 1)]
+        left, right = rectangle.sine_ranges[max(step - 1, 0)], rectangle.sine_ranges[min(step, segments - 1)]
         segment_width = 0.5 if step in (0, segments) else 1.0
         covered = np.clip(remaining, 0, (left + right) / 2 * segment_width)
         # The root of left t + (right - left) t^2 / 2 = covered, without cancellation.
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * covered, 0))
         fraction = fraction + np.clip(2 * covered / np.maximum(left + root, _TINY), 0, segment_width) / segments
         remaining = remaining - covered
-    s, x = _point_at_angle(rectangle.x0, rectangle.width, rectangle.z, rectangle.angle, fraction)
+    s, x = _point_at_angle(rectangle.x0, rectangle.width, rectangle.z, rectangle.azimuth_range, fraction)
     # Near the foot, x0 + width s cancels to no correct digit; the tangent does not.
     near = x * x + rectangle.z * rectangle.z < rectangle.z * rectangle.width
-    azimuth = np.arctan2(rectangle.x0, rectangle.z) + np.where(near, fraction, 0) * rectangle.angle
+    azimuth = np.arctan2(rectangle.x0, rectangle.z) + np.where(near, fraction, 0) * rectangle.azimuth_range
     x = np.where(near, rectangle.z * np.tan(azimuth), x)
     t, y = _point_at_sine(x * x + rectangle.z * rectangle.z, rectangle.y0, rectangle.height, u[..., 1])
     swapped = rectangle.swapped
@@ -115,13 +115,13 @@ def density(rectangle: SphericalRectangle, point: RectanglePoint) -> Floats:
     """Return the pdf (...) per steradian with which `draw` returns points of the rectangles."""
     s, x = np.where(rectangle.swapped, point.t, point.s), np.where(rectangle.swapped, point.y, point.x)
     azimuth = np.arctan2(rectangle.width * s * rectangle.z, rectangle.z * rectangle.z + rectangle.x0 * x)
-    segments = len(rectangle.density)
-    position = np.clip(azimuth / np.maximum(rectangle.angle, _TINY) * segments - 0.5, 0, segments - 1)
+    segments = len(rectangle.sine_ranges)
+    position = np.clip(azimuth / np.maximum(rectangle.azimuth_range, _TINY) * segments - 0.5, 0, segments - 1)
     azimuth_density = sum(
-        value * np.maximum(1 - np.abs(position - step), 0) for step, value in enumerate(rectangle.density)
+        value * np.maximum(1 - np.abs(position - step), 0) for step, value in enumerate(rectangle.sine_ranges)
     )
     sine_range = _sine_range(rectangle.z * rectangle.z + x * x, rectangle.y0, rectangle.height)
-    pdf: Floats = azimuth_density / np.maximum(rectangle.mass * rectangle.angle * sine_range, _TINY)
+    pdf: Floats = azimuth_density / np.maximum(rectangle.mean_sine_range * rectangle.azimuth_range * sine_range, _TINY)
     return pdf
 
 
@@ -147,18 +147,18 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
     """Return y1 / r1 - y0 / r0, y1 = y0 + height, where r^2 = squared + y^2."""
     y1 = y0 + height
     r0, r1 = np.sqrt(squared + y0 * y0), np.sqrt(squared + y1 * y1)
-    apart = y0 * y1 < 0
+    spans_zero = y0 * y1 < 0
     weight = y1 * r0 + y0 * r1
-    beside = squared * (y0 + y1) * height / (r0 * r1 * np.where(apart | (weight == 0), 1, weight))
-    return np.where(apart, y1 / r1 - y0 / r0, beside)
+    same_side_range = squared * (y0 + y1) * height / (r0 * r1 * np.where(spans_zero | (weight == 0), 1, weight))
+    return np.where(spans_zero, y1 / r1 - y0 / r0, same_side_range)
 
 
 def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tuple[Floats, Floats]:
-    """Return the fraction of the height at which the sine has passed the fraction v of its range, and y there."""
+    """Return the fraction of the height, and y, at which the sine has covered the fraction v of its range."""
     y1 = y0 + height
-    apart, below = y0 * y1 < 0, (y0 + y1 < 0)
-    v = np.where(below & ~apart, 1 - v, v)
-    near = np.where(apart, y0, np.where(below, -y1, y0))
+    spans_zero, is_below = y0 * y1 < 0, (y0 + y1 < 0)
+    v = np.where(is_below & ~spans_zero, 1 - v, v)
+    near = np.where(spans_zero, y0, np.where(is_below, -y1, y0))
     far = near + height
     d, r0, r1 = np.sqrt(squared), np.sqrt(squared + near * near), np.sqrt(squared + far * far)
     sine = near / r0
@@ -166,21 +166,21 @@ def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tup
     reached = sine + step
     # 1 - sine^2 at the ends and at v, without the difference where the sine is near 1.
     across = 1 - near * far / (r0 * r1)
-    beside = squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(apart, 0, near * far)))
-    mixed = np.where(apart, across, beside)
+    aside = squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(spans_zero, 0, near * far)))
+    mixed = np.where(spans_zero, across, aside)
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
     first = d / r0
     beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)
-    y = np.where(apart, d * reached / np.maximum(cosine, _TINY), near + beyond)
-    t = np.clip(np.where(apart, y - near, beyond) / height, 0, 1)
-    mirrored = below & ~apart
+    y = np.where(spans_zero, d * reached / np.maximum(cosine, _TINY), near + beyond)
+    t = np.clip(np.where(spans_zero, y - near, beyond) / height, 0, 1)
+    mirrored = is_below & ~spans_zero
     return np.where(mirrored, 1 - t, t), np.where(mirrored, -y, y)
 
 
 # A rectangle about the origin in the plane z = 0 that emits along -z, as seen from points with z < 0.
 
 
-def meet_plane(point: Floats, direction: Floats, width: Real, height: Real) -> tuple[Floats, RectanglePoint]:
+def intersect_rectangle(point: Floats, direction: Floats, width: Real, height: Real) -> tuple[Floats, RectanglePoint]:
     """Return the distance (...) along directions (..., 3) to the rectangle, and the point that the ray hits.
 
     The distance is `FAR` for misses and for rays from behind; the fractions s and t of these are clipped to [0, 1].
@@ -195,7 +195,7 @@ def meet_plane(point: Floats, direction: Floats, width: Real, height: Real) -> t
     return np.where(inside, along, FAR), RectanglePoint(np.clip(s, 0, 1), np.clip(t, 0, 1), dx, dy)
 
 
-def seen_part(
+def project_part(
     point: Floats, width: Real, height: Real, s: Real = 0.0, t: Real = 0.0, size: Real = 1.0, segments: int = SEGMENTS
 ) -> SphericalRectangle:
     """Return the part of the rectangle from fractions (s, t) to (s + size, t + size), as seen from points (..., 3)."""
@@ -204,7 +204,7 @@ def seen_part(
     return project_rectangle(x0, width * size * ones, y0, height * size * ones, np.where(z < 0, -z, ones), segments)
 
 
-def plane_angle(point: Floats, width: Real, height: Real, area: Real) -> Floats:
+def approximate_solid_angle(point: Floats, width: Real, height: Real, area: Real) -> Floats:
     """Return the rough solid angle (...) at points (..., 3) of a light of `area` in the rectangle; 0 from behind.
 
     The formula uses the distance and the cosine at the rectangle's nearest point. Its limits are 2 pi on the light, and
@@ -218,7 +218,7 @@ def plane_angle(point: Floats, width: Real, height: Real, area: Real) -> Floats:
     return angle
 
 
-def towards_plane(point: Floats, target: RectanglePoint) -> Floats:
+def directions_to_points(point: Floats, target: RectanglePoint) -> Floats:
     """Return unit directions (..., 3) to points of the rectangle; +z at points that it does not illuminate."""
     z = point[..., 2]
     towards = np.stack([target.x, target.y, np.where(z < 0, -z, 1)], axis=-1)

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from lookdev.light.placed import PlacedLight
     from lookdev.light.rig.attributes import LightPrim
 
-_SAME = 1e-5  # relative: scales that differ by less are equal in float32
+_SCALE_TOLERANCE = 1e-5  # relative: scales that differ by less are equal in float32
 
-ALL_LIGHTS = ("turns", "camera", "lightGroup")
-FALLOFF = tuple(f"falloff:{name}" for name in ("virtualDistance", "exponent", "start", "end"))
+LIGHT_ATTRIBUTES = ("turns", "camera", "lightGroup")
+FALLOFF_ATTRIBUTES = tuple(f"falloff:{name}" for name in ("virtualDistance", "exponent", "start", "end"))
 """Attributes below ``lookdev:``, of all lights, and of lights with a position."""
 
 
@@ -68,7 +68,7 @@ class UsdLight:
     """
 
     read: Callable[[PlacedPrim], LightShape]
-    attributes: tuple[str, ...] = (*ALL_LIGHTS, *FALLOFF)
+    attributes: tuple[str, ...] = (*LIGHT_ATTRIBUTES, *FALLOFF_ATTRIBUTES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ class PlacedPrim:
     def radius(self, hint: str, shape: str, others: tuple[int, ...]) -> float:
         """Return the radius of a light that other renderers may treat as a point or a line, if `hint` is set.
 
-        "Renderers that only support area lights can disregard this": here every lamp has a surface, because mirrors
+        "Renderers that only support area lights can disregard this". Here every lamp has a surface, because mirrors
         reflect it. The radius scales with the y axis; EnvironmentMapError unless the `others` have the same scale.
         """
         if self.light.flag(hint):
@@ -108,7 +108,7 @@ class PlacedPrim:
     def check_scales(self, first: int, second: int) -> None:
         """Raise EnvironmentMapError if the scale along two axes differs."""
         a, b = self.scale[first], self.scale[second]
-        if abs(a - b) > _SAME * max(a, b):
+        if abs(a - b) > _SCALE_TOLERANCE * max(a, b):
             raise EnvironmentMapError(
                 f"is scaled by {a:.6g} along {'xyz'[first]} and {b:.6g} along {'xyz'[second]}; the same scale along "
                 f"both would be right for a {self.kind}"

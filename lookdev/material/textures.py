@@ -22,7 +22,7 @@ from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.brdf import Array
 from lookdev.cache import cached_file, file_digest
 from lookdev.errors import OutputError, TextureError
-from lookdev.images import check_file, open_image, strips, whole_image
+from lookdev.images import check_file, open_image, read_strips, whole_image
 from lookdev.material import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
@@ -349,7 +349,7 @@ def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
     yield from blank_strips(min(top, spec.full_height))
     columns_inside = slice(max(left, 0), max(min(left + spec.width, spec.full_width), 0))
     bad = 0
-    for first, pixels in strips(image, file, range(spec.nchannels), TextureError):
+    for first, pixels in read_strips(image, file, range(spec.nchannels), TextureError):
         bad += np.count_nonzero(~np.isfinite(pixels))
         begin = max(top + first, 0)
         inside = pixels[max(-top - first, 0) : max(spec.full_height - top - first, 0), max(-left, 0) :]

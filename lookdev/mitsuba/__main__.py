@@ -10,7 +10,7 @@ import time
 import traceback
 from typing import TYPE_CHECKING
 
-from lookdev.processes import end_with_parent, leaving
+from lookdev.processes import end_with_parent, exit_after_block
 from lookdev.rendering.answers import AnswerStream
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class _Scenes:
 def main() -> None:
     """Serve tasks until the input ends."""
     end_with_parent()
-    with leaving():
+    with exit_after_block():
         _serve(AnswerStream())
 
 

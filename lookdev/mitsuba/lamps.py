@@ -95,7 +95,7 @@ class Lamps(LampRows):
             self._image = file_array(mi.Float, light.texture, read_image)
 
     def weight(self, lamp: UInt, p: Vector3f, n: Vector3f) -> Float:
-        """Return `lookdev.light.lamps.weight` times the mean radiance."""
+        """Return `lookdev.light.lamps.estimate_irradiance` times the mean radiance."""
         return self.evaluate(self._program, lamp, "weight", p=p, n=n)[0]
 
     def meet(self, lamp: UInt, p: Vector3f, w: Vector3f) -> tuple[Float, Float]:

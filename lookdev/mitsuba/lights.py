@@ -14,7 +14,7 @@ import drjit as dr
 from lookdev.codegen.program.lamps import SHADOW_FIELDS, shadow_operations
 from lookdev.light.dome import Dome
 from lookdev.light.lamps import CodedRig
-from lookdev.light.shape import FAR, INFINITE
+from lookdev.light.shape import FAR, INFINITE_DISTANCE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
 from lookdev.mitsuba.lamps import LampRows
@@ -173,7 +173,7 @@ class OneDome(SceneLights):
     """A dome in world axes. The directions of all samples are stratified over its slots."""
 
     def __init__(self, mi: Mitsuba, dome: Dome) -> None:
-        super().__init__(mi, CodedRig.of((dome,)))
+        super().__init__(mi, CodedRig.from_lights((dome,)))
         self._dome = DomeLight(mi, dome)
         self.sampled = self._dome.sampled
 
@@ -211,7 +211,7 @@ class _DomeLighting:
             sample = dr.select(back, back_sample, sample)
         local, radiance, ratio = sample
         density = self._density(local, radiance)
-        return rotate_z(local, self._turn), ratio * radiance, self._mi.Float(INFINITE), density, ()
+        return rotate_z(local, self._turn), ratio * radiance, self._mi.Float(INFINITE_DISTANCE), density, ()
 
     def _density(self, local: Vector3f, radiance: Color3f) -> Float:
         total = self._mi.Float(0.0)

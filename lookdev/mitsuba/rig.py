@@ -13,7 +13,7 @@ from lookdev.codegen.program.lamps import ball_operations
 from lookdev.light import Light, coded_light
 from lookdev.light.dome import Dome
 from lookdev.light.lamps import FIELDS, CodedRig, RigOrigin
-from lookdev.light.shape import FAR, INFINITE
+from lookdev.light.shape import FAR, INFINITE_DISTANCE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
 from lookdev.mitsuba.geometry import Geometry
@@ -43,7 +43,7 @@ class RigSampler(SceneLights):
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.shader_lights
         groups = [task.names_of_light.index(name) for name in task.light_groups[: len(lights)]]
-        rig = CodedRig.of(lights)
+        rig = CodedRig.from_lights(lights)
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
         values = rig.rows(RigOrigin((x, y, z), task.camera.pivot))
@@ -247,7 +247,7 @@ class _RigLighting:
 
     def _along_dome(self, number: int, local: Vector3f, w: Vector3f, active: Bool) -> tuple[Float, Color3f, Float]:
         """Return the distance of a dome along directions, its radiance, and the density of directions drawn from it."""
-        dome, map_direction, distance = self._rig.domes[number], local, self._mi.Float(INFINITE)
+        dome, map_direction, distance = self._rig.domes[number], local, self._mi.Float(INFINITE_DISTANCE)
         density_factor: Float | float = 1.0
         if dome.is_local:
             point = self._dome_points[number]
@@ -284,7 +284,7 @@ class _RigLighting:
         # The light whose interval of the sum contains the target; the position in the interval samples that light.
         end = mi.Float(0.0)
         none = self._rig.no_controls
-        result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE), mi.Float(0.0), none)
+        result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE_DISTANCE), mi.Float(0.0), none)
         for number_of_dome, dome in enumerate(self._rig.domes):
             weight = dr.select(
                 back, self._dome_weight(number_of_dome, len(self._sides) - 1), self._dome_weight(number_of_dome, 0)
@@ -344,7 +344,7 @@ class _RigLighting:
         map_direction, map_radiance, ratio = dr.select(
             back, behind.draw_uniform(u1, u2, active), front.draw_uniform(u1, u2, active)
         )
-        local, distance = map_direction, mi.Float(INFINITE)
+        local, distance = map_direction, mi.Float(INFINITE_DISTANCE)
         density_factor: Float | float = 1.0
         if dome.is_local:
             local = mi.Vector3f(*dome.ball("draw", p=self._dome_points[number], onto=map_direction))

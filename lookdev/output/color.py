@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from lookdev.errors import OutputError, nearest_hint, shorten
 from lookdev.output.config import FILE, NAME
-from lookdev.space import BASE, OCIO_NAMES, REC709
+from lookdev.space import OCIO_CONFIG, OCIO_NAMES, REC709
 
 if TYPE_CHECKING:
     import PyOpenColorIO as ocio
@@ -121,7 +121,7 @@ def _processor(view: DisplayView) -> ocio.Processor:
         if view.space and config.getColorSpace(view.space) is None:
             _require_name(view.config, "colour space", view.space, tuple(config.getColorSpaceNames()))
         if not source:
-            base = ocio.Config.CreateFromBuiltinConfig(BASE)
+            base = ocio.Config.CreateFromBuiltinConfig(OCIO_CONFIG)
             with suppress(ocio.Exception, ocio.ExceptionMissingFile):
                 source = ocio.Config.IdentifyBuiltinColorSpace(config, base, SOURCE)
         if source:

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lookdev.cache import write_file
-from lookdev.space import BASE, OCIO_NAMES, REC709
+from lookdev.space import OCIO_CONFIG, OCIO_NAMES, REC709
 
 if TYPE_CHECKING:
     import PyOpenColorIO as ocio
@@ -51,9 +51,9 @@ def make_config() -> ocio.Config:
     """Return OpenColorIO's built-in config with the view ``lookdev`` added."""
     import PyOpenColorIO as ocio
 
-    config = ocio.Config.CreateFromBuiltinConfig(BASE)
+    config = ocio.Config.CreateFromBuiltinConfig(OCIO_CONFIG)
     config.setName(NAME)
-    config.setDescription(f"{BASE}, with the view '{NAME}': hue and saturation stay while highlights roll off")
+    config.setDescription(f"{OCIO_CONFIG}, with the view '{NAME}': hue and saturation stay while highlights roll off")
     transform = ocio.ViewTransform(ocio.REFERENCE_SPACE_SCENE, name=NAME)
     transform.setDescription(f"V of HSV in linear Rec.709 is kept up to {KNEE:g}, and rolls off to 1 at {WHITE:g}")
     to_rec709 = config.getColorSpace(_SOURCE).getTransform(ocio.COLORSPACE_DIR_FROM_REFERENCE)

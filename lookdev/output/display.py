@@ -10,7 +10,7 @@ import OpenImageIO as oiio
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Bytes, Floats32
-from lookdev.cache import atomic_path, from_memory, output_errors
+from lookdev.cache import atomic_path, memory_file, output_errors
 from lookdev.errors import OutputError
 from lookdev.output.color import DisplayView
 
@@ -87,7 +87,7 @@ def write_image(path: Path, pixels: Bytes, attributes: Mapping[str, str | int]) 
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
     for key, value in attributes.items():
         spec.attribute(key, value)
-    with atomic_path(path) as temporary, from_memory(temporary) as name:
+    with atomic_path(path) as temporary, memory_file(temporary) as name:
         output = oiio.ImageOutput.create(str(temporary))
         if output is None:
             oiio.geterror()

@@ -20,7 +20,7 @@ import OpenEXR
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Floats32
-from lookdev.cache import atomic_path, from_memory, output_errors
+from lookdev.cache import atomic_path, memory_file, output_errors
 from lookdev.errors import OutputError
 from lookdev.images import open_image, whole_image
 from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space, to_rec709
@@ -84,7 +84,7 @@ def write_frame(
         entries |= {"chromaticities": CHROMATICITIES[space], "colorInteropID": INTEROP_IDS[space]}
     entries |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     entries[_CHECKSUM.decode()] = _NO_CHECKSUM.decode()
-    with output_errors(path, "cannot write the frame"), atomic_path(path) as temporary, from_memory(temporary) as name:
+    with output_errors(path, "cannot write the frame"), atomic_path(path) as temporary, memory_file(temporary) as name:
         with OpenEXR.File(entries, channels) as exr:
             exr.write(name)
         with Path(name).open("r+b") as stream:

@@ -2,6 +2,7 @@
 
 from lookdev.plan.plan import Charts, Plan, PlannedFile, Reel, build_plan
 from lookdev.plan.poses import turntable_poses
-from lookdev.plan.setup import Setup, Turns, make_setup
+from lookdev.plan.setup import Setup, TurntableFrames, make_setup
 
-__all__ = ["Charts", "Plan", "PlannedFile", "Reel", "Setup", "Turns", "build_plan", "make_setup", "turntable_poses"]
+__all__ = ["Charts", "Plan", "PlannedFile", "Reel", "Setup", "TurntableFrames"]
+__all__ += ["build_plan", "make_setup", "turntable_poses"]

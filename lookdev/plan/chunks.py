@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 from lookdev.errors import LookdevError
 from lookdev.plan.plan import Plan
 
-MOST_CHUNKS = 100_000
+MAX_CHUNKS = 100_000
 
-_SMALLEST = 1 / 32
+_MIN_COST = 1 / 32
 """The cost of the last parts, relative to that of the first."""
 
 
@@ -39,10 +39,10 @@ class Division:
         """Read a division as the command line has it, ``8`` or ``48@8``; raises LookdevError."""
         match = re.fullmatch(r"([0-9]{1,6})(?:@([0-9]{1,6}))?", text, re.ASCII)
         count, machines = (int(group) if group is not None else -1 for group in match.groups()) if match else (0, 0)
-        if not (1 <= count <= MOST_CHUNKS and (machines == -1 or 1 <= machines <= count)):
+        if not (1 <= count <= MAX_CHUNKS and (machines == -1 or 1 <= machines <= count)):
             raise LookdevError(
                 f"'{text[:40]}' is not a number of chunks: 8 are eight of equal cost, 48@8 are 48 for eight machines, "
-                f"the last ones small; at most {MOST_CHUNKS}, and no fewer than machines"
+                f"the last ones small; at most {MAX_CHUNKS}, and no fewer than machines"
             )
         return cls(count, 0 if machines in (-1, count) else machines)
 
@@ -53,7 +53,7 @@ class Division:
     def weights(self) -> tuple[float, ...]:
         """The cost of each part, relative to that of the first."""
         machines = self.machines or self.count
-        fall = max(0.5, _SMALLEST ** (1.0 / max(-(-self.count // machines) - 1, 1)))
+        fall = max(0.5, _MIN_COST ** (1.0 / max(-(-self.count // machines) - 1, 1)))
         return tuple(fall ** (number // machines) for number in range(self.count))
 
 
@@ -74,7 +74,7 @@ class Chunk:
             if 1 <= number <= division.count:
                 return cls(number, division)
         raise LookdevError(
-            f"'{text[:40]}' is not a chunk: 2/8 is the second of eight, 1/8 the first, of at most {MOST_CHUNKS}; "
+            f"'{text[:40]}' is not a chunk: 2/8 is the second of eight, 1/8 the first, of at most {MAX_CHUNKS}; "
             "2/48@8 is the second of 48 for eight machines"
         )
 
@@ -91,7 +91,7 @@ class Costs:
     start: float
 
 
-def split(scenes: Sequence[object], costs: Costs, division: Division) -> tuple[int, ...]:
+def split_frames(scenes: Sequence[object], costs: Costs, division: Division) -> tuple[int, ...]:
     """Return the ends of parts of frames, with the least maximum over the parts of cost divided by weight.
 
     An end is the number of the frame after the part's last one. `scenes` has the scene of each frame; frames of one
@@ -123,7 +123,7 @@ def split(scenes: Sequence[object], costs: Costs, division: Division) -> tuple[i
     return (*ends, *[len(scenes)] * (count - len(ends)))
 
 
-def part_of(plan: Plan, ends: Sequence[int], number: int) -> Plan:
+def plan_of_part(plan: Plan, ends: Sequence[int], number: int) -> Plan:
     """Return part `number`, counted from 1, of a plan; it has no reels, sheets and skips, which are of many frames."""
     first = ends[number - 2] if number > 1 else 0
     return replace(plan, frames=plan.frames[first : ends[number - 1]], reels=(), sheets=(), skips=())

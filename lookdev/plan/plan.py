@@ -17,7 +17,7 @@ from lookdev.build.wedges import WedgeSheet
 from lookdev.errors import OutputError
 from lookdev.plan.digest import PARTS, frame_digest, pose_digest, scene_digests
 from lookdev.plan.poses import turntable_poses
-from lookdev.plan.setup import Setup, Turns
+from lookdev.plan.setup import Setup, TurntableFrames
 from lookdev.plan.skips import Skip, scene_skips
 from lookdev.rendering.task import FrameTask
 from lookdev.scene import Pose
@@ -148,7 +148,7 @@ class Plan:
 
 def build_plan(
     setups: Sequence[Setup],
-    turns: Turns,
+    turns: TurntableFrames,
     read_header: HeaderReader,
     *,
     labels: Mapping[str, str] | None = None,
@@ -184,7 +184,7 @@ def build_plan(
     return Plan(tuple(frames), all_reels, turns.output, tuple(frame_suffixes), skips, charts=chart_files)
 
 
-def _reels(setup: Setup, turns: Turns) -> tuple[Reel, ...]:
+def _reels(setup: Setup, turns: TurntableFrames) -> tuple[Reel, ...]:
     """Return the reel of each turntable of a setup."""
     return tuple(
         Reel(setup.look, setup.ibl, turntable.name, turns.files(setup.look, setup.ibl, turntable))
@@ -192,7 +192,7 @@ def _reels(setup: Setup, turns: Turns) -> tuple[Reel, ...]:
     )
 
 
-def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
+def find_skips(setups: Iterable[Setup], turns: TurntableFrames) -> Iterator[Skip]:
     """Yield the skips of setups, in the order of the setups; work that the user turned off is not a skip."""
     for setup in setups:
         skips = scene_skips(setup.task, setup.scene.looks, setup.requested, len(setup.scene.lights))
@@ -200,7 +200,7 @@ def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
             yield Skip(setup.look, setup.ibl, work, cause)
 
 
-def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
+def _frame_skips(setup: Setup, turns: TurntableFrames) -> Iterator[tuple[str, str]]:
     """Yield the frames of turntables that are not rendered, and the cause."""
     requested = [
         pose for turntable in turns.turntables for pose in turntable_poses(turntable, setup.rotation, turns.azimuth)
@@ -209,7 +209,7 @@ def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
     if len(distinct) < len(requested):
         yield f"{len(requested) - len(distinct)} of {len(requested)} frames", "same pose"
     if len(rendered) < len(distinct):
-        causes = ["same all around"] * setup.around + ["constant light"] * setup.task.light_stays
+        causes = ["same all around"] * setup.is_rotation_invariant + ["constant light"] * setup.task.light_stays
         yield f"{len(distinct) - len(rendered)} of {len(distinct)} frames", ", ".join(causes)
 
 
@@ -220,7 +220,7 @@ def _pose_labels(pose: Pose) -> dict[str, str]:
 
 def _tasks(
     setup: Setup,
-    turns: Turns,
+    turns: TurntableFrames,
     reels: Sequence[Reel],
     labels: Mapping[str, str],
     pose_labels: Callable[[Pose], dict[str, str]],

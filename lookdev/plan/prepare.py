@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lookdev.asset import load_asset, make_asset
 from lookdev.build.faults import Findings
-from lookdev.build.scenes import JobScenes, job_scenes
+from lookdev.build.scenes import JobScenes, build_scenes
 from lookdev.build.wedges import WedgeSheet
 from lookdev.cache import take_notes
 from lookdev.codegen.source import ShaderSource, shared_programs
@@ -19,7 +19,7 @@ from lookdev.job.schema import JobRig
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header
-from lookdev.plan import Charts, Plan, Setup, Turns, build_plan, make_setup
+from lookdev.plan import Charts, Plan, Setup, TurntableFrames, build_plan, make_setup
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.task import SceneTask
@@ -39,19 +39,19 @@ class JobSetups:
     charts: tuple[Setup, ...] = ()  # of reference props, one for each light
 
     @property
-    def turns(self) -> Turns:
+    def turns(self) -> TurntableFrames:
         """The turntables of the job."""
-        return Turns(self.job.turntable, self.job.output, self.job.camera.azimuth)
+        return TurntableFrames(self.job.turntable, self.job.output, self.job.camera.azimuth)
 
 
 @dataclass(frozen=True)
-class Prepared(JobSetups):
+class PlannedJob(JobSetups):
     """A job with its plan."""
 
     plan: Plan = field(kw_only=True)
 
 
-def prepare_job(path: Path, backend: str | None = None) -> Prepared:
+def prepare_job(path: Path, backend: str | None = None) -> PlannedJob:
     """Read a job file and plan its frames, as `plan_job`; raises JobError with the faults of the job file.
 
     `backend` replaces that of the job.
@@ -59,7 +59,7 @@ def prepare_job(path: Path, backend: str | None = None) -> Prepared:
     return plan_job(_replace_backend(load_job(path), backend))
 
 
-def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prepared:
+def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> PlannedJob:
     """Read the files of a job and plan its frames; raises FaultsError with all faults of the files.
 
     `ahead` is called before the asset is read, with the scene of a card that has a look of the job: a worker that
@@ -70,16 +70,15 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     def prepare_card(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # make_setups reports it
-                plane = load_asset(
-                    builtin="plane"
-                )  # rendered without bounces; a card is lit with them, as any asset is
+                # A plane renders without bounces; as another asset, it has those of the job.
+                plane = load_asset(builtin="plane")
                 card = make_asset("card", plane.meshes, plane.instances, plane.slots)
                 scene = Scene.of_look(card, look, lights[0], job.render.resolution)
                 scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
                 ahead(tasks.task(scene, job.render.sampling))
 
     sampled = BACKENDS[job.render.backend].directions
-    job_setups = make_setups(job_scenes(job, prepare_card, sampled=sampled), tasks)
+    job_setups = make_setups(build_scenes(job, prepare_card, sampled=sampled), tasks)
     job = job_setups.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
     charts = Charts(job_setups.charts, job.charts.strip(job.render.resolution)) if job.charts else None
@@ -92,7 +91,7 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
         charts=charts,
     )
     plan = replace(plan, sheets=job_setups.sheets)
-    return Prepared(job, job_setups.setups, job_setups.notes, job_setups.sheets, job_setups.charts, plan=plan)
+    return PlannedJob(job, job_setups.setups, job_setups.notes, job_setups.sheets, job_setups.charts, plan=plan)
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
@@ -105,7 +104,7 @@ def read_setups(path: Path, backend: str | None = None) -> JobSetups:
     # If no backend is named, the caller may compare with one that draws directions.
     sampled = backend is None or BACKENDS[backend].directions
     tasks = SceneTasks(job.render.backend, job.render.device)
-    return make_setups(job_scenes(job, sampled=sampled), tasks)
+    return make_setups(build_scenes(job, sampled=sampled), tasks)
 
 
 def _replace_backend(job: Job, backend: str | None) -> Job:
@@ -134,9 +133,9 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
                 for line in error.args[0].splitlines():
                     findings.add(where, line)
                 continue
+            setup = replace(setup, exposure=rig.exposure, rotation=rig.rotation)
             # Props stand still in front of the camera in every pose.
-            around = setup.around or key == "charts"
-            setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation, around=around))
+            setups.append(replace(setup, is_rotation_invariant=True) if key == "charts" else setup)
     findings.raise_faults()
     shared = tuple(_share_programs(setups))
     count = len(scenes.charts)

@@ -30,14 +30,14 @@ class Setup:
     scene: Scene
     task: SceneTask
     requested: Sampling  # that of the task may have fewer bounces
-    around: bool = False  # the asset looks the same however it is turned: its poses are one frame
+    is_rotation_invariant: bool = False  # the asset looks the same however it is turned: its poses are one frame
     exposure: float = 0.0  # of the light, stops
     rotation: float = 0.0  # of the light, degrees, added to its angle in every pose
 
     def poses(self, turntable: JobTurntable, azimuth: float) -> tuple[Pose, ...]:
         """Return the pose of each frame of a turntable; frames with equal poses show the same picture."""
         poses = turntable_poses(turntable, self.rotation, azimuth)
-        return tuple(canonical_pose(pose, self.around, self.task.light_stays) for pose in poses)
+        return tuple(canonical_pose(pose, self.is_rotation_invariant, self.task.light_stays) for pose in poses)
 
 
 def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: SceneTasks | None = None) -> Setup:
@@ -50,17 +50,13 @@ def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: Sce
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
     # Passes show positions, which turn with the asset.
-    around = (
-        not sampling.passes
-        and scene.asset.revolved
-        and _orbits_asset_axis(scene)
-        and is_rotation_invariant(task.shaders)
-    )
+    is_revolved = scene.asset.revolved and _orbits_asset_axis(scene)
+    around = not sampling.passes and is_revolved and is_rotation_invariant(task.shaders)
     return Setup(look, ibl, scene, task, sampling, around)
 
 
 @dataclass(frozen=True)
-class Turns:
+class TurntableFrames:
     """The turntables that show every setup, the folder of all files, and the camera's azimuth in degrees."""
 
     turntables: tuple[JobTurntable, ...]

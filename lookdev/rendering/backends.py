@@ -13,7 +13,7 @@ from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import GeneratedSource, NodeSource, PrincipledSource, ProgramSource, ShaderSource
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, light_label, native_gaps
-from lookdev.light.lamps import is_plain, not_of_rigs
+from lookdev.light.lamps import is_plain, rig_faults
 from lookdev.rendering.llvm import check_device
 from lookdev.rendering.passes import PASSES
 from lookdev.space import OCIO_NAMES, REC709, Space
@@ -199,7 +199,7 @@ BACKENDS: dict[str, Backend] = {
             devices=("cpu", "cuda"),
             exact=True,
             in_jobs=True,
-            cannot_light=not_of_rigs,
+            cannot_light=rig_faults,
             directions=True,
             features=True,
             passes=tuple(PASSES),

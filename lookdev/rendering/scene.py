@@ -13,7 +13,7 @@ from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import TANGENT, Catching, GeneratedSource
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
-from lookdev.light.emission import MOST_GROUPS, WHITE
+from lookdev.light.emission import MAX_SHADOW_GROUPS, WHITE
 from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.passes import LIGHTS, light_groups
@@ -118,10 +118,10 @@ class SceneTasks:
         if not backend.any_light and (gaps := backend.cannot_light(scene.lights)):
             lines = (f"{gap}: backend 'exact' renders it, '{backend.name}' does not" for gap in gaps)
             raise EnvironmentMapError("\n".join(lines))
-        if (groups := max(scene.slot_groups)) > MOST_GROUPS:
+        if (groups := max(scene.slot_groups)) > MAX_SHADOW_GROUPS:
             raise EnvironmentMapError(
                 f"shadow links divide the parts into {groups + 1} groups that cast the shadows of different lights; at "
-                f"most {MOST_GROUPS + 1} would be right"
+                f"most {MAX_SHADOW_GROUPS + 1} would be right"
             )
 
     def _source(self, look: Look, setting: SourceSetting, code: tuple[object, ...]) -> GeneratedSource:

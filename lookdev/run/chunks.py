@@ -17,7 +17,7 @@ from lookdev.errors import LookdevError, OutputError
 from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
-from lookdev.plan.chunks import Chunk, Costs, Division, part_of, split
+from lookdev.plan.chunks import Chunk, Costs, Division, plan_of_part, split_frames
 from lookdev.plan.costs import estimate_costs, measure_costs
 from lookdev.run.runs import Runs
 from lookdev.safe_text import TextError, align_columns, parse_json, read_text
@@ -38,7 +38,7 @@ class ChunkSummary:
 
 def plan_of_chunk(plan: Plan, chunk: Chunk) -> Plan:
     """Return the part of a plan that has the frames of a chunk."""
-    return part_of(plan, _chunk_ends(plan, chunk.of), chunk.number)
+    return plan_of_part(plan, _chunk_ends(plan, chunk.of), chunk.number)
 
 
 def store_measured_chunks(plan: Plan, division: Division) -> None:
@@ -97,7 +97,7 @@ def remove_divisions(state: Path) -> None:
 
 
 def _divide_plan(plan: Plan, division: Division, costs: Costs) -> tuple[int, ...]:
-    return split([id(frame.task.scene) for frame in plan.frames], costs, division)
+    return split_frames([id(frame.task.scene) for frame in plan.frames], costs, division)
 
 
 def _division_file(plan: Plan, division: Division) -> Path:

@@ -29,7 +29,7 @@ def store(task: FrameTask, rendered: Rendered) -> Stored:
     """Write the file of a frame; return its record, whose notes include doubts about it. Raises OutputError."""
     beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
     doubts, header = list(frame_doubts(rendered, beauty, constant_light=constant)), {}
-    if STRIP in task.labels and not (strip := Strip.of_label(task.labels[STRIP], task.scene.resolution)).too_small():
+    if STRIP in task.labels and not (strip := Strip.of_label(task.labels[STRIP], task.scene.resolution)).size_note():
         # Not at the top: Embree takes long to import, and few jobs need it.
         from lookdev.checks.charts import charts_doubts, charts_header, check_charts
 

@@ -14,7 +14,7 @@ from lookdev.errors import LookdevError, OutputError
 from lookdev.job import Job, JobOutputs, load_job
 from lookdev.job.mapping import PathRules, map_path
 from lookdev.output.exr import read_header
-from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.plan import Plan, Setup, TurntableFrames, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.executors.choice import LOCAL, ExecutorOptions, open_executor
@@ -31,14 +31,14 @@ from lookdev.run.runs import Run
 from lookdev.run.status import record_plan, remove_failures
 
 if TYPE_CHECKING:
-    from lookdev.plan.prepare import Prepared
+    from lookdev.plan.prepare import PlannedJob
 
 Backdrop = str | tuple[float, float, float]
 
-Prepare = Callable[[Job, Callable[[SceneTask], None] | None], "Prepared"]
+Prepare = Callable[[Job, Callable[[SceneTask], None] | None], "PlannedJob"]
 
 
-def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> Prepared:
+def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> PlannedJob:
     # Imported while Blender starts: the readers of files take as long to import as the rest of the program.
     from lookdev.plan.prepare import plan_job
 
@@ -158,7 +158,7 @@ def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = Non
 
 def _lacks_frames(job: Job) -> bool:
     """Return whether frames of a job are missing, as far as their names follow from the job file alone."""
-    turns = Turns(job.turntable, job.output)
+    turns = TurntableFrames(job.turntable, job.output)
     for look in job.look:
         wild = "*" in look.variants.values()
         names = [folder.name for folder in job.output.glob(f"{look.name}_*")] if wild else [look.name]
@@ -206,7 +206,7 @@ def _open_executor(
 
 def render_setups(
     setups: Sequence[Setup],
-    turns: Turns,
+    turns: TurntableFrames,
     outputs: JobOutputs,
     background: Backdrop = "black",
     *,

@@ -32,7 +32,7 @@ from typing import Self
 from lookdev.cache import output_errors, process_name, write_file
 from lookdev.errors import OutputError, WorkerError
 from lookdev.output.manifest import STATE_FOLDER
-from lookdev.safe_text import read_json_object, stated_limit
+from lookdev.safe_text import environment_limit, read_json_object
 
 LEASE_VARIABLE = "LOOKDEV_LEASE"
 """Environment variable: seconds without a heartbeat after which a run counts as dead."""
@@ -332,7 +332,7 @@ class Run:
 
 def lease() -> float:
     """Return the seconds in `LEASE_VARIABLE`, or the default; raises OutputError where it is not a number."""
-    return float(stated_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
+    return float(environment_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
 
 
 def read_claims(state: Path) -> dict[str, list[str]]:

@@ -28,8 +28,8 @@ FULL_TURN: tuple[Arc, ...] = ((0.0, 360.0),)
 _STEPS = 100
 """The most Newton steps; about five are usual."""
 
-_LEAST_GAP = 1e-4
-"""Least distance of the camera from the asset, in depths of the asset; it is reached for a needle seen end-on."""
+_MIN_GAP = 1e-4
+"""The least distance of the camera from the asset, relative to the asset's depth: a needle seen end-on needs it."""
 
 
 def frame_camera(
@@ -116,8 +116,8 @@ def frame_fill(
         raise AssetError(f"the asset is {size} m large: it must have a finite, positive size")
     axis = turning_axis(points)
     base = np.array([*axis, 0.5 * (columns[2].min() + columns[2].max())])
-    plain = Camera(fov, elevation, (0.0, 0.0, 0.0), 1.0)
-    frame = plain.frame
+    unit_camera = Camera(fov, elevation, (0.0, 0.0, 0.0), 1.0)
+    frame = unit_camera.frame
     farthest_point = _farthest_point_function((columns - base[:, None]).T, arcs)
 
     def sides(direction: int, slope: float) -> tuple[float, float, float]:
@@ -128,12 +128,12 @@ def frame_fill(
         return float(ahead @ normals[0]), float(behind @ normals[1]), float(ahead[2] + behind[2])
 
     width, height = resolution
-    slopes = fill * plain.reach, fill * plain.reach * height / width
+    slopes = fill * unit_camera.reach, fill * unit_camera.reach * height / width
     nearest, farthest = float(farthest_point(frame[2]) @ frame[2]), float(farthest_point(-frame[2]) @ frame[2])
     depth = max(sum(sides(direction, slope)[:2]) / (2.0 * slope) for direction, slope in enumerate(slopes))
-    depth = max(depth, nearest + _LEAST_GAP * (nearest - farthest))
+    depth = max(depth, nearest + _MIN_GAP * (nearest - farthest))
     offset = []
-    for direction, most in enumerate(slopes):
+    for direction, max_slope in enumerate(slopes):
         # S(v) + S(-v) - 2 t d is convex in t and falls, so that Newton's steps from 0 never pass its zero.
         slope = 0.0
         for _ in range(_STEPS):
@@ -141,7 +141,7 @@ def frame_fill(
             step = (ahead + behind - 2.0 * slope * depth) / (2.0 * depth - growth)
             if step <= 1e-12 * slope:
                 break
-            slope = min(slope + step, most)
+            slope = min(slope + step, max_slope)
         offset.append(0.5 * (ahead - behind))
     # Between the nearest and the farthest point, so that both are well within the camera's clip range.
     distance = math.sqrt((depth - nearest) * (depth - farthest))

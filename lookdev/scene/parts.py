@@ -24,7 +24,7 @@ Key = TypeVar("Key", bound=Hashable)
 MeshAtPath = tuple[int, str]
 """The number of a mesh, and the path of some of its instances."""
 
-_MOST_KNOWN = 8  # paths that a hint lists
+_MAX_HINTS = 8  # paths that a hint lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +83,16 @@ def assign_to_parts(
 
 
 @dataclass(frozen=True)
-class Fits:
+class PatternFits:
     """The number of the `first` pattern that fits each path, and the numbers of the patterns that fit no path."""
 
     first: Mapping[str, int]
-    unfit: tuple[int, ...]
+    unmatched: tuple[int, ...]
 
 
 def fit_patterns(
     patterns: Sequence[str], paths: Iterable[str], members: Mapping[str, Collection[str]] | None = None
-) -> Fits:
+) -> PatternFits:
     """Find the first pattern that fits each path.
 
     A pattern is a glob (`fnmatch`: ``*`` matches any characters, ``/`` too). It fits a prim with all its descendants.
@@ -128,7 +128,7 @@ def fit_patterns(
         fitted.update(fitting)
         if (number := min([first_fit(path), *fitting])) < math.inf:
             first[path] = int(number)
-    return Fits(first, tuple(number for number in range(len(patterns)) if number not in fitted))
+    return PatternFits(first, tuple(number for number in range(len(patterns)) if number not in fitted))
 
 
 def path_hint(pattern: str, paths: Iterable[str]) -> str:
@@ -147,8 +147,8 @@ def path_hint(pattern: str, paths: Iterable[str]) -> str:
     close = difflib.get_close_matches(pattern.removeprefix(parent).strip("/").partition("/")[0], children, n=1)
     if close:
         return f"did you mean '{children[close[0]]}'?"
-    more = f", ... ({len(children)})" if len(children) > _MOST_KNOWN else ""
-    return f"known: {', '.join(list(children.values())[:_MOST_KNOWN])}{more}"
+    more = f", ... ({len(children)})" if len(children) > _MAX_HINTS else ""
+    return f"known: {', '.join(list(children.values())[:_MAX_HINTS])}{more}"
 
 
 def _part(mesh: Mesh, slot: Slot, path: str) -> Part:

@@ -165,11 +165,11 @@ def link_lights(scene: Scene) -> Scene:
 
     split, link_choices = assign_to_parts(asset, asset_parts(asset), links_of_part)
     groups = {tuple(range(len(lights))): 0}
-    grouped = {
+    group_of_slot = {
         path: groups.setdefault(shadow_numbers, len(groups)) for path, (_, _, shadow_numbers) in link_choices.items()
     }
 
-    def spare(number: int, light: Light) -> Light:
+    def exclude_groups(number: int, light: Light) -> Light:
         """Return a light with the groups that its shadow excludes."""
         excluded = tuple(group for shadow_numbers, group in groups.items() if number not in shadow_numbers)
         return light.with_emission(replace(light.emission, shadow_excluded=excluded))
@@ -178,9 +178,9 @@ def link_lights(scene: Scene) -> Scene:
         scene,
         asset=split,
         look_of_slot={path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
-        lights=tuple(starmap(spare, enumerate(lights))),
+        lights=tuple(starmap(exclude_groups, enumerate(lights))),
         lights_of_slot={path: light_numbers for path, (_, light_numbers, _) in link_choices.items()}
         if any(light_links)
         else {},
-        groups=grouped if any(grouped.values()) else {},
+        groups=group_of_slot if any(group_of_slot.values()) else {},
     )

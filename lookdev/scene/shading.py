@@ -8,7 +8,7 @@ import numpy as np
 
 from lookdev.brdf.vectors import Array, Real, cross, dot, perpendicular, scale, vector
 
-LEAST_COSINE = 1e-4
+MIN_COSINE = 1e-4
 """The cosine between the viewer and a normal that is bent towards the viewer."""
 
 LIFT = 1e-6
@@ -38,7 +38,7 @@ def shading_frame(normal: Array, tangent: Array | None, facet: Array, viewer: Ar
 
     Seen from behind, the frame is flipped: normal, tangent and bitangent change sign together, so that a bump seen from
     behind is a dent, and a thin surface looks the same from both sides. An interpolated normal that points away from
-    the viewer is bent until its cosine is `LEAST_COSINE`.
+    the viewer is bent until its cosine is `MIN_COSINE`.
 
     Parameters
     ----------
@@ -54,8 +54,8 @@ def shading_frame(normal: Array, tangent: Array | None, facet: Array, viewer: Ar
     side = np.where(dot(normal, facet) < 0.0, -1.0, 1.0)
     n = scale(normal, side)
     lean = dot(n, viewer)
-    bent = _unit(n + scale(viewer, LEAST_COSINE - lean))
-    n = np.where(np.expand_dims(lean < LEAST_COSINE, -1), bent, n)
+    bent = _unit(n + scale(viewer, MIN_COSINE - lean))
+    n = np.where(np.expand_dims(lean < MIN_COSINE, -1), bent, n)
     if tangent is None:
         t = perpendicular(n)
     else:

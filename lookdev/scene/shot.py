@@ -13,8 +13,8 @@ from lookdev.asset.silhouette import turning_axis
 from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
 
-_SAME_SHAPE = 0.01  # relative difference of two aspect ratios that is not noticeable
-_NEAREST = 0.1  # target's distance over that of the farthest point: the clip range includes near points
+_ASPECT_TOLERANCE = 0.01  # a smaller relative difference of two aspect ratios is not noticeable
+_TARGET_DISTANCE = 0.1  # as a fraction of the farthest point's distance, so that the clip range includes near points
 
 
 def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
@@ -24,25 +24,25 @@ def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
     """
     width, _ = shot.apertures
     right, _, back = np.array(shot.frame)
-    plain = Camera(
+    level_camera = Camera(
         fov=math.degrees(2.0 * math.atan(width / (2.0 * shot.focal_length))),
-        elevation=_degrees(back[2], math.hypot(back[0], back[1])),
+        elevation=_atan2_degrees(back[2], math.hypot(back[0], back[1])),
         target=(0.0, 0.0, 0.0),
         distance=1.0,
-        azimuth=_degrees(back[1], back[0]) + 90.0,
+        azimuth=_atan2_degrees(back[1], back[0]) + 90.0,
     )
-    level, upright, _ = plain.frame
+    level_right, level_up, _ = level_camera.frame
     lens = None
     if shot.f_stop > 0.0 and shot.focus_distance > 0.0:
         lens = Lens(shot.focal_length / shot.f_stop, shot.focus_distance)
     position = np.array(shot.position)
-    distance = _NEAREST * float(np.linalg.norm(points - position, axis=1).max())
+    distance = _TARGET_DISTANCE * float(np.linalg.norm(points - position, axis=1).max())
     x, y, z = (position - distance * back).tolist()
     return replace(
-        plain,
+        level_camera,
         target=(x, y, z),
         distance=distance,
-        roll=_degrees(float(right @ upright), float(right @ level)),
+        roll=_atan2_degrees(float(right @ level_up), float(right @ level_right)),
         axis=turning_axis(points),
         shift=(shot.offsets[0] / width, shot.offsets[1] / width),
         lens=lens,
@@ -54,7 +54,7 @@ def shot_notes(shot: UsdCamera, points: Floats, resolution: tuple[int, int]) -> 
     yield from shot.notes
     (width, height), (columns, rows) = shot.apertures, resolution
     shot_aspect, job_aspect = width / height, columns / rows
-    if abs(job_aspect / shot_aspect - 1.0) > _SAME_SHAPE:
+    if abs(job_aspect / shot_aspect - 1.0) > _ASPECT_TOLERANCE:
         amount = "less" if job_aspect > shot_aspect else "more"
         yield (
             f"{shot.path}: its frame is {shot_aspect:.3g} times as wide as high, "
@@ -63,11 +63,11 @@ def shot_notes(shot: UsdCamera, points: Floats, resolution: tuple[int, int]) -> 
     depths = (np.array(shot.position) - points) @ np.array(shot.frame[2])
     near, far = shot.clipping
     if depths.max() <= 0.0:
-        yield f"{shot.path}: the asset is behind it, as long as it is not turned"
+        yield f"{shot.path}: the asset, before it turns, is behind the camera"
     elif depths.min() < near or depths.max() > far:
         yield f"{shot.path}: its clippingRange would cut the asset; it is not applied"
 
 
-def _degrees(y: float, x: float) -> float:
+def _atan2_degrees(y: float, x: float) -> float:
     # Rounded, so that frames have the same digest on every machine.
     return round(math.degrees(math.atan2(y, x)), 10) + 0.0

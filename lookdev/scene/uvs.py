@@ -1,8 +1,8 @@
 """The UV sets and primvars that looks read, on the meshes that the looks are assigned to.
 
 A set that a mesh lacks is replaced by the mesh's default set, `st` or else its only set, under the missing name. If a
-mesh has no default set either, `lookdev.plan` reports the fault: only the generated source tells whether a shader reads
-the set.
+mesh has no default set either, `lookdev.plan` reports the fault: only the generated source shows whether a shader
+reads the set.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def look_uvs(look: Look) -> tuple[str, ...]:
     return tuple(dict.fromkeys(leaf.st for leaf in _leaves(look) if not isinstance(leaf, Primvar)))
 
 
-def with_uvs(
+def add_missing_uvs(
     asset: Asset, look_of_part: Mapping[str, Look], bound: Collection[str] = ()
 ) -> tuple[Asset, tuple[str, ...]]:
     """Return the asset with the UV sets that its looks read, and notes on replaced sets.
@@ -41,11 +41,11 @@ def with_uvs(
             meshes.append(mesh)
             continue
         slots = np.unique(mesh.face_slots).tolist()
-        has_no_uvs = not mesh.uvs and all(is_bound[slot] or not uv_names[id(looks[slot])] for slot in slots)
+        reads_zeros = not mesh.uvs and all(is_bound[slot] or not uv_names[id(looks[slot])] for slot in slots)
         zeros = np.zeros((len(mesh.corner_points), 2), np.float32)
         fallback = mesh.uvs[mesh.default_uv] if mesh.default_uv else zeros
         missing = [name for slot in slots for name in uv_names[id(looks[slot])] if name not in mesh.uvs]
-        added = dict.fromkeys(missing, fallback) if mesh.default_uv or has_no_uvs else {}
+        added = dict.fromkeys(missing, fallback) if mesh.default_uv or reads_zeros else {}
         for name in added:
             lacking.setdefault((name, mesh.default_uv), []).append(mesh)
         meshes.append(replace(mesh, uvs={**mesh.uvs, **added}) if added else mesh)
@@ -56,7 +56,7 @@ def with_uvs(
     return replace(completed, digest=asset_digest(completed)), notes
 
 
-def absent_primvars(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str, ...]:
+def missing_primvar_notes(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str, ...]:
     """Return notes on primvars that looks read and meshes lack; `look_of_part` maps slots' paths to looks."""
     looks = [look_of_part[slot.path] for slot in asset.slots]
     primvar_names = {id(look): {leaf.name for leaf in _leaves(look) if isinstance(leaf, Primvar)} for look in looks}

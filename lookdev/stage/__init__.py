@@ -24,8 +24,8 @@ from lookdev.safe_text import has_text_path
 from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
 
-_MOST_NAMES = 16  # that a hint lists
-_LONGEST_VALUE = 60  # characters that a message quotes of a value
+_MAX_NAMES = 16  # that a hint lists
+_MAX_QUOTED = 60  # characters that a message quotes of a value
 _MAP_PATH: ContextVar[Callable[[str], str] | None] = ContextVar("_MAP_PATH", default=None)
 _ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
@@ -39,12 +39,12 @@ def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     warnings: list[str] = []
     try:
-        with sandbox.reading(file):
+        with sandbox.report_reading(file):
             yield warnings
     except Tf.ErrorException as error:
-        raise StageError([Fault(str(file), "", f"USD cannot open it: {error_words(error)}")]) from error
+        raise StageError.at(file, "", f"USD cannot open it: {error_message(error)}") from error
     except UnicodeDecodeError as error:
-        raise StageError([Fault(str(file), "", NOT_UTF8)]) from error
+        raise StageError.at(file, "", NOT_UTF8) from error
     finally:
         warnings += [_warning_text(messages) for messages in diagnostics.TakeCoalescedDiagnostics()]
 
@@ -73,7 +73,7 @@ def open_stage(file: Path) -> Usd.Stage:
         malformed MaterialX document.
     """
     with usd_errors_as_faults(file):
-        open_layers = _open_layers(file)  # referenced here, so that they stay open until the stage opens them
+        open_layers = _open_layers(file)  # a reference, so that they stay open until the stage opens them
         stage = Usd.Stage.Open(open_layers[0])
         del open_layers
         return stage
@@ -152,11 +152,11 @@ def dependencies(file: Path) -> set[Path]:
 
 
 def _check_path(composition: Composition) -> None:
+    """Raise StageError unless the composition's prim is the path of a prim."""
     prim = "/" if composition.prim is None else composition.prim
     path = Sdf.Path(prim) if Sdf.Path.IsValidPathString(prim) else Sdf.Path()
     if not (path.IsAbsolutePath() and path.IsAbsoluteRootOrPrimPath()):
-        problem, hint = f"{prim!r} is not the path of a prim", "one looks like '/World/Car'"
-        raise StageError([Fault(str(composition.file), "", problem, hint)])
+        raise StageError.at(composition.file, "", f"{prim!r} is not the path of a prim", "one looks like '/World/Car'")
 
 
 def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
@@ -166,8 +166,8 @@ def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
     while not stage.GetPrimAtPath(parent):
         parent = parent.GetParentPath()
     children = [str(child.GetPath()) for child in stage.GetPrimAtPath(parent).GetAllChildren()]
-    more = max(len(children) - _MOST_NAMES, 0)
-    child_list = ", ".join(children[:_MOST_NAMES]) + f" and {more} more" * (more > 0)
+    more = max(len(children) - _MAX_NAMES, 0)
+    child_list = ", ".join(children[:_MAX_NAMES]) + f" and {more} more" * (more > 0)
     close = close_hint(composition.prim, children) if more else ""
     hint = close or f"below {parent} there are: {child_list or 'none'}"
     return [Fault(str(composition.file), composition.prim, "there is no such prim", hint)]
@@ -231,8 +231,8 @@ def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
                 sets.setdefault(set_name, set()).update(prim.GetVariantSet(set_name).GetVariantNames())
     if name not in sets:
         hint = nearest_hint(name, sorted(sets)) if sets else "it has none"
-        path = composed.composition.prim or ""
-        raise StageError([Fault(str(composed.composition.file), path, f"has no variant set '{name}'", hint)])
+        file, path = composed.composition.file, composed.composition.prim or ""
+        raise StageError.at(file, path, f"has no variant set '{name}'", hint)
     return tuple(sorted(sets[name]))
 
 
@@ -280,7 +280,7 @@ def _composition_faults(stage: Usd.Stage, file: Path) -> list[Fault]:
     for error in stage.GetCompositionErrors():
         path, message = error.rootSite.path, str(error)
         location = "" if path.isEmpty or path.IsAbsoluteRootPath() else str(path)
-        paths_by_message.setdefault(" ".join(usd_words(message).split()), []).append(location)
+        paths_by_message.setdefault(" ".join(clean_usd_message(message).split()), []).append(location)
     return sorted(
         Fault(str(file), min(locations), message, f"and {len(locations) - 1} more prims" if len(locations) > 1 else "")
         for message, locations in paths_by_message.items()
@@ -308,18 +308,18 @@ def _warning_text(messages: UsdUtils.CoalescingDiagnosticDelegateItem) -> str:
     except UnicodeDecodeError:  # USD quotes the file
         return NOT_UTF8
     more = f" (and {len(texts) - 1} more like it)" if len(texts) > 1 else ""
-    return " ".join(usd_words(texts[0]).split()) + more
+    return " ".join(clean_usd_message(texts[0]).split()) + more
 
 
-def error_words(error: Tf.ErrorException) -> str:
-    """Return the message of a USD exception, cleaned by `usd_words`."""
+def error_message(error: Tf.ErrorException) -> str:
+    """Return the message of a USD exception, cleaned by `clean_usd_message`."""
     try:
-        return usd_words("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
+        return clean_usd_message("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
     except UnicodeDecodeError:  # USD quotes the file
         return NOT_UTF8
 
 
-def usd_words(text: str) -> str:
+def clean_usd_message(text: str) -> str:
     """Return a USD message, `shorten` and without names of USD's source files and of layers in memory."""
     text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
     text = text.replace(":SDF_FORMAT_ARGS:target=usd", "")
@@ -327,8 +327,8 @@ def usd_words(text: str) -> str:
 
 
 def quote(text: str) -> str:
-    """Quote a text for a message; a long text is cut off."""
-    return repr(text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}…")
+    """Return a text in quotes for a message; a long text is cut off."""
+    return repr(text if len(text) <= _MAX_QUOTED else f"{text[:_MAX_QUOTED]}…")
 
 
 def _open_layer(file: Path) -> Sdf.Layer:
@@ -339,9 +339,9 @@ def _open_layer(file: Path) -> Sdf.Layer:
 def _open_layers(file: Path) -> list[Sdf.Layer]:
     """Check and open a file, returned first, and all layers it can be composed of, those of unselected variants too."""
     if not has_text_path(file):
-        raise StageError([Fault(str(file), "", "its path is not UTF-8", "rename it, or its folder")])
+        raise StageError.at(file, "", "its path is not UTF-8", "rename it, or its folder")
     if not file.is_file():
-        raise StageError([Fault(str(file), "", "is not a file" if file.exists() else "no such file")])
+        raise StageError.at(file, "", "is not a file" if file.exists() else "no such file")
     try:
         root = str(document_layer(str(file)) if is_document(str(file)) else file)
     except LookError as error:
@@ -370,7 +370,7 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
             continue  # composition reports the error, with the prim that names the layer
         if layer is None:
             if path == root:
-                raise StageError([Fault(root, "", "USD cannot open it: it does not know the format")])
+                raise StageError.at(root, "", "USD cannot open it: it does not know the format")
             continue  # composition reports an unknown format too
         layers.append(layer)
         assets = {_resolve_asset(layer, asset) for asset in layer.GetCompositionAssetDependencies()} - visited

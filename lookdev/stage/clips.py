@@ -57,7 +57,7 @@ def _clip_set_problems(
     if not (np.isfinite(active).all() and np.isfinite(times).all()):
         yield "active and times must be finite"
     elif not np.isin(active[:, 1], np.arange(len(assets))).all():
-        yield f"active names a clip that is none of the {len(assets)}"
+        yield f"active names a clip that does not exist: there are {len(assets)}, counted from 0"
 
 
 def _prim_problems(

@@ -1,7 +1,7 @@
 """Checks that USD can read a file without harm.
 
-USD's text reader recurses: a deeply nested file overflows its stack. It waits for ever for a named pipe. USD's binary
-reader trusts the table of sections; damage within a section, which is not checked here, can still crash it.
+USD's text reader recurses, so that a deeply nested file overflows its stack, and waits without end for a named pipe.
+USD's binary reader trusts the table of sections. Damage within a section is not checked here, and can crash it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from lookdev.safe_text import stated_limit
+from lookdev.safe_text import environment_limit
 
 BYTES_VARIABLE = "LOOKDEV_LAYER_BYTES"
 """Environment variable: the largest number of bytes of a text layer. Binary layers, which USD maps, have no limit."""
@@ -24,7 +24,7 @@ DEFAULT_BYTES = 1 << 30
 NOT_UTF8 = "holds text that is not UTF-8"
 """The message for a file whose text USD cannot quote."""
 
-_DEEPEST = 256  # brackets inside each other in a text layer; USD's stack overflows at some ten thousand
+_MAX_DEPTH = 256  # brackets inside each other in a text layer; USD's stack overflows at some ten thousand
 
 # Text in which brackets have no meaning. An unterminated string extends as far as possible, so that no text takes
 # quadratic time.
@@ -56,7 +56,7 @@ def _layer_problem(stream: BinaryIO, begin: int, size: int) -> str:
         return "" if _is_whole(stream, begin, size) else "is damaged: a section of it is cut off"
     if not start.startswith((b"#usda", b"#sdf")):
         return ""
-    if size > (most := stated_limit(BYTES_VARIABLE, DEFAULT_BYTES, "bytes")):
+    if size > (most := environment_limit(BYTES_VARIABLE, DEFAULT_BYTES, "bytes")):
         largest = f"at most {BYTES_VARIABLE} = {most} bytes of text are read; a binary layer (.usdc) would be right"
         return f"has {size} bytes; {largest}"
     return _text_problem(start + stream.read(size - len(start)))
@@ -72,7 +72,7 @@ def _text_problem(text: bytes) -> str:
         return NOT_UTF8
     brackets = np.frombuffer(_QUOTED.sub(b"", text).translate(None, _NO_BRACKETS), np.uint8)
     depth = int(_DEPTH_STEPS[brackets].cumsum().max(initial=0))
-    return f"is nested {depth} brackets deep; at most {_DEEPEST} would be right" if depth > _DEEPEST else ""
+    return f"is nested {depth} brackets deep; at most {_MAX_DEPTH} would be right" if depth > _MAX_DEPTH else ""
 
 
 def _is_whole(stream: BinaryIO, begin: int, size: int) -> bool:

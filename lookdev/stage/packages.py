@@ -41,5 +41,5 @@ def _member_name(path: str) -> str:
 def _read_member(path: str) -> bytes:
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     if asset is None:
-        raise TextureError(f"cannot be read: {path}")
+        raise TextureError(f"{path}: cannot be read")
     return bytes(asset.GetBuffer())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from asset_arrays import check_mesh
 
-from lookdev.asset.finish import finish
+from lookdev.asset.finish import make_meshes
 from lookdev.asset.mesh import Mesh, Subdivision
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.tangents import tangents_of
@@ -67,10 +67,10 @@ def assert_same(left: Mesh | None, right: Mesh | None) -> None:
 def test_shapes_are_finished_together_as_alone(seed: int, y_up: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(seed)
     shapes = [random_shape(rng, f"/{i}") for i in range(60)]
-    alone = [finish([shape], y_up)[0] for shape in shapes]
+    alone = [make_meshes([shape], y_up)[0] for shape in shapes]
     for batch in (1 << 18, 100):
         monkeypatch.setattr("lookdev.asset.normals._BATCH_CORNERS", batch)
-        for left, right in zip(finish(shapes, y_up), alone, strict=True):
+        for left, right in zip(make_meshes(shapes, y_up), alone, strict=True):
             assert_same(left, right)
         meshes = [mesh for mesh in alone if mesh is not None]
         for mesh, tangents in zip(meshes, tangents_of(meshes), strict=True):
@@ -89,7 +89,7 @@ def square(**changes: object) -> PolygonShape:
 
 
 def finish_one(shape: PolygonShape) -> Mesh:
-    (mesh,) = finish([shape])
+    (mesh,) = make_meshes([shape])
     assert mesh is not None
     check_mesh(mesh)
     return mesh
@@ -144,8 +144,8 @@ def test_normals_and_tangents_do_not_depend_on_scale(scale: float, at: float) ->
 
 
 def test_nothing_is_nothing() -> None:
-    assert finish([]) == []
-    assert finish([square(face_sizes=np.zeros(0, np.intp), face_points=np.zeros(0, np.intp))]) == [None]
+    assert make_meshes([]) == []
+    assert make_meshes([square(face_sizes=np.zeros(0, np.intp), face_points=np.zeros(0, np.intp))]) == [None]
 
 
 def test_faults_of_all_shapes_are_reported() -> None:
@@ -153,9 +153,9 @@ def test_faults_of_all_shapes_are_reported() -> None:
     wrong = square(name="/Wrong", face_sizes=np.array([4, 5]))
     attributes = (Attribute("st", np.zeros((5, 2)), "vertex", is_uv=True),)
     with pytest.raises(AssetError) as caught:
-        finish([square(), far, replace(square(), name="/Uv", attributes=attributes)])
+        make_meshes([square(), far, replace(square(), name="/Uv", attributes=attributes)])
     uv, points = sorted(str(caught.value).splitlines(), reverse=True)
     assert uv == "/Uv: primvars:st has 5 values; interpolation 'vertex' needs 6"
     assert points == "/Far: points[0] is not a number of metres within +-1e+18"
     with pytest.raises(AssetError, match=r"(?s)/Wrong: faceVertexCounts add up to 9 .*\n/W2: faceVertexCounts add up"):
-        finish([wrong, square(), replace(wrong, name="/W2")])
+        make_meshes([wrong, square(), replace(wrong, name="/W2")])

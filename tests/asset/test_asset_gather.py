@@ -142,7 +142,7 @@ def test_a_mesh_stays_apart_that_joining_would_change_or_copy(name) -> None:
 
 
 def test_a_joined_mesh_has_a_limited_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lookdev.asset.gather._CORNERS", 10 * len(BALL.corner_points))
+    monkeypatch.setattr("lookdev.asset.gather._JOINED_CORNERS", 10 * len(BALL.corner_points))
     asset = many()
     joined = join_small_meshes(asset)
     assert len(joined.meshes) == 8

@@ -263,7 +263,7 @@ def test_coinciding_vertices_do_not_matter():
 
 
 def test_many_curves_have_fewer_sides(monkeypatch):
-    monkeypatch.setattr("lookdev.asset.usd.curves._MOST_FACES", 100_000)
+    monkeypatch.setattr("lookdev.asset.usd.curves._MAX_FACES", 100_000)
     rng = np.random.default_rng(5)
     roots = rng.uniform(size=(200, 1, 3))
     points = (roots + np.cumsum(rng.uniform(0.0, 0.1, (200, 8, 3)), axis=1)).reshape(-1, 3)

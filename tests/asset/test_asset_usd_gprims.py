@@ -47,7 +47,7 @@ def test_equal_primitives_share_a_mesh_where_they_wear_the_same(file):
 
 
 def test_many_different_spheres_share_the_faces(file, monkeypatch):
-    monkeypatch.setattr(primitives, "_MOST_FACES", 40_000)
+    monkeypatch.setattr(primitives, "_MAX_FACES", 40_000)
     for i in range(20):
         ball = UsdGeom.Sphere.Define(file.stage, f"/Ball{i}")
         ball.GetRadiusAttr().Set(1.0 + 0.001 * i)
@@ -213,11 +213,11 @@ def test_faults_of_rigs_are_reported_with_the_others(file, leg):
 
 def test_what_is_bound_in_vain_is_in_the_notes(file):
     UsdSkel.BindingAPI.Apply(file.mesh("/Cube").GetPrim())
-    assert file.load().notes == (f"{file.path}: /Cube: is below no SkelRoot, without which USD deforms nothing",)
+    assert file.load().notes == (f"{file.path}: /Cube: is not below a SkelRoot, without which USD deforms nothing",)
 
 
 def test_too_many_points_are_refused(file, monkeypatch):
-    monkeypatch.setattr(walk, "_MOST_INSTANCES", 2)
+    monkeypatch.setattr(walk, "_MAX_INSTANCES", 2)
     UsdGeom.Points.Define(file.stage, "/Dust").GetPointsAttr().Set([(i, 0, 0) for i in range(3)])
     with pytest.raises(AssetError, match=r"thing\.usda: /Dust: its 3 points are too many: an asset can have 2 inst"):
         file.load()

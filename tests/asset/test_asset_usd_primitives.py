@@ -7,7 +7,7 @@ from pxr import Usd
 from usd_file import prim_of
 
 from lookdev.asset.normals import area_vectors
-from lookdev.asset.usd.primitives import PRIMITIVES, allotted_errors, primitive_key, primitive_shape, sphere_shape
+from lookdev.asset.usd.primitives import PRIMITIVES, primitive_key, primitive_shape, sphere_shape, surface_errors
 from lookdev.errors import AssetError
 
 TIME = Usd.TimeCode.EarliestTime()
@@ -183,14 +183,14 @@ def test_no_silhouette_deviates_by_more_than_the_error(error):
 
 def test_many_surfaces_share_the_faces():
     def faces(radii):
-        return sum(0.5 * np.pi**2 / allotted_errors(np.array(radii)))
+        return sum(0.5 * np.pi**2 / surface_errors(np.array(radii)))
 
-    np.testing.assert_array_equal(allotted_errors(np.array([1.0, 2.0, 0.1])), 1e-4)
+    np.testing.assert_array_equal(surface_errors(np.array([1.0, 2.0, 0.1])), 1e-4)
     assert faces([1.0] * 20_000) == pytest.approx(4e6)
-    giant, *pebbles = allotted_errors(np.array([1.0] + [0.01] * 20_000))
+    giant, *pebbles = surface_errors(np.array([1.0] + [0.01] * 20_000))
     assert giant == pytest.approx(2.5e-4, rel=0.02)
     np.testing.assert_allclose(pebbles, 0.0248, rtol=0.01)
-    assert allotted_errors(np.array([1.0] * 100_000)).max() == 0.03
+    assert surface_errors(np.array([1.0] * 100_000)).max() == 0.03
 
 
 def test_sizes_are_in_metres_and_at_the_time():

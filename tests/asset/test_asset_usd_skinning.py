@@ -286,8 +286,8 @@ def without(attribute, *names):
 
 
 NOTED = {
-    "/Loose: is below no SkelRoot": leave_skel_root,
-    "/Leg/Skin: is bound to no skeleton": without("mesh", "skel:skeleton"),
+    "/Loose: is not below a SkelRoot": leave_skel_root,
+    "/Leg/Skin: is not bound to a skeleton": without("mesh", "skel:skeleton"),
     "/Leg/Bones: has neither an animation nor rest": without("skeleton", "skel:animationSource", "restTransforms"),
 }
 

@@ -3,7 +3,7 @@
     python tests/bench/farm.py [FRAMES] prints how efficient numbers of workers are for frames of some seconds.
 
 The costs are those of `farm_costs.json`, drawn for each frame from the frames of its scene. The chunks are those of
-`lookdev.plan.chunks.split`. Runs that share frames take them as `lookdev.run.render` does.
+`lookdev.plan.chunks.split_frames`. Runs that share frames take them as `lookdev.run.render` does.
 """
 
 import heapq
@@ -16,7 +16,7 @@ from itertools import groupby
 from pathlib import Path
 from statistics import fmean
 
-from lookdev.plan.chunks import Costs, Division, split
+from lookdev.plan.chunks import Costs, Division, split_frames
 
 COSTS = Path(__file__).with_name("farm_costs.json")
 
@@ -73,7 +73,7 @@ def chunked(job: SimulatedJob, costs: Sequence[float], workers: int, chunks: Div
 
     A `warm` worker starts once, and keeps the scene of its last frame; each of its chunks is planned anew.
     """
-    ends = split(job.scenes, Costs(tuple(costs), fmean(job.preparing), job.start), chunks)
+    ends = split_frames(job.scenes, Costs(tuple(costs), fmean(job.preparing), job.start), chunks)
     free = [(0.0, worker) for worker in range(workers)]
     started: dict[int, int | None] = {}
     first = 0

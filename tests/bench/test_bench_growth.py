@@ -81,7 +81,7 @@ def test_what_grows_is_in_the_scene() -> None:
     counts = tasks("triangles")
     triangles = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in counts})
     assert triangles == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
-    # Turns are taken: after the warm-up, one of each size, three times.
+    # TurntableFrames are taken: after the warm-up, one of each size, three times.
     sizes = [task.scene.asset for task in counts]
     assert sizes == 4 * sizes[:2]
 

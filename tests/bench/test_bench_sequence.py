@@ -29,7 +29,7 @@ from lookdev.errors import LookdevError, RenderError
 from lookdev.job import JobOutputs
 from lookdev.metrics import EPSILON
 from lookdev.output.exr import read_frame, read_header, write_frame
-from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.plan import Plan, Setup, TurntableFrames, build_plan
 
 GREY = 0.5
 SUBJECT = SequenceSubject("suzanne", "plastic", ("city", "studio"), 64)
@@ -139,7 +139,7 @@ def test_what_the_script_cannot_show_is_refused() -> None:
 def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     plans, requests = [], []
 
-    def render(setups: list[Setup], turns: Turns, outputs: JobOutputs) -> tuple[Plan, object]:
+    def render(setups: list[Setup], turns: TurntableFrames, outputs: JobOutputs) -> tuple[Plan, object]:
         plans.append(build_plan(setups, turns, read_header))
         return plans[0], SimpleNamespace(interrupted=False, exit_code=0)
 

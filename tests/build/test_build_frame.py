@@ -14,7 +14,7 @@ from lookdev.asset.silhouette import hull_points
 from lookdev.build.assign import NEUTRAL_LOOK, AssignedAsset
 from lookdev.build.faults import Findings
 from lookdev.build.frame import refine_and_frame
-from lookdev.build.scenes import JobScenes, job_scenes
+from lookdev.build.scenes import JobScenes, build_scenes
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job
 from lookdev.scene import Pose, Scene
@@ -67,7 +67,7 @@ def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
 
     def prepared(look: str = "", asset: str = "", width: int = 64, scheme: str = "catmullClark") -> JobScenes:
         (tmp_path / "cube.usda").write_text(CUBE.replace("SCHEME", scheme))
-        return job_scenes(parse_job(job_text(look, asset, width), tmp_path / "job.toml"))
+        return build_scenes(parse_job(job_text(look, asset, width), tmp_path / "job.toml"))
 
     return prepared
 
@@ -146,7 +146,7 @@ def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp
     (tmp_path / "many.usda").write_text(many)
     text = job_text('[[look]]\nname = "two"\nmaterial = "wavy.usda"', file="many.usda")
     with pytest.raises(FaultsError) as caught:
-        job_scenes(parse_job(text, tmp_path / "job.toml"))
+        build_scenes(parse_job(text, tmp_path / "job.toml"))
     (fault,) = caught.value.faults
     assert (fault.file, fault.where) == (str(tmp_path / "job.toml"), "look[1]")
     assert "'st'; it has: map1, map2" in fault.what
@@ -178,7 +178,7 @@ def test_a_time_is_noted_where_nothing_is_animated(make: Make, tmp_path: Path) -
     (tmp_path / "moving.usda").write_text(text)
     tops = {}
     for time in ("", ", time = 5", ", time = 20"):
-        prepared = job_scenes(parse_job(job_text(asset=time, file="moving.usda"), tmp_path / "job.toml"))
+        prepared = build_scenes(parse_job(job_text(asset=time, file="moving.usda"), tmp_path / "job.toml"))
         assert not [note for note in prepared.notes if "animated" in note]
         tops[time] = float(scene_of(prepared).asset.meshes[0].points[:, 2].max())
     assert tops == {"": 1.0, ", time = 5": 2.0, ", time = 20": 3.0}

@@ -13,7 +13,7 @@ from lookdev.asset.silhouette import hull_points
 from lookdev.asset.store import make_asset
 from lookdev.asset.usd_camera import read_camera
 from lookdev.build.frame import element_arcs, job_cameras
-from lookdev.build.scenes import job_scenes
+from lookdev.build.scenes import build_scenes
 from lookdev.errors import FaultsError
 from lookdev.job import Job, parse_job
 from lookdev.scene import Camera, frame_camera, frame_fill
@@ -93,18 +93,18 @@ def test_the_angles_are_those_of_the_turntables(folder: Path) -> None:
 
 
 def test_a_camera_of_a_file_is_read(folder: Path) -> None:
-    prepared = job_scenes(job_of(folder, 'usd = "/Shot"'))
+    prepared = build_scenes(job_of(folder, 'usd = "/Shot"'))
     (camera,) = {scene.camera for scene in prepared.scenes.values()}
     np.testing.assert_allclose(camera.position, [0.0, 0.0, 9.0], atol=1e-9)
     assert (camera.elevation, camera.reach, camera.pivot) == (90.0, pytest.approx(0.4), (0.0, 0.0))
     assert prepared.notes == ()
     (folder / "shot.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, 7)").replace("= 18", "= 32"))
-    prepared = job_scenes(job_of(folder, 'usd = "/Shot"\nfile = "shot.usda"'))
+    prepared = build_scenes(job_of(folder, 'usd = "/Shot"\nfile = "shot.usda"'))
     (camera,) = {scene.camera for scene in prepared.scenes.values()}
     assert camera.position[2] == pytest.approx(7.0)
     assert "/Shot: its frame is 1 times as wide as high" in prepared.notes[-1]
     with pytest.raises(FaultsError, match=r"asset\.usda: /Shto: there is no such prim \(did you mean '/Shot'\?\)"):
-        job_scenes(job_of(folder, 'usd = "/Shto"'))
+        build_scenes(job_of(folder, 'usd = "/Shto"'))
 
 
 def test_props_that_hide_what_a_camera_of_a_file_sees_are_noted(folder: Path) -> None:
@@ -119,11 +119,11 @@ def test_props_that_hide_what_a_camera_of_a_file_sees_are_noted(folder: Path) ->
 
 
 def test_props_too_small_to_measure_are_noted_and_an_asset_behind_the_camera_is_a_fault(folder: Path) -> None:
-    (note,) = job_scenes(job_of(folder, 'usd = "/Shot"\n[charts]')).notes
+    (note,) = build_scenes(job_of(folder, 'usd = "/Shot"\n[charts]')).notes
     assert note.startswith("[charts] is not measured: ")
     (folder / "behind.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, -0.5)"))
     with pytest.raises(FaultsError, match=r"job\.toml: charts: the middle of the asset is behind the camera"):
-        job_scenes(job_of(folder, 'usd = "/Shot"\nfile = "behind.usda"\n[charts]'))
+        build_scenes(job_of(folder, 'usd = "/Shot"\nfile = "behind.usda"\n[charts]'))
 
 
 def test_equal_assets_share_a_camera(folder: Path) -> None:

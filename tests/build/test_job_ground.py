@@ -8,7 +8,7 @@ from usd_text import job_toml
 
 from lookdev.asset import load_asset
 from lookdev.build.frame import ground_under, overlap_notes
-from lookdev.build.scenes import job_scenes
+from lookdev.build.scenes import build_scenes
 from lookdev.errors import AssetError, FaultsError
 from lookdev.job import parse_job
 from lookdev.job.surroundings import JobCharts, JobGround
@@ -24,7 +24,7 @@ JOB = job_toml(LOOK, asset='{ builtin = "suzanne" }', rig='[{ name = "fitted", b
 def test_a_camera_below_the_ground_is_a_fault(tmp_path: Path) -> None:
     job = parse_job(f"{JOB}camera.elevation = -30\n[ground]\n", tmp_path / "job.toml")
     with pytest.raises(FaultsError, match="m below the ground, and sees none of the asset; a greater elevation"):
-        job_scenes(job)
+        build_scenes(job)
 
 
 def test_what_its_material_loses_is_noted(tmp_path: Path) -> None:
@@ -32,13 +32,13 @@ def test_what_its_material_loses_is_noted(tmp_path: Path) -> None:
     shader = f'token outputs:surface.connect = </M/S.outputs:surface>\ndef Shader "S"\n{{\n{surface}}}\n'
     (tmp_path / "lava.usda").write_text(f'#usda 1.0\n(\n    defaultPrim = "M"\n)\ndef Material "M"\n{{\n{shader}}}\n')
     job = parse_job(f'{JOB}[ground]\nmaterial = "lava.usda"\n', tmp_path / "job.toml")
-    assert any("lava.usda: /M/S.inputs:emissiveColor: " in note for note in job_scenes(job).notes)
+    assert any("lava.usda: /M/S.inputs:emissiveColor: " in note for note in build_scenes(job).notes)
 
 
 @pytest.mark.parametrize("kind", ["catcher", "plane"])
 def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind: str) -> None:
-    plain = job_scenes(parse_job(JOB, tmp_path / "job.toml")).scenes
-    grounded = job_scenes(parse_job(f'{JOB}[ground]\nkind = "{kind}"\nsize = 5\n', tmp_path / "job.toml")).scenes
+    plain = build_scenes(parse_job(JOB, tmp_path / "job.toml")).scenes
+    grounded = build_scenes(parse_job(f'{JOB}[ground]\nkind = "{kind}"\nsize = 5\n', tmp_path / "job.toml")).scenes
     for key, scene in grounded.items():
         assert scene.camera == plain[key].camera
         assert [light.digest for light in scene.lights] == [light.digest for light in plain[key].lights]
@@ -70,10 +70,10 @@ def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
 
 
 def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:
-    assert JobCharts().strip((320, 240)).too_small() == ""
-    said = JobCharts().strip((128, 128)).too_small()
+    assert JobCharts().strip((320, 240)).size_note() == ""
+    said = JobCharts().strip((128, 128)).size_note()
     assert "2.3 pixels across the middle of a patch are too few; size = 0.156" in said
-    assert JobCharts(size=0.156).strip((128, 128)).too_small() == ""
+    assert JobCharts(size=0.156).strip((128, 128)).size_note() == ""
 
 
 def test_a_camera_of_a_file_is_noted_where_props_hide_the_asset() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from usd_text import JOB_KEYS, METRES, job_toml, material, translate, variant_set
 
-from lookdev.build.scenes import job_scenes
+from lookdev.build.scenes import build_scenes
 from lookdev.errors import FaultsError, JobError
 from lookdev.job import Job, parse_job
 from lookdev.light import Dome, RectLight, load_environment, prepare_light
@@ -76,7 +76,7 @@ def parse(text: str, folder: Path) -> Job:
 def test_a_job_has_its_rigs_after_its_ibls(folder: Path) -> None:
     job = parse(JOB, folder)
     assert [rig.name for rig in job.rigs] == ["white", "studio"]
-    assert [job.place_of(rig.name) for rig in job.rigs] == ["ibl[0]", "rig[0]"]
+    assert [job.key_of_rig(rig.name) for rig in job.rigs] == ["ibl[0]", "rig[0]"]
     rig = job.rig[0]
     assert (rig.usd, rig.builtin, rig.prim, rig.exposure, rig.rotation) == (folder / "rig.usda", None, None, 1.0, 30.0)
     built_in = parse(JOB.replace('usd = "rig.usda"', 'builtin = "three_point"'), folder).rig[0]
@@ -112,7 +112,7 @@ def test_rigs_count_in_the_number_of_frames(folder: Path) -> None:
 
 
 def test_scenes_have_the_lights_of_their_rig(folder: Path) -> None:
-    result = job_scenes(parse(JOB, folder))
+    result = build_scenes(parse(JOB, folder))
     assert list(result.scenes) == [("paint", "white"), ("paint", "studio")]
     assert result.scenes["paint", "white"].lights == (prepare_light(load_environment(builtin="white")),)
     key, sky = result.scenes["paint", "studio"].lights
@@ -130,7 +130,7 @@ def test_a_fitted_rig_stands_around_the_largest_look(folder: Path) -> None:
     bound = ASSET.replace(body, f'{body} (prepend apiSchemas = ["MaterialBindingAPI"])')
     bound = bound.replace("uniform token sub", "rel material:binding = </Car/Paint>\n        uniform token sub")
     (folder / "car.usda").write_text(bound.replace(body, f"{material(scope='/Car')}{body}"))
-    result = job_scenes(parse(text, folder))
+    result = build_scenes(parse(text, folder))
     small, large = (result.scenes[f"each_{size}", "studio"] for size in ("small", "large"))
     assert (small.asset.radius, large.asset.radius) == pytest.approx((5.0, 10.0))
     assert small.lights == large.lights
@@ -153,14 +153,14 @@ def test_faults_of_a_rig_are_those_of_its_file(folder: Path, old: str, new: str,
     assert old in RIG
     (folder / "rig.usda").write_text(RIG.replace(old, new))
     with pytest.raises(FaultsError) as raised:
-        job_scenes(parse(JOB, folder))
+        build_scenes(parse(JOB, folder))
     assert str(raised.value).startswith(fault.format(rig=folder / "rig.usda"))
 
 
 def test_faults_of_a_light_have_its_place(folder: Path) -> None:
     (folder / "sky.exr").write_text("no EXR")
     with pytest.raises(FaultsError) as raised:
-        job_scenes(parse(JOB.replace('builtin = "white"', 'file = "sky.exr"'), folder))
+        build_scenes(parse(JOB.replace('builtin = "white"', 'file = "sky.exr"'), folder))
     (fault,) = raised.value.faults
     assert (fault.file, fault.where) == (str(folder / "job.toml"), "ibl[0]")
     assert str(folder / "sky.exr") in fault.what
@@ -168,22 +168,22 @@ def test_faults_of_a_light_have_its_place(folder: Path) -> None:
 
 def test_a_light_may_be_linked_to_the_ground(folder: Path) -> None:
     (folder / "rig.usda").write_text(RIG.replace("/Car/Bdoy", PATH))
-    (note,) = job_scenes(parse(JOB, folder)).notes
+    (note,) = build_scenes(parse(JOB, folder)).notes
     assert note == f"rig 'studio': /Rig/Key is linked to {PATH}, but the asset has no such part"
-    assert job_scenes(parse(f"{JOB}[ground]\n", folder)).notes == ()
+    assert build_scenes(parse(f"{JOB}[ground]\n", folder)).notes == ()
 
 
 def test_a_prim_that_is_not_there_is_a_fault_with_what_there_is(folder: Path) -> None:
     with pytest.raises(FaultsError, match=r"/Rig/Kye: there is no such prim \(below /Rig there are: /Rig/Key"):
-        job_scenes(parse(JOB.replace('"rig.usda"', '"rig.usda"\nprim = "/Rig/Kye"'), folder))
-    only = job_scenes(parse(JOB.replace('"rig.usda"', '"rig.usda"\nprim = "/Rig/Sky"'), folder))
+        build_scenes(parse(JOB.replace('"rig.usda"', '"rig.usda"\nprim = "/Rig/Kye"'), folder))
+    only = build_scenes(parse(JOB.replace('"rig.usda"', '"rig.usda"\nprim = "/Rig/Sky"'), folder))
     assert len(only.scenes["paint", "studio"].lights) == 1
 
 
 @pytest.mark.parametrize("name", BUILTIN_RIGS)
 def test_a_built_in_rig_stands_around_any_asset(folder: Path, name: str) -> None:
     text = JOB.replace('usd = "rig.usda"', f'builtin = "{name}"').replace('usd = "car.usda"', 'builtin = "sphere"')
-    scene = job_scenes(parse(text, folder)).scenes["paint", "studio"]
+    scene = build_scenes(parse(text, folder)).scenes["paint", "studio"]
     places = [light.position for light in scene.lights if isinstance(light, PlacedLight)]
     away = np.linalg.norm(np.array(places).reshape(-1, 3) - np.array(scene.asset.center), axis=1)
     assert (away > 3.0 * scene.asset.radius).all()

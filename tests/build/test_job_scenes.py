@@ -9,7 +9,7 @@ import pytest
 from usd_text import METRES, image, job_toml, material, shader, textured, variant_set
 
 from lookdev.build import expand
-from lookdev.build.scenes import JobScenes, job_scenes
+from lookdev.build.scenes import JobScenes, build_scenes
 from lookdev.errors import FaultsError
 from lookdev.job import parse_job, schema
 
@@ -107,7 +107,7 @@ def make(folder: Path) -> Make:
 
     def prepared(look: str = "", asset: str = CAR) -> JobScenes:
         text = f'{job_toml(asset=f"{{ {asset} }}")}[[look]]\nname = "one"\n{look}\n'
-        return job_scenes(parse_job(text, folder / "job.toml"))
+        return build_scenes(parse_job(text, folder / "job.toml"))
 
     return prepared
 
@@ -304,9 +304,9 @@ def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypat
     star = 'variants = { finish = "*" }\n'
     two = star + '[[look]]\nname = "two"\n' + star
     monkeypatch.setattr(expand, "MOST_COMBINATIONS", 4)
-    monkeypatch.setattr(schema, "MOST_FRAMES", 8)
+    monkeypatch.setattr(schema, "MAX_FRAMES", 8)
     assert len(make(two).job.look) == 4
-    monkeypatch.setattr(schema, "MOST_FRAMES", 7)
+    monkeypatch.setattr(schema, "MAX_FRAMES", 7)
     with pytest.raises(FaultsError, match=r"turntable: 4 looks under 1 lights .* make 8 frames"):
         make(two)
     monkeypatch.setattr(expand, "MOST_COMBINATIONS", 3)

@@ -7,7 +7,7 @@ import pytest
 from usd_text import METRES, card, job_toml, shader
 
 from lookdev.build.faults import Findings
-from lookdev.build.scenes import JobScenes, job_scenes
+from lookdev.build.scenes import JobScenes, build_scenes
 from lookdev.build.wedges import expand_wedges
 from lookdev.codegen.source import ShaderSource
 from lookdev.errors import Fault, FaultsError
@@ -37,7 +37,7 @@ JOB = job_toml("paint = paint.usda, other = paint.usda", rig=RIG, turntable='[{ 
 
 def scenes(folder: Path, wedges: str) -> JobScenes:
     (folder / "paint.usda").write_text(LOOK)
-    return job_scenes(parse_job(JOB + wedges, folder / "job.toml"))
+    return build_scenes(parse_job(JOB + wedges, folder / "job.toml"))
 
 
 def wedge(text: str) -> str:
@@ -167,15 +167,15 @@ def test_the_frames_of_wedges_are_bounded(tmp_path: Path, monkeypatch: pytest.Mo
     (tmp_path / "paint.usda").write_text(LOOK)
     text = JOB.replace("frames = 1", "frames = 3") + ROUGHNESS
     job = parse_job(text, tmp_path / "job.toml")
-    monkeypatch.setattr("lookdev.build.scenes.MOST_FRAMES", 24)
-    assert len(job_scenes(job).scenes) == 8
-    monkeypatch.setattr("lookdev.build.scenes.MOST_FRAMES", 23)
+    monkeypatch.setattr("lookdev.build.scenes.MAX_FRAMES", 24)
+    assert len(build_scenes(job).scenes) == 8
+    monkeypatch.setattr("lookdev.build.scenes.MAX_FRAMES", 23)
     with pytest.raises(FaultsError, match=r"wedge: wedges make 24 frames of the job; at most 23 .*\(write several"):
-        job_scenes(job)
+        build_scenes(job)
 
 
 def test_a_look_without_a_material_of_its_own_has_nothing_to_vary(tmp_path: Path) -> None:
     (tmp_path / "asset.usda").write_text(METRES + card("Card"))
     text = JOB.replace('builtin = "plane"', 'usd = "asset.usda"').replace(', material = "paint.usda"', "")
     with pytest.raises(FaultsError, match="has no 'material' of its own"):
-        job_scenes(parse_job(text + ROUGHNESS, tmp_path / "job.toml"))
+        build_scenes(parse_job(text + ROUGHNESS, tmp_path / "job.toml"))

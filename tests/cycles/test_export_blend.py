@@ -16,7 +16,7 @@ from lookdev.arrays import Floats32
 from lookdev.asset import load_asset
 from lookdev.export.blend import export_blend
 from lookdev.plan import turntable_poses
-from lookdev.plan.prepare import Prepared, prepare_job
+from lookdev.plan.prepare import PlannedJob, prepare_job
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker
@@ -45,7 +45,7 @@ JOB = {
 class Case:
     """A job, facts of its .blend, and renders (SIZE, SIZE, 4) of it by look, world and frame."""
 
-    prepared: Prepared
+    prepared: PlannedJob
     facts: dict[str, Any]
     pictures: dict[tuple[str, str, int], Floats32]
 

@@ -9,7 +9,7 @@ import pytest
 from lookdev.job import Job, load_job
 from lookdev.material.usd import expand_variants
 from lookdev.output.exr import read_frame, read_header
-from lookdev.plan.prepare import Prepared, plan_job
+from lookdev.plan.prepare import PlannedJob, plan_job
 from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
@@ -60,9 +60,9 @@ def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def test_job_renders(tiny: Path) -> None:
-    planned: list[Prepared] = []
+    planned: list[PlannedJob] = []
 
-    def plan(*given: object) -> Prepared:
+    def plan(*given: object) -> PlannedJob:
         planned.append(plan_job(*given))  # type: ignore[arg-type]
         return planned[0]
 

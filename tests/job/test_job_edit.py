@@ -11,10 +11,10 @@ import pytest
 pytest.importorskip("tomlkit", reason="the page's packages are not installed: pip install 'lookdev[studio]'")
 
 from lookdev.errors import LookdevError
-from lookdev.job.edit import Wear, assign, unassign, wear_all
+from lookdev.job.edit import AssignedMaterial, assign_material, assign_to_rest, unassign
 
 PARTS = (Path(__file__).parents[2] / "jobs" / "parts.toml").read_text()
-GOLD = Wear("gold.usda", variants={"wear": "new"})
+GOLD = AssignedMaterial("gold.usda", variants={"wear": "new"})
 
 INLINE = """# inline
 look = [ { name = "a", material = "m.usda" }, # the first
@@ -68,7 +68,7 @@ def changed(before: str, after: str) -> list[str]:
 
 
 def test_a_new_assign_stands_before_the_one_that_covers_the_part() -> None:
-    after = assign(PARTS, 2, ["/Car/Body/Windows"], GOLD, 0)
+    after = assign_material(PARTS, 2, ["/Car/Body/Windows"], GOLD, 0)
     assert [entry["prims"] for entry in assigns(after, 2)] == [
         ["/Car/Body/Windows"],
         ["/Car.collection:trim", "/Car/Wheels/Front*/Tire"],
@@ -85,14 +85,14 @@ def test_a_new_assign_stands_before_the_one_that_covers_the_part() -> None:
 
 
 def test_the_same_prims_take_another_material_in_their_place() -> None:
-    after = assign(PARTS, 2, ["/Car/Body"], Wear("gold.usda"), 1)
+    after = assign_material(PARTS, 2, ["/Car/Body"], AssignedMaterial("gold.usda"), 1)
     removed = ['- material = "../materials/car_paint.usda"', '- variants = { wear = "dusty" }']
     assert changed(PARTS, after) == ['+ material = "gold.usda"', *removed]
 
 
 @pytest.mark.parametrize("look", [0, 1])
 def test_the_first_assign_of_a_look_follows_its_keys(look: int) -> None:
-    after = assign(PARTS, look, ["/Car/Body"], GOLD)
+    after = assign_material(PARTS, look, ["/Car/Body"], GOLD)
     before, at = PARTS.splitlines(), after.splitlines().index("[[look.assign]]")
     assert after.splitlines()[at - 2] == before[at - 2]
     assert assigns(after, look) == [{"prims": ["/Car/Body"], **GOLD.keys}]
@@ -100,14 +100,15 @@ def test_the_first_assign_of_a_look_follows_its_keys(look: int) -> None:
 
 
 def test_the_whole_look_takes_a_material() -> None:
-    after = wear_all(PARTS, 2, GOLD)
+    after = assign_to_rest(PARTS, 2, GOLD)
     assert changed(PARTS, after) == ['+ material = "gold.usda"', '+ variants = { wear = "new" }']
     removed = ['- material = "gold.usda"', '- variants = { wear = "new" }']
-    assert changed(after, wear_all(after, 2, Wear("tin.usda"))) == ['+ material = "tin.usda"', *removed]
+    tin = assign_to_rest(after, 2, AssignedMaterial("tin.usda"))
+    assert changed(after, tin) == ['+ material = "tin.usda"', *removed]
 
 
 def test_looks_and_assigns_that_are_inline_are_edited_in_place() -> None:
-    after = wear_all(INLINE, 0, GOLD)
+    after = assign_to_rest(INLINE, 0, GOLD)
     assert tomllib.loads(after)["look"][0] == {"name": "a", **GOLD.keys}
     assert "# the first" in after
     three = INLINE.replace('"n.usda" } ]', '"n.usda" }, { prims = ["/C"], material = "o.usda" }, { prims = ["/D"] } ]')
@@ -130,7 +131,9 @@ def test_edits_make_the_intended_data_and_retain_every_comment(text: str, seed: 
         else:
             prims = [rng.choice([*assigned, "/New/Part", "/Other"])]
             covering = rng.choice([None, *range(len(tables))])
-            edited = assign(edited, look, prims, rng.choice([GOLD, Wear("tin.usda", "/Tin")]), covering)
+            edited = assign_material(
+                edited, look, prims, rng.choice([GOLD, AssignedMaterial("tin.usda", "/Tin")]), covering
+            )
             assert sum(prims[0] in entry["prims"] for entry in assigns(edited, look)) == 1
     removable = ("of a", "one", "the rest of the body: the first that fits counts")  # in an assign that can go
     for comment in (line.partition("#")[2].strip() for line in text.splitlines() if "#" in line):
@@ -147,20 +150,23 @@ def test_tables_without_keys_and_tables_of_others_stay() -> None:
     second = '[[look.assign]]\nprims = ["/B"]\nmaterial = "b.usda"\n'
     look, render = '[[look]]\nname = "a"\n', "[render]\nsamples = 4\n"
     assert unassign(look + first + second, 0, ["/A"]) == look + second
-    assert assign(look + render + first, 0, ["/B"], Wear("b.usda")) == f"{look}{render}{first}\n{second}"
+    assert (
+        assign_material(look + render + first, 0, ["/B"], AssignedMaterial("b.usda"))
+        == f"{look}{render}{first}\n{second}"
+    )
 
 
 def test_characters_are_written_as_they_are() -> None:
-    assert 'material = "größe 🎨.usda"' in assign(PARTS, 0, ["/Car/Body"], Wear("größe 🎨.usda"))
+    assert 'material = "größe 🎨.usda"' in assign_material(PARTS, 0, ["/Car/Body"], AssignedMaterial("größe 🎨.usda"))
 
 
 def test_a_layout_that_an_edit_breaks_is_refused() -> None:
     text = NESTED.replace('prims = ["/C"]', 'prims = ["/C"]\nlists = [\n["a"]\n]')
-    with pytest.raises(LookdevError, match=r"the layout of the job's \[\[look\]\] is not one that is edited here"):
-        assign(text, 0, ["/C"], GOLD, 1)
+    with pytest.raises(LookdevError, match=r"the job's \[\[look\]\] has a layout that cannot be edited here"):
+        assign_material(text, 0, ["/C"], GOLD, 1)
 
 
 @pytest.mark.parametrize("text", ["look = 3", "", '[look]\nname = "a"'])
 def test_a_job_without_a_list_of_looks_is_refused(text: str) -> None:
     with pytest.raises(LookdevError, match="look"):
-        assign(text, 0, ["/A"], GOLD)
+        assign_material(text, 0, ["/A"], GOLD)

@@ -5,7 +5,7 @@ import pytest
 
 from lookdev.arrays import Floats, Ints
 from lookdev.light.dome.points import hilbert_positions
-from lookdev.light.dome.slots import cut
+from lookdev.light.dome.slots import cut_ranges
 
 
 def drawn(first: Ints, count: Ints, times: Ints, n: int) -> tuple[Floats, Ints]:
@@ -56,7 +56,7 @@ def random_values(seed: int) -> Floats:
 @pytest.mark.parametrize("number", [1, 4, 16, 256])
 def test_ranges_have_all_that_is_above_zero_once(values: Floats, number: int) -> None:
     values = values.astype(np.float64)
-    first, count, times = cut(values, number)
+    first, count, times = cut_ranges(values, number)
     assert len(first) == len(count) == len(times) == number
     assert (first >= 0).all()
     assert (np.diff(first) >= 0).all()
@@ -74,27 +74,27 @@ def test_ranges_have_all_that_is_above_zero_once(values: Floats, number: int) ->
 @pytest.mark.parametrize("number", [1, 4, 16, 256])
 def test_ranges_of_one_stretch_are_alike(number: int) -> None:
     values = np.random.default_rng(1).uniform(0.1, 1.0, 5000)
-    first, count, times = cut(values, number)
+    first, count, times = cut_ranges(values, number)
     for begin, size, how_many in zip(first, count, times, strict=True):
         error = values[begin : begin + size].sum() - how_many * values.sum() / number
         assert abs(error) <= values.max()
 
 
 def test_even_values_are_cut_evenly() -> None:
-    first, count, times = cut(np.ones(16), 4)
+    first, count, times = cut_ranges(np.ones(16), 4)
     assert [first.tolist(), count.tolist(), times.tolist()] == [[0, 4, 8, 12], [4] * 4, [1] * 4]
-    first, count, times = cut(np.ones(4), 16)
+    first, count, times = cut_ranges(np.ones(4), 16)
     assert [first.tolist(), count.tolist(), times.tolist()] == [[*np.repeat(range(4), 4)], [1] * 16, [4] * 16]
 
 
 def test_a_value_that_outweighs_ranges_has_them() -> None:
     values = np.ones(1000)
     values[600] = 1000.0
-    first, _, times = cut(values, 100)
+    first, _, times = cut_ranges(values, 100)
     # Half of all ranges, except for those at its ends.
     assert 49 <= (first == 600).sum() <= 51
     assert (times[first == 600] == (first == 600).sum()).all()
-    lone = cut(np.eye(1, 1000, 600)[0], 100)
+    lone = cut_ranges(np.eye(1, 1000, 600)[0], 100)
     assert [set(column.tolist()) for column in lone] == [{600}, {1}, {100}]
 
 
@@ -103,7 +103,7 @@ def test_ranges_end_where_nothing_is_for_long() -> None:
     for zeros, covered in ((101, 0), (99, 99)):
         values = np.ones(800 + zeros)
         values[450 : 450 + zeros] = 0.0
-        probability, _ = drawn(*cut(values, 8), len(values))
+        probability, _ = drawn(*cut_ranges(values, 8), len(values))
         assert (probability[450 : 450 + zeros] > 0.0).sum() == covered
 
 
@@ -111,7 +111,7 @@ def test_ranges_end_where_nothing_is_for_long() -> None:
 def test_ranges_of_small_values_are_short(seed: int) -> None:
     values, number = random_values(seed), 64
     least = values.sum() / (4 * number)
-    first, count, times = cut(values, number, least=least)
+    first, count, times = cut_ranges(values, number, least=least)
     probability, _ = drawn(first, count, times, len(values))
     assert (probability[values > 0.0] > 0.0).all()
     # A range has at most 4/3 of its share, because stretches take a quarter first, plus one value at an edge.

@@ -8,7 +8,7 @@ import pytest
 from light_cases import make_tables_small, overcast, sunny
 
 from lookdev.light import Emission
-from lookdev.light.dome.local import LocalDome, towards_ball
+from lookdev.light.dome.local import LocalDome, directions_to_ball
 from lookdev.light.mapping import rotate_z
 from lookdev.light.placement import Axes, to_local, to_world
 from lookdev.space import to_space
@@ -52,7 +52,7 @@ def test_a_local_dome_shows_what_its_sphere_has_there() -> None:
 
 
 def test_a_place_on_the_sphere_has_a_direction_to_where_it_is() -> None:
-    assert towards_ball(np.array([0.0, 2.0, 0.0]), np.array([0.0, 1.0, 0.0]), 2.0).tolist() == [0.0, 0.0, 1.0]
+    assert directions_to_ball(np.array([0.0, 2.0, 0.0]), np.array([0.0, 1.0, 0.0]), 2.0).tolist() == [0.0, 0.0, 1.0]
 
 
 def test_a_local_dome_in_another_space_sends_the_same_light(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,7 +13,7 @@ from light_cases import write_exr
 from lookdev.errors import EnvironmentMapError
 from lookdev.images import PIXELS_VARIABLE
 from lookdev.light import BUILTIN_LIGHTS, load_environment, make_environment
-from lookdev.light.dome.environment import GREATEST_PEAK, LEAST_PEAK, Repairs, check_exposed
+from lookdev.light.dome.environment import MAX_PEAK, MIN_PEAK, Repairs, check_exposed
 
 pytestmark = pytest.mark.both_pythons
 
@@ -238,6 +238,6 @@ def test_other_radiance_is_taken(level: float) -> None:
     check_exposed(float(make_environment("map", np.full((4, 8, 3), level)).radiance.max()), 3.0, "map")
 
 
-@pytest.mark.parametrize("level", [LEAST_PEAK, GREATEST_PEAK])
+@pytest.mark.parametrize("level", [MIN_PEAK, MAX_PEAK])
 def test_the_ends_of_the_range_are_taken(level: float) -> None:
     check_exposed(level, 0.0, "map")

@@ -13,7 +13,7 @@ from lookdev.light.cylinder import Cylinder
 from lookdev.light.disk import Ellipse
 from lookdev.light.distant import Cone
 from lookdev.light.emission import Falloff, beam_bound
-from lookdev.light.lamps import CONTROLS, FIELDS, SHAPES, CodedRig, weight
+from lookdev.light.lamps import CONTROLS, FIELDS, SHAPES, CodedRig, estimate_irradiance
 from lookdev.light.placement import to_local
 from lookdev.light.rect import RectangleShape
 from lookdev.light.shape import greatest_cosine
@@ -83,8 +83,8 @@ def test_estimates_of_shapes_by_hand() -> None:
     normal = np.array([np.sin(np.radians(30.0)), 0.0, np.cos(np.radians(30.0))])
     beam, fall = (*Shaping(50.0, 0.4).cone, 2.0, 0.2), Falloff(1.0, 3.0).numbers
     bare = rect.solid_angle(down) * np.cos(np.radians(30.0) - np.arcsin(np.hypot(0.01, 0.005) / 3.0))
-    assert weight(rect, None, None, down, normal) == pytest.approx(bare, rel=1e-12)
-    assert weight(rect, beam, fall, down, normal) == pytest.approx(bare * 9.0 / 64.0, rel=1e-12)
+    assert estimate_irradiance(rect, None, None, down, normal) == pytest.approx(bare, rel=1e-12)
+    assert estimate_irradiance(rect, beam, fall, down, normal) == pytest.approx(bare * 9.0 / 64.0, rel=1e-12)
 
 
 @pytest.mark.parametrize("emission", [Emission(), Emission(shaping=BEAM, falloff=Falloff(0.5, 3.0))])
@@ -103,7 +103,7 @@ def test_the_estimate_is_positive_where_light_arrives_and_near_its_irradiance(ki
         normal /= np.linalg.norm(normal)
         position = np.array(light.position or (0.0, 0.0, 0.0))
         local, facing = to_local(light.axes, point - position), to_local(light.axes, normal)
-        estimate = float(weight(light.shape, beam, falloff and falloff.numbers, local, facing))
+        estimate = float(estimate_irradiance(light.shape, beam, falloff and falloff.numbers, local, facing))
         irradiance = by_sampling(light, point, normal, panels=8)
         assert estimate >= 0.0
         assert estimate > 0.0 or irradiance == 0.0
@@ -126,7 +126,7 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
     shadow = Shadow(True, (0.1, 0.0, 0.0), 3.0, 1.0, 2.0)
     emission = Emission((3.0, 2.0, 0.25), 0.5, 2.0, shaping, shadow, falloff, turns=False, camera=True)
     rect, dome = replace(RectLight.example(), emission=emission), LIGHT_KINDS["dome"].example()
-    code = lights_code((dome, rect), sampled=True, stand=RigOrigin((1.0, 2.0, 3.0), (0.5, 0.25)))
+    code = lights_code((dome, rect), sampled=True, rig_origin=RigOrigin((1.0, 2.0, 3.0), (0.5, 0.25)))
     numbers = code.numbers["lamps"]
     assert numbers[:3].tolist() == [0.5, 1.75, 3.0]
     lamp, world = numbers[3:].reshape(2, len(FIELDS))
@@ -146,7 +146,7 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
 
 
 def test_a_rig_generates_what_it_has() -> None:
-    plain = CodedRig.of([LIGHT_KINDS[kind].example() for kind in ("sphere", "dome")])
+    plain = CodedRig.from_lights([LIGHT_KINDS[kind].example() for kind in ("sphere", "dome")])
     assert plain.kinds == ("sphere",)
     assert not any(map(plain.needs, CONTROLS))
     assert not plain.pictures

@@ -15,7 +15,7 @@ from lookdev.light import LIGHT_KINDS, DiskLight, DistantLight, Light, RectLight
 from lookdev.light.dome.environment import make_environment
 from lookdev.light.emission import Emission, Falloff, LightLink, Shadow, Shaping
 from lookdev.light.ies import IesProfile
-from lookdev.light.native import still_domes
+from lookdev.light.native import are_domes_still
 from lookdev.light.picture import prepare_texture
 from lookdev.material import Layer, Look
 from lookdev.rendering.scene import scene_task
@@ -81,7 +81,8 @@ def test_backends_that_know_domes_alone_refuse_lamps(backend: str, why: str) -> 
 def test_domes_that_turn_and_domes_that_do_not_have_no_common_world() -> None:
     white = dome(np.ones((8, 16, 3)))
     still = replace(sunny(), emission=Emission(turns=False))
-    assert [still_domes(domes) for domes in ([sunny(), white], [still, white], [sunny(), still])] == [False, True, None]
+    rigs = ([sunny(), white], [still, white], [sunny(), still])
+    assert [are_domes_still(domes) for domes in rigs] == [False, True, None]
     with pytest.raises(EnvironmentMapError, match="some domes stand still while others turn"):
         task("nodes", sunny(), still)
 

@@ -10,9 +10,16 @@ from numpy.typing import NDArray
 from lookdev.light import CylinderLight, DiskLight, RectLight, SphereLight
 from lookdev.light.cylinder import covering_rectangle
 from lookdev.light.placed import PlacedLight
-from lookdev.light.shape import draw_uniform, orient_to_axis, uniform_density
+from lookdev.light.shape import draw_uniform, orient_to_axis, uniform_pdf
 from lookdev.light.sphere import sphere_versine
-from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, project_rectangle, seen_part, towards_plane
+from lookdev.light.spherical_rectangle import (
+    RectanglePoint,
+    density,
+    directions_to_points,
+    draw,
+    project_part,
+    project_rectangle,
+)
 
 Floats = NDArray[Any]
 
@@ -115,9 +122,9 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
     normals[:, 2] = np.abs(normals[:, 2])
 
     def draw_target(point: Floats, u: Floats, width: Floats, height: Floats) -> tuple[RectanglePoint, Floats, Floats]:
-        rectangle = seen_part(point, width, height)
+        rectangle = project_part(point, width, height)
         target = draw(rectangle, u)
-        pdf, wi = density(rectangle, target), towards_plane(point, target)
+        pdf, wi = density(rectangle, target), directions_to_points(point, target)
         assert pdf.dtype == wi.dtype == point.dtype
         return target, pdf, wi
 
@@ -125,7 +132,7 @@ def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
         arguments = (np.tile(point, (len(grid), 1)), grid, width, height)
         target, pdf, wi = draw_target(*single(*arguments))
         points, _, *sides = double(*arguments)
-        right = density(seen_part(points, *sides), RectanglePoint(*double(*target)))
+        right = density(project_part(points, *sides), RectanglePoint(*double(*target)))
         np.testing.assert_allclose(pdf, right, rtol=1e-4)
         _, right_pdf, right_wi = draw_target(*double(*arguments))
         got = (np.maximum(wi.astype(np.float64) @ normals.T, 0.0) / pdf[:, None]).mean(axis=0)
@@ -140,7 +147,7 @@ def test_a_rectangle_of_any_size_is_sampled_alike(scale: float) -> None:
     grid = strata(16)
     for position in np.array([(-0.3, 0.2, -1e-6), (4.0, -0.1, -1e-3), (0.5, 0.5, -0.3)]):
         point, scaled = (
-            draw(seen_part(places, width, height), u)
+            draw(project_part(places, width, height), u)
             for places, width, height, u in (
                 single(np.tile(factor * position, (len(grid), 1)), factor * 10.0, factor * 3.0, grid)
                 for factor in (1.0, scale)
@@ -152,7 +159,7 @@ def test_a_rectangle_of_any_size_is_sampled_alike(scale: float) -> None:
 
 def test_directions_to_a_rectangle_from_behind_are_along_its_z() -> None:
     positions = np.array([(0.3, -0.2, 2.0), (0.3, -0.2, 0.0)])
-    towards = towards_plane(positions, draw(seen_part(positions, 2.0, 1.0), np.full((2, 2), 0.25)))
+    towards = directions_to_points(positions, draw(project_part(positions, 2.0, 1.0), np.full((2, 2), 0.25)))
     np.testing.assert_array_equal(towards, np.broadcast_to((0.0, 0.0, 1.0), (2, 3)))
 
 
@@ -176,7 +183,7 @@ def test_a_sphere_and_a_cylinder_are_sampled_in_float32(above: float) -> None:
     def by_cone(shading_point: Floats, u: Floats) -> tuple[Floats, Floats]:
         versine = sphere_versine(shading_point, 1.0)
         axis = -shading_point / np.sqrt((shading_point * shading_point).sum(axis=-1, keepdims=True))
-        return uniform_density(versine), orient_to_axis(axis, draw_uniform(versine, u))
+        return uniform_pdf(versine), orient_to_axis(axis, draw_uniform(versine, u))
 
     def by_cover(shading_point: Floats, u: Floats) -> tuple[Floats, Floats]:
         turned = shading_point[:, [1, 0, 2]]

@@ -86,7 +86,7 @@ def test_a_dome_with_a_ball_is_seen_as_with_its_map(tmp_path: Path, kind: str) -
     towards = np.array([(1, 0, 0), (-0.6, 0.8, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
     stage = np.stack([towards[:, 0], towards[:, 2], -towards[:, 1]], axis=-1)
     assert of_ball.lights[0].radiance(np.zeros(3), towards) == pytest.approx(sky(stage), rel=0.02)
-    assert "turned from a ball into a lat-long map of 256 x 128, its power off by 0." in of_ball.notes[0]
+    assert "converted from a ball to a lat-long map of 256 x 128; its power is off by 0." in of_ball.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 
 from lookdev.errors import OutputError
 from lookdev.output.color import DISPLAY, SHIPPED, SOURCE, VIEWS, DisplayView, default_display, default_view
-from lookdev.output.config import BASE, FILE, KNEE, WHITE, make_config, shoulder
+from lookdev.output.config import FILE, KNEE, OCIO_CONFIG, WHITE, make_config, shoulder
 from lookdev.output.display import to_display
 
 STUDIO = "ocio://studio-config-v2.2.0_aces-v1.3_ocio-v2.4"
@@ -41,7 +41,7 @@ def test_the_shipped_config_is_what_its_program_writes() -> None:
 
 
 def test_the_rest_of_the_shipped_config_is_opencolorio_s() -> None:
-    config, base = make_config(), ocio.Config.CreateFromBuiltinConfig(BASE)
+    config, base = make_config(), ocio.Config.CreateFromBuiltinConfig(OCIO_CONFIG)
     for view in VIEWS[1:]:
         shipped, builtin = (
             cfg.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor().getCacheID()

@@ -8,7 +8,7 @@ import pytest
 
 from lookdev.codegen.source import GeneratedSource, PrincipledSource
 from lookdev.errors import LookdevError
-from lookdev.plan.chunks import Chunk, Costs, Division, split
+from lookdev.plan.chunks import Chunk, Costs, Division, split_frames
 from lookdev.plan.costs import estimate, frame_costs
 from lookdev.rendering.task import SceneTask
 
@@ -49,7 +49,7 @@ def test_no_division_has_a_cheaper_most_costly_part(seed: int) -> None:
     scenes = sorted(rng.randrange(3) for _ in range(8))
     costs = Costs(tuple(rng.uniform(0.1, 3.0) for _ in scenes), rng.uniform(0.0, 4.0), 1.0)
     count = rng.randint(1, 4)
-    ends = split(scenes, costs, Division(count))
+    ends = split_frames(scenes, costs, Division(count))
     assert (len(ends), ends[-1]) == (count, len(scenes))
     divisions = combinations_with_replacement(range(len(scenes) + 1), count - 1)
     best = min(largest_cost(scenes, costs, (*inner, len(scenes))) for inner in divisions)
@@ -61,29 +61,29 @@ def test_every_frame_is_in_a_part_however_sums_are_rounded(division: str) -> Non
     for seed in range(50):
         rng = random.Random(seed)
         costs = Costs(tuple(rng.uniform(0.1, 3.0) for _ in range(300)), 1.3, 1.0)
-        ends = split([number // 100 for number in range(300)], costs, Division.parse(division))
+        ends = split_frames([number // 100 for number in range(300)], costs, Division.parse(division))
         assert (len(ends), ends[-1]) == (Division.parse(division).count, 300)
 
 
 def test_scenes_stay_together_where_that_costs_nothing() -> None:
     scenes = [scene for scene in range(6) for _ in range(10)]
-    assert split(scenes, Costs((1.0,) * 60, 4.0, 6.0), Division(3)) == (20, 40, 60)
+    assert split_frames(scenes, Costs((1.0,) * 60, 4.0, 6.0), Division(3)) == (20, 40, 60)
 
 
 def test_parts_do_not_depend_on_the_unit_of_costs() -> None:
     costs = Costs((3.0, 1.0, 2.0, 1.0, 1.0, 4.0), 0.5, 1.0)
     small = Costs(tuple(1e-9 * seconds for seconds in costs.frames), 1e-9 * costs.scene, 1.0)
-    assert split([0] * 6, small, Division(3)) == split([0] * 6, costs, Division(3))
+    assert split_frames([0] * 6, small, Division(3)) == split_frames([0] * 6, costs, Division(3))
 
 
 @pytest.mark.parametrize(("frames", "count"), [(0, 3), (2, 5), (7, 7)])
 def test_parts_without_frames_are_the_last(frames: int, count: int) -> None:
-    ends = split([0] * frames, Costs((1.0,) * frames, 1.0, 1.0), Division(count))
+    ends = split_frames([0] * frames, Costs((1.0,) * frames, 1.0, 1.0), Division(count))
     assert ends == tuple(min(number, frames) for number in range(1, count + 1))
 
 
 def test_parts_for_fewer_machines_fall_in_rounds() -> None:
-    ends = split([0] * 4032, Costs((1.0,) * 4032, 0.0, 1.0), Division.parse("24@4"))
+    ends = split_frames([0] * 4032, Costs((1.0,) * 4032, 0.0, 1.0), Division.parse("24@4"))
     sizes = [end - first for first, end in pairwise((0, *ends))]
     # 4 (1 + 1/2 + ... + 1/32) of the first.
     assert all(abs(size - 512 / 2 ** (number // 4)) <= 1 for number, size in enumerate(sizes))

@@ -9,7 +9,7 @@ import pytest
 
 from lookdev.errors import OutputError
 from lookdev.job import Job
-from lookdev.plan import Plan, PlannedFile, Setup, Turns, build_plan
+from lookdev.plan import Plan, PlannedFile, Setup, TurntableFrames, build_plan
 from lookdev.plan.plan import Copy
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.scene import Pose
@@ -65,7 +65,7 @@ def plan_of(disk: Disk, scenes: Scenes, make_job: MakeJob, make_setups: Callable
     def plan(job_or_text: Job | str = "", around: Collection[tuple[str, str]] = ()) -> Plan:
         job = make_job(job_or_text) if isinstance(job_or_text, str) else job_or_text
         setups = make_setups(job, scenes, around)
-        turns = Turns(job.turntable, job.output, job.camera.azimuth)
+        turns = TurntableFrames(job.turntable, job.output, job.camera.azimuth)
         return build_plan(
             setups, turns, disk.read_header, labels={"job": "a job"}, frame_suffixes=job.outputs.frame_suffixes
         )
@@ -121,7 +121,7 @@ def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, pla
     assert frames[0].labels["turntable"] == "element, lighting"
     # Every file of a job is in its plan, once.
     rows = [(look.name, ibl.name, turntable) for look in job.look for ibl in job.ibl for turntable in job.turntable]
-    files = [path for row in rows for path in Turns(job.turntable, job.output).files(*row)]
+    files = [path for row in rows for path in TurntableFrames(job.turntable, job.output).files(*row)]
     assert sorted(path for task in frames for path in task.files) == sorted(files)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.plan.chunks import part_of
+from lookdev.plan.chunks import plan_of_part
 from lookdev.plan.costs import SCENE, START, estimate, estimate_costs, measure_costs
 from lookdev.plan.digest import PARTS, part_digests
 from lookdev.plan.plan import Plan, PlannedFrame, Reel
@@ -52,7 +52,7 @@ def test_costs_are_those_measured_else_estimated_with_a_scene_and_a_start(scene:
 def test_parts_have_the_frames_between_their_ends_and_nothing_that_is_made_of_several(scene: SceneTask) -> None:
     frames = tuple(frame(scene) for _ in range(6))
     plan = Plan(frames, (Reel("gold", "city", "turn", (FILE,)),), Path("/out"), (".png",))
-    parts = [part_of(plan, (1, 3, 3, 6), number) for number in (1, 2, 3, 4)]
+    parts = [plan_of_part(plan, (1, 3, 3, 6), number) for number in (1, 2, 3, 4)]
     assert [part.frames for part in parts] == [frames[:1], frames[1:3], (), frames[3:]]
     assert all((part.reels, part.sheets, part.skips, part.frame_suffixes) == ((), (), (), (".png",)) for part in parts)
 

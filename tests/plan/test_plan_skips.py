@@ -19,7 +19,7 @@ from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
-from lookdev.plan import Setup, Turns, make_setup
+from lookdev.plan import Setup, TurntableFrames, make_setup
 from lookdev.plan.plan import find_skips
 from lookdev.plan.skips import is_rotation_invariant, scene_skips
 from lookdev.rendering.backends import BACKENDS
@@ -113,7 +113,7 @@ def test_a_ball_looks_the_same_all_around_its_axis(axis: tuple[float, float] | N
     ball = load_asset(builtin="sphere")
     camera = replace(Camera(40.0, 10.0, ball.center, 5.0), axis=axis)
     scene = Scene.of_look(ball, look(PLAIN), prepare_light(load_environment(builtin="white")), (8, 8), camera)
-    assert make_setup("plain", "white", scene, Sampling()).around is around
+    assert make_setup("plain", "white", scene, Sampling()).is_rotation_invariant is around
 
 
 @pytest.mark.parametrize("model", CONTINUOUS)
@@ -149,7 +149,7 @@ def skips_of(make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> Skip
         setups = make_setups(job, scenes, scenes if around else (), one_look)
         scene_of_look: Any = SimpleNamespace(looks=(one_look,) * len(scene.slot_shaders), lights=scene.lights)
         setups = [replace(entry, scene=scene_of_look) for entry in setups]
-        skips = list(find_skips(setups, Turns(job.turntable, job.output, job.camera.azimuth)))
+        skips = list(find_skips(setups, TurntableFrames(job.turntable, job.output, job.camera.azimuth)))
         by_scene = [[str(skip) for skip in skips if (skip.look, skip.ibl) == key] for key in scenes]
         assert all(entry == by_scene[0] for entry in by_scene)
         assert [(skip.look, skip.ibl) for skip in skips] == [key for key in scenes for _ in by_scene[0]]

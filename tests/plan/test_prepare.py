@@ -14,7 +14,7 @@ from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.errors import FaultsError
 from lookdev.job import load_job
 from lookdev.light.dome import points
-from lookdev.light.dome.maps import KnownMap, load_dome
+from lookdev.light.dome.maps import DomeMap, load_dome
 from lookdev.material import Look
 from lookdev.plan.prepare import plan_job, prepare_job
 from lookdev.rendering.backends import BACKENDS, job_backends
@@ -155,7 +155,7 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
 
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], generate=counted))
 
-    def varied(file: Path | None, builtin: str, *, sampled: bool) -> KnownMap:
+    def varied(file: Path | None, builtin: str, *, sampled: bool) -> DomeMap:
         """Return a map that varies, but for white; its tables of directions are any file: nothing reads them here."""
         white = load_dome(builtin="white")
         if builtin == "white":

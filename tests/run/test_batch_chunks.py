@@ -12,7 +12,7 @@ import pytest
 
 from lookdev.errors import LookdevError, OutputError
 from lookdev.output.exr import read_header
-from lookdev.plan.chunks import Chunk, Division, part_of, split
+from lookdev.plan.chunks import Chunk, Division, plan_of_part, split_frames
 from lookdev.plan.costs import estimate_costs, measure_costs
 from lookdev.run.chunks import chunk_summaries, chunks_text, plan_of_chunk, store_measured_chunks
 from lookdev.run.events import Event, FrameDone, FrameFound, RunEnded
@@ -29,8 +29,8 @@ RenderFile = Callable[..., RunResult]
 def test_the_parts_of_a_plan_are_all_of_it_whatever_is_done(tmp_path: Path) -> None:
     def parts() -> list[tuple[Path, ...]]:
         plan = case.make_plan(case.make_job(tmp_path))
-        ends = split([id(frame.task.scene) for frame in plan.frames], estimate_costs(plan), Division(3))
-        divided = [part_of(plan, ends, number) for number in (1, 2, 3)]
+        ends = split_frames([id(frame.task.scene) for frame in plan.frames], estimate_costs(plan), Division(3))
+        divided = [plan_of_part(plan, ends, number) for number in (1, 2, 3)]
         assert [frame.task.files for part in divided for frame in part.frames] == [f.task.files for f in plan.frames]
         assert all(not part.reels and not part.sheets for part in divided)
         return [tuple(frame.task.files[0] for frame in part.frames) for part in divided]

@@ -14,7 +14,7 @@ from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.output.review.folder import read_version
 from lookdev.output.review.pixels import read_pixels
-from lookdev.plan import Charts, Plan, Setup, Turns, build_plan
+from lookdev.plan import Charts, Plan, Setup, TurntableFrames, build_plan
 from lookdev.run.render import RunResult, run_plan
 from lookdev.scene import Scene
 from lookdev.scene.charts.props import Strip
@@ -41,7 +41,7 @@ def plan_of(folder: Path, source: str = "props") -> Plan:
     scene = Scene.of_look(load_asset(builtin="plane"), Look("gold", ()), task.lights[0], task.resolution)
     look = Setup("gold", "city", scene, task, sampling, exposure=-1.0)
     charts = Setup("charts", "city", scene, props, sampling, around=True, exposure=-1.0)
-    turns = Turns(job.turntable, job.output, job.camera.azimuth)
+    turns = TurntableFrames(job.turntable, job.output, job.camera.azimuth)
     return build_plan([look], turns, read_header, frame_suffixes=(".png",), charts=Charts((charts,), STRIP))
 
 

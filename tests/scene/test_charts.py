@@ -58,13 +58,13 @@ def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, in
 @pytest.mark.parametrize("side", get_args(FrameSide))
 def test_a_strip_that_is_too_thick_names_the_greatest_that_fits(side: str) -> None:
     resolution = (200, 300) if side in ("left", "right") else (300, 200)
-    reason, hint = Strip(side, 0.9, resolution).misfit()
+    reason, hint = Strip(side, 0.9, resolution).fit_fault()
     assert f"along the {side} edge, the frame has 300" in reason
-    most = float(re.fullmatch(r"size = ([\d.]+) at most, or another place", hint)[1])
+    most = float(re.fullmatch(r"size = ([\d.]+) at most, or another place, would be right", hint)[1])
     for size, fits in ((most, True), (most + 0.002, False)):
         strip = Strip(side, size, resolution)
         chrome, _, chart = strip.props
-        assert (strip.misfit() == ("", "")) == fits
+        assert (strip.fit_fault() == ("", "")) == fits
         assert ((chrome.top if strip.upright else chrome.left) >= 0.0) == fits
         assert ((chart.top + chart.height if strip.upright else chart.left + chart.width) <= 300.0) == fits
 

@@ -89,20 +89,20 @@ PATTERNS: dict[str, Collection[str]] = {
 def test_a_pattern_fits_prims_and_what_is_below_them() -> None:
     for pattern, paths in PATTERNS.items():
         fit = fit_patterns([pattern], CAR)
-        assert (fit.first.keys(), fit.unfit) == (set(paths), () if paths else (0,)), pattern
+        assert (fit.first.keys(), fit.unmatched) == (set(paths), () if paths else (0,)), pattern
 
 
 def test_the_first_pattern_that_fits_counts() -> None:
     fits = fit_patterns(["/Car/Body/Hood", "/Car/Body", "/Nothing", "/Car/Body/*", "/Car"], CAR)
     assert fits.first == dict(zip(CAR, (4, 1, 1, 0, 4, 4), strict=True))
-    assert fits.unfit == (2,)  # a pattern fits also where an earlier one is first
+    assert fits.unmatched == (2,)  # a pattern fits also where an earlier one is first
 
 
 def test_a_collection_fits_its_members_alone() -> None:
     collections = {"/Car.collection:paint": ["/Car/Body", "/Car/Tires/FL", "/Elsewhere"], "/Car.collection:no": []}
     fits = fit_patterns(["/Car/Tires/*", *collections, "/Car/Body/red"], CAR, collections)
     assert fits.first == {"/Car/Body": 1, "/Car/Body/red": 3, "/Car/Tires/FL": 0, "/Car/Tires/FR": 0}
-    assert fits.unfit == (2,)
+    assert fits.unmatched == (2,)
 
 
 HINTS = {

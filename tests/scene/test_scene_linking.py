@@ -11,7 +11,7 @@ from lookdev.asset.store import make_asset
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import LIGHT_KINDS, Emission, Light, RectLight, load_environment, prepare_light
 from lookdev.light.dome.local import LocalDome
-from lookdev.light.emission import MOST_GROUPS, LightLink
+from lookdev.light.emission import MAX_SHADOW_GROUPS, LightLink
 from lookdev.material import Layer, Look
 from lookdev.plan.digest import part_digests
 from lookdev.rendering.scene import scene_task
@@ -93,7 +93,7 @@ def test_more_groups_than_a_normal_can_mark_are_refused() -> None:
     asset = three()
     scene = Scene.of_look(asset, GREY, light(linked=False), (8, 8))
     assert scene.slot_groups == (0,) * len(asset.slots)
-    groups = {slot.path: MOST_GROUPS + 1 for slot in asset.slots}
+    groups = {slot.path: MAX_SHADOW_GROUPS + 1 for slot in asset.slots}
     with pytest.raises(EnvironmentMapError, match=r"into 82 groups .* at most 81"):
         scene_task(replace(scene, groups=groups), Sampling())
 

@@ -72,7 +72,7 @@ BEHIND = {"position": (1.0, 1.0, -50.0), "frame": np.eye(3)}
         ({}, 300, WIDER),
         ({}, 100, "less is seen above and below"),
         ({"clipping": (4.5, 100.0)}, 200, CUT),
-        (BEHIND, 200, "the asset is behind it"),
+        (BEHIND, 200, "the asset, before it turns, is behind the camera"),
     ],
 )
 def test_what_differs_from_the_shot_is_a_note(change: dict[str, object], height: int, note: str | None) -> None:

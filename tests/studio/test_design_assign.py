@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from lookdev.build.scenes import job_scenes
+from lookdev.build.scenes import build_scenes
 from lookdev.errors import LookdevError
 from lookdev.job import load_job
 from lookdev.studio.designer.document import Document
@@ -69,7 +69,7 @@ def test_a_part_wears_another_look_and_the_saved_job_shows_it(document: Document
     document.edit(Edit(number, 0, "roughness", 0.66))
     edited_scene = document.scene
     assert {file.name for file in document.save()} == {"parts.toml", "frosted_plastic.usda"}
-    rendered = job_scenes(load_job(job)).scenes["workshop", "courtyard"]
+    rendered = build_scenes(load_job(job)).scenes["workshop", "courtyard"]
     saved, expected = (
         {path: look.layers for path, look in scene.look_of_slot.items()} for scene in (rendered, edited_scene)
     )
@@ -183,7 +183,7 @@ def test_an_asset_without_a_job_gets_one(folder: Path, monkeypatch: pytest.Monke
     assert again.save() == [job_file]
     assert not again.status()["job"]["new"]
     assert f'usd = "{os.path.relpath(asset)}"' in job_file.read_text()
-    assert job_scenes(load_job(job_file)).scenes["own", "courtyard"].look_of_slot[WINDOWS].name == "FrostedPlastic"
+    assert build_scenes(load_job(job_file)).scenes["own", "courtyard"].look_of_slot[WINDOWS].name == "FrostedPlastic"
     assert open_document(asset).status()["job"]["file"] == str(folder / "toy_car_2.toml")
     again.assign_look({"part": WINDOWS, "take": True})
     again.close()

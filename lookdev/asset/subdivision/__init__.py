@@ -10,6 +10,6 @@ on OpenSubdiv too, supports neither `loop` nor holes nor the omission of boundar
 """
 
 from lookdev.asset.subdivision.batch import refine, refine_all
-from lookdev.asset.subdivision.detail import Refinement, orbit_pixel, refinement_levels
+from lookdev.asset.subdivision.detail import Refinement, orbit_pixel_size, refinement_levels
 
-__all__ = ["Refinement", "orbit_pixel", "refine", "refine_all", "refinement_levels"]
+__all__ = ["Refinement", "orbit_pixel_size", "refine", "refine_all", "refinement_levels"]

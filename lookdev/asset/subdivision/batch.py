@@ -9,12 +9,12 @@ import numpy as np
 
 from lookdev.arrays import Floats32, Indices
 from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
-from lookdev.asset.subdivision.cage import Control, Tags, read_tags
-from lookdev.asset.subdivision.refine import Refined, refine_cage
+from lookdev.asset.subdivision.cage import ControlMesh, Tags, read_tags
+from lookdev.asset.subdivision.refine import RefinedCage, refine_cage
 from lookdev.errors import AssetError
 
 _BATCH_CORNERS = 1_000_000
-"""Refined corners of a batch: small cages share the cost of a call, and freed memory is used again."""
+"""Refined corners of a batch: enough that small cages share the cost of a call, few enough to reuse memory."""
 
 
 def refine(mesh: Mesh, level: int) -> Mesh:
@@ -58,17 +58,17 @@ def batches(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[lis
             yield group.tolist(), level
 
 
-def _values(mesh: Mesh, rules: Subdivision) -> list[tuple[Interpolation, Floats32]]:
+def _values(mesh: Mesh, subdivision: Subdivision) -> list[tuple[Interpolation, Floats32]]:
     """Return the interpolation and the values at corners of each UV set, then of each primvar."""
     arrays = [*mesh.uvs.items(), *mesh.primvars.items()]
-    return [(rules.interpolation.get(name, "faceVarying"), values) for name, values in arrays]
+    return [(subdivision.interpolation.get(name, "faceVarying"), values) for name, values in arrays]
 
 
 def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
     """Refine cages that share rules and kinds of values."""
-    rules = meshes[0].subdivision
-    assert rules is not None, "a batch has cages only"
-    refined = refine_cage(join_cages(meshes), rules, level)
+    subdivision = meshes[0].subdivision
+    assert subdivision is not None, "a batch has cages only"
+    refined = refine_cage(join_cages(meshes), subdivision, level)
     face_counts = [len(mesh.face_sizes) for mesh in meshes]
     face_mesh = np.repeat(np.arange(len(meshes)), face_counts)[refined.origin]
     faces = np.searchsorted(face_mesh, np.arange(len(meshes) + 1))
@@ -79,14 +79,9 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
     result = []
     for i, mesh in enumerate(meshes):
         if faces[i] == faces[i + 1]:
-            raise AssetError(_nothing_left(mesh))
+            raise AssetError(_no_face_message(mesh))
         corner_slice = slice(corners[i], corners[i + 1])
-        uvs = dict(zip(mesh.uvs, [values[corner_slice] for values in refined.values], strict=False))
-        primvar_values = [values[corner_slice] for values in refined.values[len(uvs) :]]
-        primvars = [
-            array.reshape(-1, *cage_values.shape[1:])
-            for array, cage_values in zip(primvar_values, mesh.primvars.values(), strict=True)
-        ]
+        arrays = iter([values[corner_slice] for values in refined.values])
         result.append(
             replace(
                 mesh,
@@ -96,21 +91,21 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
                 face_slots=slots[faces[i] : faces[i + 1]],
                 normals=refined.normals[corner_slice],
                 tangents=None,
-                uvs=uvs,
-                primvars=dict(zip(mesh.primvars, primvars, strict=True)),
+                uvs={name: next(arrays) for name in mesh.uvs},
+                primvars={name: next(arrays).reshape(-1, *cage.shape[1:]) for name, cage in mesh.primvars.items()},
                 subdivision=None,
             )
         )
     return result
 
 
-def join_cages(meshes: list[Mesh]) -> Control:
+def join_cages(meshes: list[Mesh]) -> ControlMesh:
     """Join several cages to one."""
     all_tags = [read_tags(mesh) for mesh in meshes]
     columns = [_values(mesh, mesh.subdivision) for mesh in meshes if mesh.subdivision is not None]
     points = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
     faces = np.cumsum([0, *(len(mesh.face_sizes) for mesh in meshes)])
-    return Control(
+    return ControlMesh(
         points=np.concatenate([mesh.points for mesh in meshes]).astype(np.float64),
         corners=np.concatenate([mesh.corner_points.astype(np.intp) + points[i] for i, mesh in enumerate(meshes)]),
         sizes=np.concatenate([mesh.face_sizes for mesh in meshes]).astype(np.intp),
@@ -128,7 +123,7 @@ def join_cages(meshes: list[Mesh]) -> Control:
     )
 
 
-def _points_by_mesh(refined: Refined, corner_mesh: Indices, count: int) -> tuple[Indices, Indices, Indices]:
+def _points_by_mesh(refined: RefinedCage, corner_mesh: Indices, count: int) -> tuple[Indices, Indices, Indices]:
     """Return the points' order by mesh, each point's position in that order, and the start of each mesh in it.
 
     Points without a face come first.
@@ -141,8 +136,8 @@ def _points_by_mesh(refined: Refined, corner_mesh: Indices, count: int) -> tuple
     return order, rank, np.searchsorted(owner[order], np.arange(count + 1))
 
 
-def _nothing_left(mesh: Mesh) -> str:
+def _no_face_message(mesh: Mesh) -> str:
     assert mesh.subdivision is not None
-    rule = ", which with interpolateBoundary 'none' those at a boundary are too"
+    rule = "; interpolateBoundary 'none' makes the faces at a boundary holes, too"
     why = rule if mesh.subdivision.interpolate_boundary == "none" else ""
     return f"{mesh.name}: every face of the subdivision surface is a hole{why}"

@@ -11,7 +11,7 @@ from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
 from lookdev.asset.subdivision.topology import Level, connect
 from lookdev.errors import AssetError
 
-INFINITE = 10.0
+INFINITE_SHARPNESS = 10.0
 """The least sharpness that counts as infinite, as in OpenSubdiv and USD."""
 
 
@@ -19,9 +19,9 @@ INFINITE = 10.0
 class Cage:
     """The half-edges of a cage, its manifold points (n,), and its faces (f,) that are not part of the surface."""
 
-    level: Level
-    manifold: Bools
-    hidden: Bools
+    half_edges: Level
+    is_manifold: Bools
+    is_hidden: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Tags:
 
 
 @dataclass(frozen=True, eq=False)
-class Control:
+class ControlMesh:
     """A cage: points (n, 3), corners (m,) that index into them, face sizes (f,), tags, and values (m, k) at corners."""
 
     points: Floats
@@ -89,10 +89,10 @@ def _sharpness(mesh: Mesh, tag: str, values: object, count: int) -> Floats:
         raise AssetError(f"{mesh.name}: {count} {tag}s have {sharpness.size} values of sharpness; each needs one")
     if np.isnan(sharpness).any():
         raise AssetError(f"{mesh.name}: the sharpness of {tag} {int(np.isnan(sharpness).argmax())} is not a number")
-    return np.where(sharpness >= INFINITE, np.inf, np.maximum(sharpness, 0.0))
+    return np.where(sharpness >= INFINITE_SHARPNESS, np.inf, np.maximum(sharpness, 0.0))
 
 
-def build_cage(control: Control, rules: Subdivision) -> Cage:
+def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
     """Return the half-edges of a cage with its tags, by the boundary rule of `rules`; the tags of `rules` are unused.
 
     Tags are applied in the order of OpenSubdiv (Far::TopologyRefinerFactory): a crease between points that share no
@@ -101,9 +101,9 @@ def build_cage(control: Control, rules: Subdivision) -> Cage:
     of a boundary edge are not part of the surface, unless the boundary edges there are infinitely sharp creases.
     """
     count, tags, boundary = len(control.points), control.tags, rules.interpolate_boundary
-    level, joints = connect(control.corners, control.sizes, count)
-    manifold = joints.fans <= 1
-    manifold[level.ends[joints.twisted]] = False
+    level, connectivity = connect(control.corners, control.sizes, count)
+    manifold = connectivity.fan_counts <= 1
+    manifold[level.ends[connectivity.is_nonmanifold_edge]] = False
     crease_sharpness = np.zeros(len(level.ends))
     crease_edges = _find_edges(level, tags.crease_edges)
     crease_sharpness[crease_edges[crease_edges >= 0]] = tags.crease_sharpness[crease_edges >= 0]
@@ -112,7 +112,7 @@ def build_cage(control: Control, rules: Subdivision) -> Cage:
 
     face_counts = np.bincount(control.corners, minlength=count)
     edge_counts = np.bincount(level.ends.ravel(), minlength=count)
-    twisted_edges = np.bincount(level.ends[joints.twisted].ravel(), minlength=count)
+    twisted_edges = np.bincount(level.ends[connectivity.is_nonmanifold_edge].ravel(), minlength=count)
     open_edges = np.bincount(level.ends[level.boundary].ravel(), minlength=count)
     is_fin = (twisted_edges == 2) & (open_edges == 0) & (face_counts > edge_counts)
     level.point_sharpness[~manifold & ~is_fin] = np.inf

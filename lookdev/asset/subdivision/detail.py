@@ -1,10 +1,10 @@
 """The refinement levels of an asset's cages, by their size in the frame.
 
 A refinement halves the edges. It divides the distance between the limit surface and its chord by four, and the angle by
-which the surface turns along an edge by two. Both are measured at the cage's edges, on the limit surface itself. The
-level is the least at which the distance is at most `TOLERANCE` pixels and the angle at most `MAX_TURN`, or the edge at
-most `SMALL_EDGE` pixels. The edges that need the highest levels, up to `OUTLIERS` of the total length, may miss this by
-one level.
+which the surface turns along an edge by two. Both are measured at the cage's edges, on the limit surface itself. At the
+level of a cage, the distance is at most `SURFACE_TOLERANCE` pixels, and the angle is at most `MAX_TURN` or the edge at
+most `SMALL_EDGE` pixels. The edges that need the highest levels, up to `OUTLIER_FRACTION` of the total length, may need
+one level more.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats, Floats32, Indices
 from lookdev.asset.mesh import Asset, Instance, Mesh
-from lookdev.asset.normals import face_starts, next_corners
+from lookdev.asset.normals import next_corners, run_starts
 from lookdev.asset.subdivision.batch import batches, join_cages
 from lookdev.asset.subdivision.cage import build_cage
-from lookdev.asset.subdivision.limit import complete_normals, limit
+from lookdev.asset.subdivision.limit import complete_normals, limit_surface
 from lookdev.asset.subdivision.refine import mask_rules, refined_values
 from lookdev.asset.subdivision.rules import interpolate
-from lookdev.asset.subdivision.topology import Level, first_child, split
+from lookdev.asset.subdivision.topology import Level, first_child, split_faces
 
-TOLERANCE = 0.1
+SURFACE_TOLERANCE = 0.1
 """Pixels between the limit surface and its facets: not visible in an antialiased silhouette."""
 
 MAX_TURN = 0.1
@@ -34,22 +34,22 @@ MAX_TURN = 0.1
 SMALL_EDGE = 3.0
 """Pixels: a shorter edge may turn by any angle."""
 
-OUTLIERS = 0.01
-"""A fraction of the length of a cage's edges: a few sharp bends do not multiply all faces of a large cage by four."""
+OUTLIER_FRACTION = 0.01
+"""A fraction of the length of a cage's edges: a few sharp bends must not refine all of a large cage."""
 
-TEXTURE = 0.5
-"""Pixels by which a texture may shift on a cage that stays unrefined, because UVs are linear over its faces."""
+UV_TOLERANCE = 0.5
+"""Pixels by which a texture may shift on an unrefined cage, whose UVs are linear over a face."""
 
-DETAIL = 2.0
+DISPLACED_EDGE = 2.0
 """Pixels: the longest edge of a displaced mesh."""
 
-FINEST = 6
+MAX_LEVEL = 6
 """The highest level."""
 
-FINEST_DETAIL = 10
+MAX_DISPLACED_LEVEL = 10
 """The highest level of a displaced mesh: sufficient for a single face in a frame of more than a thousand pixels."""
 
-CORNERS = 8_000_000
+MAX_CORNERS = 8_000_000
 """The most refined corners of an asset, about 2 GB during refinement."""
 
 PixelSize = Callable[[Floats, Floats], Floats]
@@ -64,7 +64,7 @@ class Refinement:
     notes: tuple[str, ...] = ()
 
 
-def orbit_pixel(position: Sequence[float], pivot: Sequence[float], slope: float) -> PixelSize:
+def orbit_pixel_size(position: Sequence[float], pivot: Sequence[float], slope: float) -> PixelSize:
     """Return the pixel size of a camera that orbits on a turntable.
 
     Parameters
@@ -88,17 +88,17 @@ def orbit_pixel(position: Sequence[float], pivot: Sequence[float], slope: float)
 
 def refinement_levels(
     asset: Asset,
-    pixel: PixelSize,
-    detailed: Collection[int] = (),
-    finest: int = FINEST,
-    corners: int = CORNERS,
+    pixel_size: PixelSize,
+    displaced: Collection[int] = (),
+    max_level: int = MAX_LEVEL,
+    max_corners: int = MAX_CORNERS,
 ) -> Refinement:
     """Return the level of each mesh at which it looks like its limit surface at its position nearest to the camera.
 
-    A mesh has one level for all its instances. The edges of meshes with the numbers `detailed`, which are displaced,
-    become at most `DETAIL` pixels long. No level is above `finest`, or `FINEST_DETAIL` for these meshes. If an asset
-    would have more than `corners` refined corners, the meshes with the most corners are refined less, and a note
-    reports it.
+    A mesh has one level for all its instances. The edges of displaced meshes, whose numbers are `displaced`, become at
+    most `DISPLACED_EDGE` pixels long. No level is above `max_level`, or `MAX_DISPLACED_LEVEL` for these meshes. If an
+    asset would have more than `max_corners` refined corners, the meshes with the most corners are refined less, and a
+    note reports it.
 
     Raises
     ------
@@ -107,30 +107,30 @@ def refinement_levels(
     """
     cages = [i for i, mesh in enumerate(asset.meshes) if mesh.subdivision is not None]
     levels = np.zeros(len(asset.meshes), np.intp)
-    sizes = _pixel_sizes(asset.meshes, asset.instances, pixel)
-    is_detailed = np.isin(np.arange(len(levels)), list(detailed))
-    longest_edges = np.where(is_detailed, DETAIL, np.inf)
-    finest_levels = np.where(is_detailed, FINEST_DETAIL, finest)
-    refinable = [i for i in cages if 4 * len(asset.meshes[i].corner_points) <= corners]
+    sizes = _pixel_sizes(asset.meshes, asset.instances, pixel_size)
+    is_displaced = np.isin(np.arange(len(levels)), list(displaced))
+    longest_edges = np.where(is_displaced, DISPLACED_EDGE, np.inf)
+    max_levels = np.where(is_displaced, MAX_DISPLACED_LEVEL, max_level)
+    refinable = [i for i in cages if 4 * len(asset.meshes[i].corner_points) <= max_corners]
     bare_cages = [replace(asset.meshes[i], uvs={}, primvars={}) for i in refinable]
     for batch, _ in batches(bare_cages, [1] * len(bare_cages)):
         numbers = np.array(refinable)[batch]
         batch_cages = [bare_cages[i] for i in batch]
-        levels[numbers] = _surface_levels(batch_cages, sizes[numbers], longest_edges[numbers], finest_levels[numbers])
+        levels[numbers] = _surface_levels(batch_cages, sizes[numbers], longest_edges[numbers], max_levels[numbers])
     unrefined = [i for i in refinable if levels[i] == 0 and asset.meshes[i].uvs]
     textured_cages = [replace(asset.meshes[i], primvars={}) for i in unrefined]
     for batch, _ in batches(textured_cages, [1] * len(unrefined)):
         numbers = np.array(unrefined)[batch]
-        levels[numbers] = _texture_levels([textured_cages[i] for i in batch], sizes[numbers], finest)
-    levels[list(set(cages) - set(refinable))] = min(1, finest)
+        levels[numbers] = _texture_levels([textured_cages[i] for i in batch], sizes[numbers], max_level)
+    levels[list(set(cages) - set(refinable))] = min(1, max_level)
     desired = levels.tolist()
-    limited = _limit_corners([len(mesh.corner_points) for mesh in asset.meshes], desired, corners)
+    limited = _limit_corners([len(mesh.corner_points) for mesh in asset.meshes], desired, max_corners)
     reduced = [i for i in cages if limited[i] < desired[i]]
-    notes = (_reduction_note(asset.meshes, reduced, desired, limited, corners),) if reduced else ()
+    notes = (_reduction_note(asset.meshes, reduced, desired, limited, max_corners),) if reduced else ()
     return Refinement(tuple(limited), notes)
 
 
-def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: PixelSize) -> Floats:
+def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel_size: PixelSize) -> Floats:
     """Return metres per pixel in the object space of each mesh: the least over its instances, infinite without one."""
     sizes = np.full(len(meshes), np.inf)
     if not instances:
@@ -143,24 +143,24 @@ def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: P
     stretch = np.linalg.norm(matrices[:, :3, :3], ord=2, axis=(1, 2))
     world = np.einsum("kij,kj->ki", matrices[:, :3, :3], centers) + matrices[:, :3, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
-        instance_sizes = np.where(stretch > 0.0, pixel(world, radii * stretch) / stretch, np.inf)
+        instance_sizes = np.where(stretch > 0.0, pixel_size(world, radii * stretch) / stretch, np.inf)
     np.minimum.at(sizes, mesh_numbers, instance_sizes)
     return sizes
 
 
-def _surface_levels(meshes: list[Mesh], pixels: Floats, longest: Floats, finest: Indices) -> Indices:
+def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floats, max_levels: Indices) -> Indices:
     """Return the level (k,) of each of several cages with equal rules and without values.
 
-    pixels (k,): metres per pixel; longest (k,): the longest allowed edge, in pixels; finest (k,): the highest level.
+    pixel_sizes (k,): metres per pixel; longest_edges (k,): the longest allowed edge, in pixels; max_levels (k,).
     """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control, rules = join_cages(meshes), mask_rules(subdivision)
     cage = build_cage(control, subdivision)
-    level = cage.level
+    level = cage.half_edges
     mesh_numbers = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
-    child = split(level, rules.triangles)
-    limits, normals = limit(child, interpolate(level, control.points, rules), rules)
+    child = split_faces(level, rules.triangles)
+    limits, normals = limit_surface(child, interpolate(level, control.points, rules), rules)
     complete_normals(child, limits, normals)
 
     first = first_child(np.arange(len(level.points)), rules.triangles)
@@ -178,29 +178,29 @@ def _surface_levels(meshes: list[Mesh], pixels: Floats, longest: Floats, finest:
         # On a sphere, the centre of an equilateral triangle is 4/3 as far away as the middles of its edges.
         distance *= 4.0 / 3.0
     else:
-        means = np.add.reduceat(start, face_starts(level.sizes), axis=0) / level.sizes[:, None]
+        means = np.add.reduceat(start, run_starts(level.sizes), axis=0) / level.sizes[:, None]
         center_offset = limits[len(limits) - len(level.sizes) :] - means
         distance = np.maximum(distance, np.abs(np.einsum("ij,ij->i", center_offset[level.faces], normals[first + 2])))
 
-    size = pixels[mesh_numbers[level.faces]]
+    size = pixel_sizes[mesh_numbers[level.faces]]
     with np.errstate(divide="ignore", invalid="ignore"):
-        by_distance = np.log2(distance / (TOLERANCE * size)) / 2.0
+        by_distance = np.log2(distance / (SURFACE_TOLERANCE * size)) / 2.0
         # The arc at a semi-sharp feature is within half of the last edge, until its sharpness has decayed.
-        arc, delay = np.log2(length * turn / (8.0 * TOLERANCE * size)), _sharpness_delay(level)
+        arc, delay = np.log2(length * turn / (8.0 * SURFACE_TOLERANCE * size)), _sharpness_delay(level)
         by_arc = np.where(delay > 0.0, np.minimum(arc, 0.5 * (arc + delay)), 0.0)
         by_turn = np.minimum(np.log2(turn / MAX_TURN) + np.ceil(delay), np.log2(length / (SMALL_EDGE * size)))
-        by_length = np.log2(length / (longest[mesh_numbers[level.faces]] * size))
-        is_displaced = np.linalg.norm(start - control.points[level.points], axis=1) > TOLERANCE * size
+        by_length = np.log2(length / (longest_edges[mesh_numbers[level.faces]] * size))
+        is_displaced = np.linalg.norm(start - control.points[level.points], axis=1) > SURFACE_TOLERANCE * size
     required = np.where(is_displaced, 1.0, 0.0)
     for criterion in (by_distance, by_arc, by_turn, by_length):
         required = np.fmax(required, criterion)
-    is_visible: Bools = ~cage.hidden[level.faces]
-    edge_levels = np.ceil(np.minimum(required, finest[mesh_numbers[level.faces]])).astype(np.intp)[is_visible]
+    is_visible: Bools = ~cage.is_hidden[level.faces]
+    edge_levels = np.ceil(np.minimum(required, max_levels[mesh_numbers[level.faces]])).astype(np.intp)[is_visible]
     return _level_of_most_edges(mesh_numbers[level.faces][is_visible], edge_levels, length[is_visible], len(meshes))
 
 
-def _texture_levels(meshes: list[Mesh], pixels: Floats, finest: int) -> Indices:
-    """Return the level (k,) at which the UVs of cages with equal rules and level 0 are within `TEXTURE`."""
+def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> Indices:
+    """Return the level (k,) at which the UVs of cages with equal rules and level 0 are within `UV_TOLERANCE`."""
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control = join_cages(meshes)
@@ -210,7 +210,7 @@ def _texture_levels(meshes: list[Mesh], pixels: Floats, finest: int) -> Indices:
     points = control.points[control.corners[corners]]
     face_meshes = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
     mesh_numbers = np.repeat(face_meshes, control.sizes)[corners]
-    length = np.linalg.norm(points[following] - points, axis=1) / pixels[mesh_numbers]
+    length = np.linalg.norm(points[following] - points, axis=1) / pixel_sizes[mesh_numbers]
     required = np.zeros(len(corners))
     for (interpolation, values), refined in zip(control.values, refined_columns, strict=True):
         if interpolation in ("constant", "uniform"):
@@ -220,19 +220,19 @@ def _texture_levels(meshes: list[Mesh], pixels: Floats, finest: int) -> Indices:
         edge_length = np.linalg.norm(end - start, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             required = np.fmax(
-                required, np.where(edge_length > 0.0, np.log2(error / edge_length * length / TEXTURE) / 2.0, 0.0)
+                required, np.where(edge_length > 0.0, np.log2(error / edge_length * length / UV_TOLERANCE) / 2.0, 0.0)
             )
     levels = np.zeros(len(meshes), np.intp)
-    np.maximum.at(levels, mesh_numbers, np.ceil(np.minimum(required, finest)).astype(np.intp))
+    np.maximum.at(levels, mesh_numbers, np.ceil(np.minimum(required, max_level)).astype(np.intp))
     return levels
 
 
 def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, count: int) -> Indices:
-    """Return the level (k,) that suffices for all but `OUTLIERS` of the length of each mesh's half-edges."""
+    """Return the level (k,) that suffices for all but `OUTLIER_FRACTION` of the length of each mesh's half-edges."""
     counts = int(edge_levels.max(initial=0)) + 1
     total = np.bincount(mesh * counts + edge_levels, length, count * counts).reshape(count, counts)
     length_from_level = np.cumsum(total[:, ::-1], axis=1)[:, ::-1]
-    level = (length_from_level > OUTLIERS * length_from_level[:, :1]).sum(axis=1) - 1
+    level = (length_from_level > OUTLIER_FRACTION * length_from_level[:, :1]).sum(axis=1) - 1
     lowest = np.zeros(count, np.intp)
     np.maximum.at(lowest, mesh, edge_levels - 1)
     return np.maximum(np.maximum(level, lowest), 0)
@@ -253,13 +253,13 @@ def _sharpness_delay(level: Level) -> Floats:
     return np.maximum(point_sharpness[level.points], point_sharpness[level.points[level.next]])
 
 
-def _limit_corners(counts: list[int], desired: list[int], corners: int) -> list[int]:
-    """Return the desired levels of meshes with `counts` corners, reduced until they have at most `corners` in total."""
+def _limit_corners(counts: list[int], desired: list[int], max_corners: int) -> list[int]:
+    """Return the desired levels of meshes with `counts` corners, reduced until the total is at most `max_corners`."""
     levels = list(desired)
     total = sum(count * 4**level for count, level in zip(counts, levels, strict=True) if level)
     heap = [(-count * 4**level, i) for i, (count, level) in enumerate(zip(counts, levels, strict=True)) if level]
     heapq.heapify(heap)
-    while total > corners and heap:
+    while total > max_corners and heap:
         largest, i = heapq.heappop(heap)
         levels[i] -= 1
         total += largest - largest // 4
@@ -269,10 +269,10 @@ def _limit_corners(counts: list[int], desired: list[int], corners: int) -> list[
 
 
 def _reduction_note(
-    meshes: Sequence[Mesh], reduced: list[int], desired: list[int], levels: list[int], corners: int
+    meshes: Sequence[Mesh], reduced: list[int], desired: list[int], levels: list[int], max_corners: int
 ) -> str:
     worst = max(reduced, key=lambda i: (desired[i] - levels[i]) * len(meshes[i].corner_points))
     return (
         f"subdivision: {len(reduced)} of the surfaces are refined less than their size in the frame asks for, as all "
-        f"may have {corners:,} corners: {meshes[worst].name} {levels[worst]} times instead of {desired[worst]}"
+        f"may have {max_corners:,} corners: {meshes[worst].name} {levels[worst]} times instead of {desired[worst]}"
     )

@@ -1,4 +1,4 @@
-"""The topology of values at corners, such as UVs: it has a point for each distinct value at a point of the surface.
+"""The topology of face-varying values, such as UVs: distinct values at one point of the surface are distinct points.
 
 By OpenSubdiv's rules (its documentation, "Face-Varying Interpolation Rules"), values are refined as the surface is,
 with seams between them as boundaries, and the rule determines which values at seams are corners. Values therefore have
@@ -14,9 +14,9 @@ import numpy as np
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import FaceVaryingRule
 from lookdev.asset.subdivision.cage import Cage
-from lookdev.asset.subdivision.topology import Joints, Level, connect
+from lookdev.asset.subdivision.topology import Connectivity, Level, connect
 
-_DEPENDENT: tuple[FaceVaryingRule, ...] = ("cornersPlus1", "cornersPlus2")
+_CORNERS_PLUS_RULES: tuple[FaceVaryingRule, ...] = ("cornersPlus1", "cornersPlus2")
 
 
 def weld(points: Indices, values: Floats, count: int) -> tuple[Indices, Indices]:
@@ -37,79 +37,80 @@ def weld(points: Indices, values: Floats, count: int) -> tuple[Indices, Indices]
     return numbers, np.concatenate([np.arange(count), points[other][first]])
 
 
-def value_level(cage: Cage, values: Indices, value_points: Indices, rule: FaceVaryingRule) -> Level:
-    """Return the half-edges of values, from their numbers (m,) at corners and their points (v,), as from `weld`."""
-    surface = cage.level
-    level, joints = connect(values, surface.sizes, len(value_points))
+def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, rule: FaceVaryingRule) -> Level:
+    """Return the half-edges of values, from both results of `weld`: each corner's value, and each value's point."""
+    surface = cage.half_edges
+    level, connectivity = connect(value_numbers, surface.sizes, len(value_points))
     value_sharpness, surface_sharpness = level.edge_sharpness[level.edges], surface.edge_sharpness[surface.edges]
     level.edge_sharpness[level.edges] = np.maximum(value_sharpness, surface_sharpness)
     sharpness = surface.point_sharpness[value_points]
-    spans = _find_spans(level, joints, surface)
-    at_seam = _at_seams(level, surface)[value_points]
-    siblings = np.bincount(value_points[spans.used], minlength=len(surface.point_sharpness))[value_points]
+    fans = _find_fans(level, connectivity, surface)
+    at_seam = _seam_points(level, surface)[value_points]
+    siblings = np.bincount(value_points[fans.is_used], minlength=len(surface.point_sharpness))[value_points]
 
-    sharp = at_seam & ((spans.fans > 1) | ~cage.manifold[value_points])
+    is_corner_value = at_seam & ((fans.fan_count > 1) | ~cage.is_manifold[value_points])
     if rule != "none":
-        sharp |= spans.faces == 1
-    if rule in _DEPENDENT:
-        is_divided = spans.used & ((spans.fans > 1) | (spans.sharp > 0))
-        sharp |= at_seam & ((siblings > 2) | ((siblings == 2) & _shares_point(is_divided, value_points)))
+        is_corner_value |= fans.face_count == 1
+    if rule in _CORNERS_PLUS_RULES:
+        is_divided = fans.is_used & ((fans.fan_count > 1) | (fans.sharp_edge_count > 0))
+        is_corner_value |= at_seam & ((siblings > 2) | ((siblings == 2) & _shares_point(is_divided, value_points)))
     if rule == "cornersPlus2":
-        sharp |= (siblings == 2) & _shares_point(spans.faces == 1, value_points)
+        is_corner_value |= (siblings == 2) & _shares_point(fans.face_count == 1, value_points)
     on_boundary = np.zeros(len(surface.point_sharpness), bool)
     on_boundary[surface.ends[surface.boundary]] = True
     if rule in ("cornersPlus2", "boundaries"):
-        sharp |= at_seam & (siblings == 1) & ~on_boundary[value_points]
+        is_corner_value |= at_seam & (siblings == 1) & ~on_boundary[value_points]
     if rule == "boundaries":
-        sharp |= at_seam | on_boundary[value_points]
-    if rule in _DEPENDENT:
+        is_corner_value |= at_seam | on_boundary[value_points]
+    if rule in _CORNERS_PLUS_RULES:
         is_pair = at_seam & (siblings == 2) & (sharpness == 0.0)
-        sharpness = np.where(is_pair, _dependent_sharpness(spans, value_points), sharpness)
-    level.point_sharpness[:] = np.where(sharp, np.inf, sharpness)
+        sharpness = np.where(is_pair, _dependent_sharpness(fans, value_points), sharpness)
+    level.point_sharpness[:] = np.where(is_corner_value, np.inf, sharpness)
     return level
 
 
 @dataclass(frozen=True, eq=False)
-class _Spans:
-    """The faces that have each value (v,): whether any has it, their number, and the number of their fans.
+class _ValueFans:
+    """The faces around each value (v,): whether there are any, their number, and the number of fans that they form.
 
-    `sharp` is the number of infinitely sharp edges between the faces; `soft` is the sharpness of a corner that decays
-    as the semi-sharp edges between them do.
+    `sharp_edge_count` is the number of infinitely sharp edges between the faces. `corner_sharpness` is that of a corner
+    that becomes smooth together with the semi-sharp edges between the faces.
     """
 
-    used: Bools
-    faces: Indices
-    fans: Indices
-    sharp: Indices
-    soft: Floats
+    is_used: Bools
+    face_count: Indices
+    fan_count: Indices
+    sharp_edge_count: Indices
+    corner_sharpness: Floats
 
 
-def _find_spans(level: Level, joints: Joints, surface: Level) -> _Spans:
+def _find_fans(level: Level, connectivity: Connectivity, surface: Level) -> _ValueFans:
     count = len(level.point_sharpness)
     faces = np.bincount(level.points, minlength=count)
     inner = level.twins >= 0
     ends, sharpness = level.points[inner], surface.edge_sharpness[surface.edges[inner]]
-    semi = (sharpness > 0.0) & np.isfinite(sharpness)
-    sharp = np.bincount(ends[np.isinf(sharpness)], minlength=count)
-    # The edges that decay last do so together; the corner's weight is then the mean of their remaining sharpness.
+    is_semi_sharp = (sharpness > 0.0) & np.isfinite(sharpness)
+    sharp_edge_count = np.bincount(ends[np.isinf(sharpness)], minlength=count)
+    # The sharpest edges become smooth in one refinement. The corner's weight is then the mean of their remaining
+    # sharpness.
     last = np.zeros(count)
-    np.maximum.at(last, ends[semi], np.ceil(sharpness[semi]))
-    final = semi & (np.ceil(sharpness) == last[ends])
+    np.maximum.at(last, ends[is_semi_sharp], np.ceil(sharpness[is_semi_sharp]))
+    final = is_semi_sharp & (np.ceil(sharpness) == last[ends])
     total = np.bincount(ends[final], sharpness[final], count)
-    soft = total / np.maximum(np.bincount(ends[final], minlength=count), 1)
-    return _Spans(faces > 0, faces, joints.fans, sharp, soft)
+    corner_sharpness = total / np.maximum(np.bincount(ends[final], minlength=count), 1)
+    return _ValueFans(faces > 0, faces, connectivity.fan_counts, sharp_edge_count, corner_sharpness)
 
 
-def _at_seams(level: Level, surface: Level) -> Bools:
+def _seam_points(level: Level, surface: Level) -> Bools:
     """Return which points (n,) of the surface are ends of a seam."""
     seams = (level.twins < 0) & (surface.twins >= 0)
-    seams |= _twisted_seams(level, surface)
-    at_seams = np.zeros(len(surface.point_sharpness), bool)
-    at_seams[surface.ends[surface.edges[seams]]] = True
-    return at_seams
+    seams |= _nonmanifold_seams(level, surface)
+    is_seam_point = np.zeros(len(surface.point_sharpness), bool)
+    is_seam_point[surface.ends[surface.edges[seams]]] = True
+    return is_seam_point
 
 
-def _twisted_seams(level: Level, surface: Level) -> Bools:
+def _nonmanifold_seams(level: Level, surface: Level) -> Bools:
     """Return which half-edges (m,) are on edges of three or more faces with different values."""
     first = np.empty(len(surface.ends), np.intp)
     first[surface.edges] = level.edges
@@ -125,8 +126,8 @@ def _shares_point(is_marked: Bools, value_points: Indices) -> Bools:
     return points[value_points]
 
 
-def _dependent_sharpness(spans: _Spans, value_points: Indices) -> Floats:
-    """Return the sharpness (v,) of values without semi-sharp edges from the other value at their point, else 0."""
+def _dependent_sharpness(fans: _ValueFans, value_points: Indices) -> Floats:
+    """Return the sharpness (v,) of the other value at their point for values without semi-sharp edges, 0 for others."""
     highest = np.zeros(int(value_points.max()) + 1)
-    np.maximum.at(highest, value_points, spans.soft)
-    return np.where(spans.soft > 0.0, 0.0, highest[value_points])
+    np.maximum.at(highest, value_points, fans.corner_sharpness)
+    return np.where(fans.corner_sharpness > 0.0, 0.0, highest[value_points])

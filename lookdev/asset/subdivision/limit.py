@@ -1,8 +1,8 @@
 """The limit surface: the limit position of each point, and the surface's normal at each corner.
 
 A smooth point has one normal. At a point on a crease or at a corner, each sector of faces between sharp edges has its
-own. A sector of one face has a tangent plane at a corner. A wider sector meets the corner as a cone or a cusp and has
-the mean normal of its refined faces, as has any sector whose tangents vanish.
+own. At a corner, a sector of one face has a tangent plane; a wider sector is a cone or a cusp. A sector without a
+tangent plane has the mean normal of its refined faces.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from lookdev.arrays import Bools, Floats, Floats32, Indices
 from lookdev.asset.normals import area_vectors, dot, flat_normals, normalize_or, sum_by
 from lookdev.asset.subdivision.masks import Masks, SectorKind, limit_masks
 from lookdev.asset.subdivision.rules import Rules, interpolate
-from lookdev.asset.subdivision.topology import Level, first_child, split
+from lookdev.asset.subdivision.topology import Level, first_child, split_faces
 
-# The sine of the angle between two tangents, relative to the ring's size, below which they span no plane: far below the
-# angles in an asset of float32, far above the rounding of float64.
-_NO_PLANE = 1e-9
+# Two tangents span a plane if their cross product, over the squared length of the ring's longest edge, exceeds this.
+# Angles in a float32 asset are far larger; rounding errors of float64 are far smaller.
+_PLANE_TOLERANCE = 1e-9
 
 # Sectors in a block: arrays over them stay in the processor's cache.
-_BLOCK = 1 << 14
+_BLOCK_SECTORS = 1 << 14
 
 _FINITE = float(np.finfo(np.float64).max)
 
@@ -31,23 +31,23 @@ _FINITE = float(np.finfo(np.float64).max)
 class Sectors:
     """The faces around each point, between the sharp edges that meet there.
 
-    first (s,): the half-edge at the point of each sector's first face, clockwise; size (s,): the number of faces; kind
-    (s,): the `SectorKind` of its masks; of_corner (m,): the sector of each corner, -1 at points that are not selected.
+    first (s,): the half-edge that begins at the point, in each sector's most clockwise face; size (s,): the number of
+    faces; kind (s,): the `SectorKind` of its masks; sector_of_corner (m,): the sector of each corner, -1 at points that
+    are not selected.
     """
 
     first: Indices
     size: Indices
     kind: Indices
-    of_corner: Indices
+    sector_of_corner: Indices
 
 
 def find_sectors(level: Level, selected: Bools) -> Sectors:
     """Return the sectors at the selected points (n,), with all semi-sharp features taken as smooth."""
     edges = level.sharp_edges(_FINITE)
-    corner = np.isinf(level.point_sharpness) | (edges > 2)
-    point_kinds = np.select(
-        [corner, edges == 2, edges == 1], [SectorKind.CORNER, SectorKind.CREASE, SectorKind.DART], SectorKind.SMOOTH
-    )
+    is_corner_point = np.isinf(level.point_sharpness) | (edges > 2)
+    conditions = [is_corner_point, edges == 2, edges == 1]
+    point_kinds = np.select(conditions, [SectorKind.CORNER, SectorKind.CREASE, SectorKind.DART], SectorKind.SMOOTH)
     sharp = np.isinf(level.edge_sharpness[level.edges])
     is_divided = (point_kinds >= SectorKind.CREASE)[level.points]
     # The next half-edge around the point, counter-clockwise; -1 where the sector ends.
@@ -55,7 +55,8 @@ def find_sectors(level: Level, selected: Bools) -> Sectors:
 
     of_corner = np.full(len(level.points), -1)
     first, size, closed_parts = [], [], []
-    # A sector begins at a sharp edge. The others are closed fans, which begin anywhere: one per point in each round.
+    # A sector begins at a sharp edge or a boundary. The others are closed fans, which begin at any of their corners;
+    # each round of the loop takes one fan per point.
     starts, count = np.flatnonzero((sharp | (level.twins < 0)) & selected[level.points]), 0
     while True:
         sizes, is_closed = _number_corners(starts, ahead, of_corner, count)
@@ -66,9 +67,9 @@ def find_sectors(level: Level, selected: Bools) -> Sectors:
         remaining = np.flatnonzero((of_corner < 0) & selected[level.points])
         if len(remaining) == 0:
             break
-        example = np.full(len(selected), -1)
-        example[level.points[remaining]] = remaining
-        starts = example[example >= 0]
+        start_at_point = np.full(len(selected), -1)
+        start_at_point[level.points[remaining]] = remaining
+        starts = start_at_point[start_at_point >= 0]
     firsts, sizes, is_closed = np.concatenate(first), np.concatenate(size), np.concatenate(closed_parts)
     kind = point_kinds[level.points[firsts]]
     kind[is_closed != (kind < SectorKind.CREASE)] = SectorKind.NONE
@@ -90,30 +91,30 @@ def _number_corners(starts: Indices, ahead: Indices, of_corner: Indices, first: 
     return size, is_closed
 
 
-def limit(
-    level: Level, values: Floats, rules: Rules, selected: Bools | None = None, has_normals: bool = True
+def limit_surface(
+    level: Level, values: Floats, rules: Rules, selected: Bools | None = None, needs_normals: bool = True
 ) -> tuple[Floats, Floats32]:
     """Return the limit (n, k) of values at the selected points (n,), and unit normals (m, 3) of their corners.
 
     With `has_normals` the first three values are a position. Normals are zero at points that are not selected and where
     the surface has no tangent plane. Values of `bilinear` are their own limit, and each corner has the normal of its
-    bilinear patch. The faces around points that are still semi-sharp are refined further until these are smooth: the
-    limit is the same from every level.
+    bilinear patch. Semi-sharp points are refined further, with the faces around them, until they are smooth: the limit
+    is the same from every level.
     """
     if rules.scheme == "bilinear":
-        return values, _patch_normals(level, values) if has_normals else np.zeros((0, 3), np.float32)
+        return values, _patch_normals(level, values) if needs_normals else np.zeros((0, 3), np.float32)
     selected = np.ones(len(values), bool) if selected is None else selected
-    is_unfinished = selected & _semi_sharp(level)
-    limits, normals = _apply_masks(level, values, rules, selected & ~is_unfinished, has_normals)
-    if is_unfinished.any():
-        ring, corners, points = level.extract(_faces_around(level, is_unfinished))
-        child, child_values = split(ring, rules.triangles), interpolate(ring, values[points], rules)
+    is_semi_sharp = selected & _semi_sharp_points(level)
+    limits, normals = _apply_masks(level, values, rules, selected & ~is_semi_sharp, needs_normals)
+    if is_semi_sharp.any():
+        ring, corners, points = level.extract(_faces_around(level, is_semi_sharp))
+        child, child_values = split_faces(ring, rules.triangles), interpolate(ring, values[points], rules)
         inner = np.zeros(len(child_values), bool)
-        inner[: len(points)] = is_unfinished[points]
-        child_limits, child_normals = limit(child, child_values, rules, inner, has_normals)
-        limits[points[is_unfinished[points]]] = child_limits[inner]
-        if has_normals:
-            ring_corners = np.flatnonzero(is_unfinished[level.points[corners]])
+        inner[: len(points)] = is_semi_sharp[points]
+        child_limits, child_normals = limit_surface(child, child_values, rules, inner, needs_normals)
+        limits[points[is_semi_sharp[points]]] = child_limits[inner]
+        if needs_normals:
+            ring_corners = np.flatnonzero(is_semi_sharp[level.points[corners]])
             normals[corners[ring_corners]] = child_normals[first_child(ring_corners, rules.triangles)]
     return limits, normals
 
@@ -127,7 +128,7 @@ def complete_normals(level: Level, positions: Floats, normals: Floats32) -> None
     lacks_normal[level.points[missing]] = True
     ring, corners, points = level.extract(_faces_around(level, lacks_normal))
     areas = area_vectors(positions[points][ring.points], ring.sizes)
-    of_corner = find_sectors(ring, lacks_normal[points]).of_corner
+    of_corner = find_sectors(ring, lacks_normal[points]).sector_of_corner
     ring_corners = np.flatnonzero(missing[corners])
     corner_sectors = of_corner[ring_corners]
     means = sum_by(corner_sectors, areas[ring.faces[ring_corners]], int(of_corner.max()) + 1)[corner_sectors]
@@ -145,17 +146,17 @@ def _patch_normals(level: Level, values: Floats) -> Floats32:
     """Return the unit cross product of the two edges of each corner (m, 3); zero where they are parallel."""
     position = values[level.points, :3]
     ahead, back = position[level.next] - position, position[level.previous] - position
-    return _direction(np.cross(ahead, back), np.maximum(dot(ahead, ahead), dot(back, back))[:, 0])
+    return _unit_normals(np.cross(ahead, back), np.maximum(dot(ahead, ahead), dot(back, back))[:, 0])
 
 
-def _direction(cross: Floats, reach: Floats) -> Floats32:
-    """Normalise cross products (s, 3); those within the rounding of edges of squared length `reach` become zero."""
+def _unit_normals(cross: Floats, squared_length: Floats) -> Floats32:
+    """Normalise cross products (s, 3) of tangents; those too small to span a plane become zero."""
     unit = normalize_or(cross, np.zeros(3))
-    unit[dot(cross, cross)[:, 0] <= (_NO_PLANE * reach) ** 2] = 0.0
+    unit[dot(cross, cross)[:, 0] <= (_PLANE_TOLERANCE * squared_length) ** 2] = 0.0
     return unit.astype(np.float32)
 
 
-def _semi_sharp(level: Level) -> Bools:
+def _semi_sharp_points(level: Level) -> Bools:
     """Return which points (n,) have finite sharpness, or an edge of finite sharpness."""
     is_semi_sharp = (level.point_sharpness > 0.0) & np.isfinite(level.point_sharpness)
     is_semi_sharp[level.ends[(level.edge_sharpness > 0.0) & np.isfinite(level.edge_sharpness)]] = True
@@ -163,32 +164,32 @@ def _semi_sharp(level: Level) -> Bools:
 
 
 def _apply_masks(
-    level: Level, values: Floats, rules: Rules, selected: Bools, has_normals: bool
+    level: Level, values: Floats, rules: Rules, selected: Bools, needs_normals: bool
 ) -> tuple[Floats, Floats32]:
-    """Return `limit` of points without semi-sharp features: apply each sector's masks to its ring."""
+    """Return `limit_surface` of points without semi-sharp features: apply each sector's masks to its ring."""
     limits, sectors = values.copy(), find_sectors(level, selected)
     # The last normal is that of corners at points that are not selected, whose sector is -1.
     normals = np.zeros((len(sectors.first) + 1, 3), np.float32)
     order = np.lexsort([sectors.size, sectors.kind])
     changes = np.diff(sectors.kind[order]) | np.diff(sectors.size[order])
-    cuts = np.union1d(np.flatnonzero(changes) + 1, np.arange(_BLOCK, len(order), _BLOCK))
+    cuts = np.union1d(np.flatnonzero(changes) + 1, np.arange(_BLOCK_SECTORS, len(order), _BLOCK_SECTORS))
     for group in np.split(order, cuts.astype(np.intp)) if len(order) else []:
         kind, size = SectorKind(sectors.kind[group[0]]), int(sectors.size[group[0]])
         if kind != SectorKind.NONE:
-            half = sectors.first[group]
+            half_edges = sectors.first[group]
             masks = limit_masks(kind, size, rules)
-            rows, reach = _ring_sums(level, values, half, masks if has_normals else masks.position())
-            limits[level.points[half]] = rows[0]
-            if has_normals:
-                normals[group] = _direction(np.cross(rows[1][:, :3], rows[2][:, :3]), reach)
-    return limits, normals[sectors.of_corner] if has_normals else normals[:0]
+            rows, squared_lengths = _ring_sums(level, values, half_edges, masks if needs_normals else masks.position())
+            limits[level.points[half_edges]] = rows[0]
+            if needs_normals:
+                normals[group] = _unit_normals(np.cross(rows[1][:, :3], rows[2][:, :3]), squared_lengths)
+    return limits, normals[sectors.sector_of_corner] if needs_normals else normals[:0]
 
 
-def _ring_sums(level: Level, values: Floats, half: Indices, masks: Masks) -> tuple[Floats, Floats]:
+def _ring_sums(level: Level, values: Floats, half_edges: Indices, masks: Masks) -> tuple[Floats, Floats]:
     """Return the masked sums (r, s, k) of sectors (s,) that begin at `half`, and their longest edge squared (s,)."""
     size = masks.faces.shape[1]
-    center = values[level.points[half]]
-    rows, reach = masks.center[:, None, None] * center, np.zeros(len(half))
+    center = values[level.points[half_edges]]
+    rows, squared_lengths = masks.center[:, None, None] * center, np.zeros(len(half_edges))
 
     def add(weights: Floats, ring: Floats) -> None:
         for row in np.flatnonzero(weights):
@@ -197,13 +198,13 @@ def _ring_sums(level: Level, values: Floats, half: Indices, masks: Masks) -> tup
     for i in range(size + 1):
         if not masks.edges[:, i:].any():
             break
-        corner = level.next[half] if i < size else level.previous[half]
+        corner = level.next[half_edges] if i < size else level.previous[half_edges]
         ring = values[level.points[corner]]
         add(masks.edges[:, i], ring)
-        legs = (ring - center)[:, :3]
-        np.maximum(reach, np.einsum("ij,ij->i", legs, legs), out=reach)
+        edge_vectors = (ring - center)[:, :3]
+        np.maximum(squared_lengths, np.einsum("ij,ij->i", edge_vectors, edge_vectors), out=squared_lengths)
         if i < size and masks.faces[:, i].any():
             add(masks.faces[:, i], values[level.points[level.next[corner]]])
         if i < size - 1:
-            half = level.twins[level.previous[half]]
-    return rows, reach
+            half_edges = level.twins[level.previous[half_edges]]
+    return rows, squared_lengths

@@ -20,7 +20,7 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.asset.subdivision.rules import Rules, smooth_weights
 
-_LARGEST_DART = 64
+_MAX_DART_FACES = 64
 """The most faces around a dart whose sharp edge counts: with more, masks differ by less than 1e-3 of the ring."""
 
 
@@ -38,8 +38,8 @@ class SectorKind(IntEnum):
 class Masks:
     """Rows of weights.
 
-    own (r,): weights of the point; edges (r, size + 1): of the points at its edges, counter-clockwise; a closed sector
-    has one edge less, and the last weight is 0; faces (r, size): of the opposite points of its quads.
+    center (r,): weights of the point; edges (r, size + 1): of the points at its edges, counter-clockwise, the last 0 in
+    a closed sector, which has one edge less; faces (r, size): of the opposite points of its quads.
     """
 
     center: Floats
@@ -63,7 +63,7 @@ def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
             across = edges[1:, :size] + np.roll(edges[1:, :size], -1, axis=1)
             faces[1:] = _face_weight(theta, rules) * across
         point[0] = 1.0 - edges[0].sum() - faces[0].sum()
-        if kind == SectorKind.DART and size <= _LARGEST_DART:
+        if kind == SectorKind.DART and size <= _MAX_DART_FACES:
             point[:2], edges[:2, :size], faces[:2] = _dart_weights(size, rules, along=edges[1, :size])
     elif kind == SectorKind.CORNER:
         point[:], edges[1, 0], edges[2, 1] = (1.0, -1.0, -1.0), 1.0, 1.0

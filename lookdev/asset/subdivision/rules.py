@@ -14,7 +14,7 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Scheme
-from lookdev.asset.normals import face_starts
+from lookdev.asset.normals import run_starts, sum_by
 from lookdev.asset.subdivision.topology import Level
 
 _TRIANGLE_WEIGHT = 0.470
@@ -41,7 +41,7 @@ def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
     if rules.scheme == "loop":
         _smooth_loop_edges(level, values, edge_points)
         return np.concatenate([_refine_points(level, values, values[level.points[level.next]], rules), edge_points])
-    means = np.add.reduceat(values[level.points], face_starts(level.sizes), axis=0) / level.sizes[:, None]
+    means = np.add.reduceat(values[level.points], run_starts(level.sizes), axis=0) / level.sizes[:, None]
     if rules.scheme == "bilinear":
         return np.concatenate([values, edge_points, means])
     _smooth_edges(level, means, edge_points, rules)
@@ -49,17 +49,12 @@ def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
     return np.concatenate([_refine_points(level, values, around, rules), edge_points, means])
 
 
-def group_sums(groups: Indices, values: Floats, count: int) -> Floats:
-    """Return the sum (count, k) of the values (m, k) of each group (m,)."""
-    return np.stack([np.bincount(groups, column, count) for column in values.T], axis=-1)
-
-
 def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
     """Return the edges (k,) of sharpness below 1, a half-edge of each (k,), and their sharpness (k, 1)."""
     edges = np.flatnonzero(level.edge_sharpness < 1.0)
-    half = np.zeros(len(level.ends), np.intp)
-    half[level.edges] = np.arange(len(level.edges))
-    return edges, half[edges], level.edge_sharpness[edges, None]
+    half_edges = np.zeros(len(level.ends), np.intp)
+    half_edges[level.edges] = np.arange(len(level.edges))
+    return edges, half_edges[edges], level.edge_sharpness[edges, None]
 
 
 def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules) -> None:
@@ -67,8 +62,8 @@ def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules
 
     Catmull and Clark 1978: the mean of the ends and of both faces' centroids.
     """
-    edges, half, sharpness = _soft_edges(level)
-    a, b = level.faces[half], level.faces[level.twins[half]]
+    edges, half_edges, sharpness = _soft_edges(level)
+    a, b = level.faces[half_edges], level.faces[level.twins[half_edges]]
     weight: Floats | float = 0.25
     if rules.smooth_triangles:
         face_weight = np.where(level.sizes == 3, _TRIANGLE_WEIGHT, 0.25)
@@ -79,9 +74,9 @@ def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules
 
 def _smooth_loop_edges(level: Level, values: Floats, edge_points: Floats) -> None:
     """Overwrite the points of edges of sharpness below 1. Loop 1987: 3/8 of the ends, 1/8 of the opposite points."""
-    edges, half, sharpness = _soft_edges(level)
+    edges, half_edges, sharpness = _soft_edges(level)
     opposite = level.points[level.previous]
-    across = values[opposite[half]] + values[opposite[level.twins[half]]]
+    across = values[opposite[half_edges]] + values[opposite[level.twins[half_edges]]]
     smooth = 0.75 * edge_points[edges] + 0.125 * across
     edge_points[edges] = sharpness * edge_points[edges] + (1.0 - sharpness) * smooth
 
@@ -96,14 +91,14 @@ def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -
     smooth = 1.0 - corner - crease
     point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
     result: Floats = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
-    result += (smooth * ring_weight)[:, None] * group_sums(level.points, around, len(values))
+    result += (smooth * ring_weight)[:, None] * sum_by(level.points, around, len(values))
     # The two edges of a crease: the sharp ones, or, at a point that becomes a crease, those that stay sharp.
     threshold = np.where(is_crease, 0.0, 1.0)
     for this, other in (level.ends.T, level.ends.T[::-1]):
         edges = np.flatnonzero((level.edge_sharpness > threshold[this]) & (crease[this] > 0.0))
         if len(edges):
             point = this[edges]
-            result += group_sums(point, 0.125 * crease[point, None] * values[other[edges]], len(values))
+            result += sum_by(point, 0.125 * crease[point, None] * values[other[edges]], len(values))
     return result
 
 

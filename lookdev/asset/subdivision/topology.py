@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from lookdev.arrays import Bools, Floats, Indices
-from lookdev.asset.normals import face_starts, next_corners
+from lookdev.asset.normals import next_corners, run_starts
 
 _Array = TypeVar("_Array", Floats, Indices)
 
@@ -80,18 +80,18 @@ class Level:
 
 
 @dataclass(frozen=True, eq=False)
-class Joints:
+class Connectivity:
     """The connectivity of a cage's faces: which edges (e,) are twisted, and the number of fans (n,) around each point.
 
     A twisted edge has more than two faces, occurs twice in one face, or joins two faces of opposite winding; it is not
     manifold. A manifold point has one fan and no twisted edge.
     """
 
-    twisted: Bools
-    fans: Indices
+    is_nonmanifold_edge: Bools
+    fan_counts: Indices
 
 
-def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Joints]:
+def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connectivity]:
     """Return the half-edges of faces, from their points (m,) < `count` and sizes (f,), and their joints.
 
     Boundary edges and edges that are not manifold are infinitely sharp; all else is smooth.
@@ -109,22 +109,22 @@ def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Joints]
     is_paired = (points[a] != points[b]) & (faces[a] != faces[b])
     twins = np.full(len(points), -1)
     twins[a[is_paired]], twins[b[is_paired]] = b[is_paired], a[is_paired]
-    is_twisted = use_counts != 1
-    is_twisted[shared_edges[is_paired]] = False
-    is_twisted |= low[first] == high[first]
+    is_nonmanifold = use_counts != 1
+    is_nonmanifold[shared_edges[is_paired]] = False
+    is_nonmanifold |= low[first] == high[first]
     level = Level(
         sizes=sizes,
         points=points,
         edges=edges,
         twins=twins,
         ends=np.stack([points[first], points[following[first]]], axis=-1),
-        edge_sharpness=np.where(is_twisted | (use_counts == 1), np.inf, 0.0),
+        edge_sharpness=np.where(is_nonmanifold | (use_counts == 1), np.inf, 0.0),
         point_sharpness=np.zeros(count),
     )
-    return level, Joints(is_twisted, _fans(level))
+    return level, Connectivity(is_nonmanifold, _fan_counts(level))
 
 
-def _fans(level: Level) -> Indices:
+def _fan_counts(level: Level) -> Indices:
     """Return the number of fans (n,) around each point: sets of faces that twins connect at the point."""
     # These imports take half of a program's start-up time, and few files need them.
     from scipy.sparse import coo_array
@@ -140,7 +140,7 @@ def _fans(level: Level) -> Indices:
     return np.bincount(fan_points, minlength=len(level.point_sharpness))
 
 
-def split(level: Level, triangles: bool) -> Level:
+def split_faces(level: Level, triangles: bool) -> Level:
     """Return the next level: each face becomes quads, one at a corner, or each triangle four triangles.
 
     The new points come from the points, the edges and, unless `triangles`, the faces, in this order. The child at
@@ -204,7 +204,7 @@ def split_corners(level: Level, values: Floats, triangles: bool) -> Floats:
     middles = 0.5 * (values + values[level.next])
     if triangles:
         return _interleave([values, middles, middles[before]], middles)
-    means = np.add.reduceat(values, face_starts(level.sizes), axis=0) / level.sizes[:, None]
+    means = np.add.reduceat(values, run_starts(level.sizes), axis=0) / level.sizes[:, None]
     stacked = np.stack([values, middles, means[level.faces], middles[before]], axis=1)
     return np.asarray(stacked.reshape(-1, *values.shape[1:]))
 

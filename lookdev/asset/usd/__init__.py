@@ -35,5 +35,5 @@ def read_usd(composed: Composed, time: float | None = None, purposes: tuple[str,
     """
     file = composed.composition.file
     with usd_errors_as_faults(file) as warnings, name_file_in_errors(str(file)):
-        asset = UsdScene(composed, time, purposes).asset()
+        asset = UsdScene(composed, time, purposes).read_asset()
     return replace(asset, notes=(*composed.notes, *(f"{file}: {note}" for note in (*asset.notes, *warnings))))

@@ -16,7 +16,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from lookdev.arrays import Elements, Floats, Indices, Reals
 from lookdev.asset.faces import index_rule
 from lookdev.asset.mesh import Interpolation
-from lookdev.asset.shape import LARGEST
+from lookdev.asset.shape import MAX_COORDINATE
 from lookdev.errors import AssetError, nearest_hint
 from lookdev.stage import quote
 
@@ -48,8 +48,8 @@ def read_array(
     Raises
     ------
     AssetError
-        It is not an array of such values, or, with `bounded`, a number is not within +-`LARGEST`. A reader of many
-        arrays checks the bounds of all at once instead.
+        It is not an array of such values, or, with `bounded`, a number is not within +-`MAX_COORDINATE`. A reader of
+        many arrays checks the bounds of all at once instead.
     """
     return checked_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
 
@@ -60,11 +60,11 @@ def checked_array(
     """Return a value that USD computed for an attribute as `read_array` does, with the same checks."""
     if value is None:
         return np.zeros((0, *shape), kind)
-    whole = kind is np.intp
-    if (_INTEGERS if whole else _FLOATS).get(type(value)) != shape:
-        raise wrong_type(prim, name, value, "int[]" if whole else _NEEDED[shape])
+    is_integer = kind is np.intp
+    if (_INTEGERS if is_integer else _FLOATS).get(type(value)) != shape:
+        raise wrong_type(prim, name, value, "int[]" if is_integer else _NEEDED[shape])
     values = np.asarray(value).astype(kind)
-    if bounded and not whole:
+    if bounded and not is_integer:
         check_bounded(values, prim, name)
     return values
 
@@ -77,18 +77,17 @@ def checked_floats(value: object, attribute: Usd.Attribute, width: int, is_array
             return np.asarray(value)
     elif (values := np.asarray([value])).dtype.kind == "f" and values.shape[1:] == shape:
         return values
-    raise wrong_type(
-        attribute.GetPrim(), attribute.GetName(), value, _NEEDED[shape].removesuffix("" if is_array else "[]")
-    )
+    needed = _NEEDED[shape] if is_array else _NEEDED[shape].removesuffix("[]")
+    raise wrong_type(attribute.GetPrim(), attribute.GetName(), value, needed)
 
 
 def check_bounded(values: Elements, prim: Usd.Prim, name: str) -> None:
-    """Raise AssetError if a number of an array (k, ...) is not within +-`LARGEST`."""
-    wrong = ~(np.abs(values) <= LARGEST)
+    """Raise AssetError if a number of an array (k, ...) is not within +-`MAX_COORDINATE`."""
+    wrong = ~(np.abs(values) <= MAX_COORDINATE)
     if wrong.any():
         i = int(wrong.reshape(len(values), -1).any(axis=1).argmax())
         number = values[i][wrong[i]].flat[0] if values.ndim > 1 else values[i]
-        raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {number:g}; a number within +-{LARGEST:g} is needed")
+        raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {number:g}; a number within +-{MAX_COORDINATE:g} is needed")
 
 
 def check_range(indices: Indices, count: int, prim: Usd.Prim, name: str, noun: str) -> None:
@@ -99,13 +98,15 @@ def check_range(indices: Indices, count: int, prim: Usd.Prim, name: str, noun: s
         raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {indices[i]}, but {index_rule(count, noun)}")
 
 
-def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -LARGEST, high: float = LARGEST) -> float:
-    """Return a number within a range; raises AssetError if the attribute has another value."""
+def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -MAX_COORDINATE) -> float:
+    """Return a number from `low` to `MAX_COORDINATE`; raises AssetError if the attribute has another value."""
     value = prim.GetAttribute(name).Get(time)
     if type(value) not in (float, int):
         raise wrong_type(prim, name, value, "double")
-    if not low <= value <= high:
-        raise AssetError(f"{prim.GetPath()}: {name} is {value:g}; a number from {low:g} to {high:g} is needed")
+    if not low <= value <= MAX_COORDINATE:
+        raise AssetError(
+            f"{prim.GetPath()}: {name} is {value:g}; a number from {low:g} to {MAX_COORDINATE:g} is needed"
+        )
     return float(value)
 
 

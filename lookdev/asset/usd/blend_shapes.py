@@ -17,12 +17,12 @@ from lookdev.asset.usd.attributes import read_array
 from lookdev.errors import AssetError
 
 _DEFAULT_TIME = Usd.TimeCode.Default()
-_SAME = 1e-6  # the difference up to which USD takes weights for equal
+_WEIGHT_TOLERANCE = 1e-6  # the difference up to which USD takes weights for equal
 
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """Offsets of a blend shape for the points `indices` (k,), None for all, and for their normals: (k, 3) or (0, 3)."""
+    """Offsets of a blend shape for the points `indices` (k,), or all if None, and their normals: (k, 3) or (0, 3)."""
 
     path: str
     indices: Indices | None
@@ -76,7 +76,9 @@ def blend_offsets(
         }
         for inbetween in shape.GetInbetweens():
             inbetween_weight = inbetween.GetWeight()
-            if inbetween_weight is None or any(abs(inbetween_weight - other) < _SAME for other in offsets_by_weight):
+            if inbetween_weight is None or any(
+                abs(inbetween_weight - other) < _WEIGHT_TOLERANCE for other in offsets_by_weight
+            ):
                 notes.append(f"{inbetween.GetAttr().GetPath()}: no weight, or that of another shape: it has no effect")
             else:
                 offsets_by_weight[inbetween_weight] = _read_offsets(

@@ -8,7 +8,7 @@ from pathlib import Path
 from pxr import Sdf, Usd
 
 from lookdev.errors import AssetError, nearest_hint
-from lookdev.stage import usd_errors_as_faults, usd_words
+from lookdev.stage import clean_usd_message, usd_errors_as_faults
 
 _MARK = ".collection:"
 
@@ -58,9 +58,11 @@ def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) 
     with usd_errors_as_faults(Path(stage.GetRootLayer().identifier)):
         valid, reason = collections[name].Validate()
         if not valid:
-            raise AssetError(f"'{collection}' is not a valid collection: {usd_words(reason)}")
+            raise AssetError(f"'{collection}' is not a valid collection: {clean_usd_message(reason)}")
         for target in collections[name].GetIncludesRel().GetTargets():
             if target.IsPropertyPath() and not Usd.CollectionAPI.Get(stage, target):
-                raise AssetError(f"'{collection}' is not a valid collection: it includes {target}, which is none")
+                raise AssetError(
+                    f"'{collection}' is not a valid collection: it includes {target}, which is not a collection"
+                )
         query = collections[name].ComputeMembershipQuery()
         return frozenset(path for path in paths if query.IsPathIncluded(Sdf.Path(path)))

@@ -19,20 +19,20 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from lookdev.arrays import Bools, Floats, Indices
-from lookdev.asset.normals import dot, normalize_or
+from lookdev.asset.normals import dot, normalize_or, run_starts
 from lookdev.asset.shape import Attribute, PolygonShape
-from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines, starts_of
+from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines
 from lookdev.asset.tubes import Rings, group_ends, ribbons, tubes
 from lookdev.asset.usd.attributes import check_interpolation, checked_array, read_array, read_token
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
 
 _TOKENS = (("type", ("linear", "cubic")), ("basis", ("bezier", "bspline", "catmullRom")), ("wrap", WRAPS))
-_TOLERANCE = 5e-4
-_MOST_CHORDS = 64
-_MOST_FACES = 1_000_000
+_CHORD_TOLERANCE = 5e-4
+_MAX_CHORDS = 64
+_MAX_FACES = 1_000_000
 _SIDES = (32, 16, 8)
-_COINCIDENT = 1e-6  # relative distance up to which points of float32 coincide
+_COINCIDENCE = 1e-6  # relative distance up to which points of float32 coincide
 
 
 def curve_shape(
@@ -131,7 +131,7 @@ class _Samples:
     def evaluate(cls, splines: Splines, chords: Indices) -> _Samples:
         """Return samples that divide each segment (s,) into the given number of chords (s,), in equal steps of t."""
         segments = np.repeat(np.arange(len(chords)), chords + 1)
-        t = (np.arange(len(segments)) - starts_of(chords + 1)[segments]) / chords[segments]
+        t = (np.arange(len(segments)) - run_starts(chords + 1)[segments]) / chords[segments]
         return cls(splines, segments, t, *splines.at(segments, t))
 
     @property
@@ -163,7 +163,7 @@ class _Samples:
 
     def _interpolate_varying(self, values: Floats, label: str) -> Floats:
         splines, curves = self.splines, self.curves
-        number = self.segments - starts_of(splines.segment_counts)[curves]
+        number = self.segments - run_starts(splines.segment_counts)[curves]
         counts = splines.segment_counts + (not splines.periodic)
         following = (number + 1) % counts[curves]
         if len(values) != (expected := int(counts.sum())):
@@ -175,7 +175,7 @@ class _Samples:
                 )
             last = counts[curves] - 1
             number, following = np.clip(number - 1, 0, last), np.clip(number, 0, last)
-        first = starts_of(counts)[curves]
+        first = run_starts(counts)[curves]
         t = self.t[:, None]
         return np.asarray((1.0 - t) * values[first + number] + t * values[first + following])
 
@@ -195,18 +195,15 @@ def _sample_curves(
 ) -> tuple[_Samples, int]:
     """Return samples, denser where the curves or their radii bend, and the number of sides of a tube."""
     probe = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
-    points_and_radii = np.hstack([probe.vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")]).reshape(
-        -1, 5, 4
-    )
-    bends = 16.0 * np.linalg.norm(
-        points_and_radii[:, 2:] - 2.0 * points_and_radii[:, 1:-1] + points_and_radii[:, :-2], axis=2
-    ).max(axis=1)
-    lengths = np.linalg.norm(np.diff(points_and_radii, axis=1), axis=2).sum(axis=1)
+    points_and_radii = np.hstack([probe.vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")])
+    samples = points_and_radii.reshape(-1, 5, 4)
+    bends = 16.0 * np.linalg.norm(samples[:, 2:] - 2.0 * samples[:, 1:-1] + samples[:, :-2], axis=2).max(axis=1)
+    lengths = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(axis=1)
     # A chord deviates from a curve by at most its second derivative times the square of the step in t, over 8.
-    chords = np.sqrt(bends / (8.0 * _TOLERANCE * np.where(lengths > 0.0, lengths, 1.0)))
-    chords = np.clip(np.ceil(chords), 1.0, _MOST_CHORDS)
-    sides = 1 if ribbon else next((n for n in _SIDES if n * chords.sum() <= _MOST_FACES), _SIDES[-1])
-    reduction = min(1.0, _MOST_FACES / (sides * chords.sum()))
+    chords = np.sqrt(bends / (8.0 * _CHORD_TOLERANCE * np.where(lengths > 0.0, lengths, 1.0)))
+    chords = np.clip(np.ceil(chords), 1.0, _MAX_CHORDS)
+    sides = 1 if ribbon else next((n for n in _SIDES if n * chords.sum() <= _MAX_FACES), _SIDES[-1])
+    reduction = min(1.0, _MAX_FACES / (sides * chords.sum()))
     return _Samples.evaluate(splines, np.maximum(np.floor(reduction * chords), 1.0).astype(np.intp)), sides
 
 
@@ -236,11 +233,11 @@ def _rings(
     before, after = index - ~is_first, index + ~np.append(is_first[1:], True)
     # The derivative is 0 at a vertex that coincides with its neighbour.
     chords = positions[after] - positions[before]
-    is_slow = dot(slopes, slopes) <= dot(chords, chords) * (_COINCIDENT / (t[after] - t[before])[:, None]) ** 2
+    is_slow = dot(slopes, slopes) <= dot(chords, chords) * (_COINCIDENCE / (t[after] - t[before])[:, None]) ** 2
     directions = normalize_or(np.where(is_slow, chords, slopes), np.array([0.0, 0.0, 1.0]))
     first, last = group_ends(curves)
     gaps = np.linalg.norm(positions[first] - positions[last], axis=1) / _path_lengths(positions, first)
-    is_closed = (gaps < _COINCIDENT) & (np.abs(radii[first] - radii[last]) <= _COINCIDENT * radii[first])
+    is_closed = (gaps < _COINCIDENCE) & (np.abs(radii[first] - radii[last]) <= _COINCIDENCE * radii[first])
     is_closed &= (directions[first] * directions[last]).sum(axis=1) > 0.0
     return Rings(positions, directions, radii, pieces, curves, is_closed | samples.splines.periodic), numbers
 

@@ -10,25 +10,17 @@ from pxr import Usd
 
 from lookdev.arrays import Floats
 from lookdev.asset.shape import PolygonShape
+from lookdev.asset.usd import primitives
 from lookdev.asset.usd.attributes import points_from_velocities
 from lookdev.asset.usd.curves import curve_shape, point_shape
 from lookdev.asset.usd.mesh import mesh_shape
-from lookdev.asset.usd.primitives import (
-    LEAST_ERROR,
-    PRIMITIVES,
-    PrimitiveKey,
-    allotted_errors,
-    primitive_key,
-    primitive_shape,
-    proportions,
-)
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.asset.usd.skinning import Skinning
 from lookdev.asset.usd.walk import PlacedGprim, prototype_path
 from lookdev.errors import AssetError
 
 _CURVES = ("BasisCurves", "NurbsCurves")
-GPRIMS = ("Mesh", *_CURVES, "Points", *PRIMITIVES)
+GPRIMS = ("Mesh", *_CURVES, "Points", *primitives.PRIMITIVES)
 """The types of gprims that are rendered."""
 _CURVE_ATTRIBUTES = ("widths", "normals")
 
@@ -55,35 +47,35 @@ class GprimReader:
         self._time = time
         self._unit = unit
         self._note = note
-        self._errors: dict[PrimitiveKey, float] = {}
-        self._shared: dict[PrimitiveKey, tuple[PrimitiveKey, float]] = {}
+        self._errors: dict[primitives.PrimitiveKey, float] = {}
+        self._shared: dict[primitives.PrimitiveKey, tuple[primitives.PrimitiveKey, float]] = {}
 
-    def allot(self, gprims: Iterable[PlacedGprim]) -> None:
-        """Allot the errors of implicit surfaces, from all visible gprims.
+    def set_errors(self, gprims: Iterable[PlacedGprim]) -> None:
+        """Set the errors of implicit surfaces, from all visible gprims.
 
         If they are too many for the least error, surfaces of equal proportions become scaled copies of one surface.
         """
-        radii: dict[PrimitiveKey, float] = {}
+        radii: dict[primitives.PrimitiveKey, float] = {}
         for gprim in gprims:
-            if gprim.prim.GetTypeName() in PRIMITIVES:
+            if gprim.prim.GetTypeName() in primitives.PRIMITIVES:
                 try:
-                    key = primitive_key(gprim.prim, self._time)
+                    key = primitives.primitive_key(gprim.prim, self._time)
                 except AssetError:
                     continue  # `read` raises it again
                 scale = float(np.linalg.norm(gprim.transforms[:, :3, :3], axis=(1, 2)).max()) / np.sqrt(3.0)
                 radii[key] = max(radii.get(key, 0.0), max(key[2:]) * scale)
         sized = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
-        errors = allotted_errors(np.array(list(sized.values())))
+        errors = primitives.surface_errors(np.array(list(sized.values())))
         self._errors = dict(zip(sized, errors.tolist(), strict=True))
-        if (errors > LEAST_ERROR).any():
-            self._shared = {key: proportions(key, error) for key, error in self._errors.items()}
+        if (errors > primitives.MIN_ERROR).any():
+            self._shared = {key: primitives.proportions(key, error) for key, error in self._errors.items()}
 
     def key(self, prim: Usd.Prim) -> tuple[object, ...]:
         """Return a key that is equal for gprims that share a surface: instances of a gprim, and equal primitives."""
         skinning_key = self.skinning.key(prim)
-        if prim.GetTypeName() in PRIMITIVES and not skinning_key:
+        if prim.GetTypeName() in primitives.PRIMITIVES and not skinning_key:
             attributes, _ = self.primvars.local_primvars(prim)
-            key = primitive_key(prim, self._time)
+            key = primitives.primitive_key(prim, self._time)
             shared_key, _ = self._shared.get(key, (key, 1.0))
             return (*shared_key, *((attribute.name, attribute.values.tobytes()) for attribute in attributes))
         return prototype_path(prim), *skinning_key
@@ -91,7 +83,7 @@ class GprimReader:
     def read(self, prim: Usd.Prim) -> GprimSurface:
         """Return the surface of a gprim of a type in `GPRIMS`; raises AssetError if the gprim contradicts itself."""
         type_name = prim.GetTypeName()
-        if type_name in PRIMITIVES:
+        if type_name in primitives.PRIMITIVES:
             return self._read_primitive(prim)
         deformed = self.skinning.deform(prim)
         points = points_from_velocities(prim, self._time) if deformed is None else deformed.points
@@ -114,13 +106,13 @@ class GprimReader:
 
     def _shared_scale(self, prim: Usd.Prim) -> float:
         """Return the scale of a primitive relative to the surface that it shares with others."""
-        if prim.GetTypeName() not in PRIMITIVES or not self._shared or self.skinning.key(prim):
+        if prim.GetTypeName() not in primitives.PRIMITIVES or not self._shared or self.skinning.key(prim):
             return 1.0
-        return self._shared.get(primitive_key(prim, self._time), ((), 1.0))[1]
+        return self._shared.get(primitives.primitive_key(prim, self._time), ((), 1.0))[1]
 
     def _read_primitive(self, prim: Usd.Prim) -> GprimSurface:
-        error = self._errors.get(primitive_key(prim, self._time), LEAST_ERROR)
-        shape = primitive_shape(prim, self._time, self._unit / self._shared_scale(prim), error)
+        error = self._errors.get(primitives.primitive_key(prim, self._time), primitives.MIN_ERROR)
+        shape = primitives.primitive_shape(prim, self._time, self._unit / self._shared_scale(prim), error)
         deformed = self.skinning.deform(prim, shape.points / self._unit)
         if deformed is not None and shape.normals is not None:
             normals = deformed.normals(shape.normals, shape.face_points)

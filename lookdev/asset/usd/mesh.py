@@ -103,10 +103,8 @@ def _read_creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple
 
 
 def _read_corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints32, Floats32]:
-    indices, sharpness = (
-        read_array(prim, "cornerIndices", time, np.intp),
-        _read_sharpness(prim, "cornerSharpnesses", time),
-    )
+    indices = read_array(prim, "cornerIndices", time, np.intp)
+    sharpness = _read_sharpness(prim, "cornerSharpnesses", time)
     check_range(indices, point_count, prim, "cornerIndices", "points")
     if len(indices) != len(sharpness):
         raise AssetError(

@@ -28,15 +28,15 @@ from lookdev.asset.usd.attributes import read_number, read_token
 _AXIS_ROLLS = {"X": 1, "Y": 2, "Z": 0}  # positions by which the coordinates of a surface about z are rolled
 # The directions of u and v.
 _PLANE_AXES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}
-LEAST_ERROR, _MOST_ERROR = 1e-4, 0.03
-_MOST_FACES = 4_000_000
+MIN_ERROR, _MAX_ERROR = 1e-4, 0.03
+_MAX_FACES = 4_000_000
 _TAPER_ROWS = 16  # texture coordinates are linear over a triangle, and those of a cone are not
 
 PrimitiveKey = tuple[str, str, *tuple[float, ...]]
 """The type, the axis and the sizes of an implicit surface."""
 
 
-def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = LEAST_ERROR) -> PolygonShape:
+def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = MIN_ERROR) -> PolygonShape:
     """Return an implicit surface at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
     `error` bounds the distance of the mesh, and so of any silhouette, from a curved surface, relative to its radius:
@@ -59,7 +59,7 @@ def proportions(key: PrimitiveKey, error: float) -> tuple[tuple[str, str, int, *
     return (type_name, axis, _segment_count(error), *relative_sizes), size
 
 
-def sphere_shape(name: str, radius: float, error: float = LEAST_ERROR) -> PolygonShape:
+def sphere_shape(name: str, radius: float, error: float = MIN_ERROR) -> PolygonShape:
     """Return a sphere at the origin, with the error as in `primitive_shape`."""
     return _scaled_shape(name, _unit_surface("Sphere", "Z", _segment_count(error), 1.0), radius)
 
@@ -94,14 +94,14 @@ def primitive_key(prim: Usd.Prim, time: Usd.TimeCode) -> PrimitiveKey:
     return type_name, axis, *(read_number(prim, name, time, 0.0) for name in _BUILDERS[type_name][1])
 
 
-def allotted_errors(radii: Floats) -> Floats:
+def surface_errors(radii: Floats) -> Floats:
     """Return the relative error of each distinct curved surface of an asset, from their radii (k,) > 0 in world space.
 
     It is 1e-4. For more than about eighty surfaces the absolute error is the same for all, so that together they have
     about four million faces; the relative error is then at most 0.03, for which a sphere has 200 faces.
     """
-    length = 0.5 * np.pi**2 * radii.sum() / _MOST_FACES  # a sphere has pi^2 / (2 error) faces
-    return np.asarray(np.clip(length / radii, LEAST_ERROR, _MOST_ERROR))
+    length = 0.5 * np.pi**2 * radii.sum() / _MAX_FACES  # a sphere has pi^2 / (2 error) faces
+    return np.asarray(np.clip(length / radii, MIN_ERROR, _MAX_ERROR))
 
 
 def _segment_count(error: float) -> int:

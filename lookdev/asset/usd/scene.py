@@ -10,21 +10,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from lookdev.asset.faces import raise_all
-from lookdev.asset.finish import finish
+from lookdev.asset.faces import raise_faults
+from lookdev.asset.finish import make_meshes
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
-from lookdev.asset.shape import LARGEST, Attribute, PolygonShape
+from lookdev.asset.shape import MAX_COORDINATE, Attribute, PolygonShape
 from lookdev.asset.store import make_asset
 from lookdev.asset.usd.gprims import GPRIMS, GprimReader, GprimSurface
 from lookdev.asset.usd.primvars import InheritedPrimvars, default_uv
 from lookdev.asset.usd.walk import PURPOSES, PlacedGprim, Walk, faulty_transform_path, is_affine, prototype_path
 from lookdev.errors import AssetError, nearest_hint
-from lookdev.stage import Composed, binding_targets, units
-from lookdev.stage.units import Z_UP
+from lookdev.stage import Composed, binding_targets
+from lookdev.stage.units import Z_UP, is_y_up, unit_faults
 
-_SMALLEST, _LARGEST = 1e-6, 1e9  # the radii, in metres, of assets that renderers handle
-_MOST_PATHS = 3  # in a note
-_MOST_FAULTS = 20  # in an error
+_MIN_RADIUS, _MAX_RADIUS = 1e-6, 1e9  # the radii, in metres, of assets that renderers handle
+_MAX_PATHS = 3  # in a note
+_MAX_FAULTS = 20  # in an error
 
 
 @contextmanager
@@ -34,15 +34,15 @@ def name_file_in_errors(file: str) -> Iterator[None]:
         yield
     except AssetError as error:
         lines = str(error).splitlines()
-        more = [f"{len(lines) - _MOST_FAULTS} more faults"] * (len(lines) > _MOST_FAULTS)
-        raise AssetError("\n".join(f"{file}: {line}" for line in (*lines[:_MOST_FAULTS], *more))) from error
+        more = [f"{len(lines) - _MAX_FAULTS} more faults"] * (len(lines) > _MAX_FAULTS)
+        raise AssetError("\n".join(f"{file}: {line}" for line in (*lines[:_MAX_FAULTS], *more))) from error
 
 
 @dataclass(frozen=True, eq=False)
 class _PlacedSurface:
     """A placed gprim with the number of its shape, the names of its subsets and its inherited primvars."""
 
-    seen: PlacedGprim
+    gprim: PlacedGprim
     shape: int
     subsets: tuple[str, ...]
     inherited: InheritedPrimvars
@@ -57,30 +57,31 @@ class UsdScene:
         stage = composed.stage
         self._time = _time_code(stage, time)
         self._unit = UsdGeom.GetStageMetersPerUnit(stage)
-        if faults := [f"{problem}; it must be {rule}" for problem, rule in units.faults(stage)]:
+        if faults := [f"{problem}; it must be {rule}" for problem, rule in unit_faults(stage)]:
             raise AssetError("\n".join(faults))
-        self._y_up = units.is_y_up(stage)
+        self._y_up = is_y_up(stage)
         for purpose in purposes:
             if purpose not in PURPOSES:
                 raise AssetError(f"there is no purpose '{purpose}' ({nearest_hint(purpose, PURPOSES)})")
         self._walk = Walk(stage, self._time, purposes)
         self._gprims = GprimReader(self._time, self._unit, self._note)
         self._shapes: list[PolygonShape] = []
-        self._read: dict[tuple[object, ...], tuple[int, GprimSurface] | None] = {}
+        self._surfaces: dict[tuple[object, ...], tuple[int, GprimSurface] | None] = {}
         self._meshes: list[Mesh] = []
         self._slots: list[Slot] = []
         self._paths_of_notes: dict[str, list[str]] = {}
 
-    def asset(self) -> Asset:
+    def read_asset(self) -> Asset:
         """Return the asset; its notes lack the file's name."""
         surfaces = self._read_surfaces()
-        bases = finish(self._shapes, self._y_up)
+        meshes = make_meshes(self._shapes, self._y_up)
+        mesh_of_shape = {shape: mesh for shape, mesh in enumerate(meshes) if mesh is not None}
         for surface in surfaces:
-            if bases[surface.shape] is None:
-                self._note("without a face, left out", surface.seen.prim)
-        surfaces = [surface for surface in surfaces if bases[surface.shape] is not None]
-        numbers = self._make_meshes(surfaces, bases)
-        instances = self._make_instances([surface.seen for surface in surfaces], numbers)
+            if surface.shape not in mesh_of_shape:
+                self._note("without a face, left out", surface.gprim.prim)
+        surfaces = [surface for surface in surfaces if surface.shape in mesh_of_shape]
+        numbers = self._make_meshes(surfaces, mesh_of_shape)
+        instances = self._make_instances([surface.gprim for surface in surfaces], numbers)
         for prim in self._walk.unknown_prims:
             self._note(f"of the type {prim.GetTypeName()}, which USD does not know, not rendered", prim)
         for name, prims in self._walk.missing_operations.items():
@@ -89,7 +90,7 @@ class UsdScene:
         notes = [
             *self._gprims.skinning.notes,
             *(
-                f"{note} ({len(paths)}): {', '.join(paths[:_MOST_PATHS])}{', ...' * (len(paths) > _MOST_PATHS)}"
+                f"{note} ({len(paths)}): {', '.join(paths[:_MAX_PATHS])}{', ...' * (len(paths) > _MAX_PATHS)}"
                 for note, paths in self._paths_of_notes.items()
             ),
         ]
@@ -100,10 +101,10 @@ class UsdScene:
                 "rendered, is needed" + "".join(f"; {note}" for note in notes)
             )
         asset = make_asset(self._name, self._meshes, instances, self._slots)
-        if not _SMALLEST <= asset.radius <= _LARGEST:
+        if not _MIN_RADIUS <= asset.radius <= _MAX_RADIUS:
             raise AssetError(
                 f"{_farthest_path(asset)}: the asset has a radius of {asset.radius:.3g} m, with metersPerUnit "
-                f"{self._unit:g}; {_SMALLEST:g} to {_LARGEST:g} m can be rendered"
+                f"{self._unit:g}; {_MIN_RADIUS:g} to {_MAX_RADIUS:g} m can be rendered"
             )
         return replace(asset, unit=self._unit, notes=tuple(notes))
 
@@ -115,7 +116,7 @@ class UsdScene:
         surfaces: list[_PlacedSurface] = []
         faults: list[str] = []
         gprims = list(self._walk.gprims_below(self._root))
-        self._gprims.allot(gprims)
+        self._gprims.set_errors(gprims)
         for gprim in gprims:
             prim = gprim.prim
             if (type_name := prim.GetTypeName()) not in GPRIMS:
@@ -123,10 +124,10 @@ class UsdScene:
                 continue
             try:
                 key = self._gprims.key(prim)
-                if key not in self._read:
-                    self._read[key] = None
-                    self._read[key] = self._add_shape(prim)
-                if (read := self._read[key]) is not None:
+                if key not in self._surfaces:
+                    self._surfaces[key] = None
+                    self._surfaces[key] = self._add_shape(prim)
+                if (read := self._surfaces[key]) is not None:
                     number, surface = read
                     copies = self._gprims.copies(prim, surface)
                     if copies is not None and len(copies) == 0:
@@ -137,7 +138,7 @@ class UsdScene:
                     surfaces.append(_PlacedSurface(placed_gprim, number, surface.subsets, inherited))
             except AssetError as error:
                 faults.append(str(error))
-        raise_all(faults)
+        raise_faults(faults)
         return surfaces
 
     def _add_shape(self, prim: Usd.Prim) -> tuple[int, GprimSurface]:
@@ -151,16 +152,15 @@ class UsdScene:
         self._shapes.append(shape)
         return len(self._shapes) - 1, surface
 
-    def _make_meshes(self, surfaces: Sequence[_PlacedSurface], bases: Sequence[Mesh | None]) -> list[int]:
+    def _make_meshes(self, surfaces: Sequence[_PlacedSurface], mesh_of_shape: Mapping[int, Mesh]) -> list[int]:
         """Make a mesh for each shape with its materials and inherited primvars; return each surface's mesh number."""
         used_parts: dict[int, tuple[int, ...]] = {}
         parts: list[Usd.Prim] = []
         for surface in surfaces:
             if surface.shape not in used_parts:
-                mesh = bases[surface.shape]
-                assert mesh is not None, "surfaces without a face are dropped"
-                used_parts[surface.shape] = tuple(np.unique(mesh.face_slots).tolist()) if surface.subsets else (0,)
-            prim = surface.seen.prim
+                slots = mesh_of_shape[surface.shape].face_slots
+                used_parts[surface.shape] = tuple(np.unique(slots).tolist()) if surface.subsets else (0,)
+            prim = surface.gprim.prim
             parts += [prim.GetChild(surface.subsets[part - 1]) if part else prim for part in used_parts[surface.shape]]
         materials = _bound_materials(parts)
         for name, path, prim in _dangling_bindings(parts):
@@ -171,21 +171,15 @@ class UsdScene:
         for surface in surfaces:
             count = len(used_parts[surface.shape])
             surface_materials = materials[first : first + count]
-            key = (
-                surface.shape,
-                surface.inherited.key,
-                *(prototype_path(material) for material in surface_materials),
-            )
+            key = (surface.shape, surface.inherited.key, *(prototype_path(material) for material in surface_materials))
             if key not in numbers:
                 numbers[key] = len(self._meshes)
-                slots = [
+                mesh = mesh_of_shape[surface.shape]
+                self._meshes.append(self._assign_slots(mesh, surface, used_parts[surface.shape]))
+                self._slots += [
                     Slot(str(prim.GetPath()), str(material.GetPath()) if material else None)
                     for prim, material in zip(parts[first : first + count], surface_materials, strict=True)
                 ]
-                mesh = bases[surface.shape]
-                assert mesh is not None, "surfaces without a face are dropped"
-                self._meshes.append(self._assign_slots(mesh, surface, used_parts[surface.shape]))
-                self._slots += slots
             result.append(numbers[key])
             first += count
         return result
@@ -198,7 +192,7 @@ class UsdScene:
             numbers = np.zeros(used_parts[-1] + 1, np.int32)
             numbers[list(used_parts)] = len(self._slots) + np.arange(len(used_parts))
             face_slots = numbers[base.face_slots]
-        mesh = replace(base, name=str(surface.seen.prim.GetPath()), face_slots=face_slots)
+        mesh = replace(base, name=str(surface.gprim.prim.GetPath()), face_slots=face_slots)
         return _add_constant_attributes(mesh, surface.inherited.attributes) if surface.inherited.attributes else mesh
 
     def _make_instances(self, gprims: Sequence[PlacedGprim], numbers: Sequence[int]) -> list[Instance]:
@@ -211,7 +205,7 @@ class UsdScene:
         if not (is_valid := is_affine(np.swapaxes(matrices, 1, 2))).all():
             prims = {i: gprims[i].prim for i in owners[~is_valid].tolist()}
             paths = dict.fromkeys(faulty_transform_path(prim, self._time) for prim in prims.values())
-            problem = f"its transform has a number not within +-{LARGEST:g}, or a last column that is not 0 0 0 1"
+            problem = f"its transform has a number beyond +-{MAX_COORDINATE:g}, or a last column that is not 0 0 0 1"
             raise AssetError("\n".join(f"{path}: {problem}" for path in paths))
         matrices[:, :3, 3] *= self._unit
         if self._y_up:
@@ -230,11 +224,11 @@ class UsdScene:
 def _farthest_path(asset: Asset) -> str:
     """Return the path of the instance with the point farthest from the origin along an axis."""
 
-    def reach(instance: Instance) -> float:
+    def farthest_coordinate(instance: Instance) -> float:
         points = asset.meshes[instance.mesh].points.astype(np.float64)
         return float(np.abs(points @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]).max())
 
-    return max(asset.instances, key=reach).path
+    return max(asset.instances, key=farthest_coordinate).path
 
 
 def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
@@ -279,10 +273,7 @@ def _add_constant_attributes(mesh: Mesh, attributes: Mapping[str, Attribute]) ->
         (uvs if attribute.is_uv else primvars)[name] = values
     subdivision = mesh.subdivision
     if subdivision is not None:
-        interpolation = {
-            **subdivision.interpolation,
-            **{name: attribute.interpolation for name, attribute in attributes.items()},
-        }
-        subdivision = replace(subdivision, interpolation=interpolation)
+        added = {name: attribute.interpolation for name, attribute in attributes.items()}
+        subdivision = replace(subdivision, interpolation={**subdivision.interpolation, **added})
     default = mesh.default_uv if mesh.uvs else default_uv(list(uvs), list(uvs))
     return replace(mesh, uvs=uvs, primvars=primvars, subdivision=subdivision, default_uv=default)

@@ -166,7 +166,7 @@ class Skinning:
         path = str(prim.GetPath())
         if not UsdSkel.Root.Find(prim):
             if prim.HasAPI(UsdSkel.BindingAPI):
-                self._notes.append(f"{path}: is below no SkelRoot, without which USD deforms nothing")
+                self._notes.append(f"{path}: is not below a SkelRoot, without which USD deforms nothing")
             return None
         properties = _binding_properties(prim)
         if (_INDICES in properties) != (_WEIGHTS in properties):
@@ -174,7 +174,7 @@ class Skinning:
         if _INDICES not in properties and _TARGETS not in properties and _SHAPES not in properties:
             return None
         if _SKELETON not in properties:
-            self._notes.append(f"{path}: is bound to no skeleton, without which USD deforms nothing")
+            self._notes.append(f"{path}: is not bound to a skeleton, without which USD deforms nothing")
             return None
         target = relationship_targets(properties[_SKELETON])[0]
         skeleton = prim.GetStage().GetPrimAtPath(target)
@@ -191,12 +191,8 @@ class Skinning:
         if influences is None and not offsets:
             return None
         animation = self._skeletons.animation(skeleton)
-        dependencies = (
-            prim,
-            skeleton,
-            *([animation] if animation else []),
-            *(item.GetPrim() for item in properties.values()),
-        )
+        owners = [item.GetPrim() for item in properties.values()]
+        dependencies = [prim, skeleton, *([animation] if animation else []), *owners]
         key = tuple(prototype_path(dependency) for dependency in dependencies)
         return _Binding(prim if influences is None else skeleton, key, influences, offsets)
 

@@ -12,10 +12,10 @@ import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from lookdev.arrays import Bools, Floats
-from lookdev.asset.shape import LARGEST
+from lookdev.asset.shape import MAX_COORDINATE
 from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token, sample_time
 from lookdev.errors import AssetError
-from lookdev.stage import error_words, quote, relationship_targets
+from lookdev.stage import error_message, quote, relationship_targets
 
 _SCENE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 # A prototype may be an `over` or a `class`, which is visible only through its instancer.
@@ -29,8 +29,8 @@ _INSTANCES: tuple[tuple[str, type[np.generic], tuple[int, ...]], ...] = (
     ("orientationsf", np.float64, (4,)),
     ("ids", np.intp, ()),
 )
-_DEEPEST = 32  # instancers inside each other's prototypes
-_MOST_INSTANCES = 2_000_000  # in an asset: a quarter of a gigabyte of matrices
+_MAX_DEPTH = 32  # instancers inside each other's prototypes
+_MAX_INSTANCES = 2_000_000  # in an asset: a quarter of a gigabyte of matrices
 PURPOSES = ("default", "render", "proxy", "guide")
 
 
@@ -38,18 +38,18 @@ PURPOSES = ("default", "render", "proxy", "guide")
 class PlacedGprim:
     """A visible gprim, and its placements (k, 4, 4) in the stage, for row vectors.
 
-    `placed` (j, 4, 4) are the placements of `origin`, the prototype that contains it; None is the stage itself.
+    `prototype_placements` (j, 4, 4) place the `prototype` that contains it, or the stage itself if that is None.
     """
 
     prim: Usd.Prim
     transforms: Floats
-    origin: Usd.Prim | None
-    placed: Floats
+    prototype: Usd.Prim | None
+    prototype_placements: Floats
 
 
 def is_affine(matrices: Floats) -> Bools:
     """Return which matrices (..., 4, 4) for row vectors are bounded and affine: with 0 0 0 1 as last column."""
-    is_bounded = (np.abs(matrices) <= LARGEST).all(axis=(-2, -1))
+    is_bounded = (np.abs(matrices) <= MAX_COORDINATE).all(axis=(-2, -1))
     return np.asarray(is_bounded & (np.abs(matrices[..., 3] - (0.0, 0.0, 0.0, 1.0)) < 1e-9).all(axis=-1))
 
 
@@ -99,7 +99,7 @@ class Walk:
         self._purposes = purposes
         self._transforms = UsdGeom.XformCache(time)
         self._placement_count = 0
-        self._kinds: dict[str, tuple[bool, bool, bool]] = {}
+        self._flags_of_type: dict[str, tuple[bool, bool, bool]] = {}
 
     def gprims_below(self, path: str) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below a path; raises AssetError if an instancer contradicts itself."""
@@ -115,11 +115,11 @@ class Walk:
         """
         path, transforms = gprim.prim.GetPath(), gprim.transforms
         if space != gprim.prim:
-            if gprim.origin is not None and not space.GetPath().HasPrefix(gprim.origin.GetPath()):
+            if gprim.prototype is not None and not space.GetPath().HasPrefix(gprim.prototype.GetPath()):
                 raise AssetError(
-                    f"{path}: {space.GetPath()} moves it, but is not in its prototype {gprim.origin.GetPath()}"
+                    f"{path}: {space.GetPath()} moves it, but is not in its prototype {gprim.prototype.GetPath()}"
                 )
-            transforms = self._matrix(space, gprim.origin) @ gprim.placed
+            transforms = self._matrix(space, gprim.prototype) @ gprim.prototype_placements
         if copies is not None:
             transforms = self._place_copies(copies, transforms, path, "points")
         return replace(gprim, transforms=transforms)
@@ -128,18 +128,18 @@ class Walk:
         self,
         root: Usd.Prim,
         predicate: Usd._PrimFlagsPredicate,
-        origin: Usd.Prim | None,
-        placed: Floats,
+        prototype: Usd.Prim | None,
+        prototype_placements: Floats,
         outer_instancers: tuple[Sdf.Path, ...],
     ) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below `root`.
 
-        `placed` (k, 4, 4) are the placements in the stage of `origin`, a prototype or the stage itself;
+        `prototype_placements` (k, 4, 4) place the `prototype`, or the stage itself if that is None, in the stage;
         `outer_instancers` are the instancers whose prototypes contain the root.
         """
         prims = iter(Usd.PrimRange(root, predicate))
         for prim in prims:
-            imageable, instancer, gprim = self._kind(prim)
+            imageable, instancer, gprim = self._type_flags(prim)
             if not imageable:
                 if prim.GetTypeName() and not prim.IsA(Usd.Typed):
                     self.unknown_prims.append(prim)
@@ -157,19 +157,19 @@ class Walk:
                 continue
             if UsdGeom.Imageable(prim).ComputePurpose() not in self._purposes:
                 continue
-            transforms = self._matrix(prim, origin) @ placed
+            transforms = self._matrix(prim, prototype) @ prototype_placements
             if instancer:
                 yield from self._walk_instancer(UsdGeom.PointInstancer(prim), transforms, outer_instancers)
             else:
-                yield PlacedGprim(prim, transforms, origin, placed)
+                yield PlacedGprim(prim, transforms, prototype, prototype_placements)
 
-    def _kind(self, prim: Usd.Prim) -> tuple[bool, bool, bool]:
+    def _type_flags(self, prim: Usd.Prim) -> tuple[bool, bool, bool]:
         """Return whether prims of the prim's type are Imageable, whether point instancers, and whether gprims."""
         name = prim.GetTypeName()
-        if name not in self._kinds:
+        if name not in self._flags_of_type:
             gprim = prim.IsA(UsdGeom.Gprim) or name == "GenerativeProcedural"
-            self._kinds[name] = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.PointInstancer), gprim
-        return self._kinds[name]
+            self._flags_of_type[name] = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.PointInstancer), gprim
+        return self._flags_of_type[name]
 
     def _check_order(self, prim: Usd.Prim) -> None:
         """Record the names in a prim's xformOpOrder that are not operations of it; USD silently ignores them."""
@@ -178,25 +178,24 @@ class Walk:
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
                 self.missing_operations.setdefault(quote(name), []).append(prim)
 
-    def _matrix(self, prim: Usd.Prim, origin: Usd.Prim | None) -> Floats:
-        """Return the matrix (4, 4) from a prim to `origin` or the stage; raises AssetError if USD cannot compute it."""
+    def _matrix(self, prim: Usd.Prim, prototype: Usd.Prim | None) -> Floats:
+        """Return the matrix (4, 4) from a prim to a prototype, else the stage; AssetError if USD cannot compute it."""
         try:
-            if origin is None:
+            if prototype is None:
                 return np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64)
-            return np.array(self._transforms.ComputeRelativeTransform(prim, origin)[0], np.float64)
+            return np.array(self._transforms.ComputeRelativeTransform(prim, prototype)[0], np.float64)
         except Tf.ErrorException as error:
             path = faulty_transform_path(prim, self._time)
-            raise AssetError(f"{path}: USD cannot compute the transform: {error_words(error)}") from error
+            raise AssetError(f"{path}: USD cannot compute the transform: {error_message(error)}") from error
 
     def _walk_instancer(
         self, instancer: UsdGeom.PointInstancer, transforms: Floats, outer_instancers: tuple[Sdf.Path, ...]
     ) -> Iterator[PlacedGprim]:
         """Yield the visible gprims of a point instancer's prototypes, with a placement for every visible instance."""
         path = instancer.GetPath()
-        if len(outer_instancers) >= _DEEPEST:
-            raise AssetError(
-                f"{path}: is an instancer inside {len(outer_instancers)} others; at most {_DEEPEST - 1} would be right"
-            )
+        if len(outer_instancers) >= _MAX_DEPTH:
+            depth = len(outer_instancers)
+            raise AssetError(f"{path}: is an instancer inside {depth} others; at most {_MAX_DEPTH - 1} would be right")
         prim = instancer.GetPrim()
         targets = relationship_targets(instancer.GetPrototypesRel())
         numbers = read_array(prim, "protoIndices", self._time, np.intp)
@@ -235,6 +234,6 @@ class Walk:
         """Return the placements (j * k, 4, 4) of copies (k, 4, 4) in each of the spaces of transforms (j, 4, 4)."""
         count = len(copies) * len(transforms)
         self._placement_count += count
-        if self._placement_count > _MOST_INSTANCES:
-            raise AssetError(f"{path}: its {count} {noun} are too many: an asset can have {_MOST_INSTANCES} instances")
+        if self._placement_count > _MAX_INSTANCES:
+            raise AssetError(f"{path}: its {count} {noun} are too many: an asset can have {_MAX_INSTANCES} instances")
         return np.asarray((copies[None] @ transforms[:, None]).reshape(-1, 4, 4))

@@ -100,15 +100,15 @@ class RigFunctions:
 
 
 def rig_functions(
-    lights: Sequence[Light], lights_by_slot: Sequence[Sequence[int]], stand: RigOrigin, groups: Sequence[int] = ()
+    lights: Sequence[Light], lights_by_slot: Sequence[Sequence[int]], rig_origin: RigOrigin, groups: Sequence[int] = ()
 ) -> RigFunctions:
     """Return the functions of lights.
 
     `lights_by_slot` are the numbers of the lights that light each slot, `groups` the shadow groups of the slots.
     """
-    rig = CodedRig.of(lights)
+    rig = CodedRig.from_lights(lights)
     domes = tuple(None if light.constant else light.map_dome for light in rig.domes)
-    numbers = [rig.rows(stand).astype(np.float64)]
+    numbers = [rig.rows(rig_origin).astype(np.float64)]
     bin_starts = []
     for dome in domes:
         bin_starts.append(sum(map(len, numbers)))

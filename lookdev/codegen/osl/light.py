@@ -81,7 +81,7 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
     """
     single = coded_light(lights)
     if single is None:
-        return _rig_sections(CodedRig.of(lights))
+        return _rig_sections(CodedRig.from_lights(lights))
     osl = LIGHT_KINDS[single.kind].osl
     assert osl is not None, "a light that is coded has OSL"
     sections = read_sections(osl)

@@ -18,13 +18,7 @@ from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.program.look import trace_look
 from lookdev.codegen.setting import SourceSetting
-from lookdev.codegen.source import (
-    FIRST_LIGHT_PART,
-    HANDEDNESS,
-    LOBE_GROUPS,
-    TANGENT_BINDING,
-    ShaderSource,
-)
+from lookdev.codegen.source import FIRST_LIGHT_PART, HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.templates import expand_template
 from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph
@@ -93,7 +87,7 @@ def generate_surface(
 
     traced = trace_lobes(graph, lobes, light_sampled, recorded=recorded)
     names = ShaderNames(inputs)
-    rig = None if coded_light(lights) else CodedRig.of(lights)
+    rig = None if coded_light(lights) else CodedRig.from_lights(lights)
     has_factors = rig is not None and rig.needs("split")
     guides = {}
     if features:
@@ -177,7 +171,7 @@ def _shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
     light_groups = groups or [0] * len(lights)
     if coded_light(lights):
         return list(light_groups)
-    rig = CodedRig.of(lights)
+    rig = CodedRig.from_lights(lights)
     numbers = {id(light): number for number, light in enumerate(lights)}
     return [light_groups[numbers[id(light)]] for light in (*rig.lamps, *rig.domes)]
 

@@ -9,7 +9,7 @@ import numpy as np
 import OpenEXR
 
 from lookdev.brdf.table import NumberTable
-from lookdev.cache import Content, cached_file, from_memory
+from lookdev.cache import Content, cached_file, memory_file
 from lookdev.codegen.osl.block import fits_array, table_name, texture_size
 from lookdev.codegen.program.look import store_table
 from lookdev.codegen.source import TableBinding
@@ -43,7 +43,7 @@ def _store_table(table: NumberTable) -> Content:
         image = np.zeros((height, width, 3), np.float32)
         image[: table.values.shape[0], : table.values.shape[1]] = table.values.reshape(*table.values.shape[:2], -1)
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-        with OpenEXR.File(header, {"RGB": image}) as exr, from_memory(path) as name:
+        with OpenEXR.File(header, {"RGB": image}) as exr, memory_file(path) as name:
             exr.write(name)
 
     return cached_file("tables", f"{table.digest}.exr", ".exr", paint)

@@ -15,13 +15,13 @@ from lookdev.codegen.program.written import ProgramWriter
 from lookdev.codegen.source import ProgramOperation
 from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.symbolic import elements_of, symbols
-from lookdev.light.dome.local import meet_ball, share_within, towards_ball
-from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
+from lookdev.light import spherical_rectangle as spherical
+from lookdev.light.dome.local import directions_to_ball, exit_ball, fade_factor
+from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_factor
 from lookdev.light.ies import profile_factor
-from lookdev.light.lamps import SHAPES, weight
+from lookdev.light.lamps import SHAPES, estimate_irradiance
 from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import TexturedRectangle
-from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, meet_plane, seen_part, towards_plane
 
 BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
 FALLOFF = ("virtual", "power", "fade", "fade_rise")
@@ -63,7 +63,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
     direction w and a normal n, and u1 and u2.
 
     ``weight``
-        `lookdev.light.lamps.weight` at p and n, times the mean radiance.
+        `lookdev.light.lamps.estimate_irradiance` at p and n, times the mean radiance.
     ``meet``
         Distance and density of the direction w from p.
     ``draw``
@@ -91,7 +91,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
 
     def estimate() -> list[Scalar]:
         beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
-        return elements_of(row.fields("mean")[0] * weight(shape, beam, falloff, p, n))
+        return elements_of(row.fields("mean")[0] * estimate_irradiance(shape, beam, falloff, p, n))
 
     def meet(direction: Floats) -> list[Scalar]:
         return [*elements_of(shape.distance(p, direction)), *elements_of(shape.pdf(p, direction))]
@@ -116,7 +116,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
 
     functions = {"weight": estimate, "meet": lambda: meet(w), "draw": sample, "sent": radiance}
     if kind == "picture":
-        hit = meet_plane(p, w, *sizes)[1]
+        hit = spherical.intersect_rectangle(p, w, *sizes)[1]
         functions["place"] = lambda: [*elements_of(hit.s), *elements_of(hit.t)]
     return functions
 
@@ -125,7 +125,7 @@ def trace_shadow(field: str = "{}") -> TracedFunctions:
     """Return ``passed``, the share of a light that passes an occluder at ``distance``, from `SHADOW_FIELDS`."""
     row = LampSymbols(field)
     enable, limit, zone, gamma = row.fields(*SHADOW_FIELDS[:4])
-    share = shadow_passed(row.numbers("distance")[0], enable, limit, zone, gamma, row.fields(*SHADOW_FIELDS[4:]))
+    share = shadow_factor(row.numbers("distance")[0], enable, limit, zone, gamma, row.fields(*SHADOW_FIELDS[4:]))
     return {"passed": lambda: elements_of(share)}
 
 
@@ -144,16 +144,16 @@ def trace_parts(field: str = "{}") -> TracedFunctions:
     row = LampSymbols(field)
     (width, height), (s, t, size) = row.fields("a", "b"), row.numbers("part_s", "part_t", "size")
     p, w = map(row.vector, "pw")
-    part = seen_part(p, width, height, s, t, size)
+    part = spherical.project_part(p, width, height, s, t, size)
 
-    def pdf(point: RectanglePoint) -> list[Scalar]:
+    def pdf(point: spherical.RectanglePoint) -> list[Scalar]:
         within = [np.clip((coordinate - start) / size, 0.0, 1.0) for coordinate, start in ((point.s, s), (point.t, t))]
-        return elements_of(density(part, RectanglePoint(within[0], within[1], point.x, point.y)))
+        return elements_of(spherical.density(part, spherical.RectanglePoint(within[0], within[1], point.x, point.y)))
 
-    distance, hit = meet_plane(p, w, width, height)
-    direction = towards_plane(p, draw(part, row.numbers("u1", "u2")))
-    direction_distance, direction_hit = meet_plane(p, direction, width, height)
-    angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
+    distance, hit = spherical.intersect_rectangle(p, w, width, height)
+    direction = spherical.directions_to_points(p, spherical.draw(part, row.numbers("u1", "u2")))
+    direction_distance, direction_hit = spherical.intersect_rectangle(p, direction, width, height)
+    angle = spherical.project_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
     return {
         "angle": lambda: elements_of(angle),
         "place": lambda: [*elements_of(distance), *elements_of(hit.s), *elements_of(hit.t)],
@@ -176,12 +176,12 @@ def trace_ball(field: str = "{}") -> TracedFunctions:
     row = LampSymbols(field)
     start, radius = row.fields("a", "b")
     p, w, onto = map(row.vector, ("p", "w", "onto"))
-    hits, distance, around = meet_ball(p, w, radius)
+    hits, distance, around = exit_ball(p, w, radius)
     inside = np.where(hits, 1.0, 0.0)
     return {
-        "share": lambda: elements_of(share_within(p, start, radius)),
+        "share": lambda: elements_of(fade_factor(p, start, radius)),
         "meet": lambda: [*elements_of(inside), *elements_of(distance), *elements_of(around)],
-        "draw": lambda: elements_of(towards_ball(p, onto, radius)),
+        "draw": lambda: elements_of(directions_to_ball(p, onto, radius)),
     }
 
 

@@ -43,7 +43,7 @@ from lookdev.material import Bump, Look, Texture
 from lookdev.material.change import is_live
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import shading_frame
-from lookdev.space import REC709, Space, from_rec709
+from lookdev.space import REC709, Space, matrix_from_rec709
 
 Live = Callable[[int, str], bool]
 _CONSTANT = (np.ndarray, float)
@@ -140,7 +140,7 @@ def trace_look(look: Look, inputs: SymbolicSurface, space: Space, live: Live = l
     """Return the BSDF of a look in a colour space; its constants are uniforms, or symbols where they are live."""
     layers = enumerate(look_layers(look, inputs))
     bsdf = stack_bsdf([_trace_constants(inputs.graph, number, layer, live) for number, layer in layers])
-    return bsdf if space == REC709 else bsdf.convert(from_rec709(space))
+    return bsdf if space == REC709 else bsdf.convert(matrix_from_rec709(space))
 
 
 def _parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:

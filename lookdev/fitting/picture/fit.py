@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import uniform_filter
 
-from lookdev.build.scenes import job_scenes
+from lookdev.build.scenes import build_scenes
 from lookdev.errors import LookdevError, ModelError
 from lookdev.fitting.picture.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
 from lookdev.fitting.picture.page import FitPictures, TableRow, format_numbers, table_rows, write_page
@@ -144,7 +144,7 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
     BACKENDS[BACKEND].version()  # raises if it is not installed
     photo = read_photo(request.picture, request.mask)
     job = load_job(request.job).model_copy(update={"wedge": ()})
-    scenes = job_scenes(job)
+    scenes = build_scenes(job)
     frame = JobFrame.from_name(request.frame, scenes.job, scenes.scenes)
     look, unknowns = _find_look(frame.scene, request.parameters)
     request, notes = _check_request(request, photo, frame, look)

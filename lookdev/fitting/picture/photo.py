@@ -15,7 +15,7 @@ from scipy.ndimage import convolve
 from lookdev.arrays import Floats
 from lookdev.errors import LookdevError
 from lookdev.images import open_image, whole_image
-from lookdev.space import CHROMATICITIES, adapt_white, rgb_to_xyz
+from lookdev.space import CHROMATICITIES, rgb_to_xyz_matrix, white_adaptation
 
 REC709 = CHROMATICITIES["rec709"]
 """x and y of red, green, blue and white, which an EXR without ``chromaticities`` has."""
@@ -105,8 +105,8 @@ def _read_mask(file: Path, shape: tuple[int, ...]) -> Floats:
 
 def matrix_to_rec709(primaries: tuple[float, ...]) -> Floats:
     """Return the matrix from other primaries, given as `REC709` is, to Rec.709; it maps white to white."""
-    adaptation = adapt_white(primaries[6:8], REC709[6:8])
-    return np.asarray(np.linalg.inv(rgb_to_xyz(REC709)) @ adaptation @ rgb_to_xyz(primaries))
+    adaptation = white_adaptation(primaries[6:8], REC709[6:8])
+    return np.asarray(np.linalg.inv(rgb_to_xyz_matrix(REC709)) @ adaptation @ rgb_to_xyz_matrix(primaries))
 
 
 def estimate_noise(color: Floats, weights: Floats) -> Floats:

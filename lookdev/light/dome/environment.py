@@ -18,7 +18,7 @@ import OpenEXR
 from numpy.typing import ArrayLike
 
 from lookdev.arrays import Bools, Floats, Floats32
-from lookdev.cache import from_memory
+from lookdev.cache import memory_file
 from lookdev.errors import EnvironmentMapError, nearest_hint
 from lookdev.images import check_size, open_image, whole_image
 from lookdev.space import Space, to_space
@@ -34,7 +34,7 @@ BUILTIN_LIGHTS: tuple[str, ...] = (
 
 _TILE_SIDE = 4096
 
-LEAST_PEAK, GREATEST_PEAK = 1e-18, 1e18
+MIN_PEAK, MAX_PEAK = 1e-18, 1e18
 """The limits of a map's largest radiance, unless it is 0: shaders compute in float32."""
 
 
@@ -80,10 +80,10 @@ def exposure_fault(peak: float, exposure: float) -> tuple[str, str] | None:
     `peak` is the largest radiance of a light.
     """
     peak *= 2.0**exposure
-    if not peak or LEAST_PEAK <= peak <= GREATEST_PEAK:
+    if not peak or MIN_PEAK <= peak <= MAX_PEAK:
         return None
     exposed = f" times 2^{exposure:g}" if exposure else ""
-    return f"its largest radiance{exposed} is {peak:g}", f"from {LEAST_PEAK:g} to {GREATEST_PEAK:g} would be right"
+    return f"its largest radiance{exposed} is {peak:g}", f"from {MIN_PEAK:g} to {MAX_PEAK:g} would be right"
 
 
 def check_exposed(peak: float, exposure: float, where: str) -> None:
@@ -187,7 +187,7 @@ def make_environment(name: str, pixels: ArrayLike, where: str = "") -> Environme
     Raises
     ------
     EnvironmentMapError
-        No value is finite, or the largest is not within `LEAST_PEAK` and `GREATEST_PEAK`. The message names the map by
+        No value is finite, or the largest is not within `MIN_PEAK` and `MAX_PEAK`. The message names the map by
         `where`, or by its name.
     """
     radiance, repairs = _repair(np.asarray(pixels, np.float32), where or name)
@@ -239,7 +239,7 @@ def write_exr(path: Path, channels: str, values: Floats32, *, compressed: bool =
     tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
     compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.tiledimage, "tiles": tile}
-    with OpenEXR.File(header, planes) as exr, from_memory(path) as name:
+    with OpenEXR.File(header, planes) as exr, memory_file(path) as name:
         exr.write(name)
 
 

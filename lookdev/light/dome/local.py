@@ -29,9 +29,9 @@ _VERSION = 1
 class LocalDome(Light):
     """A dome light whose image is on a sphere of `radius` about `position`, in metres; it illuminates the inside.
 
-    Parallax applies: a point sees the image from its own position. Objects beyond the sphere cast no shadow of it. Its
-    light fades over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius), and none arrives
-    outside. Axes and emission are those of `dome`.
+    Parallax applies: a point sees the image from its own position. Objects beyond the sphere do not occlude its light.
+    The light fades over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius), and does not
+    reach points outside. Axes and emission are those of `dome`.
     """
 
     kind = "local_dome"
@@ -71,7 +71,7 @@ class LocalDome(Light):
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
-        return self.start, self.radius
+        return self.fade_start, self.radius
 
     def with_emission(self, emission: Emission) -> LocalDome:
         return replace(self, dome=self.dome.with_emission(emission))
@@ -93,42 +93,42 @@ class LocalDome(Light):
         return hashlib.sha256(f"{self.kind} {_VERSION} {fields!r}".encode()).hexdigest()
 
     @property
-    def start(self) -> float:
+    def fade_start(self) -> float:
         """The distance from the centre, in metres, at which the light begins to fade."""
         return self.radius * (1.0 - self.edge)
 
     def radiance(self, point: Floats, direction: Floats) -> Floats:
         local = point - np.array(self.position)
-        inside, distance, _ = meet_ball(local, direction, self.radius)
+        inside, distance, _ = exit_ball(local, direction, self.radius)
         exit_point = local + distance[..., None] * direction
         radiance = self.dome.radiance(point, np.where(inside[..., None], exit_point, direction))
-        return np.where(inside[..., None], share_within(local, self.start, self.radius)[..., None] * radiance, 0.0)
+        return np.where(inside[..., None], fade_factor(local, self.fade_start, self.radius)[..., None] * radiance, 0.0)
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
         local = point - np.array(self.position)
-        inside, distance, solid_angle_ratio = meet_ball(local, direction, self.radius)
+        inside, distance, solid_angle_ratio = exit_ball(local, direction, self.radius)
         map_direction = np.where(inside[..., None], local + distance[..., None] * direction, direction)
         return np.where(inside, self.dome.pdf(point, map_direction) * solid_angle_ratio, 0.0)
 
     def sample(self, point: Floats, u: Floats) -> Floats:
         local = point - np.array(self.position)
-        return np.asarray(towards_ball(local, self.dome.sample(point, u), self.radius))
+        return np.asarray(directions_to_ball(local, self.dome.sample(point, u), self.radius))
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        inside, distance, _ = meet_ball(point - np.array(self.position), direction, self.radius)
+        inside, distance, _ = exit_ball(point - np.array(self.position), direction, self.radius)
         return np.where(inside, distance, np.inf)
 
 
 # Generated code is traced from these functions; their arrays may be symbolic.
 
 
-def share_within(point: Floats, start: Real, radius: Real) -> Floats:
+def fade_factor(point: Floats, start: Real, radius: Real) -> Floats:
     """Return the share (...) of a dome's light that arrives at points (..., 3), relative to its centre."""
     rise: Real = np.where(radius > start, 1.0 / np.where(radius > start, radius - start, 1.0), 0.0)
     return 1.0 - smooth_step(np.sqrt((point * point).sum(axis=-1)), start, rise)
 
 
-def meet_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, Floats, Floats]:
+def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, Floats, Floats]:
     """Return where rays from points (..., 3) in directions (..., 3) leave a ball about the origin.
 
     Returns
@@ -154,8 +154,8 @@ def meet_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, F
     return inside, distance, distance * distance / (radius * np.where(inside & (exit_cosine > 0.0), exit_cosine, 1.0))
 
 
-def towards_ball(point: Floats, map_direction: Floats, radius: Real) -> Floats:
-    """Return directions (..., 3) from points to where directions (..., 3) from a ball's centre meet its surface."""
+def directions_to_ball(point: Floats, map_direction: Floats, radius: Real) -> Floats:
+    """Return directions (..., 3) from points to the points of a ball in directions (..., 3) from its centre."""
     towards = radius * map_direction - point
     length = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)
     return np.where(length > 0.0, towards / np.where(length > 0.0, length, 1.0), ZENITH)

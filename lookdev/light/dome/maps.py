@@ -16,7 +16,7 @@ _ROOM = "maps"
 
 
 @dataclass(frozen=True)
-class KnownMap:
+class DomeMap:
     """The dome of a map, its repairs, and the largest radiance of its texels."""
 
     dome: Dome
@@ -29,13 +29,13 @@ class KnownMap:
         check_exposed(self.largest, exposure, self.where)
 
 
-def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: bool = True) -> KnownMap:
+def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: bool = True) -> DomeMap:
     """Load a map as `load_environment` does, and its dome as `prepare_light` does; errors as both.
 
     The pixels are not read if the cache has the files of the dome of the same content.
     """
     if builtin == "white" or (file is None) == (builtin is None):
-        return _read(file, builtin, sampled)
+        return _read_map(file, builtin, sampled)
     source = builtin_file(builtin or "") if file is None else file
     check_file(source, EnvironmentMapError)
     # The suffix determines how the content is read.
@@ -44,15 +44,15 @@ def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: 
     match load_cached(_ROOM, key):
         case [str(digest), int(width), int(height), bool(constant), float(largest), dict(repairs)]:
             if dome := load_cached_dome(digest, width, height, constant, sampled):
-                return KnownMap(dome, Repairs(**repairs), largest, str(file or builtin))
-    dome_map = _read(file, builtin, sampled)
+                return DomeMap(dome, Repairs(**repairs), largest, str(file or builtin))
+    dome_map = _read_map(file, builtin, sampled)
     dome = dome_map.dome
     record = [dome.map_digest, dome.width, dome.height, dome.constant, dome_map.largest, asdict(dome_map.repairs)]
     store_cached(_ROOM, key, record)
     return dome_map
 
 
-def _read(file: Path | None, builtin: str | None, sampled: bool) -> KnownMap:
+def _read_map(file: Path | None, builtin: str | None, sampled: bool) -> DomeMap:
     environment = load_environment(file, builtin)
     dome = prepare_light(environment, sampled=sampled)
-    return KnownMap(dome, environment.repairs, float(environment.radiance.max()), environment.where)
+    return DomeMap(dome, environment.repairs, float(environment.radiance.max()), environment.where)

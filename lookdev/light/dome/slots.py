@@ -33,7 +33,7 @@ MOST_POINTS = 3583
 CODE_BITS = 12
 """The number of bits of the code in a packed slot; the bits above are its first point."""
 
-_MOST_TIMES = 2**CODE_BITS - MOST_POINTS
+_MAX_REPETITIONS = 2**CODE_BITS - MOST_POINTS
 # The weight of a point is at least the sum of a slot divided by this, so that no slot has more than `MOST_POINTS`.
 _FEW_POINTS = 2300
 
@@ -62,7 +62,7 @@ def cut_slots(directions: Floats, integral: float) -> tuple[Ints32, Floats32]:
             weights = bins.widened_cosine(a * x + b * y + c * z)
         total = float(weights.sum(dtype=np.float64))
         if total > 0.0:
-            slots[number] = pack_ranges(*cut(weights, SLOTS, least=total / (SLOTS * _FEW_POINTS)))
+            slots[number] = pack_ranges(*cut_ranges(weights, SLOTS, least=total / (SLOTS * _FEW_POINTS)))
             numbers[number] = len(directions) / (integral * total), SLOTS / total
 
     # Threads run in parallel: NumPy releases the interpreter's lock.
@@ -72,22 +72,22 @@ def cut_slots(directions: Floats, integral: float) -> tuple[Ints32, Floats32]:
 
 
 def pack_ranges(first: Ints, count: Ints, times: Ints) -> Ints32:
-    """Pack ranges of `cut` into integers: 20 bits for the first point, 12 for a code.
+    """Pack ranges of `cut_ranges` into integers: 20 bits for the first point, 12 for a code.
 
-    A code up to `MOST_POINTS` is the count of points. A greater code stands for a single point that fills
-    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot, such as those of a point that exceed the largest code.
+    A code up to `MOST_POINTS` is the count of points. A greater code is a single point that fills
+    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot; slots of a point beyond the largest code are empty, too.
     """
     # Slots of one point are consecutive.
     repetition = np.arange(len(first)) - np.searchsorted(first, first)
-    code = np.where(times > 1, MOST_POINTS - 1 + np.minimum(times, _MOST_TIMES), count)
-    return np.where(repetition < _MOST_TIMES, first << CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
+    code = np.where(times > 1, MOST_POINTS - 1 + np.minimum(times, _MAX_REPETITIONS), count)
+    return np.where(repetition < _MAX_REPETITIONS, first << CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
 
 
-def cut(values: Floats | Floats32, number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
+def cut_ranges(values: Floats | Floats32, number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
     """Cut a row of values (n,), not negative and not all zero, into ranges of nearly the same sum.
 
-    Values below `least` count as `least`, which limits the length of a range. A range ends where the values are zero
-    for longer than an average range, because samples of points without weight are wasted.
+    Values below `least` count as `least`, which limits the length of a range. A range ends at a run of zeros that is
+    longer than an average range, because samples of points without weight are wasted.
 
     Returns
     -------

@@ -13,7 +13,7 @@ from lookdev.light.dome import Dome, example_dome, prepare_light
 from lookdev.light.dome.environment import EnvironmentMap, load_environment
 from lookdev.light.dome.local import LocalDome, example_local_dome
 from lookdev.light.placement import checked_axes
-from lookdev.light.usd import ALL_LIGHTS, LightShape, PlacedPrim, UsdLight
+from lookdev.light.usd import LIGHT_ATTRIBUTES, LightShape, PlacedPrim, UsdLight
 
 DOME_Y: Floats = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 DOME_Z: Floats = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -61,7 +61,7 @@ def _read(prim: PlacedPrim) -> LightShape:
     return LightShape(make, lengths=lengths, image=image, space=space, format=image_format)
 
 
-_READER = UsdLight(_read, (*ALL_LIGHTS, "local:radius", "local:edge"))
+_READER = UsdLight(_read, (*LIGHT_ATTRIBUTES, "local:radius", "local:edge"))
 _USD = {"DomeLight": _READER, "DomeLight_1": _READER}
 
 DOME = LightKind(Dome, example_dome, _USD, files("lookdev") / "shaders" / "dome.osl.h")

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from lookdev.arrays import Floats, Ints
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
 
-_NEWTON = 3  # steps; the first guess neglects the curvature of the sine over a row, a step squares the relative error
+_NEWTON_STEPS = 3  # the first guess neglects the curvature of the sine over a row; a step squares the relative error
 
 
 class BilinearWarp:
@@ -88,7 +88,7 @@ class BilinearWarp:
         begin, end = ((a + slope * t) * np.sin(step * (strip - 0.5 + t)) for t in (first, last))
         total = 0.5 * (np.maximum(begin, 0.0) + np.maximum(end, 0.0))
         t = first + (last - first) * _invert_line(np.maximum(begin, 0.0), np.maximum(end, 0.0), share * total)
-        for _ in range(_NEWTON):
+        for _ in range(_NEWTON_STEPS):
             density = (a + slope * t) * np.sin(step * (strip - 0.5 + t))
             error = self._primitive(strip, t) - self._start[strip] - mass
             t = np.clip(t - np.where(density > 0.0, error / np.where(density > 0.0, density, 1.0), 0.0), first, last)

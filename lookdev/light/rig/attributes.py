@@ -26,7 +26,7 @@ V = TypeVar("V")
 
 SHAPING, SHADOW = "ShapingAPI", "ShadowAPI"
 
-OURS: Mapping[str, str] = {
+LOOKDEV_ATTRIBUTES: Mapping[str, str] = {
     "turns": "bool",
     "camera": "bool",
     "lightGroup": "token",

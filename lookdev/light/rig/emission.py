@@ -7,10 +7,10 @@ from pxr import Usd, UsdLux
 from lookdev.light.emission import Emission, Falloff, LightLink, Shadow, Shaping, emitted_color
 from lookdev.light.ies import load_profile
 from lookdev.light.rig.attributes import SHAPING, LightPrim, RigReport, schema_names
-from lookdev.light.usd import FALLOFF
-from lookdev.stage import usd_words
+from lookdev.light.usd import FALLOFF_ATTRIBUTES
+from lookdev.stage import clean_usd_message
 
-COLDEST, HOTTEST = 1000.0, 10000.0
+MIN_KELVIN, MAX_KELVIN = 1000.0, 10000.0
 """Kelvin of inputs:colorTemperature: "The valid range is from 1000 to 10000", to which UsdLux's function clamps."""
 
 
@@ -30,7 +30,7 @@ def read_emission(light: LightPrim, size: float, unit: float, report: RigReport)
         specular=light.number("inputs:specular", least=0.0),
         shaping=_shaping(light, report) if _is_shaped(light) else None,
         shadow=_shadow(light, unit) if light.prim.HasAPI(UsdLux.ShadowAPI) else Shadow(),
-        falloff=_falloff(light, unit) if any(light.has(f"lookdev:{name}") for name in FALLOFF) else None,
+        falloff=_falloff(light, unit) if any(light.has(f"lookdev:{name}") for name in FALLOFF_ATTRIBUTES) else None,
         turns=light.flag("lookdev:turns", default=True),
         camera=light.flag("lookdev:camera"),
         group=light.text("lookdev:lightGroup", default=light.prim.GetName()),
@@ -42,15 +42,15 @@ def read_emission(light: LightPrim, size: float, unit: float, report: RigReport)
 
 def _temperature(light: LightPrim) -> tuple[float, ...]:
     """Return the colour of a black body, as UsdLux computes it; its function crashes on NaN."""
-    kelvin = light.number("inputs:colorTemperature", above=0.0, default=COLDEST)
-    clamped = min(max(kelvin, COLDEST), HOTTEST)
+    kelvin = light.number("inputs:colorTemperature", above=0.0, default=MIN_KELVIN)
+    clamped = min(max(kelvin, MIN_KELVIN), MAX_KELVIN)
     if clamped != kelvin:
         light.note("inputs:colorTemperature", f"is {kelvin:g}, taken as {clamped:g}, the nearest that UsdLux defines")
     return black_body(clamped)
 
 
 def black_body(kelvin: float) -> tuple[float, ...]:
-    """Return the colour of a black body, linear Rec.709 of luminance 1, from `COLDEST` to `HOTTEST`."""
+    """Return the colour of a black body, linear Rec.709 of luminance 1, from `MIN_KELVIN` to `MAX_KELVIN`."""
     return tuple(UsdLux.BlackbodyTemperatureAsRgb(kelvin))
 
 
@@ -110,7 +110,7 @@ def _link(light: LightPrim, name: str) -> LightLink | None:
         return None
     valid, reason = collection.Validate()
     if not valid:
-        light.fault(collection_name, f"is not a valid collection: {usd_words(reason)}")
+        light.fault(collection_name, f"is not a valid collection: {clean_usd_message(reason)}")
         return None
     rule_map = collection.ComputeMembershipQuery().GetAsPathExpansionRuleMap()
     # Parts of an asset are prims, so that "expandPrimsAndProperties" includes the same parts as "expandPrims".

@@ -6,7 +6,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from lookdev.errors import close_hint
 from lookdev.light.kinds import LIGHT_KINDS
-from lookdev.light.rig.attributes import OURS, LightPrim, RigReport
+from lookdev.light.rig.attributes import LOOKDEV_ATTRIBUTES, LightPrim, RigReport
 from lookdev.stage import prim_and_ancestors, relationship_targets
 
 USD_LIGHTS = {name: reader for kind in LIGHT_KINDS.values() for name, reader in kind.usd.items()}
@@ -34,7 +34,8 @@ def check_attribute_owners(root: Usd.Prim, report: RigReport) -> None:
     for prim in Usd.PrimRange(root, ALL_PRIMS):
         for attribute in () if is_light(prim) else prim.GetAuthoredPropertiesInNamespace("lookdev"):
             name = attribute.GetName().removeprefix("lookdev:")
-            hint = "it is for lights" if name in OURS else close_hint(name, ("fit", *OURS), 0.6)
+            known_names = ("fit", *LOOKDEV_ATTRIBUTES)
+            hint = "it is for lights" if name in LOOKDEV_ATTRIBUTES else close_hint(name, known_names, 0.6)
             if name == "fit":
                 hint = "" if prim == root else "it is for the root of a rig, its default prim"
             if hint:
@@ -68,8 +69,8 @@ def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> list[U
 def _light_list_paths(root: Usd.Prim, report: RigReport) -> list[Sdf.Path]:
     """Return the paths of lights and filters, from `UsdLuxLightListAPI`.
 
-    "In this mode, ComputeLightList() will traverse the model hierarchy, accumulating cached light lists": in this mode
-    it does not find lights outside of models, so that it is used only where a prim has a cache to consult.
+    "In this mode, ComputeLightList() will traverse the model hierarchy, accumulating cached light lists": that mode
+    misses lights outside of models. It is used only where a prim has a cache to consult.
     """
     api = UsdLux.LightListAPI(root)
     all_paths = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeIgnoreCache))

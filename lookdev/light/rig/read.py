@@ -21,14 +21,13 @@ from lookdev.light.rig.emission import read_emission
 from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_attribute_owners, find_lights, is_light
 from lookdev.light.rig.images import LightImage, load_light_image
 from lookdev.light.usd import LightShape, PlacedPrim
-from lookdev.stage import Composed, Composition, compose, error_words, prim_and_ancestors, quote, usd_errors_as_faults
-from lookdev.stage.units import Z_UP, is_y_up
-from lookdev.stage.units import faults as unit_faults
+from lookdev.stage import Composed, Composition, compose, error_message, prim_and_ancestors, quote, usd_errors_as_faults
+from lookdev.stage.units import Z_UP, is_y_up, unit_faults
 
-_Images = dict[tuple[object, ...], LightImage]  # by `_Pending.key`
+_Images = dict[tuple[object, ...], LightImage]  # by `_PendingLight.key`
 
-_SMALLEST, _LARGEST = 1e-9, 1e9  # metres, of a light
-_FARTHEST = 1e15  # units of the stage, in a matrix
+_MIN_LENGTH, _MAX_LENGTH = 1e-9, 1e9  # metres, of a light
+_MAX_NUMBER = 1e15  # units of the stage, in a matrix
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ def holds_only_lights(composed: Composed) -> bool:
 
 
 @dataclass(frozen=True)
-class _Pending:
+class _PendingLight:
     """A light whose prim is read, and whose image is not."""
 
     path: str
@@ -146,7 +145,7 @@ class _Reader:
         self._time = Usd.TimeCode(stage.GetStartTimeCode()) if authored else Usd.TimeCode.EarliestTime()
         self._transforms = UsdGeom.XformCache(self._time)
 
-    def read(self) -> tuple[bool, list[_Pending]]:
+    def read(self) -> tuple[bool, list[_PendingLight]]:
         """Return whether the rig fits its asset, and its lights; raise RigError if the stage has no valid unit."""
         report, stage = self._report, self._stage
         fit = self._fit_flag()
@@ -178,7 +177,7 @@ class _Reader:
         paths = ", ".join(str(prim.GetPath()) for prim in lights[:3])
         return f"there are lights at {paths}" if paths else ""
 
-    def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> _Pending | None:
+    def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> _PendingLight | None:
         """Return a light; None, with a fault, if its transform or its shape is wrong."""
         report, path = self._report, prim.GetPath()
         light, kind = LightPrim(prim, self._time, report), USD_LIGHTS[str(prim.GetTypeName())]
@@ -190,17 +189,17 @@ class _Reader:
         # Rounded, so that a rotation by a right angle is exact.
         axes = checked_axes(np.round(np.array(axes), 12) + 0.0)
         metres, sizes = vector(unit * np.array(position)), vector(unit * np.array(scale))
-        if (away := max(map(abs, metres))) > _LARGEST:
-            report.fault(path, f"it is {away:.3g} m away", f"at most {_LARGEST:g} m would be right")
+        if (away := max(map(abs, metres))) > _MAX_LENGTH:
+            report.fault(path, f"it is {away:.3g} m away", f"at most {_MAX_LENGTH:g} m would be right")
         shape = None
         with report.collect(path):
             shape = kind.read(PlacedPrim(light, metres, axes, sizes, y_up, self._sampled))
         for length in shape.lengths if shape else ():
-            if not _SMALLEST <= length <= _LARGEST:
-                right = f"{_SMALLEST:g} to {_LARGEST:g} m would be right"
+            if not _MIN_LENGTH <= length <= _MAX_LENGTH:
+                right = f"{_MIN_LENGTH:g} to {_MAX_LENGTH:g} m would be right"
                 report.fault(path, f"a side or radius of it is {length:.3g} m", right)
         emission = read_emission(light, _size_in_units(shape, unit), unit, report)
-        return _Pending(str(path), shape, emission) if shape else None
+        return _PendingLight(str(path), shape, emission) if shape else None
 
     def _matrix(self, prim: Usd.Prim) -> Floats | None:
         """Return a light's matrix (4, 4) to the stage, for column vectors; None, with a fault, if it is wrong."""
@@ -209,10 +208,10 @@ class _Reader:
         try:
             matrix = np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64).T
         except Tf.ErrorException as error:
-            self._report.fault(prim.GetPath(), f"USD cannot compute its transform: {error_words(error)}")
+            self._report.fault(prim.GetPath(), f"USD cannot compute its transform: {error_message(error)}")
             return None
-        if not (np.abs(matrix) <= _FARTHEST).all() or not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), 0.0, 1e-9):
-            right = f"numbers within +-{_FARTHEST:g}, and a last column of 0 0 0 1, would be right"
+        if not (np.abs(matrix) <= _MAX_NUMBER).all() or not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), 0.0, 1e-9):
+            right = f"numbers within +-{_MAX_NUMBER:g}, and a last column of 0 0 0 1, would be right"
             self._report.fault(prim.GetPath(), "its transform does not place it", right)
             return None
         return matrix
@@ -241,7 +240,7 @@ def _size_in_units(shape: LightShape | None, unit: float) -> float:
     return shape.size if shape.area is None else shape.area / (unit * unit)
 
 
-def _read_image(pending: _Pending, images: _Images, report: RigReport) -> None:
+def _read_image(pending: _PendingLight, images: _Images, report: RigReport) -> None:
     """Read the image of a light, unless `images` has it from another light."""
     shape, path = pending.shape, f"{pending.path}.inputs:texture:file"
     if shape.image is None:
@@ -255,11 +254,11 @@ def _read_image(pending: _Pending, images: _Images, report: RigReport) -> None:
         if image.error is not None:
             height, width = image.environment.radiance.shape[:2]
             size, off = f"{width} x {height}", f"{100.0 * image.error:.2g} %"
-            text = f"turned from a ball into a lat-long map of {size}, its power off by {off}"
+            text = f"converted from a ball to a lat-long map of {size}; its power is off by {off}"
             report.note(path, f"{shape.image}: {text}")
 
 
-def _make_light(pending: _Pending, images: _Images, report: RigReport) -> RigLight | None:
+def _make_light(pending: _PendingLight, images: _Images, report: RigReport) -> RigLight | None:
     """Return a light; None, with a note, if it is black."""
     image = images.get(pending.key)
     largest, mean = (float(image.environment.radiance.max()), image.mean) if image else (1.0, (1.0, 1.0, 1.0))

@@ -30,7 +30,7 @@ from lookdev.material.usd.network import (
     shader_id,
 )
 from lookdev.material.variants import expand_wildcards
-from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
+from lookdev.stage import clean_usd_message, lights_hint, open_stage, usd_errors_as_faults
 
 VariantChoice: TypeAlias = Mapping[str, str] | None
 """The selected variant of each set of a material, or of prims above it; other sets keep the file's selections."""
@@ -153,7 +153,7 @@ def check_composition(network: Network, stage: Usd.Stage, path: Sdf.Path | None)
         site = error.rootSite.path
         # The site is empty for a path that is an expression which USD cannot evaluate.
         if path is None or not site or path.HasPrefix(site) or site.HasPrefix(path):
-            network.add_fault(site, usd_words(str(error)))
+            network.add_fault(site, clean_usd_message(str(error)))
 
 
 def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]) -> Sdf.Path | None:

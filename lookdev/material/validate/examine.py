@@ -26,7 +26,7 @@ from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_property_count, is_authored, shader_id
 from lookdev.material.validate.report import SEVERITIES, Severity, ValidationFinding, ValidationReport
 from lookdev.material.values import presence
-from lookdev.stage import lights_hint, open_stage, usd_errors_as_faults, usd_words
+from lookdev.stage import clean_usd_message, lights_hint, open_stage, usd_errors_as_faults
 
 Selection: TypeAlias = Mapping[str, str]
 """A variant of each of some sets."""
@@ -286,7 +286,7 @@ def _usd_findings(
     """Yield the findings of USD's validators that are not among `reader_findings`."""
     reported = tuple(reader_findings)
     for error in UsdValidation.ValidationContext(_validators()).Validate(target)[:MAX_FINDINGS]:
-        message = usd_words(error.GetMessage())
+        message = clean_usd_message(error.GetMessage())
         if error.GetName() == _UNKNOWN_SHADER and message.startswith(_MATERIALX_SHADER):
             continue
         where = (site.GetProperty() if site.IsProperty() else site.GetPrim() for site in error.GetSites())

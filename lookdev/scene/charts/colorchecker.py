@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.space import CHROMATICITIES, adapt_white, chromaticity_xyz, rgb_to_xyz
+from lookdev.space import CHROMATICITIES, chromaticity_xyz, rgb_to_xyz_matrix, white_adaptation
 
 PATCHES: dict[str, tuple[float, float, float]] = {
     "dark skin": (37.54, 14.37, 14.92),
@@ -70,4 +70,4 @@ def patch_xyz() -> Floats:
 def _to_rec709() -> Floats:
     """Return the matrix (3, 3) from X, Y, Z under D50 to linear Rec.709."""
     rec709 = CHROMATICITIES["rec709"]
-    return np.asarray(np.linalg.inv(rgb_to_xyz(rec709)) @ adapt_white(_D50, rec709[6:8]))
+    return np.asarray(np.linalg.inv(rgb_to_xyz_matrix(rec709)) @ white_adaptation(_D50, rec709[6:8]))

@@ -41,7 +41,7 @@ _SEAM = 0.12  # part of a patch's cell between the patch and the cell's edge
 _BORDER = 0.03  # reflectance
 _BALL_PART, _CELL_PART = 0.5, 0.72  # side of the measured square, in a diameter or a cell: free of edges
 _SEGMENTS = 256  # of a ball
-_FEWEST = 2.0  # whole pixels along the side of a measured square
+_MIN_PIXELS = 2.0  # whole pixels along the side of a measured square
 
 MATTE = Look("matte", (Layer("Matte", "lambert", {"reflectance": Primvar("reflectance", (GREY, GREY, GREY))}),))
 CHROME = Look("chrome", (Layer("Chrome", "mirror", {"metal": "chromium"}),))
@@ -70,7 +70,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of a frame that has the props, along the edge `side`; `size` is its part of the height or width."""
+    """The strip of a frame with the props, along the edge `side`; `size` is its share of the height or width."""
 
     side: FrameSide
     size: float
@@ -147,7 +147,7 @@ class Strip:
         }
         return {"grey ball": grey.inner(_BALL_PART), **{name: box.inner(_CELL_PART) for name, box in cells.items()}}
 
-    def misfit(self) -> tuple[str, str]:
+    def fit_fault(self) -> tuple[str, str]:
         """Return the reason why the props do not fit into the strip, and a hint; both "" if they fit."""
         chrome, _, chart = self.props
         length = self.resolution[1 if self.upright else 0]
@@ -155,15 +155,15 @@ class Strip:
         if used > length:
             most = math.floor(1e3 * self.size * length / used) / 1e3
             problem = f"the props need {math.ceil(used)} pixels along the {self.side} edge, the frame has {length}"
-            return problem, f"size = {most:g} at most, or another place"
+            return problem, f"size = {most:g} at most, or another place, would be right"
         return "", ""
 
-    def too_small(self) -> str:
+    def size_note(self) -> str:
         """Return the reason why patches cannot be measured, with a hint; "" if they can."""
         side = self.measured_boxes["black 2"].width
-        if side >= _FEWEST + 1.0:
+        if side >= _MIN_PIXELS + 1.0:
             return ""
-        least = math.ceil(1e3 * self.size * (_FEWEST + 1.0) / side) / 1e3
+        least = math.ceil(1e3 * self.size * (_MIN_PIXELS + 1.0) / side) / 1e3
         return (
             f"[charts] is not measured: {side:.1f} pixels across the middle of a patch are too few; size = {least:g} "
             "or a higher resolution would be right"
@@ -179,7 +179,7 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     middle = np.array([*camera.pivot, center[2]])
     depth = float((camera.position - middle) @ back)
     if depth <= 0.0:
-        raise AssetError("the middle of the asset is behind the camera, so there is no place for the props of [charts]")
+        raise AssetError("the middle of the asset is behind the camera, and with it the props of [charts]")
     shift_x, shift_y = (2.0 * shift * camera.reach for shift in camera.shift)
     target = camera.position + depth * (shift_x * right + shift_y * up - back)
     distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))

@@ -16,10 +16,10 @@ from typing import Any
 from lookdev.build.assets import AssetReader, ComposedAsset
 from lookdev.build.assign import Assignment, assignments_of_parts
 from lookdev.build.faults import Findings
-from lookdev.build.scenes import JobScenes, job_scenes
+from lookdev.build.scenes import JobScenes, build_scenes
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import Job, parse_job
-from lookdev.job.edit import Wear, assign, unassign, wear_all
+from lookdev.job.edit import AssignedMaterial, assign_material, assign_to_rest, unassign
 from lookdev.job.keys import MATERIAL_SUFFIXES
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.schema import JobIbl, JobRig
@@ -70,7 +70,7 @@ class EditedJob:
             job = job.model_copy(update=update)
         if self._assets is None or self._assets[0] != job.asset:
             self._assets = job.asset, AssetReader(job.asset)
-        return Read(job, job_scenes(job, reader=self._assets[1]))
+        return Read(job, build_scenes(job, reader=self._assets[1]))
 
     def _look(self, read_job: Read, name: str) -> tuple[JobLook, ComposedAsset]:
         look = next(look for look in read_job.scenes.job.look if look.name == name)
@@ -152,14 +152,14 @@ class EditedJob:
                 if not isinstance(variants, dict) or not _are_names([*variants, *variants.values()]):
                     raise LookdevError("the variants of a material are names and choices")
                 prim = body.get("prim")
-                material_table = Wear(
+                material_table = AssignedMaterial(
                     self._readable_path(read_job, material), prim if isinstance(prim, str) and prim else None, variants
                 )
                 targets = ", ".join(prims) if prims else "all other parts"
                 label = f"assign {Path(material_table.material).stem} to {targets}"
                 if not prims:
-                    return label, wear_all(text, look, material_table).encode()
-                return label, assign(
+                    return label, assign_to_rest(text, look, material_table).encode()
+                return label, assign_material(
                     text, look, prims, material_table, self._assignment(read_job, name, part).assign
                 ).encode()
         raise LookdevError("an assignment has a part, prims and a material; or a part, and 'take', true")

@@ -13,7 +13,7 @@ from typing import Any
 
 from lookdev.errors import LookdevError
 from lookdev.light import Light
-from lookdev.light.rig.emission import COLDEST, HOTTEST, black_body
+from lookdev.light.rig.emission import MAX_KELVIN, MIN_KELVIN, black_body
 from lookdev.scene import Scene
 from lookdev.space import Color
 from lookdev.studio.viewport import light_rows
@@ -88,7 +88,7 @@ class LightSettings:
                 for number, light in enumerate(scene.lights)
             ],
             "rows": light_rows(self.apply(rig, scene)).tolist(),
-            "kelvin": [COLDEST, HOTTEST],
+            "kelvin": [MIN_KELVIN, MAX_KELVIN],
             "stops": MOST_STOPS,
         }
 
@@ -112,5 +112,5 @@ def parse_setting(body: Mapping[str, Any]) -> tuple[int, LightSetting]:
     if not isinstance(color, list) or len(color) != 3:
         raise LookdevError("a light's colour has three numbers")
     r, g, b = (number(component, 0.0, 100.0, "colour") for component in color)
-    temperature = None if kelvin is None else number(kelvin, COLDEST, HOTTEST, "temperature")
+    temperature = None if kelvin is None else number(kelvin, MIN_KELVIN, MAX_KELVIN, "temperature")
     return light, LightSetting(on, number(body.get("stops"), -MOST_STOPS, MOST_STOPS, "stops"), (r, g, b), temperature)

@@ -15,7 +15,7 @@ from typing import Any
 
 from lookdev.errors import FaultsError, LookdevError, shorten
 from lookdev.job import Job
-from lookdev.plan import Setup, Turns, make_setup
+from lookdev.plan import Setup, TurntableFrames, make_setup
 from lookdev.rendering.scene import SceneTasks
 from lookdev.run.events import Event, FrameDone, FrameFailed, FrameFound, FrameProgressed, Noted, RunStarted
 from lookdev.scene import Scene
@@ -54,7 +54,7 @@ class Turntable:
             self._cancelled.clear()
             self._number += 1
             job = self._job()
-            turns = Turns(job.turntable, job.output / FOLDER, job.camera.azimuth)
+            turns = TurntableFrames(job.turntable, job.output / FOLDER, job.camera.azimuth)
             exr = [file for turntable in turns.turntables for file in turns.files(look, rig, turntable)]
             self._files = [file.with_suffix(".png") for file in exr]
             self._state = {
@@ -98,7 +98,7 @@ class Turntable:
             file = self._files[number]
         return file if file.is_file() else None
 
-    def _run(self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turns: Turns) -> None:
+    def _run(self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turns: TurntableFrames) -> None:
         from lookdev.run.render import (
             render_setups,  # not at the top: its imports are slow, and a page needs them only here
         )

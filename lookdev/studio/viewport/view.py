@@ -132,7 +132,7 @@ def light_rows(scene: Scene) -> Floats32:
 
     A change of a light's radiance changes these numbers, and no shader.
     """
-    return CodedRig.of(scene.lights).rows(RigOrigin(scene.asset.center, scene.camera.pivot))
+    return CodedRig.from_lights(scene.lights).rows(RigOrigin(scene.asset.center, scene.camera.pivot))
 
 
 def _parts(scene: Scene, look_numbers: Sequence[int], corners: CornerTexels) -> list[_Part]:

@@ -11,10 +11,10 @@ from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.asset.mesh import Mesh, Subdivision
 from lookdev.asset.subdivision.batch import join_cages
 from lookdev.asset.subdivision.cage import build_cage
-from lookdev.asset.subdivision.limit import limit
+from lookdev.asset.subdivision.limit import limit_surface
 from lookdev.asset.subdivision.refine import mask_rules
 from lookdev.asset.subdivision.rules import interpolate
-from lookdev.asset.subdivision.topology import split
+from lookdev.asset.subdivision.topology import split_faces
 
 
 def cage(points: Any, faces: Sequence[Sequence[int]], scheme="catmullClark", uv: Any = None, **rules: Any) -> Mesh:
@@ -65,10 +65,10 @@ def limits(mesh: Mesh, level: int) -> tuple[Floats, Floats32]:
     """Return limit positions and normals (m, 3) at all corners, normals zero where there is no tangent plane."""
     assert mesh.subdivision is not None
     control, rules = join_cages([mesh]), mask_rules(mesh.subdivision)
-    half_edges, points = build_cage(control, mesh.subdivision).level, control.points
+    half_edges, points = build_cage(control, mesh.subdivision).half_edges, control.points
     for _ in range(level):
-        points, half_edges = interpolate(half_edges, points, rules), split(half_edges, rules.triangles)
-    positions, normals = limit(half_edges, points, rules)
+        points, half_edges = interpolate(half_edges, points, rules), split_faces(half_edges, rules.triangles)
+    positions, normals = limit_surface(half_edges, points, rules)
     return positions[half_edges.points], normals
 
 

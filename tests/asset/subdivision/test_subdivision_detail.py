@@ -7,9 +7,9 @@ import pytest
 from cages import CAGES, bend, cage, lattice
 
 from lookdev.asset import Asset, Instance, Slot
-from lookdev.asset.subdivision import orbit_pixel, refine, refinement_levels
-from lookdev.asset.subdivision.detail import DETAIL, TOLERANCE
-from lookdev.asset.subdivision.topology import connect, split, split_corners
+from lookdev.asset.subdivision import orbit_pixel_size, refine, refinement_levels
+from lookdev.asset.subdivision.detail import DISPLACED_EDGE, SURFACE_TOLERANCE
+from lookdev.asset.subdivision.topology import connect, split_corners, split_faces
 
 
 def asset_of(meshes, matrices=None):
@@ -33,7 +33,7 @@ def facet_distances(mesh, level):
     facets, _ = connect(coarse.corner_points.astype(np.intp), coarse.face_sizes.astype(np.intp), len(coarse.points))
     positions = coarse.points[coarse.corner_points].astype(np.float64)
     for _ in range(2):
-        positions, facets = split_corners(facets, positions, triangles), split(facets, triangles)
+        positions, facets = split_corners(facets, positions, triangles), split_faces(facets, triangles)
     away = fine.points[fine.corner_points] - positions
     return np.abs((away * fine.normals).sum(axis=1))
 
@@ -46,13 +46,13 @@ def test_facets_are_within_a_tenth_of_a_pixel_of_the_limit_surface(name, size):
     # Distances are measured at the middles of edges and faces, and fall by four only in the limit; the worst hundredth
     # of the edges may be one level short.
     distances = facet_distances(CAGES[name], level)
-    assert np.quantile(distances, 0.97) < 1.1 * TOLERANCE * size
-    assert distances.max() < 4.4 * TOLERANCE * size
+    assert np.quantile(distances, 0.97) < 1.1 * SURFACE_TOLERANCE * size
+    assert distances.max() < 4.4 * SURFACE_TOLERANCE * size
 
 
 def test_one_level_less_would_be_too_far_from_the_limit_surface():
     (level,) = levels([CAGES["cube"]], 0.02)
-    assert facet_distances(CAGES["cube"], level - 1).max() > TOLERANCE * 0.02
+    assert facet_distances(CAGES["cube"], level - 1).max() > SURFACE_TOLERANCE * 0.02
 
 
 @pytest.mark.parametrize("scheme", ["catmullClark", "bilinear"])
@@ -76,7 +76,7 @@ def test_the_level_follows_the_size_of_a_pixel():
     assert result == sorted(result)
     assert result[0] == 0
     assert result[-1] == 6
-    assert levels([mesh], 1e-6, finest=3) == (3,)
+    assert levels([mesh], 1e-6, max_level=3) == (3,)
 
 
 def test_an_instance_counts_by_its_own_scale():
@@ -97,10 +97,10 @@ def test_a_mesh_that_is_no_cage_stays_at_level_0():
 
 
 @pytest.mark.parametrize("size", [0.02, 0.001])
-def test_the_edges_of_a_detailed_mesh_are_two_pixels_long(size):
+def test_the_edges_of_a_displaced_mesh_are_two_pixels_long(size):
     points, faces = lattice(1, 1)
-    (level,) = levels([cage(points, faces, "bilinear")], size, detailed=[0])
-    assert 1.0 / 2**level <= DETAIL * size < 2.0 / 2**level
+    (level,) = levels([cage(points, faces, "bilinear")], size, displaced=[0])
+    assert 1.0 / 2**level <= DISPLACED_EDGE * size < 2.0 / 2**level
 
 
 def test_no_asset_has_more_corners_than_it_may_and_a_note_says_so():
@@ -108,7 +108,7 @@ def test_no_asset_has_more_corners_than_it_may_and_a_note_says_so():
     meshes.append(replace(cage(*(lambda p, f: (bend(p), f))(*lattice(8, 8))), name="/large"))
     free = refinement_levels(asset_of(meshes), pixels_of(0.001))
     assert free.notes == ()
-    result = refinement_levels(asset_of(meshes), pixels_of(0.001), corners=100_000)
+    result = refinement_levels(asset_of(meshes), pixels_of(0.001), max_corners=100_000)
     total = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(meshes, result.levels, strict=True))
     assert 25_000 < total <= 100_000
     (note,) = result.notes
@@ -118,16 +118,16 @@ def test_no_asset_has_more_corners_than_it_may_and_a_note_says_so():
 
 
 def test_a_cage_too_large_to_measure_is_not_refined():
-    result = refinement_levels(asset_of([CAGES["cube"]]), pixels_of(0.01), corners=90)
+    result = refinement_levels(asset_of([CAGES["cube"]]), pixels_of(0.01), max_corners=90)
     assert result.levels == (0,)
     assert "0 times instead of 1" in result.notes[0]
 
 
 def test_an_orbits_pixel_is_that_of_the_nearest_place_of_the_camera():
-    pixel = orbit_pixel((0.0, -10.0, 2.0), (0.0, 0.0), 0.001)
+    pixel = orbit_pixel_size((0.0, -10.0, 2.0), (0.0, 0.0), 0.001)
     centers = np.array([[0.0, 0.0, 2.0], [6.0, 8.0, 2.0], [0.0, 4.0, 2.0], [0.0, 0.0, 0.0]])
     radii = np.array([1.0, 1.0, 0.0, 0.0])
     expected = 0.001 * np.array([9.0, 0.0, 6.0, np.hypot(10.0, 2.0)])
     np.testing.assert_allclose(pixel(centers, radii), expected, rtol=1e-12)
-    still = orbit_pixel((3.0, 4.0, 0.0), (3.0, 4.0), 0.5)
+    still = orbit_pixel_size((3.0, 4.0, 0.0), (3.0, 4.0), 0.5)
     np.testing.assert_allclose(still(np.zeros((1, 3)), np.zeros(1)), [2.5], rtol=1e-12)

@@ -19,7 +19,7 @@ from viewport_page import STATIC, ViewportPage
 from lookdev.arrays import Floats
 from lookdev.asset import load_asset
 from lookdev.asset.builtin import make_plane, make_sphere
-from lookdev.build.scenes import job_scenes
+from lookdev.build.scenes import build_scenes
 from lookdev.cache import Content
 from lookdev.job import load_job
 from lookdev.light import LIGHT_KINDS, Emission, Light, Shaping
@@ -218,7 +218,7 @@ def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Viewpor
     docs/designer.md has the table, by ``pytest -m proof tests/studio/viewport --log-cli-level=INFO``.
     """
     if asset == "parts":
-        scene = job_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes[look, "courtyard"]
+        scene = build_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes[look, "courtyard"]
     else:
         scene = shipped_scene(asset, look)
     compared = [compare(page, window, 8192, 16, samples=4096, seeds=2) for window in windows(scene, 3, 64, 8)]
