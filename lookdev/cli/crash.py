@@ -29,7 +29,7 @@ def record_crash(error: Exception, command: Sequence[str]) -> str:
     command line names.
     """
     now = datetime.now(UTC)
-    report = "\n".join(_report(error, command, now)) + "\n"
+    report = "\n".join(_report_lines(error, command, now)) + "\n"
     headline = shorten(f"internal error: {type(error).__name__}: {error}".partition("\n")[0])
     for folder in (partial(cache_dir, "reports"), tempfile.gettempdir):
         with suppress(OSError, OutputError):
@@ -40,7 +40,7 @@ def record_crash(error: Exception, command: Sequence[str]) -> str:
     return f"{headline}; no report file can be written, so the report follows\n{report}"
 
 
-def _report(error: Exception, command: Sequence[str], now: datetime) -> Iterator[str]:
+def _report_lines(error: Exception, command: Sequence[str], now: datetime) -> Iterator[str]:
     yield f"command: {shlex.join(command)}"
     yield f"folder: {os.environ.get('PWD', 'unknown')}"
     yield f"time: {now.isoformat(timespec='seconds')}"

@@ -224,13 +224,13 @@ def manifest(
     from lookdev.output.manifest import read_manifest
     from lookdev.run.manifest import manifest_text, verify
 
-    listed, deviations = verify(out) if check else (read_manifest(out), None)
+    document, deviations = verify(out) if check else (read_manifest(out), None)
     if as_json:
         rows = [{"file": str(row.file), "kind": row.kind, "state": row.state} for row in deviations or ()]
-        say_json({**listed, "deviations": rows} if check else listed)
+        say_json({**document, "deviations": rows} if check else document)
     else:
-        say(manifest_text(out, listed, deviations))
-    raise typer.Exit(1 if any(row.fails for row in deviations or ()) else 0)
+        say(manifest_text(out, document, deviations))
+    raise typer.Exit(1 if any(row.is_failure for row in deviations or ()) else 0)
 
 
 @app.command(rich_help_panel=_PANEL)

@@ -38,14 +38,14 @@ def say_notes(notes: Iterable[object]) -> None:
 
 def say_json(data: object) -> None:
     """Print a JSON document; NaN and infinity, which JSON lacks, become null."""
-    say(json.dumps(_finite(data), indent=2, allow_nan=False))
+    say(json.dumps(_replace_nonfinite(data), indent=2, allow_nan=False))
 
 
-def _finite(data: object) -> object:
+def _replace_nonfinite(data: object) -> object:
     if isinstance(data, Mapping):
-        return {key: _finite(value) for key, value in data.items()}
+        return {key: _replace_nonfinite(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
+        return [_replace_nonfinite(value) for value in data]
     return None if isinstance(data, float) and not math.isfinite(data) else data
 
 

@@ -44,14 +44,14 @@ def fit_tree(group: str) -> NodeTree:
 
 
 def _variables(node: GraphNode) -> tuple[GraphNode, GraphNode] | None:
-    """Return x and y where a node may be a polynomial of both, (... y + c) x + (... y + c), or a quotient of two."""
+    """Return x and y of a node that may be a polynomial (... y + c) x + (... y + c), or a quotient of two; or None."""
     numerator = node.args[0] if node.op == "divide" else node
-    outer = _factor(numerator)
-    inner = _factor(numerator.args[1]) if isinstance(numerator, GraphNode) and outer is not None else None
+    outer = _horner_factor(numerator)
+    inner = _horner_factor(numerator.args[1]) if isinstance(numerator, GraphNode) and outer is not None else None
     return (outer, inner) if outer is not None and inner is not None else None
 
 
-def _factor(value: Scalar) -> GraphNode | None:
+def _horner_factor(value: Scalar) -> GraphNode | None:
     """Return b of a b + c, a step of Horner's rule."""
     match value:
         case GraphNode(op="add", args=(GraphNode(op="multiply", args=(_, GraphNode() as factor)), _)):
