@@ -14,7 +14,7 @@ from functools import partial
 from importlib import metadata
 from pathlib import Path
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import cache_dir, write_file
 from lookdev.errors import OutputError, shorten
 
 DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
@@ -34,8 +34,7 @@ def record_crash(error: Exception, command: Sequence[str]) -> str:
     for folder in (partial(cache_dir, "reports"), tempfile.gettempdir):
         with suppress(OSError, OutputError):
             file = Path(folder(), f"lookdev-{now:%Y%m%d-%H%M%S}-{os.getpid()}.txt")
-            with atomic_path(file) as temporary:
-                temporary.write_text(report, encoding="utf-8", errors="backslashreplace")
+            write_file(file, report.encode("utf-8", "backslashreplace"))
             return f"{headline}; this is a defect of lookdev, please send its developers the report {file}"
     return f"{headline}; no report file can be written, so the report follows\n{report}"
 

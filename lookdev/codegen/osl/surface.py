@@ -39,7 +39,7 @@ _BROAD_SHARES = (0.05, 0.3)
 
 # In 1/sr. Few of the light's directions are traced for which a glossy BSDF has a smaller pdf, and smaller values. This
 # does not raise the error of a metal; roulette on more directions does not save more time (docs/bench.md).
-_LEAST_DENSITY = 0.01
+_MIN_TRACED_PDF = 0.01
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def generate_surface(
                 *_count_lines("", counts.brdf, counts.ibl, code.transmits),
                 *_count_lines("_ONWARD", counts.brdf_onward, counts.ibl_onward, code.transmits),
                 f"#define LIGHT_SAMPLED {int(code.light_sampled)}",
-                f"#define LEAST_DENSITY {_LEAST_DENSITY}",
+                f"#define LEAST_DENSITY {_MIN_TRACED_PDF}",
                 *(f"#define {name} {value}" for name, value in sampling.shader_constants.items()),
                 f"#define SHADOWS {int(setting.shadows)}",
                 f"#define LIFT {LIFT}",

@@ -56,14 +56,13 @@ class ExactPictures:
 
 def _parse_request(text: Any) -> dict[str, Any] | None:
     """Return the request in a message, or None if the message is not a valid request."""
-    if not isinstance(text, str):
-        return None
     try:
-        request = parse_json(text, "message")
+        request = parse_json(text, "message") if isinstance(text, str) else None
     except TextError:
         return None
-    if not isinstance(request, dict):
-        return None
-    number = request.get("id")
-    has_id = isinstance(number, int) and not isinstance(number, bool)
-    return request if request.get("do") == "cancel" or (request.get("do") == "render" and has_id) else None
+    match request:
+        case {"do": "cancel"}:
+            return request
+        case {"do": "render", "id": int(number)} if not isinstance(number, bool):
+            return request
+    return None

@@ -59,9 +59,8 @@ def surface_shader(surfaces: Surfaces, text: str, extra: Collection[str] = ()) -
 
 
 def _rows(values: Elements) -> Floats32:
-    texels = np.zeros((-(-values.size // TABLE_WIDTH), TABLE_WIDTH), np.float32)
-    texels.ravel()[: values.size] = values.ravel()
-    return texels
+    padded = np.pad(values.ravel().astype(np.float32), (0, -values.size % TABLE_WIDTH))
+    return padded.reshape(-1, TABLE_WIDTH)
 
 
 def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
