@@ -1,6 +1,6 @@
-"""The command line: verbs and their options, one file for each group of verbs.
+"""The command line: commands and their options, one file for each group of commands.
 
-A verb imports the modules that it needs when it runs, so that ``lookdev --help`` loads nothing heavy.
+A command imports the modules that it needs when it runs, so that ``lookdev --help`` loads nothing heavy.
 """
 
 from __future__ import annotations

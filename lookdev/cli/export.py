@@ -1,4 +1,4 @@
-"""The verbs of ``lookdev export``."""
+"""The commands of ``lookdev export``."""
 
 from __future__ import annotations
 

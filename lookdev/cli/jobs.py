@@ -1,4 +1,4 @@
-"""The verbs of job files: render, plan, example, schema; and of their output: review, manifest, status."""
+"""The commands of job files: render, plan, example, schema; and of their output: review, manifest, status."""
 
 from __future__ import annotations
 

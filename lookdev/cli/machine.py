@@ -1,4 +1,4 @@
-"""The verbs of this machine: doctor, and those of ``lookdev warm``."""
+"""The commands of this machine: doctor, and those of ``lookdev warm``."""
 
 from __future__ import annotations
 
