@@ -14,7 +14,6 @@ ROOT = TESTS.parent
 # Keys of job files and of `--json`, which users hold.
 KEYS = {
     ("lookdev/errors.py", "what"),
-    ("lookdev/inspect/doctor.py", "found"),
     ("lookdev/job/surroundings.py", "place"),
     ("lookdev/material/validate/report.py", "what"),
     ("lookdev/plan/skips.py", "what"),

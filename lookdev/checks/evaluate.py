@@ -20,7 +20,7 @@ from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.metal import INTERFACE
 from lookdev.brdf.parameters import add_followers, as_numbers, complete, expand_tokens
 from lookdev.brdf.vectors import Parameters
-from lookdev.codegen.osl.points import generate_points
+from lookdev.codegen.osl.points import generate_point_shader
 from lookdev.codegen.points import PointLayer, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shorten
 from lookdev.material.expression import ExpressionError
@@ -66,7 +66,7 @@ def round_to_float32(values: Floats) -> Floats:
 def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[Mapping[str, Floats]], wo: Array) -> Bsdf:
     # Seen from behind, the normal faces the viewer.
     view = np.abs(wo[..., 2])
-    return stack_bsdf([layer.at(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
+    return stack_bsdf([layer.stack_layer(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
 
 
 def evaluate_lines(lines: Iterable[str], backend: Evaluator) -> Iterator[str]:
@@ -131,7 +131,7 @@ def evaluate_cycles(
     table = point_table(batch)
     with tempfile.TemporaryDirectory(prefix="lookdev-eval-") as folder:
         request = Path(folder) / "request.npz"
-        source = generate_points(batch.layers, lobes)
+        source = generate_point_shader(batch.layers, lobes)
         tables = json.dumps(
             [(binding.parameter, binding.file.digest, binding.file.suffix) for binding in source.tables]
         )

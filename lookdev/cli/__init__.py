@@ -1,6 +1,6 @@
-"""The command line: verbs and their options, one file for each group of verbs.
+"""The command line: commands and their options, one file for each group of commands.
 
-A verb imports the modules that it needs when it runs, so that ``lookdev --help`` loads nothing heavy.
+A command imports the modules that it needs when it runs, so that ``lookdev --help`` loads nothing heavy.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ def main() -> None:
     try:
         code = run_supervised(run)
     except KilledError as error:
-        _leave(str(error), 1)
+        _exit_with_message(str(error), 1)
     except LookdevError as error:
-        _leave(str(error), 2)
+        _exit_with_message(str(error), 2)
     except NativeCrashError as error:
-        _leave_with_report(error)
+        _exit_with_report(error)
     sys.exit(code)
 
 
@@ -82,28 +82,28 @@ def run() -> None:
                     sys.exit(128 + signal.SIGINT)
                 raise
     except (OutputError, RenderError, WorkerError) as error:
-        _leave(str(error), 1)
+        _exit_with_message(str(error), 1)
     except FaultsError as error:
         count = len(error.faults)
-        _leave(str(error) if count == 1 else f"{count} faults:\n{error}", 2)
+        _exit_with_message(str(error) if count == 1 else f"{count} faults:\n{error}", 2)
     except LookdevError as error:
-        _leave(str(error), 2)
+        _exit_with_message(str(error), 2)
     except OSError as error:  # such as a full disk: not a defect of the program
         location = f"{error.filename}: " if error.filename else ""
-        _leave(f"{location}{error.strerror or error}", 1)
+        _exit_with_message(f"{location}{error.strerror or error}", 1)
     except Exception as error:  # noqa: BLE001  the last resort
-        _leave_with_report(error)
+        _exit_with_report(error)
     finally:
         say_notes(take_notes())
 
 
-def _leave_with_report(error: Exception) -> NoReturn:
+def _exit_with_report(error: Exception) -> NoReturn:
     from lookdev.cli.crash import record_crash
 
-    _leave(record_crash(error, sys.argv), EX_SOFTWARE)
+    _exit_with_message(record_crash(error, sys.argv), EX_SOFTWARE)
 
 
-def _leave(message: str, code: int) -> NoReturn:
+def _exit_with_message(message: str, code: int) -> NoReturn:
     say(f"lookdev: {message}", err=True)
     sys.exit(code)
 
@@ -117,7 +117,7 @@ def _show_version(show: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool, Option("--version", help="Show the version and leave.", callback=_show_version, is_eager=True)
+        bool, Option("--version", help="Show the version and exit.", callback=_show_version, is_eager=True)
     ] = False,
 ) -> None:
     pass

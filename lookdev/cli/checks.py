@@ -1,4 +1,4 @@
-"""The verbs that compare the renderer with the models, and measure its speed: check, eval, bench."""
+"""The commands that compare the renderer with the models, and measure its speed: check, eval, bench."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from lookdev.cli.options import Prim, VariantOptions, say
 
 app = typer.Typer()
 _PANEL = "Accuracy and speed"
-_kind = partial(Option, rich_help_panel="Other benchmarks")
-_choice = partial(Option, rich_help_panel="Selection")
+_kind_option = partial(Option, rich_help_panel="Other benchmarks")
+_selection_option = partial(Option, rich_help_panel="Selection")
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -78,34 +78,36 @@ def evaluate(
 def bench(
     table: Annotated[
         Path | None,
-        _kind(metavar="FILE", help="Time to an error beside other renderers, growth, plots: for docs/bench.md."),
+        _kind_option(metavar="FILE", help="Time to an error beside other renderers, growth, plots: for docs/bench.md."),
     ] = None,
     profile: Annotated[
-        Path | None, _kind(metavar="FILE", help="Where a second of rendering goes: for docs/bench.md.")
+        Path | None, _kind_option(metavar="FILE", help="Where a second of rendering goes: for docs/bench.md.")
     ] = None,
     setup: Annotated[
-        Path | None, _kind(metavar="FILE", help="Whole commands, a first frame, changes of scene: for docs/bench.md.")
+        Path | None,
+        _kind_option(metavar="FILE", help="Whole commands, a first frame, changes of scene: for docs/bench.md."),
     ] = None,
-    sequence: Annotated[bool, _kind("--sequence", help="Turntables against a plain Blender script.")] = False,
-    scale: Annotated[bool, _kind("--scale", help="Large assets, against Blender's own import.")] = False,
+    sequence: Annotated[bool, _kind_option("--sequence", help="Turntables against a plain Blender script.")] = False,
+    scale: Annotated[bool, _kind_option("--scale", help="Large assets, against Blender's own import.")] = False,
     denoise_trial: Annotated[
-        bool, _kind("--denoise-trial", help="Random denoised frames: is their error as measured?")
+        bool, _kind_option("--denoise-trial", help="Random denoised frames: is their error as measured?")
     ] = False,
-    scenes: Annotated[str, _choice(metavar="NAMES", help="Scenes, separated by commas.")] = "",
-    ibls: Annotated[str, _choice(metavar="NAMES", help="Lights.")] = "",
-    looks: Annotated[str, _choice(metavar="NAMES", help="Looks.")] = "",
-    backends: Annotated[str, _choice(metavar="NAMES", help="Backends.")] = "",
-    samples: Annotated[str, _choice(metavar="NAMES", help="Increasing powers of two, like 4,16,64.")] = "",
-    resolution: Annotated[int | None, _choice(metavar="N", help="Side of the frame, pixels.")] = None,
-    repeats: Annotated[int | None, _choice(metavar="N", help="Renders with each number of samples.")] = None,
+    scenes: Annotated[str, _selection_option(metavar="NAMES", help="Scenes, separated by commas.")] = "",
+    ibls: Annotated[str, _selection_option(metavar="NAMES", help="Lights.")] = "",
+    looks: Annotated[str, _selection_option(metavar="NAMES", help="Looks.")] = "",
+    backends: Annotated[str, _selection_option(metavar="NAMES", help="Backends.")] = "",
+    samples: Annotated[str, _selection_option(metavar="NAMES", help="Increasing powers of two, like 4,16,64.")] = "",
+    resolution: Annotated[int | None, _selection_option(metavar="N", help="Side of the frame, pixels.")] = None,
+    repeats: Annotated[int | None, _selection_option(metavar="N", help="Renders with each number of samples.")] = None,
     reference: Annotated[
-        int | None, _choice(metavar="N", help="Samples of a reference, as a multiple of the largest count.")
+        int | None, _selection_option(metavar="N", help="Samples of a reference, as a multiple of the largest count.")
     ] = None,
-    seed: Annotated[int | None, _choice(metavar="N", help="Seed of the samples.")] = None,
+    seed: Annotated[int | None, _selection_option(metavar="N", help="Seed of the samples.")] = None,
     frames: Annotated[
-        int | None, _choice(metavar="N", help="Frames of the sequence whose growth is measured, or of the trial.")
+        int | None,
+        _selection_option(metavar="N", help="Frames of the sequence whose growth is measured, or of the trial."),
     ] = None,
-    everything: Annotated[bool, _choice("--all", help="Default to all names instead of a few.")] = False,
+    everything: Annotated[bool, _selection_option("--all", help="Default to all names instead of a few.")] = False,
     fresh: Annotated[bool, Option("--fresh", help="Render references anew.")] = False,
     out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
     show: Annotated[bool, Option("--list", help="Only list the names.")] = False,

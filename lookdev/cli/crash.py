@@ -14,7 +14,7 @@ from functools import partial
 from importlib import metadata
 from pathlib import Path
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import cache_dir, write_file
 from lookdev.errors import OutputError, shorten
 
 DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
@@ -29,18 +29,17 @@ def record_crash(error: Exception, command: Sequence[str]) -> str:
     command line names.
     """
     now = datetime.now(UTC)
-    report = "\n".join(_report(error, command, now)) + "\n"
+    report = "\n".join(_report_lines(error, command, now)) + "\n"
     headline = shorten(f"internal error: {type(error).__name__}: {error}".partition("\n")[0])
     for folder in (partial(cache_dir, "reports"), tempfile.gettempdir):
         with suppress(OSError, OutputError):
             file = Path(folder(), f"lookdev-{now:%Y%m%d-%H%M%S}-{os.getpid()}.txt")
-            with atomic_path(file) as temporary:
-                temporary.write_text(report, encoding="utf-8", errors="backslashreplace")
+            write_file(file, report.encode("utf-8", "backslashreplace"))
             return f"{headline}; this is a defect of lookdev, please send its developers the report {file}"
     return f"{headline}; no report file can be written, so the report follows\n{report}"
 
 
-def _report(error: Exception, command: Sequence[str], now: datetime) -> Iterator[str]:
+def _report_lines(error: Exception, command: Sequence[str], now: datetime) -> Iterator[str]:
     yield f"command: {shlex.join(command)}"
     yield f"folder: {os.environ.get('PWD', 'unknown')}"
     yield f"time: {now.isoformat(timespec='seconds')}"

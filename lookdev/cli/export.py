@@ -1,14 +1,17 @@
-"""The verbs of ``lookdev export``."""
+"""The commands of ``lookdev export``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from typer import Option
 
 from lookdev.cli.options import JobFile, say, say_notes
+
+if TYPE_CHECKING:
+    from lookdev.export import ExportResult
 
 app = typer.Typer(help="Write a job for another program.", no_args_is_help=True)
 
@@ -24,9 +27,7 @@ def export_blend(
     """Write the job's scenes for Blender: looks as native nodes, lights as worlds, turntables as keyframes."""
     from lookdev.export.blend import export_blend as export
 
-    exported = export(job, out, pack=pack)
-    say_notes(exported.notes)
-    say(exported.summary())
+    _say_result(export(job, out, pack=pack))
 
 
 @app.command("mitsuba")
@@ -36,9 +37,7 @@ def export_mitsuba(
     """Write the job's looks under its lights as scenes of Mitsuba 3, with their first pose."""
     from lookdev.export.mitsuba import export_mitsuba as export
 
-    exported = export(job, out)
-    say_notes(exported.notes)
-    say(exported.summary())
+    _say_result(export(job, out))
 
 
 @app.command("openjd")
@@ -69,11 +68,14 @@ def export_openjd(
     ] = "lookdev",
 ) -> None:
     """Write the job for a render farm, as a template of Open Job Description 2023-09."""
-    from lookdev.export.openjd import Needs
+    from lookdev.export.openjd import HostRequirements
     from lookdev.export.openjd import export_openjd as export
     from lookdev.plan.chunks import Division
 
     division = None if chunks is None else Division.parse(chunks)
-    exported = export(job, out, division, Needs(cores, memory, command))
-    say_notes(exported.notes)
-    say(exported.summary())
+    _say_result(export(job, out, division, HostRequirements(cores, memory, command)))
+
+
+def _say_result(result: ExportResult) -> None:
+    say_notes(result.notes)
+    say(result.text)

@@ -1,4 +1,4 @@
-"""The verbs that describe a file: inspect, validate. The verbs of the library are in `lookdev.cli.materials`."""
+"""The commands that describe a file: inspect, validate. The commands of the library are in `lookdev.cli.materials`."""
 
 from __future__ import annotations
 

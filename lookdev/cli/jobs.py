@@ -1,4 +1,4 @@
-"""The verbs of job files: render, plan, example, schema; and of their output: review, manifest, status."""
+"""The commands of job files: render, plan, example, schema; and of their output: review, manifest, status."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from typer import Argument, Option
 
 from lookdev.cli.options import AsJson, JobFile, say, say_json, say_notes, stdout_to_stderr
-from lookdev.errors import LookdevError, OutputError
+from lookdev.errors import LookdevError
 from lookdev.run.events import LogFormat
 
 app = typer.Typer()
@@ -176,14 +176,13 @@ def schema(
     out: Annotated[Path | None, Option(metavar="FILE", help="Write to this file instead of stdout.")] = None,
 ) -> None:
     """Write the JSON Schema of job files, for editors."""
-    from lookdev.cache import atomic_path
+    from lookdev.cache import write_file
     from lookdev.job import json_schema
 
     if out is None:
         say_json(json_schema())
-        return
-    with atomic_path(out) as temporary:
-        temporary.write_text(json.dumps(json_schema(), indent=2) + "\n")
+    else:
+        write_file(out, json.dumps(json_schema(), indent=2) + "\n")
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -224,13 +223,13 @@ def manifest(
     from lookdev.output.manifest import read_manifest
     from lookdev.run.manifest import manifest_text, verify
 
-    listed, deviations = verify(out) if check else (read_manifest(out), None)
+    document, deviations = verify(out) if check else (read_manifest(out), None)
     if as_json:
         rows = [{"file": str(row.file), "kind": row.kind, "state": row.state} for row in deviations or ()]
-        say_json({**listed, "deviations": rows} if check else listed)
+        say_json({**document, "deviations": rows} if check else document)
     else:
-        say(manifest_text(out, listed, deviations))
-    raise typer.Exit(1 if any(row.fails for row in deviations or ()) else 0)
+        say(manifest_text(out, document, deviations))
+    raise typer.Exit(1 if any(row.is_failure for row in deviations or ()) else 0)
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -246,15 +245,12 @@ def status(
     as_json: AsJson = False,
 ) -> None:
     """Show the progress of a job: frames done and failed, runs that work, runs that have stalled, the time left."""
-    from lookdev.cache import atomic_path
+    from lookdev.cache import output_errors, write_file
     from lookdev.run.status import read_status, status_data, status_metrics, status_text
 
     job_status = read_status(out.absolute())
     if metrics is not None:
         metrics_text = status_metrics(job_status)
-        try:
-            with atomic_path(metrics) as temporary:
-                temporary.write_text(metrics_text)
-        except OSError as error:
-            raise OutputError(f"{metrics}: cannot be written: {error.strerror}") from error
+        with output_errors(metrics):
+            write_file(metrics, metrics_text)
     say_json(status_data(job_status)) if as_json else say(status_text(job_status))

@@ -1,4 +1,4 @@
-"""The verbs of this machine: doctor, and those of ``lookdev warm``."""
+"""The commands of this machine: doctor, and those of ``lookdev warm``."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Socket = Annotated[Path, Argument(metavar="SOCKET", help="The path of its socket
 @app.command(rich_help_panel="Installation")
 def doctor() -> None:
     """Check that this machine can render; list what is missing, and how to get it."""
-    from lookdev.inspect.doctor import describe, examine
+    from lookdev.inspect.doctor import examine_machine, findings_text
 
-    findings = list(examine())
-    say(describe(findings))
+    findings = list(examine_machine())
+    say(findings_text(findings))
     raise typer.Exit(0 if all(finding.good for finding in findings) else 1)
 
 

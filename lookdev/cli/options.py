@@ -1,4 +1,4 @@
-"""Arguments and options that several verbs share."""
+"""Arguments and options that several commands share."""
 
 from __future__ import annotations
 
@@ -26,32 +26,32 @@ AsJson = Annotated[bool, Option("--json", help="Write one JSON document instead 
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Print text without characters that control the terminal, which files and paths may contain; all verbs use it."""
+    """Print text of a command, without the characters of files and paths that control the terminal."""
     typer.echo(replace_controls(text), err=err)
 
 
 def say_notes(notes: Iterable[object]) -> None:
-    """Print notes for the user, which are not part of a verb's answer."""
+    """Print notes for the user, which are not part of a command's answer."""
     for note in notes:
         say(f"note: {note}", err=True)
 
 
 def say_json(data: object) -> None:
     """Print a JSON document; NaN and infinity, which JSON lacks, become null."""
-    say(json.dumps(_finite(data), indent=2, allow_nan=False))
+    say(json.dumps(_replace_nonfinite(data), indent=2, allow_nan=False))
 
 
-def _finite(data: object) -> object:
+def _replace_nonfinite(data: object) -> object:
     if isinstance(data, Mapping):
-        return {key: _finite(value) for key, value in data.items()}
+        return {key: _replace_nonfinite(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
-        return [_finite(value) for value in data]
+        return [_replace_nonfinite(value) for value in data]
     return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 @contextmanager
 def stdout_to_stderr() -> Iterator[None]:
-    """Redirect stdout to stderr inside the context: the output of libraries is not part of a verb's answer."""
+    """Redirect stdout to stderr inside the context: the output of libraries is not part of a command's answer."""
     sys.stdout.flush()
     saved_stdout = os.dup(1)
     os.dup2(2, 1)

@@ -1,4 +1,4 @@
-"""The verbs that show and fit reflectance: plot and fit."""
+"""The commands that plot reflectance, and fit models to it: plot, fit."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from lookdev.cli.options import AsJson, say, say_json, say_notes
 from lookdev.errors import LookdevError
 
 app = typer.Typer()
-_picture = partial(Option, rich_help_panel="Pictures")
+_picture_option = partial(Option, rich_help_panel="Pictures")
 
 Subjects = Annotated[
     list[str],
     Argument(
         metavar="WHAT...",
         help="A model (disney:roughness=.3,baseColor=.8/.2/.1), a preset, a look (FILE, FILE:LAYER, FILE@U,V), or "
-        "measured data (FILE); LABEL= before it names it in the legend.",
+        "measured data (FILE). A prefix LABEL= sets the name in the legend.",
     ),
 ]
 LibraryOption = Annotated[Path | None, Option(metavar="DIR", help="A folder of presets.")]
@@ -61,7 +61,7 @@ def plot(
     )  # fmt: skip
     kind_named(kind)
     check_suffix(output)
-    figure = draw(kind, [read_subject(words, library) for words in subjects], options)
+    figure = draw(kind, [read_subject(text, library) for text in subjects], options)
     figure.write(output)
     for note in figure.notes:
         say(note)
@@ -106,45 +106,48 @@ def fit(
     library: LibraryOption = None,
     picture: Annotated[
         Path | None,
-        _picture(
+        _picture_option(
             metavar="PHOTO.exr",
-            help="Fit the parameters of a look of JOB to this picture of it, by derivatives of renders.",
+            help="A picture of a look of JOB, to which parameters of the look are fitted by derivatives of renders.",
         ),
     ] = None,
     parameters: Annotated[
         str,
-        _picture(
+        _picture_option(
             metavar="NAMES",
             help="The parameters to fit, separated by commas, some with bounds: roughness,Flakes.mask,sheen=0..0.3.",
         ),
     ] = "",
     frame: Annotated[
         str,
-        _picture(
+        _picture_option(
             metavar="NAME",
             help="The frame in the picture, or the start of its name: gold/city/element.0001; default: the first.",
         ),
     ] = "",
     mask: Annotated[
         Path | None,
-        _picture(metavar="FILE", help="An image of the picture's size; its last channel is the weight of each pixel."),
+        _picture_option(
+            metavar="FILE", help="An image of the picture's size; its last channel is the weight of each pixel."
+        ),
     ] = None,
-    exposure: Annotated[bool, _picture("--exposure", help="Fit the picture's exposure, too.")] = False,
+    exposure: Annotated[bool, _picture_option("--exposure", help="Fit the picture's exposure, too.")] = False,
     pixels: Annotated[
         int,
-        _picture(
+        _picture_option(
             min=256, help="Average blocks of the picture's pixels, as long as at least this number of pixels is left."
         ),
     ] = 4096,
     samples: Annotated[
-        int, _picture(min=8, max=4096, help="Samples of a pixel in each half of the finest renders; a power of two.")
+        int,
+        _picture_option(min=8, max=4096, help="Samples of a pixel in each half of the finest renders; a power of two."),
     ] = 256,
-    force: Annotated[bool, _picture("--force", help="Replace files that exist.")] = False,
+    force: Annotated[bool, _picture_option("--force", help="Replace files that exist.")] = False,
 ) -> None:
     """Fit the parameters of a model to measured data, a look or another model; or those of a look to a picture."""
-    of_data = {"--model": model, "--only": only, "--loss": loss, "--library": library}
-    of_pictures = {"--parameters": parameters, "--frame": frame, "--mask": mask, "--exposure": exposure}
-    for name, value in (of_data if picture else of_pictures).items():
+    data_options = {"--model": model, "--only": only, "--loss": loss, "--library": library}
+    picture_options = {"--parameters": parameters, "--frame": frame, "--mask": mask, "--exposure": exposure}
+    for name, value in (data_options if picture else picture_options).items():
         if value:
             raise LookdevError(f"{name} has no meaning {'with' if picture else 'without'} --picture")
     if picture is None:
@@ -156,8 +159,9 @@ def fit(
 
         if output is not None:
             check_suffix(output)
-        data, fixed = read_subject(source, library), read_model(model or "disney")
-        result = fit_model(data, *fixed, names=only or (), loss=loss or "log", starts=4 if starts is None else starts)
+        data, (fitted_model, values) = read_subject(source, library), read_model(model or "disney")
+        start_count = 4 if starts is None else starts
+        result = fit_model(data, fitted_model, values, names=only or (), loss=loss or "log", starts=start_count)
         say_json(result.data()) if as_json else say(format_fit(result))
         if output is not None:
             draw("difference", [data, result.subject]).write(output)

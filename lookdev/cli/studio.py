@@ -1,4 +1,4 @@
-"""The verbs of the web page: explore, design."""
+"""The commands of the web page: explore, design."""
 
 from __future__ import annotations
 

@@ -21,9 +21,8 @@ from lookdev.material.textures import resolve_texture, udim_tiles
 class SymbolicSurface:
     """The points of a surface at which code runs: a `lookdev.material.values.Surface` whose values are symbols.
 
-    A texture that is read twice with the same addressing is one look-up. Only `look_up` opens images, so images that
-    folding removes are never opened. `resolve` returns the linear EXR file of a texture, or that of the slopes of a
-    height map.
+    Equal reads of a texture are one look-up. Only `look_up` opens images: those that folding removes stay closed.
+    `resolve` returns the linear EXR file of a texture, or the file of the slopes of a height map.
     """
 
     graph: Graph
@@ -34,17 +33,17 @@ class SymbolicSurface:
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def attributes_read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
-        """Return the attributes, by name, that the values of these symbols depend on."""
+        """Return the attributes on which the values of these symbols depend, sorted by name."""
         sources = self._sources_of(symbols)
         return [binding for name, binding in sorted(self.attributes.items()) if name in sources]
 
     def look_ups_read_by(self, symbols: Iterable[str]) -> list[str]:
-        """Return the names of the look-ups that the values of these symbols depend on."""
+        """Return the names of the look-ups on which the values of these symbols depend."""
         sources = self._sources_of(symbols)
         return [name for name in self._images if name in sources]
 
     def _sources_of(self, symbols: Iterable[str]) -> set[str]:
-        """Return the names of the attributes and look-ups that the values of symbols depend on."""
+        """Return the names of the attributes and look-ups on which the values of symbols depend."""
         # Directions and random numbers are also symbols, but have no source.
         return {source for symbol in symbols for source in self._sources.get(symbol, ())}
 
@@ -96,7 +95,7 @@ class SymbolicSurface:
         return symbol(self.graph, WO[2])
 
     def look_up_of(self, symbol: str) -> str | None:
-        """Return the name of the look-up that a symbol is a channel of, or None."""
+        """Return the name of the look-up of which a symbol is a channel, or None."""
         source = self._sources.get(symbol, ("",))[0]
         return source if source in self._images else None
 

@@ -31,8 +31,10 @@ CODE: dict[str, str] = {
 }
 """Text of operations, in parentheses where it contains an operator."""
 
-BOOLEAN = {"greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not"}
-"""The operations whose results are truths."""
+BOOLEAN_OPERATIONS = {
+    "greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not",
+}  # fmt: skip
+"""The operations whose results are booleans."""
 
 
 def strip_parentheses(code: str) -> str:

@@ -1,4 +1,4 @@
-"""Stacks of layers at listed points: generated code reads their inputs from a table, a row for each point."""
+"""Stacks of layers at points: generated code reads the inputs of each point from a row of a table."""
 
 from __future__ import annotations
 
@@ -18,9 +18,7 @@ from lookdev.material.values import view_dependent_value
 
 @dataclass(frozen=True)
 class PointLayer:
-    """The part of a layer at listed points that its code depends on.
-
-    Numbers that none of the last three attributes contains are read from a table.
+    """The part of a layer on which its code depends; its other numbers are read from a table, point by point.
 
     Attributes
     ----------
@@ -52,8 +50,8 @@ class PointLayer:
         computed = {*self.following, *self.formulas}
         return {name: shape for name, shape in ({"mask": ()} | shapes).items() if name not in computed}
 
-    def at(self, numbers: Mapping[str, Array], view: Array) -> StackLayer:
-        """Return the layer with the `numbers` that are read, for views at the cosines `view`, (...), to its normal."""
+    def stack_layer(self, numbers: Mapping[str, Array], view: Array) -> StackLayer:
+        """Return the layer with `numbers` from the table; `view`, (...), has the cosines of views and its normal."""
         parameters = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
         computed = {
@@ -72,7 +70,7 @@ def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
     for number, layer in enumerate(layers):
         columns = _layer_columns(number, layer).items()
         values = {name: symbols(graph, names) if len(names) > 1 else symbol(graph, *names) for name, names in columns}
-        stack.append(layer.at(values, symbol(graph, WO[2])))
+        stack.append(layer.stack_layer(values, symbol(graph, WO[2])))
     return stack_bsdf(stack)
 
 

@@ -29,7 +29,7 @@ def generate_principled(look: Look) -> PrincipledSource:
     CodegenError
         The look has other layers, or an input that the Principled BSDF does not have.
     """
-    prefix = f"{look.name}: the Principled BSDF carries"
+    prefix = f"{look.name}: the Principled BSDF takes"
     if [layer.model for layer in look.layers] != ["disney"]:
         raise CodegenError(f"{prefix} one Disney layer, not {len(look.layers)} layers of any model")
     inputs = look.layers[0].inputs

@@ -1,4 +1,4 @@
-"""The setting that a source is generated for: everything that it depends on except its look."""
+"""The setting for which a source is generated: everything except the look on which the source depends."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SourceSetting:
-    """The lights and the sampling that a source is generated for.
+    """The lights, the sampling and the picture for which a source is generated.
 
     Attributes
     ----------

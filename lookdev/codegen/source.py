@@ -76,8 +76,12 @@ class AttributeBinding:
     @property
     def symbols(self) -> tuple[str, ...]:
         """The names of its numbers in a program: the parameter, with ``[0]``, ``[1]``, ... appended unless a float."""
-        width = {"float": 0, "uv": 2}.get(self.kind, 3)
-        return tuple(f"{self.parameter}[{i}]" for i in range(width)) if width else (self.parameter,)
+        return tuple(f"{self.parameter}[{i}]" for i in range(self.width)) if self.width > 1 else (self.parameter,)
+
+    @property
+    def width(self) -> int:
+        """The number of components of the value."""
+        return {"float": 1, "uv": 2}.get(self.kind, 3)
 
 
 def short_name(name: str) -> str:

@@ -12,7 +12,7 @@ import OpenEXR
 
 from lookdev.arrays import Floats32, Ints32
 from lookdev.cache import Content, atomic_path, cache_dir
-from lookdev.codegen.osl.points import generate_points
+from lookdev.codegen.osl.points import generate_point_shader
 from lookdev.codegen.points import PointLayer, point_cells, point_columns
 from lookdev.codegen.source import ShaderSource, TableBinding
 from lookdev.cycles import engine, version
@@ -104,7 +104,7 @@ def run_self_test() -> dict[str, object]:
     row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0, "layer0_presence": 1.0}
     row |= {f"layer0_baseColor_{i}": 0.5 for i in range(3)}
     table = np.array([[row[name] for name in columns]], dtype=np.float32)
-    f, _ = evaluate_points(generate_points(layers, ["diffuse"]), table, point_cells(layers))
+    f, _ = evaluate_points(generate_point_shader(layers, ["diffuse"]), table, point_cells(layers))
     if not np.allclose(f, 0.5 / np.pi, rtol=1e-5):
         raise RenderError(f"OSL evaluates to {f.tolist()} for a diffuse surface, {0.5 / np.pi} would be right")
     return {"blender": version.VERSION, "osl": True}

@@ -5,13 +5,9 @@ from pathlib import Path
 
 
 @dataclass(frozen=True)
-class Exported:
+class ExportResult:
     """The files that an export wrote, text about them and their use, and notes for the user."""
 
     files: tuple[Path, ...]
     text: str
     notes: tuple[str, ...]
-
-    def summary(self) -> str:
-        """Return the text about the files."""
-        return self.text

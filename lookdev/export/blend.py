@@ -16,7 +16,7 @@ from pydantic import BaseModel, ValidationError
 
 from lookdev.cache import Content, atomic_path, output_errors
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
-from lookdev.export import Exported
+from lookdev.export import ExportResult
 from lookdev.light import native_images
 from lookdev.light.native import are_domes_still
 from lookdev.material import Bump, Look, Texture, leaf_sources
@@ -38,7 +38,7 @@ class ExportAnswer(BaseModel):
 
 def export_blend(
     job: Path, out: Path, *, pack: bool = False, command: Sequence[str] = EXPORT_COMMAND, patience: float = PATIENCE
-) -> Exported:
+) -> ExportResult:
     """Write the scenes of a job as a .blend with looks as Cycles' own closures; the job's backend is ignored.
 
     Parameters
@@ -80,17 +80,18 @@ def export_blend(
         temporary.replace(out)
     looks, rigs = (", ".join(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
     closures = "looks are Cycles' own closures, as backend 'nodes' renders them"
-    text = f"{out}: {_size([out])}, scenes {looks}, rigs {rigs}; {closures}"
+    text = f"{out}: {_size_text([out])}, scenes {looks}, rigs {rigs}; {closures}"
     if copies:
-        text += f"\n{copies[0].parent}: {len(copies)} images, {_size(copies)}; keep them together"
-    return Exported((out, *copies), text, (*prepared.notes, *notes))
+        text += f"\n{copies[0].parent}: {len(copies)} images, {_size_text(copies)}; keep them together"
+    return ExportResult((out, *copies), text, (*prepared.notes, *notes))
 
 
 def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
     """Return the export task of a job that was prepared with backend ``"nodes"``.
 
-    The poses are those under the job's first rig; other rigs are turned by their difference in rotation. A RenderError
-    reports rigs of which one has turning domes and another does not: all share one timeline.
+    The poses are those under the job's first rig; other rigs are rotated by their difference in rotation. All rigs
+    share one timeline, so RenderError is raised if the domes of one rig rotate with the light and those of another do
+    not.
     """
     job = prepared.job
     scenes = {(setup.look, setup.ibl): setup.task for setup in prepared.setups}
@@ -102,8 +103,8 @@ def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *,
     for other in rigs:
         if are_domes_still(other.lights) != are_domes_still(rigs[0].lights):
             raise RenderError(
-                f"the domes of one of the rigs '{rigs[0].name}' and '{other.name}' turn and those of the other stand "
-                "still; a job for each would be right"
+                f"the domes of one of the rigs '{rigs[0].name}' and '{other.name}' turn and those of the other do not; "
+                "a job for each rig would be right"
             )
     return BlendTask(
         file=file,
@@ -131,7 +132,7 @@ def image_names(prepared: JobSetups) -> dict[Content, str]:
         for image in native_images(setup.task.lights):
             names.setdefault(image, setup.ibl)
     originals: dict[Content, str] = {}
-    for source in {source: None for setup in prepared.setups for source in _textures(setup.scene.looks)}:
+    for source in {source: None for setup in prepared.setups for source in _image_sources(setup.scene.looks)}:
         texture, suffix = (source.height, "_slopes") if isinstance(source, Bump) else (source, "")
         with suppress(TextureError):  # `read_setups` ignores a missing image only if it affects no pixel
             for tile in udim_tiles(texture).values() or [texture]:
@@ -142,7 +143,7 @@ def image_names(prepared: JobSetups) -> dict[Content, str]:
     return {image: f"{name}-{image.digest[:8]}{image.suffix}" for image, name in names.items()}
 
 
-def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
+def _image_sources(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
     """Yield the image look-ups of looks."""
     layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
     for source in leaf_sources(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
@@ -210,5 +211,5 @@ def _run_exporter(task: BlendTask, command: Sequence[str], patience: float) -> t
     return answer.notes
 
 
-def _size(files: Sequence[Path]) -> str:
+def _size_text(files: Sequence[Path]) -> str:
     return f"{sum(file.stat().st_size for file in files) / 1e6:.1f} MB"

@@ -16,7 +16,7 @@ from lookdev.run.manifest import input_files
 from lookdev.safe_text import align_columns
 from lookdev.shipped import shipped_folder
 
-_TIME = re.compile(r"^# About (\d+) (s|min) on two cores\.$", re.MULTILINE)
+_TIME_COMMENT = re.compile(r"^# About (\d+) (s|min) on two cores\.$", re.MULTILINE)
 _SECONDS = {"s": 1, "min": 60}
 
 
@@ -35,7 +35,7 @@ class Example:
 
 
 @dataclass(frozen=True)
-class Copied:
+class CopiedExample:
     """The copy of a job, and the number of files written, including the job."""
 
     job: Path
@@ -52,7 +52,7 @@ def list_examples() -> tuple[Example, ...]:
     examples = []
     for file in shipped_folder().joinpath("jobs").glob("*.toml"):
         text = file.read_text(encoding="utf-8")
-        time = _TIME.search(text)
+        time = _TIME_COMMENT.search(text)
         title = text.partition("\n")[0].removeprefix("# ")
         examples.append(Example(file, title, int(time[1]) * _SECONDS[time[2]] if time else 0))
     return tuple(sorted(examples, key=lambda example: (example.seconds, example.name)))
@@ -69,7 +69,7 @@ def examples_text(examples: Sequence[Example]) -> str:
     return "\n".join([*align_columns(rows), "", hint])
 
 
-def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
+def copy_example(name: str, to: Path, *, force: bool = False) -> CopiedExample:
     """Copy a shipped job with its looks, presets and textures, as ``jobs/<name>.toml`` and ``materials/...`` in `to`.
 
     Raises
@@ -92,4 +92,4 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
     with output_errors(to, "the example cannot be written"):
         for file in stale:
             write_file(targets[file], file.read_bytes())  # without the mode: an installed file may be read-only
-    return Copied(targets[source], len(stale))
+    return CopiedExample(targets[source], len(stale))

@@ -14,7 +14,7 @@ from lookdev.asset.triangles import triangulate
 from lookdev.cache import atomic_path, output_errors, write_file
 from lookdev.codegen.source import ProgramSource
 from lookdev.errors import EnvironmentMapError, LookdevError
-from lookdev.export import Exported
+from lookdev.export import ExportResult
 from lookdev.job.parts import JobLook
 from lookdev.light import Light, light_label
 from lookdev.light.dome.environment import read_exr, write_exr
@@ -35,7 +35,7 @@ _EXPORTED_FIELDS = {"color", "group", "path", "turns"}
 _VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
 
 
-def export_mitsuba(job: Path, out: Path) -> Exported:
+def export_mitsuba(job: Path, out: Path) -> ExportResult:
     """Write ``<look>.<light>.xml`` for each look under each light of a job, with its meshes and maps, into a folder.
 
     The pose is the first of the first turntable. The scenes refer to the files of the looks. A file is replaced only by
@@ -65,7 +65,7 @@ def export_mitsuba(job: Path, out: Path) -> Exported:
         f"{out}: {', '.join(scene.name for scene in scenes)}; to render one: import mitsuba as mi; "
         f"mi.set_variant('llvm_ad_rgb'); import lookdev.mitsuba; mi.render(mi.load_file({str(scenes[0])!r}))"
     )
-    return Exported(tuple(scenes), text, prepared.notes)
+    return ExportResult(tuple(scenes), text, prepared.notes)
 
 
 def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.Element:
@@ -112,7 +112,7 @@ def _add_sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Flo
 
 
 def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setup, pose: Pose, folder: Path) -> None:
-    """Add a light in its pose, relative to the asset's centre; an EnvironmentMapError reports what Mitsuba lacks."""
+    """Add a light in its pose, relative to the asset's centre; raise EnvironmentMapError if Mitsuba lacks the light."""
     gain, center = 2.0**setup.exposure, np.array(setup.scene.asset.center)
     turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, setup.scene.camera, center)
     if dome := light.world_dome:

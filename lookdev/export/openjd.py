@@ -20,23 +20,23 @@ from typing import Any
 
 from lookdev.cache import output_errors, write_file
 from lookdev.errors import LookdevError
-from lookdev.export import Exported
+from lookdev.export import ExportResult
 from lookdev.job import Job
 from lookdev.plan.chunks import MAX_CHUNKS, Division
 from lookdev.plan.costs import estimate_costs
 from lookdev.plan.prepare import prepare_job
 from lookdev.run.manifest import input_files
 
-SUFFIXES = (".yaml", ".yml", ".json")
+PLOT_SUFFIXES = (".yaml", ".yml", ".json")
 
-_CHUNK_SECONDS = 300.0  # of a chunk, of which start and preparation take some seconds
+_CHUNK_SECONDS = 300.0  # long against the start and the preparation of a chunk, which take some seconds
 _TEMPLATE = Path(__file__).with_name("openjd.yaml")
-_LONGEST_NAME = 64
+_MAX_NAME_LENGTH = 64
 _GPUS = {"cuda", "optix", "hip", "oneapi"}
 
 
 @dataclass(frozen=True)
-class Needs:
+class HostRequirements:
     """Requirements of a host: cores and MiB of memory for a worker, and the program that it calls."""
 
     cores: int = 2
@@ -44,7 +44,9 @@ class Needs:
     command: str = "lookdev"
 
 
-def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> Exported:
+def export_openjd(
+    path: Path, out: Path, chunks: Division | None = None, requirements: HostRequirements = HostRequirements()
+) -> ExportResult:
     """Write a job as a template or, if `out` has no suffix of a template, as a job bundle in the folder `out`.
 
     Without `chunks`, chunks take about five minutes by an estimate.
@@ -70,10 +72,10 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
     division = chunks or Division(min(max(math.ceil(sum(costs.frames) / _CHUNK_SECONDS), 1), len(tasks)))
     if division.count > max(len(tasks), 1):
         raise LookdevError(f"--chunks: a job of {len(tasks)} frames has at most as many chunks, not {division.count}")
-    bundle = out.suffix.lower() not in SUFFIXES
+    bundle = out.suffix.lower() not in PLOT_SUFFIXES
     template_file = out / "template.yaml" if bundle else out
     folder = template_file.parent.absolute()
-    template = job_template(job, folder, division, needs)
+    template = job_template(job, folder, division, requirements)
     try:
         decode_job_template(template=template)
     except DecodeValidationError as error:
@@ -99,15 +101,15 @@ def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: 
         required = (f"{name}={value}" for name, value in values.items() if not Path(value).is_relative_to(folder))
         run += "".join(f" -p {shlex.quote(parameter)}" for parameter in required)
     text = f"{template_file}: {len(tasks)} frames in {division.count} chunks; to run it: {run}"
-    return Exported(tuple(documents), text, (*prepared.notes, *_path_notes(job)))
+    return ExportResult(tuple(documents), text, (*prepared.notes, *_path_notes(job)))
 
 
-def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:
+def job_template(job: Job, folder: Path, chunks: Division, requirements: HostRequirements) -> dict[str, Any]:
     """Return the template of a job as a document of the specification, for a file in `folder`."""
     import yaml
 
     template: dict[str, Any] = yaml.safe_load(_TEMPLATE.read_text("utf-8"))
-    template["name"] = f"lookdev {job.file.stem}"[:_LONGEST_NAME]
+    template["name"] = f"lookdev {job.file.stem}"[:_MAX_NAME_LENGTH]
     template["description"] = f"Turntables of {job.file.name}, by lookdev"
     parameters = {parameter["name"]: parameter for parameter in template["parameterDefinitions"]}
     for name, path in (("Job", job.file), ("Output", job.output)):
@@ -117,11 +119,11 @@ def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict
             del parameters[name]["default"]
     for name, count in (("Chunks", chunks.count), ("Machines", chunks.machines or chunks.count)):
         parameters[name] |= {"default": count, "maxValue": MAX_CHUNKS}
-    parameters["Command"]["default"] = needs.command
+    parameters["Command"]["default"] = requirements.command
     render = template["steps"][0]
     render["stepEnvironments"][0]["script"]["actions"]["onEnter"]["args"][-1] = job.render.backend
     cores, memory, gpu = amounts = render["hostRequirements"]["amounts"]
-    cores["min"], memory["min"] = needs.cores, needs.memory
+    cores["min"], memory["min"] = requirements.cores, requirements.memory
     if job.render.device not in _GPUS:
         amounts.remove(gpu)
     return template

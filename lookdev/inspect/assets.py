@@ -20,7 +20,7 @@ from lookdev.material.usd.bound import BoundLook, read_bound_looks
 from lookdev.safe_text import align_columns
 from lookdev.stage import Composition, compose
 
-MOST_LINES = 200
+MAX_PARTS_LISTED = 200
 """Parts that the text lists; ``--json`` has all."""
 
 
@@ -76,14 +76,15 @@ class Inspection:
         return asdict(self)
 
     def text(self) -> str:
-        """Return the tree of parts, at most `MOST_LINES` of them, then materials and notes."""
+        """Return the tree of parts, at most `MAX_PARTS_LISTED` of them, then materials and notes."""
         size = " x ".join(f"{b - a:.4g}" for a, b in zip(self.minimum, self.maximum, strict=True))
         more = f" ({self.faces_shown:,} with instances)" if self.faces_shown > self.faces else ""
-        counts = [_count(self.meshes, "mesh", "es"), *map(_count, (self.instances, self.points), ("instance", "point"))]
-        lines = [f"{self.file}: {size} m, {', '.join(counts)}, {_count(self.faces, 'face')}{more}", ""]
-        lines += align_columns(list(_tree_rows(self.parts[:MOST_LINES])))
-        if (left := len(self.parts) - MOST_LINES) > 0:
-            lines.append(f"... and {left:,} more parts; --json lists all")
+        counts = [_count_text(self.meshes, "mesh", "es"), _count_text(self.instances, "instance")]
+        counts.append(_count_text(self.points, "point"))
+        lines = [f"{self.file}: {size} m, {', '.join(counts)}, {_count_text(self.faces, 'face')}{more}", ""]
+        lines += align_columns(list(_tree_rows(self.parts[:MAX_PARTS_LISTED])))
+        if (unlisted := len(self.parts) - MAX_PARTS_LISTED) > 0:
+            lines.append(f"... and {unlisted:,} more parts; --json lists all")
         if self.materials:
             lines += ["", "materials"]
         for material in self.materials:
@@ -163,7 +164,7 @@ def _subdivision_text(mesh: Mesh) -> str:
     if rules is None:
         return ""
     tags = {"crease": rules.crease_sharpness, "corner": rules.corner_sharpness, "hole": rules.holes}
-    counts = [_count(len(values), name) for name, values in tags.items() if len(values)]
+    counts = [_count_text(len(values), name) for name, values in tags.items() if len(values)]
     return f"{rules.scheme} ({', '.join(counts)})" if counts else rules.scheme
 
 
@@ -182,17 +183,17 @@ def _image_count(look: Look) -> int:
 
 
 def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
-    """Yield a row of cells for each part, and before it a row for each of its ancestors that has none yet."""
-    above: list[str] = []
+    """Yield a row of cells for each part, after a row for each of its ancestors that has no row yet."""
+    ancestors: list[str] = []
     for part in parts:
         *groups, name = part.path.strip("/").split("/")
-        shared = takewhile(lambda pair: pair[0] == pair[1], zip(above, groups, strict=False))
+        shared = takewhile(lambda pair: pair[0] == pair[1], zip(ancestors, groups, strict=False))
         for depth in range(len(list(shared)), len(groups)):
             yield ("  " * depth + groups[depth],)
-        above = [*groups, name]  # the rows of its GeomSubsets follow
+        ancestors = [*groups, name]  # the rows of its GeomSubsets follow
         yield (
             "  " * len(groups) + name,
-            _count(part.faces, "face") + (f" x {part.instances:,}" if part.instances != 1 else ""),
+            _count_text(part.faces, "face") + (f" x {part.instances:,}" if part.instances != 1 else ""),
             part.subdivision,
             f"uv {', '.join(part.uv_sets)}" if part.uv_sets else "no uv",
             f"primvars {', '.join(part.primvars)}" if part.primvars else "",
@@ -200,12 +201,12 @@ def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _count(number: int, noun: str, plural: str = "s") -> str:
+def _count_text(number: int, noun: str, plural: str = "s") -> str:
     return f"{number:,} {noun}{plural if number != 1 else ''}"
 
 
 def _material_lines(material: InspectedMaterial) -> Iterator[str]:
-    images = f", {_count(material.textures, 'image')}" if material.textures else ""
+    images = f", {_count_text(material.textures, 'image')}" if material.textures else ""
     displaced = ", displaced" * material.displaced
     yield f"  {material.path}: {' under '.join(material.layers)}{images}{displaced}"
     yield from (f"    not carried over: {lost}" for lost in material.lost)

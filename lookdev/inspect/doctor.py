@@ -20,14 +20,14 @@ from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, gpu_fault
 from lookdev.safe_text import align_columns
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
-"""The Blender of each Python: a bpy wheel fits exactly one (VFX Reference Platform CY2025 and CY2026)."""
+"""The Blender of each Python: a bpy wheel fits exactly one Python (VFX Reference Platform CY2025 and CY2026)."""
 
 MODULES = {
     **{name: name for name in ("numpy", "OpenEXR", "OpenImageIO", "pydantic", "rich", "scipy", "typer")},
     "OpenColorIO": "PyOpenColorIO",
     "usd-core": "pxr.Usd",
 }
-"""For each distribution, the module whose import shows that it is complete. bpy is imported in a separate process."""
+"""For each distribution, a module that only a complete installation can import; bpy has a process of its own."""
 
 SYSTEM_LIBRARIES = {
     "libGL.so.1": "libgl1",
@@ -52,15 +52,17 @@ IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
 
 @dataclass(frozen=True)
 class DoctorFinding:
-    """The result of one check: the subject, its state (`found`), whether that suffices, and otherwise a remedy."""
+    """The result of one check: the subject, its state, whether the state suffices, and otherwise a remedy."""
 
     subject: str
-    found: str
+    state: str
     good: bool
     remedy: str = ""
 
 
-def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST) -> Iterator[DoctorFinding]:
+def examine_machine(
+    import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST
+) -> Iterator[DoctorFinding]:
     """Check everything that a render needs, cheapest first. Tests replace the two commands, which load Blender."""
     yield _check_python()
     for distribution, module in MODULES.items():
@@ -77,11 +79,11 @@ def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = S
     yield DoctorFinding("processor cores", str(os.cpu_count()), good=True)
 
 
-def describe(findings: Sequence[DoctorFinding]) -> str:
+def findings_text(findings: Sequence[DoctorFinding]) -> str:
     """Return findings as aligned lines, each remedy on a separate line so that it can be copied."""
     rows = []
     for finding in findings:
-        rows.append(("ok     " if finding.good else "MISSING", finding.subject, finding.found))
+        rows.append(("ok     " if finding.good else "MISSING", finding.subject, finding.state))
         if finding.remedy:
             rows.append(("", "", f"to get it: {finding.remedy}"))
     return "\n".join(align_columns(rows))
@@ -103,14 +105,14 @@ def _check_module(distribution: str, module: str) -> DoctorFinding:
 
 
 def _check_system_libraries(libraries: Mapping[str, str]) -> DoctorFinding:
-    missing = [name for name in libraries if not _loads(name)]
+    missing = [name for name in libraries if not _can_load(name)]
     if not missing:
         return DoctorFinding("system libraries", f"{len(libraries)} of {len(libraries)}", good=True)
     remedy = f"sudo apt-get install {' '.join(sorted({libraries[name] for name in missing}))}"
     return DoctorFinding("system libraries", f"lacks {', '.join(missing)}", good=False, remedy=remedy)
 
 
-def _loads(library: str) -> bool:
+def _can_load(library: str) -> bool:
     try:
         ctypes.CDLL(library)
     except OSError:
@@ -122,7 +124,7 @@ def _check_blender(command: Sequence[str]) -> DoctorFinding:
     """Import bpy in a separate process, because it may crash."""
     blender = BLENDER_PYTHONS.get(sys.version_info[:2])
     install = f"python -m pip install 'bpy=={blender}.*'" if blender else "another Python, see above"
-    code, output, errors = _run(command)
+    code, output, errors = _run_command(command)
     if code == 0:
         version = _last_line(output)
         good = blender is not None and version.startswith(blender)
@@ -133,7 +135,7 @@ def _check_blender(command: Sequence[str]) -> DoctorFinding:
 
 
 def _check_osl(command: Sequence[str]) -> DoctorFinding:
-    code, output, errors = _run(command)
+    code, output, errors = _run_command(command)
     line = _last_line(output)
     if code == 0:
         with suppress(json.JSONDecodeError):
@@ -169,7 +171,7 @@ def _check_cache() -> DoctorFinding:
     return DoctorFinding("cache folder", f"{folder}, {free:.1f} GB free", good, remedy)
 
 
-def _run(command: Sequence[str]) -> tuple[int, str, str]:
+def _run_command(command: Sequence[str]) -> tuple[int, str, str]:
     try:
         process = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     except subprocess.TimeoutExpired:

@@ -1,4 +1,4 @@
-"""Pictures of what there is: an asset with a colour for each part, and the presets of a library on spheres."""
+"""Pictures of an asset, with a colour for each part, and of the presets of a library, on spheres."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _PORTRAIT_SIZE = (768, 576)
 _PORTRAIT_SAMPLING = Sampling(samples=64, bounces=1)
 _AZIMUTH = -30.0  # degrees: two sides are visible
 _FILL = 0.85
-_MOST_COLORS = 24  # distinguishable colours
+_MAX_COLORS = 24  # distinguishable colours
 _GOLDEN_RATIO = 0.6180339887498949
 
 _THUMBNAIL = 128  # pixels of a side
@@ -51,8 +51,8 @@ _THUMBNAIL_LIGHT = "studio"
 def write_portrait(asset: Asset, picture: Path, report: ReportEvent = lambda event: None) -> RunResult:
     """Refine and render an asset in uniform light, and write it as PNG with a legend of its parts.
 
-    Parts have one colour for each group where there are many. The frame is stored in the cache. Raises LookdevError if
-    the picture cannot be written, and as `render_setups` does.
+    If there are many parts, those of a group have the same colour. The frame is stored in the cache. Raises
+    LookdevError if the picture cannot be written, and the errors of `render_setups`.
     """
     groups = group_names([slot.path for slot in asset.slots])
     colors = dict(zip(dict.fromkeys(groups), _colors(), strict=False))
@@ -63,7 +63,7 @@ def write_portrait(asset: Asset, picture: Path, report: ReportEvent = lambda eve
     refined, _ = Refiner("auto", _PORTRAIT_SIZE[0]).refine(asset, camera)
     scene = Scene(refined, looks_by_part, (light,), camera, Film(_PORTRAIT_SIZE))
     setup = make_setup("parts", "white", scene, _PORTRAIT_SAMPLING)
-    result, pictures = _render([setup], _AZIMUTH, cache_dir("portraits", refined.digest[:16]), 0.02, report)
+    result, pictures = _render_pictures([setup], _AZIMUTH, cache_dir("portraits", refined.digest[:16]), 0.02, report)
     if pictures:
         write_legend(picture, pictures[0], asset.name, list(colors.items()), _VIEW)
     return result
@@ -72,8 +72,8 @@ def write_portrait(asset: Asset, picture: Path, report: ReportEvent = lambda eve
 def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: ReportEvent = lambda event: None) -> RunResult:
     """Render presets, at least one, and write a contact sheet as PNG unless a frame fails.
 
-    The frames are stored in the cache. Raises LookdevError if a preset is wrong or the sheet cannot be written, and as
-    `render_setups` does.
+    The frames are stored in the cache. Raises LookdevError if a preset is wrong or the sheet cannot be written, and the
+    errors of `render_setups`.
     """
     folders = "\n".join(sorted({str(preset.file.parent) for preset in presets}))
     output = cache_dir("library", hashlib.sha256(folders.encode()).hexdigest()[:16])
@@ -85,7 +85,7 @@ def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: ReportEv
         scene = Scene.of_look(asset, look, light, (_THUMBNAIL, _THUMBNAIL))
         setups.append(make_setup(look.name, _THUMBNAIL_LIGHT, scene, _THUMBNAIL_SAMPLING))
     # Metals are brighter than this background, black looks darker.
-    result, pictures = _render(setups, 0.0, output, 0.05, report)
+    result, pictures = _render_pictures(setups, 0.0, output, 0.05, report)
     if pictures:
         labels = [f"{preset.name} ({preset.category})" for preset in presets]
         write_sheet(sheet, pictures, labels, "materials", cell=_THUMBNAIL)
@@ -93,7 +93,7 @@ def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: ReportEv
     return result
 
 
-def _render(
+def _render_pictures(
     setups: Sequence[Setup], start: float, output: Path, background: float, report: ReportEvent
 ) -> tuple[RunResult, list[Bytes]]:
     """Render setups at one angle; return their pictures over a linear grey, none where a frame fails."""
@@ -104,20 +104,20 @@ def _render(
 
 
 def group_names(paths: Sequence[str]) -> list[str]:
-    """Return a group name for each path: the path below the common ancestor, cut to at most `_MOST_COLORS` names."""
+    """Return a group for each path: the path below the common ancestor, cut so that `_MAX_COLORS` groups suffice."""
     split_paths = [path.strip("/").split("/") for path in paths]
     levels = zip(*(path[:-1] for path in split_paths), strict=False)
     common = len(list(takewhile(lambda names: len(set(names)) == 1, levels)))
     for depth in range(max(map(len, split_paths)), common, -1):
         names = ["/".join(path[common:depth]) for path in split_paths]
-        if len(set(names)) <= _MOST_COLORS:
+        if len(set(names)) <= _MAX_COLORS:
             return names
     return [split_paths[0][common - 1] if common else "all"] * len(paths)
 
 
 def _colors() -> Iterator[Color]:
-    """Yield `_MOST_COLORS` linear colours, each unlike the next: hues step by the golden ratio."""
-    for i in range(_MOST_COLORS):
+    """Yield `_MAX_COLORS` linear colours, each unlike the next: hues step by the golden ratio."""
+    for i in range(_MAX_COLORS):
         yield colorsys.hsv_to_rgb(i * _GOLDEN_RATIO % 1.0, (0.85, 0.55, 0.35)[i % 3], 0.75)
 
 

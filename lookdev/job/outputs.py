@@ -58,7 +58,7 @@ class OutputsTable(JobTable):
     @field_validator("burn_in")
     @classmethod
     def _check_burn_in(cls, value: tuple[str, ...]) -> tuple[str, ...]:
-        burning = [name for name, output in OUTPUTS.items() if output.burns]
+        burning = [name for name, output in OUTPUTS.items() if output.can_burn_in]
         for name in value:
             if name not in burning:
                 raise key_error(f"no text can be burned into '{name}'", nearest_hint(name, burning))
@@ -127,7 +127,7 @@ class OutputsTable(JobTable):
     @property
     def frame_suffixes(self) -> tuple[str, ...]:
         """The suffixes of the files that are written beside the EXR of each frame."""
-        return tuple(output.suffix for output in self.enabled_outputs if output.of == "frame")
+        return tuple(output.suffix for output in self.enabled_outputs if output.scope == "frame")
 
 
 def _display_view(keys: Mapping[str, Any], view: str | None, output: str = "") -> DisplayView:

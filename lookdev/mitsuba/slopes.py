@@ -5,7 +5,7 @@ The densities by which directions are drawn and paths selected and ended are not
     f(wi, x) L(wi) / pdf(wi)    has the derivative    df/dx L / pdf + f dL/dx / pdf,
 
 whose mean is the derivative of the integral, as no edge of the picture moves with an input. The derivatives of f, and
-of its diffuse part where that has other light, are outputs of the look's program (`lookdev.codegen.trace.slopes`). The
+of its diffuse part where that has other light, are outputs of the look's program (`codegen.trace.derivatives`). The
 loops are those of `lookdev.mitsuba.integrator`; its lists (`lookdev.mitsuba.dual`) have derivatives here.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.asset import read_asset
-from lookdev.codegen.program.look import slope_name
+from lookdev.codegen.program.look import derivative_name
 from lookdev.mitsuba.dual import Dual, product, where
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Estimator, Vertex
@@ -82,8 +82,8 @@ class LiveSurface(SurfacePoints):
         super().__init__(looks, *position)
         self._symbols, self._split = symbols, split
         if (evaluation := self._single) is not None:
-            outputs = [*(["diffuse"] * split), *(slope_name("diffuse", symbol) for symbol in symbols if split)]
-            outputs += [slope_name("value", symbol) for symbol in symbols]
+            outputs = [*(["diffuse"] * split), *(derivative_name("diffuse", symbol) for symbol in symbols if split)]
+            outputs += [derivative_name("value", symbol) for symbol in symbols]
             evaluation.prepare(*filter(evaluation.has, outputs))
 
     def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
@@ -123,7 +123,7 @@ class LiveSurface(SurfacePoints):
         return wi, self._call_programs(delta, active=self.active), group
 
     def _dual(self, evaluation: Evaluation, output: str, kind: Callable[..., Color3f], **inputs: Float) -> Dual:
-        names = [slope_name(output, symbol) for symbol in self._symbols]
+        names = [derivative_name(output, symbol) for symbol in self._symbols]
         zero = self.looks.mi.Color3f(0.0)
         slopes = [kind(*evaluation.values(name, **inputs)) if evaluation.has(name) else zero for name in names]
         return [kind(*evaluation.values(output, **inputs)), *slopes]

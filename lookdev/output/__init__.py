@@ -6,7 +6,7 @@ from pydantic import Field
 
 from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
 from lookdev.output.record import Output, write_picture
-from lookdev.output.sheet import write_overview, write_page
+from lookdev.output.sheet import write_contact_sheet, write_overview
 
 _COLUMNS = "Looks in a row of an overview; by default as many as fill a page of 16:10."
 _FPS = "Frames a second of movies; 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001."
@@ -20,13 +20,13 @@ _MOVIE: dict[str, Any] = {
     },
     "extra": ("movie", "av"),
 }
-_BURNS = {**_MOVIE, "burns": True}
+_REEL = {**_MOVIE, "can_burn_in": True}
 
 OUTPUTS: dict[str, Output] = {
     output.name: output
     for output in (
-        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True, burns=True),
-        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_page, True),
+        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True, can_burn_in=True),
+        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_contact_sheet, True),
         Output(
             "overview",
             "A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
@@ -35,10 +35,12 @@ OUTPUTS: dict[str, Output] = {
             write_overview,
             options={"overview_columns": (int | None, Field(default=None, ge=1, le=1000, description=_COLUMNS))},
         ),
-        Output("wedges", "A sheet for each [[wedge]], look and light.", "wedge", ".wedge.png", write_page, True),
-        Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_BURNS),
-        Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_BURNS),
-        Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_BURNS),
+        Output(
+            "wedges", "A sheet for each [[wedge]], look and light.", "wedge", ".wedge.png", write_contact_sheet, True
+        ),
+        Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_REEL),
+        Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_REEL),
+        Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_REEL),
         Output(
             "grid",
             "A movie of all looks side by side, in step, for each light and turntable, H.264.",

@@ -23,23 +23,22 @@ _DISC_GRID = 16  # subsamples of a pixel of the disc of confusion
 def environment_background(task: FrameTask) -> Floats:
     """Return the radiance behind the asset of a frame, (H, W, 3), linear Rec.709, exposure applied.
 
-    It has all domes, and the other lights that the camera sees. A lens blurs each point at infinity to a disc of the
-    same size everywhere in the picture: the image of the domes is convolved with this disc. Lights nearby are averaged
-    over rays through the whole lens.
+    It has all domes, and the other lights that the camera sees. A lens blurs every point at infinity to a disc of one
+    size, so the image of the domes is convolved with this disc. Lights nearby are averaged over rays through the lens.
     """
     scene = task.scene
-    far = world_domes(scene.lights)
-    near = [light for light in scene.lights if light.emission.camera and light not in far]
+    far_lights = world_domes(scene.lights)
+    near_lights = [light for light in scene.lights if light.emission.camera and light not in far_lights]
     disc = _disc_of_confusion(scene.camera, scene.resolution[0])
     edge = len(disc) // 2
-    total = _mean_radiance(task, far, edge=edge)
+    total = _mean_radiance(task, far_lights, edge=edge)
     if edge:
         from scipy.signal import oaconvolve  # not at the top: it takes half a second, and few jobs need it
 
         # Fourier transforms can round to negative values.
         total = np.maximum(oaconvolve(total, disc[..., None], mode="valid", axes=(0, 1)), 0.0)
-    if near:
-        total += _mean_radiance(task, near, lens=scene.camera.lens is not None)
+    if near_lights:
+        total += _mean_radiance(task, near_lights, lens=scene.camera.lens is not None)
     return to_rec709(total, scene.space) * math.pow(2.0, task.exposure)
 
 

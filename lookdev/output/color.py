@@ -60,14 +60,14 @@ class DisplayView:
 
     @property
     def digest(self) -> str:
-        """A digest of the operations of the transform, tables included, on which pictures in this view depend."""
+        """A digest of the transform: its operations and their tables, on which pictures in this view depend."""
         if self._is_shipped:
             return ", ".join((hashlib.sha256(FILE.read_bytes()).hexdigest(), self.display, self.view))
         return str(self.processor.getCacheID())
 
     @property
     def _is_shipped(self) -> bool:
-        """Whether the view is one of `VIEWS` in the config that ships; saves the import of OpenColorIO, 0.1 s."""
+        """Whether the view is one of `VIEWS` in the config that ships, for which OpenColorIO need not be imported."""
         return self == DisplayView(self.view) and self.view in VIEWS
 
     def check(self) -> None:
@@ -115,7 +115,7 @@ def _processor(view: DisplayView) -> ocio.Processor:
     config = _config(view.config)
     _require_name(view.config, "display", view.display, tuple(config.getDisplays()))
     _require_name(view.config, f"view of {view.display}", view.view, tuple(config.getViews(view.display)))
-    ends = (view.display, view.view, ocio.TRANSFORM_DIR_FORWARD)
+    display_arguments = (view.display, view.view, ocio.TRANSFORM_DIR_FORWARD)
     source = view.space or (SOURCE if view.config == SHIPPED else "")
     try:
         if view.space and config.getColorSpace(view.space) is None:
@@ -125,8 +125,8 @@ def _processor(view: DisplayView) -> ocio.Processor:
             with suppress(ocio.Exception, ocio.ExceptionMissingFile):
                 source = ocio.Config.IdentifyBuiltinColorSpace(config, base, SOURCE)
         if source:
-            return config.getProcessor(source, *ends)
-        return ocio.Config.GetProcessorFromConfigs(base, SOURCE, config, *ends)
+            return config.getProcessor(source, *display_arguments)
+        return ocio.Config.GetProcessorFromConfigs(base, SOURCE, config, *display_arguments)
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
         hint = "" if source else "; name its colour space of linear Rec.709 by 'ocio_space'"
         raise OutputError(f"{view.config}: cannot show '{view}': {_first_line(error)}{hint}") from error

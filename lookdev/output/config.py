@@ -35,11 +35,11 @@ WHITE = 64.0
 FILE = Path(__file__).with_name("data") / "lookdev.ocio"
 NAME = "lookdev"
 _SOURCE = OCIO_NAMES[REC709]
-_STANDARD_RANGE = ("sRGB - Display", "Display P3 - Display", "Rec.1886 Rec.709 - Display", "P3-D65 - Display")
-_BEYOND = 2.0  # above every hue and saturation: the curve leaves these two channels unchanged
+_STANDARD_RANGE_DISPLAYS = ("sRGB - Display", "Display P3 - Display", "Rec.1886 Rec.709 - Display", "P3-D65 - Display")
+_UNREACHED_KNEE = 2.0  # above every hue and saturation: the curve leaves these two channels unchanged
 
 
-def shoulder(knee: float = KNEE, white: float = WHITE) -> float:
+def shoulder_scale(knee: float = KNEE, white: float = WHITE) -> float:
     """Return a, the scale of the logarithm in the curve; ``0 < knee < 1 < white``."""
     from scipy.optimize import brentq  # not at the top: a render does not need it
 
@@ -65,24 +65,24 @@ def make_config() -> ocio.Config:
     # HSV would take the hue from a negative channel, which Rec.709 does not show.
     non_negative = ocio.RangeTransform(minInValue=0.0, minOutValue=0.0)
     at_most_one = ocio.RangeTransform(maxInValue=1.0, maxOutValue=1.0)
-    steps = [to_rec709, non_negative, hsv, _curve(), at_most_one, rgb, from_rec709, plain]
+    steps = [to_rec709, non_negative, hsv, _curve_transform(), at_most_one, rgb, from_rec709, plain]
     transform.setTransform(ocio.GroupTransform(steps), ocio.VIEWTRANSFORM_DIR_FROM_REFERENCE)
     config.addViewTransform(transform)
     config.addSharedView(NAME, NAME, "<USE_DISPLAY_NAME>")
     for display in config.getDisplays():
-        if display in _STANDARD_RANGE:
+        if display in _STANDARD_RANGE_DISPLAYS:
             config.addDisplaySharedView(display, NAME)
     config.setActiveViews(", ".join([NAME, *(f'"{view}"' for view in config.getActiveViews())]))
     config.validate()
     return config
 
 
-def _curve() -> ocio.LogCameraTransform:
+def _curve_transform() -> ocio.LogCameraTransform:
     """Return f on the third channel, V; on hue and saturation, its knee is a value that they never reach."""
     import PyOpenColorIO as ocio
 
-    a = shoulder()
-    knees = (_BEYOND, _BEYOND, KNEE)
+    a = shoulder_scale()
+    knees = (_UNREACHED_KNEE, _UNREACHED_KNEE, KNEE)
     return ocio.LogCameraTransform(
         base=math.e,
         linSideBreak=knees,

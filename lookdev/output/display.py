@@ -62,8 +62,8 @@ def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Flo
     return np.asarray(beauty, dtype=np.float32) + uncovered * np.asarray(background, dtype=np.float32)
 
 
-def laid_over(over: tuple[Floats32, Floats32], under: tuple[Floats32, Floats32]) -> tuple[Floats32, Floats32]:
-    """Return the light (H, W, 3) and the alpha (H, W) of one premultiplied picture over another."""
+def composite_layers(over: tuple[Floats32, Floats32], under: tuple[Floats32, Floats32]) -> tuple[Floats32, Floats32]:
+    """Return the light (H, W, 3) and the alpha (H, W) of one premultiplied picture over another one."""
     (light, alpha), (light_under, alpha_under) = over, under
     return composite(light, alpha, light_under), alpha + (1.0 - alpha) * alpha_under
 

@@ -2,7 +2,7 @@
 
 Header entries are string attributes named ``lookdev:<key>``. Numbers are strings, too, because OpenEXR's numbers of 32
 bits cannot store a 64-bit seed or an error estimate exactly. ``lookdev:checksum`` is a CRC-32 of all bytes of the file
-except its own 8 digits. To check it takes a twentieth of the time of decoding the pixels.
+except its own 8 digits. It is checked in a twentieth of the time that decoding the pixels takes.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space
 
 PREFIX = "lookdev:"
 
-LARGEST = 1 << 28
+MAX_PIXELS = 1 << 28
 """Largest number of pixels of a frame: 16384 x 16384."""
 
-_ROWS_OF_A_BLOCK = 16  # with ZIP_COMPRESSION
+_BLOCK_ROWS = 16  # with ZIP_COMPRESSION
 _CHECKSUM = (PREFIX + "checksum").encode()
 _NO_CHECKSUM = b"00000000"
-_STRIP = 1 << 20  # number of bytes to read at once
+_STRIP_BYTES = 1 << 20  # number of bytes to read at once
 _MAGIC = b"\x76\x2f\x31\x01"
-_HEAD = 1 << 14  # number of bytes within which a header usually ends
+_HEADER_BYTES = 1 << 14  # number of bytes within which a header usually ends
 
 Attributes = dict[bytes, tuple[bytes, int, bytes]]
 """By name: the type of a value, its offset in the file, and its bytes."""
@@ -97,7 +97,7 @@ def write_frame(
 def read_frame(path: Path) -> tuple[Floats32, Floats32]:
     """Return beauty (H, W, 3) and alpha (H, W) of a frame as written; raises OutputError where the file is damaged."""
     try:
-        with open_image(path, OutputError, LARGEST) as image:
+        with open_image(path, OutputError, MAX_PIXELS) as image:
             names = list(image.spec().channelnames)
             if not {*"RGBA"} <= set(names):
                 raise OutputError(f"{path}: has channels {', '.join(names[:20])}")
@@ -111,20 +111,20 @@ def read_frame(path: Path) -> tuple[Floats32, Floats32]:
     return np.ascontiguousarray(pixels[..., beauty]), np.ascontiguousarray(pixels[..., names.index("A")])
 
 
-def read_shown(path: Path) -> tuple[Floats32, Floats32]:
-    """Return beauty in linear Rec.709, the space that views and pages take, and alpha; otherwise as `read_frame`."""
+def read_rec709(path: Path) -> tuple[Floats32, Floats32]:
+    """Return what `read_frame` returns, with beauty in linear Rec.709, the space that views and pages take."""
     beauty, alpha = read_frame(path)
-    return shown_light(beauty, frame_space(path)), alpha
+    return light_in_rec709(beauty, frame_space(path)), alpha
 
 
-def shown_light(light: Floats32, space: Space) -> Floats32:
+def light_in_rec709(light: Floats32, space: Space) -> Floats32:
     """Return light (H, W, 3) of `space` in linear Rec.709."""
     return light if space == REC709 else to_rec709(light, space).astype(np.float32)
 
 
 def frame_space(path: Path) -> Space:
     """Return the colour space of a frame that `read_frame` has read; raises OutputError where it is not known."""
-    with open_image(path, OutputError, LARGEST) as image:
+    with open_image(path, OutputError, MAX_PIXELS) as image:
         name = image.spec().get_string_attribute(PREFIX + "space") or REC709
     if name not in OCIO_NAMES:
         raise OutputError(f"{path}: is in the space '{name}'; one of {', '.join(OCIO_NAMES)} would be right")
@@ -132,12 +132,12 @@ def frame_space(path: Path) -> Space:
 
 
 def read_layer(path: Path, name: str) -> Floats32 | None:
-    """Return a layer (H, W, 3) of a frame as `write_frame` got it; None where the frame has no layer of this name.
+    """Return a layer (H, W, 3) of a frame as it was given to `write_frame`, or None if the frame has no such layer.
 
     The checksum is not verified: `read_frame` must have read the file before. Raises OutputError where the layer cannot
     be read.
     """
-    with open_image(path, OutputError, LARGEST) as image:
+    with open_image(path, OutputError, MAX_PIXELS) as image:
         names = list(image.spec().channelnames)
         channels = [f"{name}.{channel}" for channel in "RGB"]
         if not {*channels} <= {*names}:
@@ -147,10 +147,10 @@ def read_layer(path: Path, name: str) -> Floats32 | None:
 
 
 def read_header(path: Path, *, check: bool = True) -> dict[str, str]:
-    """Return the header that `write_frame` got, as strings, without decoding pixels; empty for another program's EXR.
+    """Return the header that was given to `write_frame`, as strings; for another program's EXR, an empty one.
 
-    The key ``resolution`` is added: "width x height" in pixels. Raises OutputError where the header cannot be read, or
-    where `check` is set and the file was changed since it was written.
+    No pixels are decoded. The key ``resolution`` is added: "width x height" in pixels. Raises OutputError if the header
+    cannot be read, or if `check` is set and the file was changed since it was written.
     """
     try:
         if not path.is_file():
@@ -181,7 +181,7 @@ def _read_attributes(stream: BinaryIO) -> tuple[Attributes, int]:
 
     Source: "OpenEXR File Layout". Raises ValueError or struct.error where it is not an EXR or its header is cut off.
     """
-    size = _HEAD
+    size = _HEADER_BYTES
     while True:
         stream.seek(0)
         data = stream.read(size)
@@ -212,7 +212,7 @@ def _parse_attributes(data: bytes) -> tuple[Attributes, int]:
 
 def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
     """Return whether a file by `write_frame` has its last block of rows; `end` is the offset of the header's end."""
-    blocks = -(-height // _ROWS_OF_A_BLOCK)
+    blocks = -(-height // _BLOCK_ROWS)
     stream.seek(end)
     start = max(struct.unpack(f"<{blocks}Q", stream.read(8 * blocks)))
     stream.seek(start)
@@ -229,10 +229,10 @@ def _verify_checksum(path: Path, stream: BinaryIO, attributes: Attributes) -> No
 
 
 def _checksum(stream: BinaryIO, offset: int) -> bytes:
-    """Return the checksum of a file as 8 digits; it leaves out the digits of the stored checksum at `offset`."""
+    """Return the checksum of a file as 8 digits, without the digits of the stored checksum at `offset`."""
     stream.seek(0)
     checksum = zlib.crc32(stream.read(offset))
     stream.seek(len(_NO_CHECKSUM), os.SEEK_CUR)
-    while strip := stream.read(_STRIP):
+    while strip := stream.read(_STRIP_BYTES):
         checksum = zlib.crc32(strip, checksum)
     return b"%08x" % checksum

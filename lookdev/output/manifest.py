@@ -29,7 +29,7 @@ STATE_FOLDER = ".lookdev"
 """Folder inside the output for runs, claims, logs, ledgers and temporary files."""
 
 FileState = Literal["missing", "changed", "unlisted"]
-_LARGEST = 1 << 30  # bytes: 250000 frames of 2 KiB fit
+_MAX_BYTES = 1 << 30  # bytes: 250000 frames of 2 KiB fit
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Deviation:
     kind: str  # "frame", "picture" or "input"
 
     @property
-    def fails(self) -> bool:
+    def is_failure(self) -> bool:
         """Whether the deviation makes the manifest wrong."""
         return self.state != "unlisted"
 
@@ -64,7 +64,7 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> Path:
 
 
 def _lines(manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the text of a manifest with one line for each entry of a list; json with an indent is far slower."""
+    """Yield the text of a manifest, a line for each entry of a list; json with an indent is far slower."""
     yield "{"
     for number, (key, value) in enumerate(manifest.items()):
         yield f"{',' if number else ''}\n {json.dumps(key)}: "
@@ -82,7 +82,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """Return the manifest of an output folder; raises OutputError where it is missing or damaged."""
     path = folder / NAME
     try:
-        manifest = parse_json(read_text(path, _LARGEST), path)
+        manifest = parse_json(read_text(path, _MAX_BYTES), path)
     except TextError as error:
         raise OutputError(f"{error}; 'lookdev render' of the job writes the manifest of its output") from error
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT or not _is_complete(manifest):

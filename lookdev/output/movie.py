@@ -1,9 +1,9 @@
 """Movies of turntables by PyAV: H.264 for browsers and players, ProRes 4444 and VP9 with alpha.
 
 Pictures become Y'CbCr of BT.709, limited range (ITU-R BT.709-6, items 3.2 to 3.4), in float32 and rounded once. Where
-chroma is halved, it is sited as H.264 and VP9 assume it: on the left column, between two rows. There, a frame of an odd
-size is padded by its last column or row. Encoders run with a fixed number of threads, and containers have no time and
-no random number, so that the same frames give the same bytes.
+chroma is halved, it is sited as H.264 and VP9 assume: on the left column, between two rows. Then the last column or row
+of a frame of odd size is repeated. Encoders run with a fixed number of threads, and containers have no time and no
+random number, so that the same frames give the same bytes.
 """
 
 from __future__ import annotations
@@ -36,17 +36,17 @@ _PAGE_WIDTH = 1920  # pixels, about, of a page of looks in step
 class Codec:
     """Encoding of a movie by FFmpeg's names.
 
-    `bits` is the number of bits of a sample, `halved` whether chroma is halved in both directions.
+    `bits` are those of a sample. If it `halves_chroma`, chroma has half the resolution in both directions.
     """
 
     encoder: str
     container: str
     pixels: str
     bits: int
-    halved: bool
+    halves_chroma: bool
     alpha: bool
     options: Mapping[str, str] = field(default_factory=dict)
-    muxing: Mapping[str, str] = field(default_factory=dict)
+    container_options: Mapping[str, str] = field(default_factory=dict)
 
 
 _EXACT = {"fflags": "+bitexact"}
@@ -58,20 +58,20 @@ _VP9 = {"crf": "12", "b": "0", "auto-alt-ref": "0", "cpu-used": "2"}
 VP9 = Codec("libvpx-vp9", "webm", "yuva420p", 8, True, True, _VP9, _EXACT)
 
 
-def _write_reel(path: Path, frames: FrameSequence, codec: Codec) -> None:
-    """Write a turntable, with alpha where the codec has it, otherwise over its background."""
-    _write(path, frames, frames.codes(alpha=codec.alpha), codec)
+def _write_turntable(path: Path, frames: FrameSequence, codec: Codec) -> None:
+    """Write a turntable: with alpha if the codec has it, otherwise over its background."""
+    _write_pictures(path, frames, frames.codes(alpha=codec.alpha), codec)
 
 
-write_h264, write_prores, write_vp9 = (partial(_write_reel, codec=codec) for codec in (H264, PRORES, VP9))
+write_h264, write_prores, write_vp9 = (partial(_write_turntable, codec=codec) for codec in (H264, PRORES, VP9))
 
 
 def write_grid(path: Path, frames: FrameSequence) -> None:
     """Write all looks in step, side by side with their names, as H.264; the frames are in the order of time."""
-    _write(path, frames, _grid_pages(frames), H264)
+    _write_pictures(path, frames, _grid_pages(frames), H264)
 
 
-def _write(path: Path, frames: FrameSequence, pictures: Iterable[Floats32], codec: Codec) -> None:
+def _write_pictures(path: Path, frames: FrameSequence, pictures: Iterable[Floats32], codec: Codec) -> None:
     rate, options = frame_rate(frames.options["fps"]), frames.options
     write_movie(path, _movie_pictures(frames, pictures, round(options["slate"] * rate)), codec, rate)
 
@@ -118,7 +118,7 @@ def write_movie(path: Path, pictures: Iterable[Floats32], codec: Codec, rate: Fr
     try:
         with (
             atomic_path(path) as temporary,
-            av.open(str(temporary), "w", format=codec.container, options=dict(codec.muxing)) as container,
+            av.open(str(temporary), "w", format=codec.container, options=dict(codec.container_options)) as container,
         ):
             stream = None
             for number, picture in enumerate(pictures):
@@ -145,13 +145,13 @@ def write_movie(path: Path, pictures: Iterable[Floats32], codec: Codec, rate: Fr
 
 def to_planes(picture: Floats32, codec: Codec) -> list[Bytes | NDArray[np.uint16]]:
     """Return the planes Y', Cb, Cr, and alpha where the codec has it, from code values (H, W, 3 or 4) in [0, 1]."""
-    if codec.halved:
+    if codec.halves_chroma:
         height, width = picture.shape[:2]
         picture = np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
     red, green, blue = np.moveaxis(picture[..., :3], -1, 0)
     luma = np.float32(_KR) * red + np.float32(1.0 - _KR - _KB) * green + np.float32(_KB) * blue
     chroma = [(blue - luma) / np.float32(2.0 - 2.0 * _KB), (red - luma) / np.float32(2.0 - 2.0 * _KR)]
-    if codec.halved:
+    if codec.halves_chroma:
         chroma = [_halve_chroma(plane) for plane in chroma]
     unit = 2.0 ** (codec.bits - 8)
     planes = [(219.0 * luma + 16.0) * unit, *((224.0 * plane + 128.0) * unit for plane in chroma)]

@@ -28,11 +28,11 @@ class FrameSequence:
     options
         The ``view``, a `DisplayView`; ``burn_in``, whether frames have text; the values of the output's own keys.
     light
-        Function from one of the files to linear light over the background, (H, W, 3).
+        A function from one of the files to linear light over the background, (H, W, 3).
     layers
-        Function from one of the files to premultiplied light (H, W, 3) and alpha (H, W).
+        A function from one of the files to premultiplied light (H, W, 3) and alpha (H, W).
     columns
-        Number of frames in a row, where their contents decide it, as those of a wedge do.
+        Number of frames in a row, for frames that are a table, such as a wedge.
     """
 
     files: tuple[Path, ...]
@@ -46,8 +46,8 @@ class FrameSequence:
     def pictures(self, largest: int | None = None) -> Iterator[Bytes]:
         """Return each frame as display pixels in the view, (H, W, 3) uint8.
 
-        Blocks of pixels are averaged until the longer side is less than twice `largest`, so that a page of many frames
-        fits into memory.
+        Blocks of pixels are averaged, so that a page of many frames fits into memory: the longer side becomes less than
+        twice `largest`.
         """
         return map(quantise, self.codes(largest=largest))
 
@@ -73,7 +73,7 @@ class Output:
     ----------
     name, help
         The key of ``[outputs]`` that turns the output on, and a sentence about the file.
-    of
+    scope
         The frames that go into one file: "frame": a single frame; "turntable": the frames of a turntable; "looks": the
         first frame of each look under a light; "step": all frames of these looks in step, in the order of time;
         "wedge": the first frame of each cell of a wedge.
@@ -87,19 +87,19 @@ class Output:
         Further keys of ``[outputs]``, each with its type and its pydantic field; outputs may share a key.
     extra
         The extra of this package that the output needs, and the module whose presence shows that it is installed.
-    burns
+    can_burn_in
         Whether text can be burned into the frames.
     """
 
     name: str
     help: str
-    of: Literal["frame", "turntable", "looks", "step", "wedge"]
+    scope: Literal["frame", "turntable", "looks", "step", "wedge"]
     suffix: str
     write: Callable[[Path, FrameSequence], None]
     default: bool = False
     options: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     extra: tuple[str, str] | None = None
-    burns: bool = False
+    can_burn_in: bool = False
 
 
 def write_picture(path: Path, frames: FrameSequence) -> None:

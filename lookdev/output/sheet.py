@@ -16,22 +16,22 @@ from lookdev.output.display import to_display, write_pixels
 from lookdev.output.record import FrameSequence
 from lookdev.output.slate import write_text
 
-PAGE = 46  # sRGB code values: a dark neutral grey
-INK = 190
-TITLE_INK = 235
+PAGE_GREY = 46  # sRGB code values: a dark neutral grey
+LABEL_GREY = 190
+TITLE_GREY = 235
 PAGE_ASPECT = 1.6
 SRGB_GAMMA = 2.2  # close enough to the sRGB curve to average pixels
 
 SOURCE_SIZE = 512
-"""Longer side in pixels, about, to which larger frames are averaged down before they go on a sheet."""
+"""Approximate longer side in pixels to which larger frames are averaged before they go on a sheet."""
 
 OVERVIEW_CELLS = (128, 256)
-"""Smallest and largest cell in pixels: small frames are enlarged only as far as the names below them need."""
+"""Smallest and largest cell in pixels; smaller frames are enlarged, to make room for the names below them."""
 
 _LEGEND_WIDTH = 320  # pixels
 
 
-def write_page(path: Path, frames: FrameSequence) -> None:
+def write_contact_sheet(path: Path, frames: FrameSequence) -> None:
     """Write the contact sheet of a turntable or a wedge; errors are those of `write_sheet`."""
     write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
 
@@ -82,15 +82,15 @@ def sheet_page(
     rows = math.ceil(len(frames) / columns)
     margin, top = 2 * gap, 4 * gap + heading
     page_width = 2 * margin + columns * step_x - gap
-    page = np.full((top + rows * step_y + gap, page_width, 3), PAGE, dtype=np.uint8)
+    page = np.full((top + rows * step_y + gap, page_width, 3), PAGE_GREY, dtype=np.uint8)
 
     corners = [(margin + i % columns * step_x, top + i // columns * step_y) for i in range(len(frames))]
     for frame, (x, y) in zip(frames, corners, strict=True):
         page[y : y + height, x : x + width] = _thumbnail(frame, width, height)
     canvas = oiio.ImageBuf(page)
-    write_text(canvas, title, margin, 2 * gap + heading, heading, page_width - 2 * margin, TITLE_INK)
+    write_text(canvas, title, margin, 2 * gap + heading, heading, page_width - 2 * margin, TITLE_GREY)
     for label, (x, y) in zip(labels, corners, strict=True):
-        write_text(canvas, label, x, y + height + gap // 2 + text, text, width, INK)
+        write_text(canvas, label, x, y + height + gap // 2 + text, text, width, LABEL_GREY)
     return np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8)
 
 
@@ -104,15 +104,15 @@ def write_legend(
     height, width = picture.shape[:2]
     text, heading, gap = 14, 20, 8
     left, step, top = width + gap, text + gap, 2 * gap + heading
-    page = np.full((max(height, top + len(entries) * step + gap), width + _LEGEND_WIDTH, 3), PAGE, np.uint8)
+    page = np.full((max(height, top + len(entries) * step + gap), width + _LEGEND_WIDTH, 3), PAGE_GREY, np.uint8)
     page[:height, :width] = picture
     rows = [top + gap + number * step for number in range(len(entries))]
     for y, (_, color) in zip(rows, entries, strict=True):
         page[y : y + text, left : left + text] = to_display(np.full((1, 1, 3), color), view)
     canvas = oiio.ImageBuf(page)
-    write_text(canvas, title, left, top - gap // 2, heading, _LEGEND_WIDTH - 2 * gap, TITLE_INK)
+    write_text(canvas, title, left, top - gap // 2, heading, _LEGEND_WIDTH - 2 * gap, TITLE_GREY)
     for y, (name, _) in zip(rows, entries, strict=True):
-        write_text(canvas, name, left + step, y + text - 2, text, _LEGEND_WIDTH - 2 * gap - step, INK)
+        write_text(canvas, name, left + step, y + text - 2, text, _LEGEND_WIDTH - 2 * gap - step, LABEL_GREY)
     write_pixels(path, np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8))
 
 

@@ -1,7 +1,7 @@
 """Text on pictures: lines, a burn-in that identifies each frame, and a slate before a movie.
 
-All facts are from the headers of the frames. The date is the day of the render in UTC, so that a frame that is rendered
-again on the same day gives the same picture.
+All facts are from the headers of the frames. The date is the day of the render in UTC: a frame that is rendered again
+on the same day gives the same picture.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from lookdev.arrays import Floats32
 from lookdev.errors import OutputError, replace_controls
 from lookdev.output.exr import read_header
 
-_LINES = 30  # lines of text in the height of a frame: 16 pixels each at 480
-_SMALLEST = 8  # size of text in pixels
-_BAND = np.float32(0.35)  # factor of the picture behind text
+_LINES_PER_FRAME = 30  # lines of text in the height of a frame: 16 pixels each at 480
+_MIN_TEXT_SIZE = 8  # size of text in pixels
+_BAND_FACTOR = np.float32(0.35)  # factor of the picture behind text
 _INK = np.float32(0.92)
 _PAGE = np.float32(0.12)
 
-Fact = tuple[str, str]
+BandLine = tuple[str, str]
 
 FONT = "DroidSans"
 """A font that ships with OpenImageIO, under the Apache License 2.0."""
@@ -34,14 +34,14 @@ def text_width(text: str, size: int) -> int:
     return width
 
 
-def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
-    """Write one line of text, at most `room` pixels wide, in the grey `ink` (0 to 255); raises OutputError.
+def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, max_width: int, ink: int) -> None:
+    """Write one line of text, at most `max_width` pixels wide, in the grey `ink` (0 to 255); raises OutputError.
 
     Longer text is shortened in its middle, because names of looks often differ at their end.
     """
     text = replace_controls(text)
     line, count = text, len(text)
-    while line and oiio.ImageBufAlgo.text_size(line, size, FONT).width > room:
+    while line and oiio.ImageBufAlgo.text_size(line, size, FONT).width > max_width:
         count -= 1
         line = f"{text[: (count + 1) // 2]}…{text[len(text) - count // 2 :]}" if count > 0 else ""
     color = (ink / 255.0,) * 3
@@ -56,7 +56,7 @@ def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) 
     the coverage of the bands. Raises OutputError where the header cannot be read.
     """
     facts = frame_facts(read_header(file))
-    size = max(_SMALLEST, codes.shape[0] // _LINES)
+    size = max(_MIN_TEXT_SIZE, codes.shape[0] // _LINES_PER_FRAME)
     top = [(f"{facts['job']} / {title}", number)]
     bottom = [
         (f"{facts['samples']} samples, relMSE {facts['error']}", facts["resolution"]),
@@ -70,9 +70,9 @@ def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) 
             continue  # the frame is too small for the band
         ink = _text_coverage([*lines], codes.shape[1], size)[..., None]
         band = burned[start:stop]
-        band[..., :3] = band[..., :3] * _BAND * (1.0 - ink) + _INK * ink
+        band[..., :3] = band[..., :3] * _BAND_FACTOR * (1.0 - ink) + _INK * ink
         if codes.shape[2] == 4:
-            band[..., 3:] = np.maximum(np.maximum(band[..., 3:], 1.0 - _BAND), ink)
+            band[..., 3:] = np.maximum(np.maximum(band[..., 3:], 1.0 - _BAND_FACTOR), ink)
     return burned
 
 
@@ -102,7 +102,7 @@ def draw_slate(
         ("view", str(view)),
     ]
     height, width = size
-    text = max(_SMALLEST, height // _LINES * 5 // 4)
+    text = max(_MIN_TEXT_SIZE, height // _LINES_PER_FRAME * 5 // 4)
     page = np.full((height, width, 3), _PAGE, np.float32)
     canvas = oiio.ImageBuf(page)
     left, column = text, 6 * text
@@ -128,11 +128,11 @@ def frame_facts(header: Mapping[str, str]) -> dict[str, str]:
     }
 
 
-def _band_height(lines: Sequence[Fact], size: int) -> int:
+def _band_height(lines: Sequence[BandLine], size: int) -> int:
     return (len(lines) * 5 * size) // 4 + size // 2
 
 
-def _text_coverage(lines: Sequence[Fact], width: int, size: int) -> Floats32:
+def _text_coverage(lines: Sequence[BandLine], width: int, size: int) -> Floats32:
     """Return the coverage by lines of text, (H, W); a line has a text at its left and one at its right."""
     canvas = oiio.ImageBuf(np.zeros((_band_height(lines, size), width, 3), np.float32))
     margin = size // 2

@@ -12,7 +12,7 @@ from lookdev.arrays import Floats
 from lookdev.brdf import Bsdf, evaluate
 from lookdev.brdf.angles import half_difference, spherical_direction
 from lookdev.brdf.fresnel import schlick_weight
-from lookdev.codegen.program.arrays import PART, run_in_parts
+from lookdev.codegen.program.arrays import PART_SIZE, run_in_parts
 from lookdev.errors import LookdevError
 from lookdev.plotting.figure import (
     Plot,
@@ -227,7 +227,7 @@ def evaluate_f(subject: PlotSubject, wo: Floats, wi: Floats, cosine: bool) -> Fl
 def _evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     """Return exactly the values of `evaluate`: in parts that stay in a processor's cache, on all of its cores."""
     count = wo.size // 3
-    if count <= PART:
+    if count <= PART_SIZE:
         return np.asarray(evaluate(bsdf, wo, wi))
     f, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
 

@@ -128,6 +128,6 @@ def manifest_text(folder: Path, manifest: Mapping[str, Any], problems: Iterable[
         return lines[0]
     listed = list(problems)
     lines += map(str, listed)
-    wrong = sum(deviation.fails for deviation in listed)
+    wrong = sum(deviation.is_failure for deviation in listed)
     lines.append(f"{wrong} files are not as they are listed" if wrong else "all files are as they are listed")
     return "\n".join(lines)

@@ -18,8 +18,8 @@ from pathlib import Path
 from lookdev.arrays import Floats32, Reals
 from lookdev.cache import file_digest, link_or_copy
 from lookdev.job import JobOutputs
-from lookdev.output.display import composite, laid_over
-from lookdev.output.exr import read_shown, shown_light
+from lookdev.output.display import composite, composite_layers
+from lookdev.output.exr import light_in_rec709, read_rec709
 from lookdev.output.frame_name import FrameName
 from lookdev.output.record import FrameSequence, Output
 from lookdev.plan import Plan, Reel
@@ -69,7 +69,9 @@ class PictureWriter:
         self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
         for output in outputs.enabled_outputs:
             for file in _files(plan, output):
-                (self._files_of_frame[next(iter(file.frames))] if output.of == "frame" else self._sheets).append(file)
+                (self._files_of_frame[next(iter(file.frames))] if output.scope == "frame" else self._sheets).append(
+                    file
+                )
 
     def refresh(self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
         """Make the files of a single frame that are missing or out of date, if the props over it are `done`.
@@ -113,10 +115,10 @@ class PictureWriter:
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
             props = self._plan.charts.get(frame)
             if pixels is None:
-                layer = read_shown(frame)
+                layer = read_rec709(frame)
             else:
-                layer = shown_light(pixels[0], file.frames[frame].scene.space), pixels[1]
-            return layer if props is None else laid_over(read_shown(props), layer)
+                layer = light_in_rec709(pixels[0], file.frames[frame].scene.space), pixels[1]
+            return layer if props is None else composite_layers(read_rec709(props), layer)
 
         def light(frame: Path) -> Floats32:
             return composite(*layers(frame), self._background_light(file.frames[frame]))
@@ -170,15 +172,15 @@ def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
             output, tuple(paths), " / ".join(title), {path: tasks[path] for path in frames}, tuple(labels)
         )
 
-    if output.of == "frame":
+    if output.scope == "frame":
         for files in (planned.task.files for planned in plan.frames):
             title = str(FrameName.of(files[0])).split("/")
             yield file((path.with_suffix(output.suffix) for path in files), title, files[:1], [_digits(files[0])])
-    elif output.of == "turntable":
+    elif output.scope == "turntable":
         for reel in plan.reels:
             path = reel.files[0].with_name(reel.turntable + output.suffix)
             yield file([path], (reel.look, reel.ibl, reel.turntable), reel.files, map(_digits, reel.files))
-    elif output.of == "wedge":
+    elif output.scope == "wedge":
         reels_of = {(reel.look, reel.ibl, reel.turntable): reel for reel in plan.reels}
         for sheet, turntable in product(plan.sheets, dict.fromkeys(reel.turntable for reel in plan.reels)):
             cells = [reels_of[look, rig, turntable].files[0] for look, rig in sheet.cells]
@@ -191,7 +193,7 @@ def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
         for (ibl, turntable), reels in sides.items():
             path = plan.output / ibl / (turntable + output.suffix)
             all_steps = zip(*(reel.files for reel in reels), strict=True)
-            steps = all_steps if output.of == "step" else islice(all_steps, 1)
+            steps = all_steps if output.scope == "step" else islice(all_steps, 1)
             yield file([path], (ibl, turntable), chain.from_iterable(steps), (reel.look for reel in reels))
 
 

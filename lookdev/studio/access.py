@@ -18,10 +18,10 @@ from lookdev.errors import shorten
 
 log = logging.getLogger("lookdev.studio")
 
-LONGEST_BODY = 1 << 16
-"""Largest body of a request, in bytes; uploads have a limit of their own."""
+MAX_BODY_BYTES = 1 << 16
+"""Largest body of a request, in bytes; uploads have other limits."""
 
-_HEADERS = {
+_SECURITY_HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "cross-origin-opener-policy": "same-origin",
@@ -79,8 +79,8 @@ class RequestGuard:
             nonlocal size
             message = await receive()
             size += len(message.get("body", b""))
-            if size > LONGEST_BODY:
-                log.warning("refused %s: a body of more than %d bytes", shorten(scope["path"], 80), LONGEST_BODY)
+            if size > MAX_BODY_BYTES:
+                log.warning("refused %s: a body of more than %d bytes", shorten(scope["path"], 80), MAX_BODY_BYTES)
                 return {"type": "http.disconnect"}
             return message
 
@@ -91,7 +91,7 @@ def _add_headers(send: Send) -> Send:
     async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
             present = {name.lower() for name, _ in message.get("headers", [])}
-            extra = [(k.encode(), v.encode()) for k, v in _HEADERS.items() if k.encode() not in present]
+            extra = [(k.encode(), v.encode()) for k, v in _SECURITY_HEADERS.items() if k.encode() not in present]
             message = {**message, "headers": [*message.get("headers", []), *extra]}
         await send(message)
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from lookdev.arrays import Elements
 
-_LARGEST = float(np.finfo(np.float32).max)
+_FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
-def packet(header: Mapping[str, object], arrays: Mapping[str, Elements]) -> bytes:
+def encode_packet(header: Mapping[str, object], arrays: Mapping[str, Elements]) -> bytes:
     """Return a message of a header and arrays, little-endian.
 
     The message is the length of the header as uint32, the header, padded to 4 bytes, and the arrays. ``arrays`` in the
@@ -26,6 +26,6 @@ def packet(header: Mapping[str, object], arrays: Mapping[str, Elements]) -> byte
         with np.errstate(over="ignore"):
             array = np.ascontiguousarray(values, "<f4")
         if not np.isfinite(array).all():
-            array = np.clip(array, -_LARGEST, _LARGEST).astype("<f4")
+            array = np.clip(array, -_FLOAT32_MAX, _FLOAT32_MAX).astype("<f4")
         parts.append(array.data)
     return b"".join(parts)

@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 import tempfile
-from collections.abc import AsyncIterable, Iterator, Sequence
+from collections.abc import AsyncIterable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
@@ -14,13 +14,18 @@ from lookdev.brdf.measured.files import read_grid
 from lookdev.errors import LookdevError, ModelError, shorten
 
 UPLOADS = "uploads"
-LARGEST_UPLOAD = 64 << 20
+MAX_UPLOAD_BYTES = 64 << 20
 """Largest size of an upload, in bytes; a MERL binary has 33 MiB."""
-MOST_UPLOADED = 512 << 20
+MAX_UPLOADS_BYTES = 512 << 20
 """Largest size of all uploads together, in bytes."""
 
 _UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
-_MOST_LISTED = 500
+_MAX_LISTED = 500
+
+
+def is_below(file: Path, folders: Iterable[Path]) -> bool:
+    """Return whether a file, its links resolved, is in one of the folders or below it."""
+    return any(file.resolve().is_relative_to(folder.resolve()) for folder in folders)
 
 
 @dataclass
@@ -63,21 +68,21 @@ class Roots:
         root = self.paths[parts[0]]
         file = root.joinpath(*parts[1:])
         try:
-            inside = file.resolve().is_relative_to(root.resolve())
+            inside = is_below(file, [root])
         except (OSError, RuntimeError):
             inside = False
         if not inside or ".." in parts:
             raise error
         return file
 
-    def path_words(self, words: str) -> str:
-        """Return the words of a surface for a command line: names of files become paths."""
+    def replace_names(self, text: str) -> str:
+        """Return the text of a surface for a command line: names of files become paths."""
         for name in sorted(self.paths, key=len, reverse=True):
-            words = re.sub(rf"(^|[=]){re.escape(name)}(?=$|[/:@#,])", lambda m: f"{m[1]}{self.paths[name]}", words)  # noqa: B023
-        return words
+            text = re.sub(rf"(^|[=]){re.escape(name)}(?=$|[/:@#,])", lambda m: f"{m[1]}{self.paths[name]}", text)  # noqa: B023
+        return text
 
     def list_files(self, suffixes: Sequence[str]) -> Iterator[str]:
-        """Yield the names of single files, and of files in folders by `suffixes`, up to `_MOST_LISTED` of a folder."""
+        """Yield the names of single files, and of files in folders by `suffixes`, up to `_MAX_LISTED` of a folder."""
         for name, root in self.paths.items():
             if root.is_file():
                 yield name
@@ -86,7 +91,7 @@ class Roots:
             for folder, folders, files in os.walk(root):
                 folders[:] = sorted(subfolder for subfolder in folders if not subfolder.startswith("."))
                 for file in sorted(files):
-                    if file.lower().endswith(tuple(suffixes)) and not file.startswith(".") and count < _MOST_LISTED:
+                    if file.lower().endswith(tuple(suffixes)) and not file.startswith(".") and count < _MAX_LISTED:
                         count += 1
                         yield str(PurePosixPath(name, Path(folder, file).relative_to(root).as_posix()))
 
@@ -101,16 +106,18 @@ class Roots:
             try:
                 async for chunk in chunks:
                     size += len(chunk)
-                    if size > LARGEST_UPLOAD:
+                    if size > MAX_UPLOAD_BYTES:
                         raise LookdevError(
-                            f"more than {LARGEST_UPLOAD >> 20} MiB; a measurement of less would be right"
+                            f"more than {MAX_UPLOAD_BYTES >> 20} MiB; a measurement of less would be right"
                         )
-                    if self._size + size > MOST_UPLOADED:
-                        raise LookdevError(f"uploads have {MOST_UPLOADED >> 20} MiB together; start the server again")
+                    if self._size + size > MAX_UPLOADS_BYTES:
+                        raise LookdevError(
+                            f"uploads have {MAX_UPLOADS_BYTES >> 20} MiB together; start the server again"
+                        )
                     digest.update(chunk)
                     stream.write(chunk)
                 stream.flush()
-                self._check(temporary, name)
+                self._check_measured(temporary, name)
                 plain = _UNSAFE.sub("_", PurePosixPath(name).name)[-60:] or "upload"
                 stored_name = f"{digest.hexdigest()[:8]}-{plain}"
                 if not (self.uploads / stored_name).exists():
@@ -122,7 +129,7 @@ class Roots:
         return f"{UPLOADS}/{stored_name}"
 
     @staticmethod
-    def _check(file: Path, name: str) -> None:
+    def _check_measured(file: Path, name: str) -> None:
         try:
             read_grid(file)
         except ModelError as error:

@@ -23,10 +23,10 @@ from lookdev.studio.access import RequestGuard, authorities
 PORT = 8421
 """The default port, if it is free."""
 
-LONGEST_MESSAGE = 1 << 16
+MAX_MESSAGE_BYTES = 1 << 16
 """Largest message over a websocket, in bytes; a longer one closes the websocket with code 1009."""
 
-_GRACE = 1  # seconds that open connections have to close at the end
+_CLOSE_SECONDS = 1  # seconds that open connections have to close at the end
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _LOCAL = ("127.0.0.1", "localhost", "::1")
 
@@ -42,7 +42,7 @@ class BoundSocket:
     is_requested_port: bool
 
 
-def bind(address: Address) -> BoundSocket:
+def bind_address(address: Address) -> BoundSocket:
     """Listen at an address; if it has no port and the default port is taken, listen at a free port.
 
     Raises LookdevError if the address is not one of this machine, or its port is taken.
@@ -64,13 +64,8 @@ def bind(address: Address) -> BoundSocket:
     port = listener.getsockname()[1]
     names = (*_LOCAL, *address.names) if _is_local(address.host) else (address.host, *_LOCAL, *address.names)
     display_host = f"[{address.host}]" if ":" in address.host else address.host
-    return BoundSocket(
-        listener,
-        f"http://{display_host}:{port}/",
-        authorities(names, port),
-        requested_port,
-        requested_port in (port, 0),
-    )
+    url, allowed = f"http://{display_host}:{port}/", authorities(names, port)
+    return BoundSocket(listener, url, allowed, requested_port, requested_port in (port, 0))
 
 
 def _listen(host: str, port: int) -> socket.socket:
@@ -94,18 +89,13 @@ def _is_local(host: str) -> bool:
 
 
 def serve_page(
-    app: Callable[[], ASGIApp],
-    address: Address,
-    uploads: Sequence[str],
-    *,
-    browser: bool,
-    say: Callable[[str], None],
+    app: Callable[[], ASGIApp], address: Address, uploads: Sequence[str], *, browser: bool, say: Callable[[str], None]
 ) -> None:
     """Serve an application at an address as `serve` does; `say` receives the URL, which a `browser` opens.
 
-    `app` makes the application, after the server has begun to listen. Raises what `bind` raises.
+    `app` makes the application, after the server has begun to listen. Raises what `bind_address` raises.
     """
-    bound = bind(address)
+    bound = bind_address(address)
     if not bound.is_requested_port:
         say(f"port {bound.requested_port} is taken by another program, so this is another one:")
 
@@ -120,7 +110,7 @@ def serve_page(
 class _Server(uvicorn.Server):
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Do not handle signals, since `serve` does: uvicorn would raise them again at the end."""
+        """Leave signals to `serve`: uvicorn would raise them again at the end."""
         yield
 
 
@@ -139,9 +129,9 @@ def serve(
         date_header=False,
         lifespan="on",
         ws="websockets-sansio",
-        ws_max_size=LONGEST_MESSAGE,
+        ws_max_size=MAX_MESSAGE_BYTES,
         ws_per_message_deflate=False,
-        timeout_graceful_shutdown=_GRACE,
+        timeout_graceful_shutdown=_CLOSE_SECONDS,
         timeout_keep_alive=30,
     )
     server = _Server(config)
@@ -151,7 +141,7 @@ def serve(
         loop = asyncio.get_running_loop()
         in_main_thread = threading.current_thread() is threading.main_thread()
         for signal_number in _SIGNALS if in_main_thread else ():
-            loop.add_signal_handler(signal_number, _request_exit, server)
+            loop.add_signal_handler(signal_number, setattr, server, "should_exit", True)
         try:
             while not server.started and not serving.done():
                 await asyncio.sleep(0.01)
@@ -163,10 +153,6 @@ def serve(
                 loop.remove_signal_handler(signal_number)
 
     asyncio.run(run())
-
-
-def _request_exit(server: uvicorn.Server) -> None:
-    server.should_exit = True
 
 
 def open_browser(url: str) -> None:

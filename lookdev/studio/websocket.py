@@ -33,7 +33,7 @@ class Ticket:
     cancelled: threading.Event = field(default_factory=threading.Event)
 
     def check(self) -> None:
-        """Raise Cancelled if the ticket is cancelled."""
+        """Raise ComputationCancelled if the page has cancelled the computation."""
         if self.cancelled.is_set():
             raise ComputationCancelled("cancelled")
 

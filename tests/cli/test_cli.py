@@ -143,7 +143,7 @@ def test_a_closed_pipe_ends_quietly():
 @pytest.mark.parametrize(("good", "code"), [(True, 0), (False, 1)])
 def test_doctor(run_cli, monkeypatch, good, code):
     findings = [DoctorFinding("Python", "3.11", good=True), DoctorFinding("bpy (Blender)", "4.5", good=good)]
-    monkeypatch.setattr("lookdev.inspect.doctor.examine", lambda: iter(findings))
+    monkeypatch.setattr("lookdev.inspect.doctor.examine_machine", lambda: iter(findings))
     exit_code, output, _ = run_cli("doctor")
     assert exit_code == code
     assert "bpy (Blender)  4.5" in output

@@ -5,17 +5,17 @@ from typing import Any
 
 import pytest
 
-from lookdev.export import Exported
+from lookdev.export import ExportResult
 
 
 @pytest.mark.parametrize(("options", "pack"), [((), False), (("--pack",), True)])
 def test_options_reach_the_export(options, pack, run_cli, monkeypatch, tmp_path):
     arguments: dict[str, Any] = {}
 
-    def export_blend(job: Path, out: Path, **options: Any) -> Exported:
+    def export_blend(job: Path, out: Path, **options: Any) -> ExportResult:
         arguments.update(job=job, out=out, **options)
         out.write_bytes(b"B")
-        return Exported((out,), f"{out}: written", ("no view like that",))
+        return ExportResult((out,), f"{out}: written", ("no view like that",))
 
     monkeypatch.setattr("lookdev.export.blend.export_blend", export_blend)
     out = tmp_path / "look.blend"

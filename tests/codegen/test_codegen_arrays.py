@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import CONTINUOUS, Model, StackLayer, evaluate, stack_bsdf
-from lookdev.codegen.program.arrays import PART, compile_layers
+from lookdev.codegen.program.arrays import PART_SIZE, compile_layers
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import symbol, symbols
 
@@ -20,7 +20,7 @@ def directions(count: int, seed: int) -> Any:
 
 
 @pytest.mark.parametrize("model", CONTINUOUS.values(), ids=CONTINUOUS)
-@pytest.mark.parametrize("count", [7, PART + 3])
+@pytest.mark.parametrize("count", [7, PART_SIZE + 3])
 def test_a_program_has_the_values_of_its_model(model: Model, count: int) -> None:
     """One parameter is a symbol, which gets two values; results are equal to rounding."""
     numbers = (

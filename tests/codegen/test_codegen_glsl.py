@@ -15,9 +15,9 @@ from lookdev.brdf import CONTINUOUS, sample
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import NumberTable
 from lookdev.checks.evaluate import Batch, evaluate_numpy, parse_batches, point_table
-from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH, function_text
+from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH, function_lines
 from lookdev.codegen.points import PointLayer, point_bsdf, point_columns
-from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.program.writer import ProgramWriter
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -77,8 +77,8 @@ def point_functions(layers: Sequence[PointLayer]) -> Functions:
     direction = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
     for name, result in {"f": value, "pdf": pdf, "wi": direction}.items():
         writer.add(name, elements_of(result))
-    evaluate = function_text(writer, "look_evaluate(out vec3 f, out float pdf)")
-    draw = function_text(writer, "look_draw(out vec3 wi)")
+    evaluate = function_lines(writer, "look_evaluate(out vec3 f, out float pdf)")
+    draw = function_lines(writer, "look_draw(out vec3 wi)")
     transmits = any(lobe.transmits or lobe.crosses_surface for lobe in lobes)
     text = "\n".join([*evaluate, *draw]) + "\n"
     return Functions(text, frozenset(writer.symbols), tuple(writer.tables), bsdf.two_sided, transmits)

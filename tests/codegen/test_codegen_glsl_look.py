@@ -12,7 +12,7 @@ from webgl import POINTS, Floats, Picture, draw_pictures, read_columns
 
 from lookdev.brdf import MODELS, evaluate_cosine, pdf
 from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH
-from lookdev.codegen.glsl.look import LOOK_UPS, LookFunctions, look_functions
+from lookdev.codegen.glsl.look import TEXTURE_FUNCTIONS, LookFunctions, look_functions
 from lookdev.codegen.program.look import live_name
 from lookdev.material import Layer, Look, Primvar
 from lookdev.material.points import ImagePoints
@@ -87,7 +87,7 @@ def picture(functions: LookFunctions, table: Floats, numbers: Mapping[str, Any],
         for tile, file in look_up.files.items():
             textures[f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"] = _rgba(file.path)
     fragment = MAIN.format(
-        head=POINTS, prelude=PRELUDE, look_ups=LOOK_UPS, look=functions.text,
+        head=POINTS, prelude=PRELUDE, look_ups=TEXTURE_FUNCTIONS, look=functions.text,
         read=read_columns(columns, table.shape[1]), main=f"hand = {'handed' if 'handed' in columns else '1.0'}; {main}",
     )  # fmt: skip
     return Picture(fragment, table, textures, numbers)

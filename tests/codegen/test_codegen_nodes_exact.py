@@ -221,7 +221,7 @@ def test_the_frame_faces_the_viewer(mirrored: bool, directed: bool) -> None:
                 return {"Vector": axes @ np.float32(vector) if isinstance(vector, tuple) else transformed[kind]}
         return None
 
-    outputs = Interpreter((frame_tree(directed=directed, leaning=True),), answer).run("Lookdev Frame")
+    outputs = Interpreter((frame_tree(reads_tangent=directed, bends_normals=True),), answer).run("Lookdev Frame")
     n, t, b, wo = (np.asarray(outputs[name], np.float64) for name in ("Normal", "Tangent", "Bitangent", "Viewer"))
     side = np.where(np.sum(normal * facet, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     lean = np.sum(side * normal * viewer, axis=-1)

@@ -14,7 +14,7 @@ from lookdev.brdf.pixar.partition import REFLECTED_LOBES, TRANSMITTED_LOBES
 from lookdev.cache import Content
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
-from lookdev.codegen.osl.points import generate_points
+from lookdev.codegen.osl.points import generate_point_shader
 from lookdev.codegen.points import PointLayer
 from lookdev.codegen.source import HANDEDNESS, ShaderSource, short_name
 from lookdev.codegen.templates import expand_template
@@ -67,14 +67,14 @@ def test_a_plain_look_has_no_clearcoat_and_no_sheen() -> None:
 
 
 def test_a_diffuse_lobe_alone_has_nothing_of_the_others() -> None:
-    code = generated(generate_points([DISNEY], ("diffuse",)))
+    code = generated(generate_point_shader([DISNEY], ("diffuse",)))
     code = "\n".join(
         line for line in code.splitlines() if "cell[" not in line and not re.match(r" +float layer0_\w+ = 0;", line)
     )
     inputs = ("layer0_clearcoat", "layer0_specular", "layer0_anisotropic")
     for word in (*inputs, "specular\n", "clearcoat\n", "log(", "expm1("):
         assert word not in code, word
-    everything = generated(generate_points([DISNEY]))
+    everything = generated(generate_point_shader([DISNEY]))
     for word in ("layer0_clearcoat", "layer0_anisotropic", "log("):
         assert word in everything, word
 
@@ -247,7 +247,7 @@ def test_no_literal_is_nan_or_infinite(textures: dict[str, Texture], bounces: in
     ):
         assert not re.search(r"\b(nan|inf)\b", surface(*layers, bounces=bounces).osl)
     for layers in ([DISNEY], [PIXAR], [PIXAR, replace(PIXAR, mode="transmit"), DISNEY]):
-        assert not re.search(r"\b(nan|inf)\b", generate_points(layers).osl)
+        assert not re.search(r"\b(nan|inf)\b", generate_point_shader(layers).osl)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
@@ -336,7 +336,7 @@ def test_an_opaque_surface_that_leans_is_lit_from_the_front() -> None:
     # Points are evaluated on both sides, where the lobes are not 0.
     opaque_points = {"clear": 0.0, "back": 0.0, "diffuseNormal": (0.0, 0.0, 1.0)}
     for normal, transmits in (((0.0, 0.0, 1.0), 0), ((0.3, 0.0, 1.0), 1)):
-        points = generate_points([replace(PIXAR, constants=opaque_points | {"highlightNormal": normal})])
+        points = generate_point_shader([replace(PIXAR, constants=opaque_points | {"highlightNormal": normal})])
         assert f"#define TRANSMITS {transmits}\n" in points.osl
 
 
@@ -371,9 +371,9 @@ def test_the_digest_names_what_a_missing_primvar_is() -> None:
 
 
 def test_the_digest_of_points_is_that_of_their_text() -> None:
-    source = generate_points([DISNEY])
+    source = generate_point_shader([DISNEY])
     assert source.digest == hashlib.sha256(source.osl.encode()).hexdigest()
-    assert source.digest != generate_points([replace(DISNEY, tokens={"variant": "2012"})]).digest
+    assert source.digest != generate_point_shader([replace(DISNEY, tokens={"variant": "2012"})]).digest
 
 
 def test_names_that_have_a_meaning_in_cycles_or_here_are_not_kept():
@@ -388,6 +388,6 @@ def test_the_diffuse_part_is_summed_by_itself_on_request() -> None:
     traced = trace_lobes(graph, lobes)
     assert [lobe.name for lobe in traced.lobes if lobe.is_diffuse] == ["diffuse"]
     assert "f_diffuse" not in "\n".join(emit_brdf(traced).evaluate)
-    split = emit_brdf(traced, by_group=True).evaluate
+    split = emit_brdf(traced, splits_diffuse=True).evaluate
     assert sum("f_diffuse += own_f;" in line for line in split) == 1
     assert sum("f += own_f;" in line or "f += color(" in line for line in split) == len(lobes)

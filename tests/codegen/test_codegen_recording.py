@@ -2,7 +2,7 @@
 
 import pytest
 
-from lookdev.codegen.osl.surface import _without_recording, generate_surface
+from lookdev.codegen.osl.surface import _remove_recording, generate_surface
 from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import LOBE_GROUPS, ShaderSource
 from lookdev.light import Light, load_environment, prepare_light
@@ -22,7 +22,7 @@ def surface(lights: tuple[Light, ...], *passes: str) -> ShaderSource:
 
 
 def test_conditions_of_other_names_stay() -> None:
-    assert _without_recording(TEXT.replace("|", "\n")) == "a\ne\n#if X\nf\n#endif\n#if X\ng\n#endif\n"
+    assert _remove_recording(TEXT.replace("|", "\n")) == "a\ne\n#if X\nf\n#endif\n#if X\ng\n#endif\n"
 
 
 @pytest.mark.parametrize("rig", [False, True], ids=["dome", "rig"])

@@ -8,10 +8,10 @@ from random_parameters import VARIANTS, directions, near_the_mirror_image, rando
 from test_codegen_symbolic import compute
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
-from lookdev.codegen.program.look import generate_program, slope_name
+from lookdev.codegen.program.look import derivative_name, generate_program
 from lookdev.codegen.source import ProgramSource
+from lookdev.codegen.trace.derivatives import derivatives
 from lookdev.codegen.trace.graph import OPERATIONS, Graph
-from lookdev.codegen.trace.slopes import slopes
 from lookdev.errors import CodegenError, ModelError
 from lookdev.material import Layer, Look
 from lookdev.material.change import constant_named, is_live, look_with_live_inputs
@@ -89,7 +89,7 @@ def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]
     outputs, checked = run(source, symbols), 0
     for name, binding in bindings.items():
         for channel, symbol in enumerate(binding.symbols):
-            derivatives = outputs[slope_name("value", symbol)]
+            derivatives = outputs[derivative_name("value", symbol)]
             assert np.isfinite(derivatives).all()
             size = max(abs(float(np.atleast_1d(numbers[name])[channel])), 1.0)
             # Richardson's extrapolation: the error of the difference is of the fourth order, 1e-20, and its rounding
@@ -116,7 +116,7 @@ def test_each_operation_has_its_derivative(op: str) -> None:
     root = graph.apply(op, *arguments)
     x, y, h = 0.7, 0.4, 1e-6
     for name, (dx, dy) in {"a": (h, 0.0), "b": (0.0, h)}.items():
-        (slope,) = slopes(graph, [root], name)
+        (slope,) = derivatives(graph, [root], name)
         slope_value = compute(slope, {"a": x, "b": y}, {})
         above, below = (compute(root, {"a": x + k * dx, "b": y + k * dy}, {}) for k in (1.0, -1.0))
         assert float(slope_value) == pytest.approx((float(above) - float(below)) / (2.0 * h), abs=1e-8)
@@ -125,7 +125,7 @@ def test_each_operation_has_its_derivative(op: str) -> None:
 def test_an_angle_has_no_derivative_at_the_origin_but_0() -> None:
     graph = Graph()
     a, b = graph.symbol("a"), graph.symbol("b")
-    (slope,) = slopes(graph, [graph.apply("arctan2", a, b)], "a")
+    (slope,) = derivatives(graph, [graph.apply("arctan2", a, b)], "a")
     with np.errstate(invalid="ignore"):  # of the branch that is not taken
         assert compute(slope, {"a": 0.0, "b": 0.0}, {}) == 0.0
 
@@ -133,7 +133,7 @@ def test_an_angle_has_no_derivative_at_the_origin_but_0() -> None:
 def test_a_direction_that_turns_is_refused() -> None:
     look = Look("lens", (Layer("Lens", "glass", {"eta": 1.5}),))
     live = look_with_live_inputs(look, {"eta": constant_named(look, "eta")})
-    with pytest.raises(CodegenError, match="a single direction turns"):
+    with pytest.raises(CodegenError, match="changes the direction of a delta lobe"):
         generate_program(live, lambda texture: pytest.fail("no texture is read"))
 
 

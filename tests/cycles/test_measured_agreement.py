@@ -91,7 +91,7 @@ def _lines(file: Path, interpolation: str) -> list[str]:
 )
 def test_values_in_float32(name: str, interpolation: str, arrays: bool, file_of: FileOf, monkeypatch) -> None:
     if not arrays:
-        monkeypatch.setattr(block, "_LARGEST_ARRAY", 10_000)
+        monkeypatch.setattr(block, "_MAX_ARRAY_SIZE", 10_000)
     lines = _lines(file_of(name), interpolation)
     expected, got = (
         np.array([json.loads(line)["f"] for line in evaluate_lines(lines, backend)]) for backend in ("numpy", "cycles")

@@ -11,7 +11,7 @@ from test_passes import CAMERA, GREY, POSE, SIZE, balls, render_task
 
 from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.output.exr import frame_space, read_frame, read_header, read_shown
+from lookdev.output.exr import frame_space, read_frame, read_header, read_rec709
 from lookdev.rendering.results import Rendered
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
@@ -95,7 +95,7 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
     assert "space" not in read_header(plain.files[0])
     (ours, _), (displayed, _), (raw, _) = (
         read_frame(plain.files[0]),
-        read_shown(other.files[0]),
+        read_rec709(other.files[0]),
         read_frame(other.files[0]),
     )
     np.testing.assert_allclose(displayed, ours, rtol=1e-3, atol=1e-4)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lookdev.metrics import noise_ratio
-from lookdev.output.review.pixels import BEYOND, NOTICED, SQUARE, PremultipliedPixels, read_pixels
+from lookdev.output.review.pixels import CHANGED_SHARE, NOISE_LIMIT, SQUARE, PremultipliedPixels, read_pixels
 from lookdev.run.render import render_job
 
 pytestmark = [pytest.mark.cycles, pytest.mark.usefixtures("warm")]
@@ -33,7 +33,7 @@ def beyond(a: PremultipliedPixels, b: PremultipliedPixels, size: int) -> float:
     assert a.error is not None
     assert b.error is not None
     z = noise_ratio(a.beauty, b.beauty, a.error, b.error, size)
-    return float((z[np.maximum(a.alpha, b.alpha) > 0] > BEYOND).mean())
+    return float((z[np.maximum(a.alpha, b.alpha) > 0] > NOISE_LIMIT).mean())
 
 
 def test_other_seeds_show_nothing_and_two_hundredths_of_roughness_show(tmp_path: Path) -> None:
@@ -42,6 +42,6 @@ def test_other_seeds_show_nothing_and_two_hundredths_of_roughness_show(tmp_path:
     assert not np.array_equal(first.beauty, second.beauty)
     # One outlier among the pixels is a whole square beyond: the share is that of all pairs.
     for size in (1, SQUARE):
-        assert np.mean([beyond(a, b, size) for a, b in combinations(frames, 2)]) <= NOTICED
+        assert np.mean([beyond(a, b, size) for a, b in combinations(frames, 2)]) <= CHANGED_SHARE
     rougher = rendered(tmp_path / "rougher", 5, roughness=0.32)
-    assert beyond(first, rougher, SQUARE) > 10.0 * NOTICED
+    assert beyond(first, rougher, SQUARE) > 10.0 * CHANGED_SHARE

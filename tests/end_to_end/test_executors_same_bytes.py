@@ -12,7 +12,7 @@ from pathlib import Path
 import batches
 import pytest
 
-from lookdev.export.openjd import Needs, export_openjd
+from lookdev.export.openjd import HostRequirements, export_openjd
 from lookdev.plan.chunks import Division
 from lookdev.processes import end_with_parent
 from lookdev.rendering.executors.choice import ExecutorOptions
@@ -84,7 +84,7 @@ def by_openjd(job: Path, out: Path, workers: int) -> None:
     template, program = job.with_name("farm.yaml"), job.with_name("lookdev-here")
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m lookdev "$@"\n')
     program.chmod(0o755)
-    export_openjd(job, template, Division(workers // 2), Needs(command=str(program)))
+    export_openjd(job, template, Division(workers // 2), HostRequirements(command=str(program)))
     tool = Path(sys.executable).with_name("openjd")
     steps = ("--step", "Outputs", "--run-dependencies")
     run = subprocess.run(

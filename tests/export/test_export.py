@@ -15,7 +15,7 @@ from usd_text import textured
 
 from lookdev.cache import Content
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
-from lookdev.export import Exported
+from lookdev.export import ExportResult
 from lookdev.export.blend import blend_task, export_blend, image_names
 from lookdev.light import Emission
 from lookdev.plan.prepare import JobSetups, read_setups
@@ -63,14 +63,14 @@ def prepared(job: Path) -> JobSetups:
     return read_setups(job, backend="nodes")
 
 
-Export = Callable[..., Exported]
+Export = Callable[..., ExportResult]
 
 
 @pytest.fixture
 def export(job: Path, tmp_path: Path) -> Export:
     """Return a function that exports to ``show/look.blend`` by an exporter with the program `does`."""
 
-    def run(does: str = SAVE, out: str = "show/look.blend", **options: object) -> Exported:
+    def run(does: str = SAVE, out: str = "show/look.blend", **options: object) -> ExportResult:
         command = (sys.executable, "-c", EXPORTER + does)
         return export_blend(job, tmp_path / out, command=command, **options)  # type: ignore[arg-type]
 
@@ -137,7 +137,7 @@ def test_images_are_placed_beside_the_file_which_a_second_export_replaces(export
         assert (folder / image["path"]).read_bytes() == Content(**image["content"]).path.read_bytes()
         assert image["path"].startswith("look_files/")
     for part in (str(folder / "look.blend"), "MB", "chips", "tent", "bright", "'nodes'", "look_files"):
-        assert part in exported.summary()
+        assert part in exported.text
     before = names(folder)
     with pytest.raises(RenderError):
         export('print(json.dumps({"error": "no"}))')

@@ -11,7 +11,7 @@ import yaml
 from usd_text import job_toml, material
 
 from lookdev.errors import LookdevError
-from lookdev.export.openjd import Needs, export_openjd
+from lookdev.export.openjd import HostRequirements, export_openjd
 from lookdev.plan.chunks import Division
 
 JOB = job_toml("gold = gold.usda", turntable='[{ kind = "element", frames = 5 }]', render="{ seed = 0 }")
@@ -35,7 +35,7 @@ def test_a_template_beside_the_job_runs_as_it_is(job: Path) -> None:
     template = read(file)
     defaults = {parameter["name"]: parameter.get("default") for parameter in template["parameterDefinitions"]}
     assert defaults == {"Job": "job.toml", "Output": "out", "Chunks": 3, "Machines": 3, "Command": "lookdev"}
-    assert exported.summary().endswith(f"openjd run {file} --step Outputs --run-dependencies")
+    assert exported.text.endswith(f"openjd run {file} --step Outputs --run-dependencies")
     tool = Path(sys.executable).with_name("openjd")
     checked = subprocess.run([tool, "check", file], capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout
@@ -48,15 +48,15 @@ def test_a_template_beside_the_job_runs_as_it_is(job: Path) -> None:
 
 
 def test_a_template_elsewhere_has_paths_that_are_given(job: Path, tmp_path: Path) -> None:
-    exported = export_openjd(job, tmp_path / "farm" / "t.yaml", Division(1), Needs(8, 1000, "/opt/lookdev"))
-    assert f"-p Job={job} -p Output={tmp_path / 'out'}" in exported.summary()
+    exported = export_openjd(job, tmp_path / "farm" / "t.yaml", Division(1), HostRequirements(8, 1000, "/opt/lookdev"))
+    assert f"-p Job={job} -p Output={tmp_path / 'out'}" in exported.text
     template = read(tmp_path / "farm" / "t.yaml")
     assert all("default" not in parameter for parameter in template["parameterDefinitions"][:2])
     assert {"name": "amount.worker.vcpu", "min": 8} in template["steps"][0]["hostRequirements"]["amounts"]
 
 
 def test_a_folder_is_a_bundle_with_values_and_all_inputs(job: Path, tmp_path: Path) -> None:
-    assert export_openjd(job, tmp_path / "bundle").summary().endswith(f"deadline bundle submit {tmp_path / 'bundle'}")
+    assert export_openjd(job, tmp_path / "bundle").text.endswith(f"deadline bundle submit {tmp_path / 'bundle'}")
     assert read(tmp_path / "bundle" / "parameter_values.yaml") == {
         "parameterValues": [{"name": "Job", "value": str(job)}, {"name": "Output", "value": str(tmp_path / "out")}]
     }

@@ -6,7 +6,7 @@ import pytest
 
 from lookdev.errors import RenderError
 from lookdev.inspect import doctor
-from lookdev.inspect.doctor import BLENDER_PYTHONS, DoctorFinding, describe, examine
+from lookdev.inspect.doctor import BLENDER_PYTHONS, DoctorFinding, examine_machine, findings_text
 from lookdev.rendering.llvm import OLDEST, VARIABLE, find_llvm
 
 VERSION = BLENDER_PYTHONS[sys.version_info[:2]]
@@ -24,7 +24,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def findings_by_subject(bpy: tuple[str, ...] = BPY, self_test: tuple[str, ...] = SELF_TEST) -> dict[str, DoctorFinding]:
-    return {finding.subject: finding for finding in examine(bpy, self_test)}
+    return {finding.subject: finding for finding in examine_machine(bpy, self_test)}
 
 
 def program(text: str) -> tuple[str, ...]:
@@ -35,7 +35,7 @@ def test_a_good_machine(cache: Path) -> None:
     findings = findings_by_subject()
     assert all(finding.good for finding in findings.values())
     assert not any(finding.remedy for finding in findings.values())
-    assert findings["bpy (Blender)"].found == f"{VERSION}.7 LTS"
+    assert findings["bpy (Blender)"].state == f"{VERSION}.7 LTS"
     assert set(doctor.MODULES) < set(findings)
     assert list(cache.iterdir()) == []
 
@@ -44,7 +44,7 @@ def test_a_missing_system_library_names_its_debian_package() -> None:
     error = "ImportError: libXrender.so.1: cannot open shared object file: No such file or directory"
     findings = findings_by_subject(bpy=program(f"import sys; sys.exit('{error}')"))
     bpy = findings["bpy (Blender)"]
-    assert (bpy.good, bpy.found, bpy.remedy) == (False, error, "sudo apt-get install libxrender1")
+    assert (bpy.good, bpy.state, bpy.remedy) == (False, error, "sudo apt-get install libxrender1")
     assert "OSL in Cycles" not in findings
 
 
@@ -62,7 +62,7 @@ CRASH = "import os; os.kill(os.getpid(), 11)"
 @pytest.mark.parametrize("text", ["import sys; sys.exit('ModuleNotFoundError: bpy')", "print('1.23.4')", CRASH])
 def test_a_missing_wrong_or_crashing_blender_names_the_wheel(text: str) -> None:
     bpy = findings_by_subject(bpy=program(text))["bpy (Blender)"]
-    assert bpy.found
+    assert bpy.state
     assert (bpy.good, bpy.remedy) == (False, f"python -m pip install 'bpy=={VERSION}.*'")
 
 
@@ -76,14 +76,14 @@ def test_a_missing_wrong_or_crashing_blender_names_the_wheel(text: str) -> None:
 )
 def test_osl_that_does_not_work(text: str, findings: str) -> None:
     osl = findings_by_subject(self_test=program(text))["OSL in Cycles"]
-    assert (osl.good, osl.found, bool(osl.remedy)) == (False, findings, True)
+    assert (osl.good, osl.state, bool(osl.remedy)) == (False, findings, True)
 
 
 def test_a_missing_dependency_names_its_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "MODULES", {"usd-nowhere": "pxr_nowhere.Usd", "lookdev": "lookdev"})
     findings = findings_by_subject()
     assert findings["usd-nowhere"].remedy == "python -m pip install usd-nowhere"
-    assert "pxr_nowhere" in findings["usd-nowhere"].found
+    assert "pxr_nowhere" in findings["usd-nowhere"].state
     assert findings["lookdev"].good
 
 
@@ -98,7 +98,7 @@ def test_a_cache_that_cannot_be_written_or_on_a_full_disk(cache: Path, monkeypat
     with monkeypatch.context() as patch:
         patch.setattr(doctor, "FREE_DISK", 1e9)
         full = findings_by_subject()["cache folder"]
-    assert (full.good, "GB free" in full.found) == (False, True)
+    assert (full.good, "GB free" in full.state) == (False, True)
     cache.rmdir()
     cache.write_text("a file where a folder should be")
     unwritable = findings_by_subject()["cache folder"]
@@ -106,7 +106,7 @@ def test_a_cache_that_cannot_be_written_or_on_a_full_disk(cache: Path, monkeypat
 
 
 def test_a_description_has_a_line_for_each_remedy() -> None:
-    text = describe(
+    text = findings_text(
         [DoctorFinding("Python", "3.11", good=True), DoctorFinding("bpy", "gone", good=False, remedy="get it")]
     )
     assert text == "ok       Python  3.11\nMISSING  bpy     gone\n                 to get it: get it"
@@ -147,7 +147,7 @@ def test_mitsuba_needs_llvm_by_its_package_and_says_whether_a_gpu_is_there(monke
         monkeypatch.setattr(doctor, "gpu_fault", lambda fault=fault: fault)
         findings = findings_by_subject()["Mitsuba"]
         assert findings.good
-        assert findings.found.endswith(f'libLLVM.so.19; device = "cuda": {words}')
+        assert findings.state.endswith(f'libLLVM.so.19; device = "cuda": {words}')
     monkeypatch.setattr(doctor, "find_llvm", missing)
     assert findings_by_subject()["Mitsuba"] == DoctorFinding(
         "Mitsuba", "found: none", False, "sudo apt-get install libllvm19"

@@ -10,7 +10,7 @@ from usd_text import card, shader, translate, variant_set
 
 from lookdev.arrays import Bytes
 from lookdev.errors import AssetError, StageError
-from lookdev.inspect.assets import MOST_LINES, Inspection, inspect_file
+from lookdev.inspect.assets import MAX_PARTS_LISTED, Inspection, inspect_file
 from lookdev.inspect.pictures import group_names
 from lookdev.output.sheet import write_legend
 from lookdev.stage import Composition
@@ -140,11 +140,11 @@ def test_a_part_without_material_shows_its_colour(robot: Path) -> None:
 
 
 def test_a_long_list_is_cut_in_text_only(tmp_path: Path) -> None:
-    cards = "".join(card(f"m{i}") for i in range(MOST_LINES + 2))
+    cards = "".join(card(f"m{i}") for i in range(MAX_PARTS_LISTED + 2))
     file = tmp_path / "many.usda"
     file.write_text(f"#usda 1.0\n{cards}\n", encoding="utf-8")
     inspection = inspect_one(file)
-    assert len(inspection.parts) == MOST_LINES + 2
+    assert len(inspection.parts) == MAX_PARTS_LISTED + 2
     assert "... and 2 more parts" in inspection.text()
 
 

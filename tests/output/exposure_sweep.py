@@ -12,7 +12,7 @@ import OpenImageIO as oiio
 from lookdev.output.color import VIEWS
 from lookdev.output.display import to_display
 from lookdev.output.exr import read_frame
-from lookdev.output.sheet import INK, PAGE
+from lookdev.output.sheet import LABEL_GREY, PAGE_GREY
 from lookdev.output.slate import write_text
 
 STOPS = (-2, 0, 2, 4, 6)
@@ -25,14 +25,14 @@ def draw_sweep(frames: list[Path]) -> oiio.ImageBuf:
         rgb, _ = read_frame(frame)
         for view in VIEWS[:3]:
             row = [to_display(rgb * 2.0**stops, view) for stops in STOPS]
-            rows += [np.full((LABEL, rgb.shape[1] * len(STOPS), 3), PAGE, np.uint8), np.hstack(row)]
+            rows += [np.full((LABEL, rgb.shape[1] * len(STOPS), 3), PAGE_GREY, np.uint8), np.hstack(row)]
     page = oiio.ImageBuf(np.ascontiguousarray(np.vstack(rows)))
     height, width = read_frame(frames[0])[0].shape[:2]
     for number in range(3 * len(frames)):
         for column, stops in enumerate(STOPS):
             name = VIEWS[number % 3].replace("Un-tone-mapped", "sRGB, clipped")
             baseline = number * (LABEL + height) + LABEL - 5
-            write_text(page, f"{name}, {stops:+d} stops", column * width + 4, baseline, 11, width - 8, INK)
+            write_text(page, f"{name}, {stops:+d} stops", column * width + 4, baseline, 11, width - 8, LABEL_GREY)
     page.specmod().attribute("Compression", "jpeg:72")
     return page
 

@@ -10,7 +10,7 @@ import pytest
 
 from lookdev.errors import OutputError
 from lookdev.output.color import DISPLAY, SHIPPED, SOURCE, VIEWS, DisplayView, default_display, default_view
-from lookdev.output.config import FILE, KNEE, OCIO_CONFIG, WHITE, make_config, shoulder
+from lookdev.output.config import FILE, KNEE, OCIO_CONFIG, WHITE, make_config, shoulder_scale
 from lookdev.output.display import to_display
 
 STUDIO = "ocio://studio-config-v2.2.0_aces-v1.3_ocio-v2.4"
@@ -64,7 +64,7 @@ def test_hue_and_saturation_stay(colors: np.ndarray) -> None:
             continue  # hue is a ratio of differences, which have no digits left
         assert display_saturation == pytest.approx(saturation, abs=10 * TOLERANCE)
         assert abs((display_hue - hue + 0.5) % 1.0 - 0.5) * saturation < 10 * TOLERANCE
-        a = shoulder()
+        a = shoulder_scale()
         curve = value if value <= KNEE else min(KNEE + a * np.log1p((value - KNEE) / a), 1.0)
         assert display_value == pytest.approx(curve, abs=10 * TOLERANCE)
 

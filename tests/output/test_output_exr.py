@@ -11,7 +11,7 @@ import pytest
 
 from lookdev.errors import OutputError
 from lookdev.output.display import to_display, write_pixels
-from lookdev.output.exr import read_frame, read_header, read_shown, write_frame
+from lookdev.output.exr import read_frame, read_header, read_rec709, write_frame
 from lookdev.space import to_rec709
 
 pytestmark = pytest.mark.both_pythons
@@ -59,7 +59,7 @@ def test_a_frame_of_another_space_is_shown_in_rec709(tmp_path: Path, frame: Fram
     path = tmp_path / "a.exr"
     for space, expected in (("rec709", frame[0]), ("acescg", to_rec709(frame[0], "acescg").astype(np.float32))):
         write_frame(path, *frame, {"space": space}, space=space)
-        np.testing.assert_array_equal(read_shown(path)[0], expected)
+        np.testing.assert_array_equal(read_rec709(path)[0], expected)
 
 
 def test_the_resolution_is_that_of_the_data_window(tmp_path: Path) -> None:

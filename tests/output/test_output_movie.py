@@ -142,8 +142,8 @@ def test_odd_sizes_are_padded(tmp_path: Path, name: str) -> None:
     codec, suffix = CODECS[name]
     pictures = turntable(33, 21, 2)
     write_movie(tmp_path / f"a{suffix}", pictures, codec, Fraction(24))
-    assert decode(tmp_path / f"a{suffix}")[0][0].shape == ((22, 34) if codec.halved else (21, 33))
-    if codec.halved:
+    assert decode(tmp_path / f"a{suffix}")[0][0].shape == ((22, 34) if codec.halves_chroma else (21, 33))
+    if codec.halves_chroma:
         luma = to_planes(pictures[0], codec)[0]
         assert (luma[:, -1] == luma[:, -2]).all()
 

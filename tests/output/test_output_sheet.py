@@ -5,7 +5,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import OutputError
-from lookdev.output.sheet import PAGE, write_sheet
+from lookdev.output.sheet import PAGE_GREY, write_sheet
 
 
 def frames(count: int, shape: tuple[int, int] = (60, 80)) -> list[np.ndarray]:
@@ -25,7 +25,7 @@ def cells(page: np.ndarray, frame: np.ndarray) -> int:
 def test_every_frame_is_shown_whole(tmp_path: Path) -> None:
     page = sheet(tmp_path / "s.png", frames(7), [f"{i:04d}" for i in range(7)], "title", cell=40)
     assert [cells(page, frame) for frame in frames(7)] == [40 * 30] * 7
-    assert [(edge == PAGE).all() for edge in (page[0], page[:, -1])] == [True, True]
+    assert [(edge == PAGE_GREY).all() for edge in (page[0], page[:, -1])] == [True, True]
     assert [file.name for file in tmp_path.iterdir()] == ["s.png"]
 
 
@@ -46,12 +46,12 @@ def test_page_is_filled_evenly(tmp_path: Path, count: int, columns: int) -> None
 
 
 def test_labels_and_title_are_written_and_fit(tmp_path: Path) -> None:
-    blank = [np.full((80, 80, 3), PAGE, np.uint8)] * 2
+    blank = [np.full((80, 80, 3), PAGE_GREY, np.uint8)] * 2
     bare = sheet(tmp_path / "a.png", blank, ["", ""], "", cell=80, columns=2)
-    assert (bare == PAGE).all()
+    assert (bare == PAGE_GREY).all()
     for labels, title in ((["0001", ""], ""), (["", ""], "A title"), (["W" * 300, "é °"], "W" * 300)):
         page = sheet(tmp_path / "b.png", blank, labels, title, cell=80, columns=2)
-        ink = np.argwhere((page != PAGE).any(axis=-1))
+        ink = np.argwhere((page != PAGE_GREY).any(axis=-1))
         assert len(ink) > 20
         assert page.shape == bare.shape
         assert ink[:, 1].min() >= 4  # inside the margins
@@ -61,7 +61,7 @@ def test_labels_and_title_are_written_and_fit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("labels", ["clearcoatGloss_000 clearcoatGloss_100", "first_of_many_looks last_of_many_looks"])
 def test_names_too_long_differ_where_they_differ(tmp_path: Path, labels: str) -> None:
-    blank = [np.full((48, 48, 3), PAGE, np.uint8)]
+    blank = [np.full((48, 48, 3), PAGE_GREY, np.uint8)]
     first, second = (sheet(tmp_path / "s.png", blank, [label], "", cell=48) for label in labels.split())
     assert first.shape == second.shape  # no wider than a frame
     assert (first != second).any()
@@ -72,7 +72,7 @@ def test_resizing_averages_light(tmp_path: Path) -> None:
     stripes[:, ::2] = 255
     page = sheet(tmp_path / "s.png", [stripes], [""], "", cell=8)
     # Half of the light is sRGB code 188 by the exact curve, 186 by a gamma of 2.2; half the code is 128.
-    centre = page[(page != PAGE).any(axis=-1)]
+    centre = page[(page != PAGE_GREY).any(axis=-1)]
     assert abs(float(np.median(centre)) - 187) <= 4
 
 

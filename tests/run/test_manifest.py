@@ -90,7 +90,7 @@ def test_verification_names_what_is_missing_changed_and_not_listed(out: Path, tm
     frame.rename(frame.with_name("other.0001.exr"))
     os.truncate(picture, 20)
     (tmp_path / "gold.usda").write_text("# another look")
-    assert {(inputs.state, inputs.kind, inputs.file.name, inputs.fails) for inputs in verify(out)[1]} == {
+    assert {(inputs.state, inputs.kind, inputs.file.name, inputs.is_failure) for inputs in verify(out)[1]} == {
         ("missing", "frame", "element.0001.exr", True),
         ("changed", "picture", "element.0002.png", True),
         ("changed", "input", "gold.usda", True),

@@ -50,7 +50,7 @@ def looks_of_parts(document: Document) -> dict[str, str]:
 
 
 def assignment(document: Document, part: str) -> Any:
-    return document.status()["job"]["worn"][part]
+    return document.status()["job"]["assignments"][part]
 
 
 def test_a_part_wears_another_look_and_the_saved_job_shows_it(document: Document, job: Path) -> None:
@@ -120,15 +120,15 @@ def test_a_look_is_made_of_a_preset(document: Document, job: Path) -> None:
 
 
 REFUSED = [
-    ({}, "an assignment has"),
+    ({}, "an assignment needs"),
     ({"prims": ["/Car/Bdy"]}, "did you mean"),
     ({"part": "/Car/Wndows"}, "is not a part"),
-    ({"prims": [3]}, "an assignment has"),
+    ({"prims": [3]}, "an assignment needs"),
     ({"material": "../materials/none.usda"}, "no readable file"),
-    ({"material": "/etc/passwd"}, "reads looks below"),
+    ({"material": "/etc/passwd"}, "reads only looks in"),
     ({"material": "assets/toy_car.usda", "prim": "/Car"}, "Car"),
     ({"variants": {"a": "b"}}, "variant"),
-    ({"part": "/Car/Wheels/BackLeft/Tire", "take": True}, "nothing is assigned"),
+    ({"part": "/Car/Wheels/BackLeft/Tire", "unassign": True}, "nothing is assigned"),
 ]
 
 
@@ -142,7 +142,7 @@ def test_what_cannot_be_worn_is_refused_and_nothing_changes(document: Document) 
 
 
 def test_a_job_that_is_changed_on_disk_is_loaded_or_written_over(document: Document, job: Path) -> None:
-    document.assign_look({"part": "/Car/Body", "take": True})
+    document.assign_look({"part": "/Car/Body", "unassign": True})
     job.write_text(job.read_text().replace('prims = ["/Car/Body"]', 'prims = ["/Car/Body", "/Car/Chimney"]'))
     assert document.revision_status()["changed"] == [str(job)]
     with pytest.raises(ConflictError):
@@ -159,7 +159,7 @@ def test_a_job_that_is_changed_on_disk_is_loaded_or_written_over(document: Docum
 def test_unsaved_dressing_survives_a_crash(job: Path) -> None:
     document = open_document(job, recovers=True)
     document.choose("workshop", "courtyard")
-    document.assign_look({"part": "/Car/Body", "take": True})
+    document.assign_look({"part": "/Car/Body", "unassign": True})
     document.close()  # the lock, as the end of a process frees it; the record stays
     again = open_document(job, recovers=True)
     assert again.status()["recovery"]["files"] == [{"file": str(job), "changed": False}]
@@ -185,7 +185,7 @@ def test_an_asset_without_a_job_gets_one(folder: Path, monkeypatch: pytest.Monke
     assert f'usd = "{os.path.relpath(asset)}"' in job_file.read_text()
     assert build_scenes(load_job(job_file)).scenes["own", "courtyard"].look_of_slot[WINDOWS].name == "FrostedPlastic"
     assert open_document(asset).status()["job"]["file"] == str(folder / "toy_car_2.toml")
-    again.assign_look({"part": WINDOWS, "take": True})
+    again.assign_look({"part": WINDOWS, "unassign": True})
     again.close()
     third = open_document(asset, recovers=True)
     assert third.recover(restore=True)
@@ -200,7 +200,7 @@ def test_a_light_that_ships_is_shown_and_not_saved(document: Document, job: Path
     assert "courtyard" not in document.choices["shipped"]
     document.choose("workshop", "three_point")
     assert len(document.scene.lights) > 1
-    document.assign_look({"part": "/Car/Body", "take": True})
+    document.assign_look({"part": "/Car/Body", "unassign": True})
     assert document.scene_key == ("workshop", "three_point")
     assert document.job.rigs[-1].name == "three_point"
     document.save()

@@ -64,7 +64,7 @@ class Script:
                     self.dressed += 1
                     # Each pattern fits the part; the number of assigns is the state of the job.
                     prims = [f"/plane{'*' * self.dressed}"]
-                    self.send("/wear", part="/plane", prims=prims, material="car_paint.usda")
+                    self.send("/assign", part="/plane", prims=prims, material="car_paint.usda")
                     self.worn += 1
                 if self.asked % 9 == 0:
                     self.send("/save", over=False)

@@ -22,7 +22,7 @@ from served import Served, start_server
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from lookdev.output.exr import read_shown
+from lookdev.output.exr import read_rec709
 
 pytestmark = pytest.mark.mitsuba
 
@@ -102,7 +102,7 @@ def test_rounds_have_more_samples_and_less_error(talk: ExactSocket) -> None:
     assert later["beauty"].shape == (48, 64, 3)
     assert later["relmse"] < first["relmse"] / 4
     assert later["backend"].startswith("Mitsuba")
-    # The rest is light that other places of the asset reflect.
+    # The rest is light that other parts of the asset reflect.
     assert (later["beauty"] >= later["direct"] - 1e-6).all()
     assert later["beauty"].sum() > 1.001 * later["direct"].sum()
     # The halves are independent: the error of their mean agrees with the estimate, within the spread of the estimate.
@@ -275,7 +275,7 @@ def test_a_turntable_has_unsaved_edits_and_lights_and_a_folder_of_its_own(server
         server.json("/turntable", do="render")
         state = wait_for_end()
         assert (state["state"], state["done"], state["pictures"]) == ("done", 2, [0, 1])
-        pictures.append(read_shown(Path(state["output"]) / "element.0002.exr")[0])
+        pictures.append(read_rec709(Path(state["output"]) / "element.0002.exr")[0])
     assert Path(state["output"]) == job.parent / "out" / "designer" / "plastic" / "white"
     assert pictures[1].sum() == pytest.approx(2.0 * pictures[0].sum(), rel=0.02)
     status, picture, _ = server.ask(f"/turntable/{state['run']}/1.png")

@@ -16,9 +16,9 @@ from lookdev.material.library import find_preset
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit, parse_edit
-from lookdev.studio.designer.history import LONGEST, EditState, History
+from lookdev.studio.designer.history import MAX_STEPS, EditState, History
 from lookdev.studio.designer.open_document import open_document
-from lookdev.studio.designer.recovery import Recovery, Work
+from lookdev.studio.designer.recovery import Recovery, UnsavedWork
 from lookdev.studio.designer.snapshots import Snapshots
 from lookdev.studio.designer.sources import ConflictError
 from lookdev.studio.designer.thumbnails import SIZE, thumbnail
@@ -217,7 +217,7 @@ def test_the_numbers_of_an_expression_are_parameters(document: Document) -> None
 
 REFUSED = [
     ({"op": "mask", "layer": 1, "mask": "/etc/hosts.png", "inputs": {}}, "no such image file"),
-    ({"op": "mask", "layer": 1, "mask": "../secret.png", "inputs": {}}, "reads images below"),
+    ({"op": "mask", "layer": 1, "mask": "../secret.png", "inputs": {}}, "reads only images in"),
     ({"op": "mask", "layer": 1, "mask": "smothstep(a)", "inputs": {}}, "did you mean 'smoothstep'"),
     ({"op": "mask", "layer": 1, "mask": "dirt", "inputs": {}}, "'dirt' in the expression has no source"),
     ({"op": "mask", "layer": 0, "mask": "0.5", "inputs": {}}, "is the base"),
@@ -275,7 +275,7 @@ def test_ones_own_edits_are_kept_or_saved_over(document: Document, look: Path) -
     look.unlink()
     with pytest.raises(ConflictError):
         document.save(0)
-    document.save(0, over=True)
+    document.save(0, overwrite=True)
     assert read_look(look).layers == document.looks[0].layers
 
 
@@ -322,7 +322,7 @@ def test_discarded_work_is_gone(records: Path, document: Document, look: Path) -
 @pytest.mark.parametrize("text", ["", "{}", '{"files": 3}', "[" * 10000])
 def test_a_damaged_record_is_passed_over(text: str, records: Path) -> None:
     recovery = Recovery("job")
-    recovery.store(Work({Path("a.usda"): (b"a", "")}, {}, 1.0))
+    recovery.store(UnsavedWork({Path("a.usda"): (b"a", "")}, {}, 1.0))
     (record,) = records.glob("*.json")
     recovery.close()
     record.write_text(text)
@@ -352,10 +352,10 @@ def test_snapshots_are_gone_back_to(document: Document) -> None:
 
 def test_histories_and_snapshots_have_an_end() -> None:
     history, snapshots = History(), Snapshots()
-    for number in range(LONGEST + 50):
+    for number in range(MAX_STEPS + 50):
         history.push(str(number), EditState())
         snapshots.store(b"\x89PNG\r\n\x1a\n", EditState(), ("", ""))
-    assert len(list(iter(lambda: history.step(-1), None))) == LONGEST
+    assert len(list(iter(lambda: history.step(-1), None))) == MAX_STEPS
     assert len(snapshots.describe()) == 24
 
 

@@ -15,10 +15,10 @@ from lookdev.brdf.measured.files import write_anisotropic
 from lookdev.errors import LookdevError
 from lookdev.material.usd import read_look
 from lookdev.plotting import KINDS, PlotOptions, read_subject
-from lookdev.studio.explorer.run import named_words
-from lookdev.studio.explorer.surfaces import Surfaces, accelerate, look_of
+from lookdev.studio.explorer.run import add_file_to_roots
+from lookdev.studio.explorer.surfaces import Surfaces, accelerate, look_from_layers
 from lookdev.studio.explorer.usd import usd_text
-from lookdev.studio.packets import packet
+from lookdev.studio.packets import encode_packet
 from lookdev.studio.roots import Roots
 
 MATERIALS = Path(__file__).parents[2] / "materials"
@@ -73,7 +73,7 @@ def test_a_look_as_usd_is_the_surface(words: str, surfaces: Surfaces, tmp_path: 
     file.write_text(usd_text(surfaces, words))
     subject = surfaces.subject(words)
     (copied,) = read_look(file).layers
-    assert copied.inputs.keys() == look_of(subject.layers, "a").layers[0].inputs.keys()
+    assert copied.inputs.keys() == look_from_layers(subject.layers, "a").layers[0].inputs.keys()
     # USD has floats in float32.
     assert evaluate(read_subject(str(file)).bsdf, WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-5)
 
@@ -88,9 +88,9 @@ def test_a_command_has_paths_and_the_options_that_are_used(surfaces: Surfaces, r
 def test_files_of_the_command_line_get_names(surfaces: Surfaces, tmp_path: Path) -> None:
     file = tmp_path / "my scan.binary"
     file.touch()
-    assert named_words(f"a={file}", surfaces.roots) == "a=my_scan.binary"
-    assert named_words(f"measured:file={file},scale=2", surfaces.roots) == "measured:file=my_scan.binary,scale=2"
-    assert named_words("disney:roughness=.1", surfaces.roots) == "disney:roughness=.1"
+    assert add_file_to_roots(f"a={file}", surfaces.roots) == "a=my_scan.binary"
+    assert add_file_to_roots(f"measured:file={file},scale=2", surfaces.roots) == "measured:file=my_scan.binary,scale=2"
+    assert add_file_to_roots("disney:roughness=.1", surfaces.roots) == "disney:roughness=.1"
     assert surfaces.roots.locate("my_scan.binary") == file
     with pytest.raises(LookdevError, match="--root"):
         surfaces.roots.locate("my_scan.binary/../../x")
@@ -107,7 +107,7 @@ def test_threads_that_ask_at_once_prepare_a_measurement_once(tmp_path: Path) -> 
 
 
 def test_numbers_beyond_float32_are_its_largest() -> None:
-    message = packet({"id": 1}, {"f": np.array([1e300, -1e300, 2.0])})
+    message = encode_packet({"id": 1}, {"f": np.array([1e300, -1e300, 2.0])})
     assert np.frombuffer(message[-12:], "<f4").tolist() == [np.finfo(np.float32).max, np.finfo(np.float32).min, 2.0]
 
 

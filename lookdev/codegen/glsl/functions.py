@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
-from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.operators import BOOLEAN_OPERATIONS, CODE, strip_parentheses
+from lookdev.codegen.program.writer import ProgramWriter
 from lookdev.codegen.source import ProgramOperation, ProgramSource
 from lookdev.errors import CodegenError
 
@@ -22,7 +22,7 @@ TABLE_WIDTH = 2048
 
 PRELUDE = """
 float look_expm1(float x) {
-    // Below .1 the series has no term above 1e-9 of x left.
+    // Below 0.1, the omitted terms of the series are smaller than 1e-9 x.
     return abs(x) < 0.1 ? x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x * (1.0 / 120.0 + x / 720.0)))))
                         : exp(x) - 1.0;
 }
@@ -43,7 +43,7 @@ float look_tan(float x) { vec2 turn = look_turn(x); return turn.x / turn.y; }
 float look_atan2(float y, float x) {
     float a = abs(x), b = abs(y), most = max(a, b);
     if (most == 0.0) return 0.0;
-    // Of the smaller over the larger; above tan(22.5 degrees) by the distance to 45 degrees.
+    // The quotient is at most 1; above tan(22.5 degrees), the series is about 45 degrees.
     float q = min(a, b) / most;
     bool far = q > 0.41421356;
     float t = far ? (q - 1.0) / (q + 1.0) : q;
@@ -71,14 +71,14 @@ _CODE = {operation: strip_parentheses(code) for operation, code in CODE.items()}
     "arctan2": "look_atan2({}, {})",
     "power": "look_power({}, {})",
 }
-_TRUTHS = BOOLEAN | {"truth"}
-_LARGEST = float(np.finfo(np.float32).max)
+_BOOLEAN_OR_TRUTH = BOOLEAN_OPERATIONS | {"truth"}
+_FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
-def function_text(program: ProgramWriter | ProgramSource, head: str) -> list[str]:
-    """Return the lines of a function whose head has outputs of the program, of 1 or 3 numbers.
+def function_lines(program: ProgramWriter | ProgramSource, head: str) -> list[str]:
+    """Return the lines of the function with this head, whose ``out`` parameters are outputs of the program.
 
-    Uniforms of the program are written as literals.
+    An output has 1 or 3 numbers. Uniforms of the program are written as literals.
     """
     outputs = re.findall(r"out \w+ (\w+)", head)
     needed: set[int] = set()
@@ -93,7 +93,7 @@ def function_text(program: ProgramWriter | ProgramSource, head: str) -> list[str
     for number in sorted(needed):
         operation = program.operations[number]
         code = _operation_code(operation, names, program.constants)
-        if operation.op in _TRUTHS or (operation.op == "where" and operation.operands[1] in boolean_numbers):
+        if operation.op in _BOOLEAN_OR_TRUTH or (operation.op == "where" and operation.operands[1] in boolean_numbers):
             boolean_numbers.add(number)
         if operation.operands:
             names[number] = f"v{number}"
@@ -127,7 +127,7 @@ def _operation_code(operation: ProgramOperation, names: Mapping[int, str], const
 
 
 def _literal(value: float) -> str:
-    if abs(value) > _LARGEST:
+    if abs(value) > _FLOAT32_MAX:
         raise CodegenError(f"a constant folded to {value:g}, which no float32 has; the model leaves its domain")
     text = repr(float(value))
     return f"({text})" if value < 0.0 else text

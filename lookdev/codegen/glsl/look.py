@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lookdev.codegen.glsl.functions import function_text
-from lookdev.codegen.program.look import Live, generate_program, live_numbers
+from lookdev.codegen.glsl.functions import function_lines
+from lookdev.codegen.program.look import LivePredicate, generate_program, live_numbers
 from lookdev.codegen.source import ImageBinding, ProgramSource
 from lookdev.material import Bump, Look, Texture
 
@@ -18,8 +18,8 @@ _TYPES = {"uv": "vec2", "float": "float", "color": "vec3", "vector": "vec3"}
 _DIRECTIONS = "float wo_x, wo_y, wo_z, wi_x, wi_y, wi_z, u1, u2, inside, hand;"
 _MESH = "vec3 mesh_normal, mesh_tangent, mesh_facet, viewer;"
 
-LOOK_UPS = """
-// Bilinear between texels, row 0 at the top, wrapped as UsdUVTexture says; no texel beyond a border that is black.
+TEXTURE_FUNCTIONS = """
+// Bilinear filter, row 0 at the top, with the wrap modes of UsdUVTexture; in mode black, texels outside are 0.
 ivec2 look_texel(float place, float size, int wrap) {
     bool there = wrap != 3 || (place >= 0.0 && place < size);
     if (wrap == 0) place -= size * floor(place / size);
@@ -48,11 +48,12 @@ _WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2, "black": 3}
 
 @dataclass(frozen=True)
 class LookFunctions:
-    """The text of a look's functions, after `functions.PRELUDE` and `LOOK_UPS`, and the values that they read.
+    """The text of a look's functions, after `functions.PRELUDE` and `TEXTURE_FUNCTIONS`, and the values that they read.
 
-    Globals are set before a call: the attributes, by the names of their parameters; ``mesh_normal``, ``mesh_tangent``,
-    ``mesh_facet`` and ``viewer`` in world space, and ``hand``; then ``wo_x`` to ``wi_z`` in the shading frame, above
-    its horizon, and ``u1 u2``. ``inside`` is above 0 where the viewer is inside the solid.
+    The caller first sets these globals: each attribute, by the name of its parameter; ``mesh_normal``,
+    ``mesh_tangent``, ``mesh_facet`` and ``viewer``, in world space; ``hand``, the handedness of the mesh's frame. Then
+    it sets ``wo_x`` to ``wi_z``, in the shading frame and above its horizon, and the random numbers ``u1`` and ``u2``.
+    ``inside`` is above 0 where the viewer is inside the solid.
 
     ``look_read()``
         Looks up images by the attributes.
@@ -65,7 +66,7 @@ class LookFunctions:
     ``look_presence(presence)``
         Sets the presence, if the look is `see_through`.
     ``look_delta<k>(direction, factor)``
-        One of `deltas` functions, which scatter along single directions: z of a direction is 0 where there is none.
+        Sets the direction and the factor of delta lobe `k` of `deltas`; z is 0 where the lobe does not scatter.
 
     `numbers` are the uniforms, one ``float`` or ``vec3`` each, and their values. A look-up reads ``sampler2D
     look_<name>``, or ``look_<name>_<tile>`` for UDIM tiles, RGBA32F. Table `k` is ``sampler2D look_table<k>``, R32F, in
@@ -78,7 +79,7 @@ class LookFunctions:
 
 
 def look_functions(
-    look: Look, resolve: Callable[[Texture | Bump], Path], live: Live, *, split: bool = False
+    look: Look, resolve: Callable[[Texture | Bump], Path], live: LivePredicate, *, split: bool = False
 ) -> LookFunctions:
     """Return the functions of a look, whose `live` constants are uniforms; arguments are those of `generate_program`.
 
@@ -90,8 +91,8 @@ def look_functions(
         An image is missing or unreadable.
     """
     program = generate_program(look, resolve, live=live)
-    read = {operation.name.partition("[")[0] for operation in program.operations if operation.op == "symbol"}
-    numbers = {name: values for name, values in live_numbers(look, live).items() if name in read}
+    symbols_read = {operation.name.partition("[")[0] for operation in program.operations if operation.op == "symbol"}
+    numbers = {name: values for name, values in live_numbers(look, live).items() if name in symbols_read}
     lines = [_DIRECTIONS, _MESH]
     lines += [f"uniform {'vec3' if len(values) == 3 else 'float'} {name};" for name, values in numbers.items()]
     lines += [f"uniform highp sampler2D look_table{number};" for number in range(len(program.tables))]
@@ -100,33 +101,34 @@ def look_functions(
     lines += [f"{_TYPES[binding.kind]} {binding.parameter};" for binding in bindings]
     for look_up in program.look_ups:
         lines += [f"vec3 {look_up.name}; float {look_up.name}_a;"]
-        lines += [f"uniform highp sampler2D {_sampler(look_up, tile)};" for tile in look_up.files]
-    lines += ["void look_read() {", *(f"    {line}" for look_up in program.look_ups for line in _read(look_up)), "}"]
+        lines += [f"uniform highp sampler2D {_sampler_name(look_up, tile)};" for tile in look_up.files]
+    look_up_lines = (f"    {line}" for look_up in program.look_ups for line in _look_up_lines(look_up))
+    lines += ["void look_read() {", *look_up_lines, "}"]
     frame = "out vec3 tangent, out vec3 bitangent, out vec3 normal, out vec3 facet"
-    lines += function_text(program, f"look_frame({frame})")
-    lines += function_text(program, f"look_evaluate(out vec3 value, out float pdf{', out vec3 diffuse' * split})")
-    lines += function_text(program, "look_draw(out vec3 wi)")
+    lines += function_lines(program, f"look_frame({frame})")
+    lines += function_lines(program, f"look_evaluate(out vec3 value, out float pdf{', out vec3 diffuse' * split})")
+    lines += function_lines(program, "look_draw(out vec3 wi)")
     for number in range(program.deltas):
         delta = program.outputs[f"delta{number}"]  # direction, factor, group
         delta_program = replace(program, outputs={"direction": delta[:3], "factor": delta[3:6]})
-        lines += function_text(delta_program, f"look_delta{number}(out vec3 direction, out vec3 factor)")
+        lines += function_lines(delta_program, f"look_delta{number}(out vec3 direction, out vec3 factor)")
     if program.see_through:
-        lines += function_text(program, "look_presence(out float presence)")
+        lines += function_lines(program, "look_presence(out float presence)")
     return LookFunctions("\n".join(lines) + "\n", numbers, program)
 
 
-def _sampler(look_up: ImageBinding, tile: int) -> str:
+def _sampler_name(look_up: ImageBinding, tile: int) -> str:
     return f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"
 
 
-def _read(look_up: ImageBinding) -> Iterator[str]:
+def _look_up_lines(look_up: ImageBinding) -> Iterator[str]:
     """Yield the lines that set a look-up's channels from its coordinates."""
     m = ", ".join(repr(look_up.transform[k]) for k in (0, 3, 1, 4, 2, 5))
     wraps = f"{_WRAPS[look_up.wrap_s]}, {_WRAPS[look_up.wrap_t]}"
     yield "{"
     yield f"    vec2 st = mat3x2({m}) * vec3({look_up.uv}, 1.0);"
     if 0 in look_up.files:
-        yield f"    vec4 texel = look_bilinear({_sampler(look_up, 0)}, st, {wraps});"
+        yield f"    vec4 texel = look_bilinear({_sampler_name(look_up, 0)}, st, {wraps});"
         if look_up.slopes:
             s, t = _WRAPS[look_up.wrap_s], _WRAPS[look_up.wrap_t]
             yield f"    texel.xy *= vec2(look_slope(st.x, {s}), look_slope(st.y, {t}));"
@@ -136,6 +138,6 @@ def _read(look_up: ImageBinding) -> Iterator[str]:
         for number in look_up.files:
             i, j = (number - 1001) % 10, (number - 1001) // 10
             in_tile = f"tile == vec2({i}.0, {j}.0)"
-            yield f"    if ({in_tile}) texel = look_bilinear({_sampler(look_up, number)}, st - tile, 2, 2);"
+            yield f"    if ({in_tile}) texel = look_bilinear({_sampler_name(look_up, number)}, st - tile, 2, 2);"
     yield f"    {look_up.name} = texel.rgb; {look_up.name}_a = texel.a;"
     yield "}"

@@ -14,15 +14,15 @@ from itertools import islice
 import numpy as np
 
 from lookdev.arrays import Floats32
-from lookdev.codegen.glsl.functions import function_text
+from lookdev.codegen.glsl.functions import function_lines
 from lookdev.codegen.program.lamps import (
-    Functions,
+    FunctionOperations,
     ball_operations,
     lamp_operations,
     part_operations,
     shadow_operations,
 )
-from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.program.writer import ProgramWriter
 from lookdev.codegen.templates import expand_template
 from lookdev.light import Dome, Light, RectLight, RigOrigin
 from lookdev.light.dome import bins
@@ -34,7 +34,7 @@ RIG_WIDTH = 2048
 
 _P, _W = "int light, vec3 p", "vec3 w"
 _PART = "float part_s, float part_t, float size"
-_SEEN = "out vec3 w, out float distance, out float pdf"
+_SAMPLE_OUTPUTS = "out vec3 w, out float distance, out float pdf"
 _SHADOW = {"passed": "int light, float distance, out vec3 passed"}
 _BALL = {
     "share": f"{_P}, out float share",
@@ -45,15 +45,15 @@ _PICTURE = {
     "angle": f"{_P}, {_PART}, out float angle",
     "place": f"{_P}, {_W}, out float distance, out float s, out float t",
     "density": f"{_P}, {_W}, {_PART}, out float pdf",
-    "part": f"{_P}, {_PART}, float u1, float u2, {_SEEN}",
+    "part": f"{_P}, {_PART}, float u1, float u2, {_SAMPLE_OUTPUTS}",
 }
 _LAMP = {
     "weight": f"{_P}, vec3 n, out float weight",
     "meet": f"{_P}, {_W}, out float distance, out float pdf",
-    "draw": f"{_P}, float u1, float u2, {_SEEN}",
+    "draw": f"{_P}, float u1, float u2, {_SAMPLE_OUTPUTS}",
     "sent": f"{_P}, {_W}, out vec3 sent",
 }
-"""Parameters of functions; the outputs among them have the numbers of a traced function's result, in order."""
+"""Parameters of GLSL functions, by name; the ``out`` parameters are the numbers of a traced result, in order."""
 
 _FIELD = "lamp_{}"
 
@@ -62,16 +62,16 @@ _FIELD = "lamp_{}"
 class RigFunctions:
     """The text of a rig's functions, after `functions.PRELUDE`, and the values that they read.
 
-    Globals are set before a call: ``rig_place`` and the shading frame, by ``rig_meet_surface``.
+    The caller first sets the globals ``rig_place`` and the shading frame, by ``rig_meet_surface``.
 
     ``rig_arriving``
         Returns the light from a direction, over the density of all strategies that draw it.
     ``rig_draw``
         Draws a direction, and returns the light from there.
     ``rig_meet_occluders``, ``rig_passed``
-        Exist if ``SHADOWS`` is 1: find the occluders in a direction, and return the share of a light that passes them.
-        The first calls ``float occluder_distance(vec3 w, float reach, int spared, bool any)``, which is not part of the
-        text.
+        Exist if ``SHADOWS`` is 1. The first finds the occluders in a direction, by a function that is not part of the
+        text, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. The second returns the share of a
+        light that passes them.
 
     Uniforms are:
 
@@ -86,8 +86,8 @@ class RigFunctions:
     ``sampler2D rig_tables``
         `tables`, those of IES profiles and pictures, if any, in rows of `functions.TABLE_WIDTH`.
 
-    A rig that is `split` has lights with factors for diffuse and specular light. A rig is `plain` if any surface on the
-    way occludes all of a light.
+    A rig is `split` if a light has factors for diffuse and specular light. A rig is `plain` if every occluder blocks
+    all of every light.
     """
 
     text: str
@@ -100,15 +100,15 @@ class RigFunctions:
 
 
 def rig_functions(
-    lights: Sequence[Light], lights_by_slot: Sequence[Sequence[int]], rig_origin: RigOrigin, groups: Sequence[int] = ()
+    lights: Sequence[Light], lights_by_slot: Sequence[Sequence[int]], origin: RigOrigin, groups: Sequence[int] = ()
 ) -> RigFunctions:
     """Return the functions of lights.
 
-    `lights_by_slot` are the numbers of the lights that light each slot, `groups` the shadow groups of the slots.
+    For each slot, `lights_by_slot` has the numbers of the lights that illuminate it, `groups` its shadow group.
     """
     rig = CodedRig.from_lights(lights)
     domes = tuple(None if light.constant else light.map_dome for light in rig.domes)
-    numbers = [rig.rows(rig_origin).astype(np.float64)]
+    numbers = [rig.rows(origin).astype(np.float64)]
     bin_starts = []
     for dome in domes:
         bin_starts.append(sum(map(len, numbers)))
@@ -198,19 +198,21 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
             yield "}"
 
 
-def _traced_functions(functions: Functions, prefix: str, parameters: Mapping[str, str]) -> Iterator[str]:
+def _traced_functions(functions: FunctionOperations, prefix: str, parameters: Mapping[str, str]) -> Iterator[str]:
     """Yield the lines of functions ``<prefix>_<name>``, which read the numbers of a lamp's row."""
     operations, results = functions
-    for name, of_function in parameters.items():
+    for name, signature in parameters.items():
         numbers = iter(results[name])
-        outputs = re.findall(r"out (\w+) (\w+)", of_function)
+        outputs = re.findall(r"out (\w+) (\w+)", signature)
         program = ProgramWriter(
             operations, {output: tuple(islice(numbers, 3 if kind == "vec3" else 1)) for kind, output in outputs}
         )
-        first, *rest = function_text(program, f"{prefix}_{name}({of_function})")
-        read = set(re.findall(r"\blamp_(\w+)", "\n".join(rest)))
+        first, *rest = function_lines(program, f"{prefix}_{name}({signature})")
+        fields_read = set(re.findall(r"\blamp_(\w+)", "\n".join(rest)))
         yield first
-        yield from (f"    float lamp_{field} = rig_field(light, LAMP_{field});" for field in FIELDS if field in read)
+        yield from (
+            f"    float lamp_{field} = rig_field(light, LAMP_{field});" for field in FIELDS if field in fields_read
+        )
         # A lamp's only table is that of the rig, whose name differs from those of looks.
         yield from (line.replace("(look_table0,", "(rig_tables,") for line in rest)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lookdev.cache import Content
 from lookdev.codegen.nodes.layout import lay_out_nodes
-from lookdev.codegen.nodes.match import depth_of, match_operation
+from lookdev.codegen.nodes.match import add_depths, match_operation
 from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree, ShaderNode, SocketValue
 from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
@@ -46,8 +46,8 @@ class _Recipe:
     group: str = ""
 
 
-GroupOutline: TypeAlias = "Callable[[GraphNode], tuple[str, Mapping[str, Scalar]] | None]"
-"""Returns the group whose output ``"Value"`` computes a graph's node, and the values of its sockets; or None."""
+GroupMatcher: TypeAlias = "Callable[[GraphNode], tuple[str, Mapping[str, Scalar]] | None]"
+"""Returns the name of a group whose output ``"Value"`` computes a graph's node, and its inputs; None without one."""
 
 
 class TreeBuilder:
@@ -57,9 +57,9 @@ class TreeBuilder:
     such a component is separated from it.
     """
 
-    def __init__(self, name: str, outline: GroupOutline = lambda node: None) -> None:
+    def __init__(self, name: str, match_group: GroupMatcher = lambda node: None) -> None:
         self.name = name
-        self._outline = outline
+        self._match_group = match_group
         self._nodes: dict[str, ShaderNode] = {}
         self._names: dict[tuple[object, ...], str] = {}
         self._bound: dict[tuple[str, ...], NodeLink] = {}
@@ -124,13 +124,13 @@ class TreeBuilder:
         return x, y, z
 
     def prepare(self, roots: Iterable[Sequence[Scalar]]) -> None:
-        """Plan vectors that are built later, so that scalars built earlier are separated from them."""
+        """Plan vectors that are built later: scalars that are built first then become components of them."""
         self._plan([term for root in roots if _is_term(term := _term(root))])
 
     def tree(self, inputs: Sequence[GroupSocket] = (), outputs: Sequence[GroupSocket] = ()) -> NodeTree:
         """Return the tree, laid out: the nodes that an output depends on, and the inputs that they read."""
         nodes_by_name = _nodes_before_output(self._nodes)
-        read = {
+        sockets_read = {
             link.socket
             for node in nodes_by_name.values()
             for link in node.inputs.values()
@@ -138,7 +138,8 @@ class TreeBuilder:
         }
         positions = lay_out_nodes(nodes_by_name)
         nodes = tuple(replace(node, position=positions[name]) for name, node in nodes_by_name.items())
-        return NodeTree(self.name, nodes, tuple(socket for socket in inputs if socket.name in read), tuple(outputs))
+        group_inputs = tuple(socket for socket in inputs if socket.name in sockets_read)
+        return NodeTree(self.name, nodes, group_inputs, tuple(outputs))
 
     def _term_value(self, term: NodeTerm) -> NodeLink:
         """Return the output that has the value of a term, adding the nodes that compute it."""
@@ -166,7 +167,7 @@ class TreeBuilder:
         return self._links[term]
 
     def _plan(self, roots: Sequence[NodeTerm]) -> None:
-        """Choose recipes for terms and the terms they need: vectors first, so that scalars are separated from them."""
+        """Choose recipes for terms and their operands, vectors first: scalars then become components of vectors."""
         vectors = [root for root in roots if isinstance(root, tuple)]
         scalars = [root for root in roots if isinstance(root, GraphNode)]
         unbound: set[str] = set()
@@ -178,7 +179,7 @@ class TreeBuilder:
                 unbound.add(term.name)
                 continue
             for node in [term] if isinstance(term, GraphNode) else term:
-                depth_of(node, self._depths)
+                add_depths(node, self._depths)
             recipe = self._vector_recipe(term) if isinstance(term, tuple) else self._scalar_recipe(term)
             self._recipes[term] = recipe
             for operand in filter(_is_term, recipe.inputs.values()):
@@ -209,7 +210,7 @@ class TreeBuilder:
         if isinstance(node, Symbol):
             link, index = self._parts[node.name]
             return _Recipe("SeparateXYZ", {"Vector": link}, _AXES[index])
-        group = self._outline(node)
+        group = self._match_group(node)
         if group:
             return _Recipe("Group", group[1], "Value", group=group[0])
         dot = match_dot(node)
@@ -222,7 +223,7 @@ class TreeBuilder:
 
     def _vector_recipe(self, triple: Triple) -> _Recipe:
         """Return the recipe of a vector; if one node computes it, its components are separated from that node."""
-        recipe = self._single_recipe(triple)
+        recipe = self._single_node_recipe(triple)
         if recipe is None:
             return _Recipe("CombineXYZ", dict(zip(_AXES, triple, strict=True)), "Vector")
         for index, node in enumerate(triple):
@@ -235,11 +236,11 @@ class TreeBuilder:
     def _is_vector(self, triple: Triple) -> bool:
         """Return whether three values are a vector already, or a single node can compute them."""
         term = _term(triple)
-        return (
-            not _is_term(term) or not isinstance(term, tuple) or self._is_bound(term) or bool(self._single_recipe(term))
-        )
+        if not _is_term(term) or not isinstance(term, tuple):
+            return True
+        return self._is_bound(term) or self._single_node_recipe(term) is not None
 
-    def _single_recipe(self, triple: Triple) -> _Recipe | None:
+    def _single_node_recipe(self, triple: Triple) -> _Recipe | None:
         """Return the recipe of a single node that computes three values, or None."""
         nodes = [node for node in triple if isinstance(node, GraphNode)]
         # Nodes of one depth do not depend on each other, so the vector does not depend on its own component.
@@ -268,8 +269,8 @@ class TreeBuilder:
 
 
 def _vector_math(operation: str, operands: Sequence[Scalar | Triple], output: str = "Vector") -> _Recipe:
-    spread = (operand if isinstance(operand, GraphNode | tuple) else (operand,) * 3 for operand in operands)
-    return _Recipe("VectorMath", dict(zip(_VECTOR_SOCKETS, spread, strict=False)), output, {"operation": operation})
+    vectors = (operand if isinstance(operand, GraphNode | tuple) else (operand,) * 3 for operand in operands)
+    return _Recipe("VectorMath", dict(zip(_VECTOR_SOCKETS, vectors, strict=False)), output, {"operation": operation})
 
 
 def _mix(kind: str, a: Scalar | Triple, b: Scalar | Triple, factor: Scalar | Triple) -> _Recipe:

@@ -1,4 +1,4 @@
-"""The stand-in closures of a BSDF's lobes, as nodes."""
+"""The closures of Cycles that approximate a BSDF's lobes, as shader nodes."""
 
 from __future__ import annotations
 
@@ -24,14 +24,16 @@ SocketInputs: TypeAlias = dict[str, SocketValue | NodeLink]
 _X = np.array([1.0, 0.0, 0.0])
 
 
-def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[NodeLink | None, bool]:
+def add_closures(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[NodeLink | None, bool]:
     """Add the closures of a BSDF, traced in `graph`, to a tree.
 
     `frame` has tangent, bitangent and normal in world space, (3, 3). Its symbols, and those of `WO`, are bound in the
     tree. Return the output of the closures' sum, None without closures, and whether light passes through.
     """
     lobes = present_lobes(graph, bsdf)
-    closures = _merge((closure, lobe.name) for lobe in lobes for closure in lobe_closures(lobe, symbols(graph, WO)))
+    closures = _merge_closures(
+        (closure, lobe.name) for lobe in lobes for closure in lobe_closures(lobe, symbols(graph, WO))
+    )
     vectors = [
         vector
         for closure, _ in closures
@@ -45,14 +47,14 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
 
 
 def add_shaders(builder: TreeBuilder, a: NodeLink | None, b: NodeLink | None) -> NodeLink | None:
-    """Add a node that sums two shaders, of which None is black, and return its output."""
+    """Add a node that sums two shaders, and return its output; None is a black shader."""
     if a is None or b is None:
         return b if a is None else a
     return NodeLink(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
 
 
 def scale_shader(builder: TreeBuilder, shader: NodeLink | None, factor: Real) -> NodeLink | None:
-    """Add a node that multiplies a shader by a factor from 0 to 1, and return its output: mix it with an empty one."""
+    """Add a node that mixes a shader with black, by a factor from 0 to 1, and return its output."""
     if shader is None or are_equal(factor, 0.0):
         return None
     if are_equal(factor, 1.0):
@@ -71,8 +73,8 @@ def add_transparent(builder: TreeBuilder, shader: NodeLink | None, presence: Rea
     return add_shaders(builder, shader, NodeLink(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
 
 
-def _merge(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
-    """Return closures, summed where they differ in weight alone, without those whose weight is 0."""
+def _merge_closures(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
+    """Return closures without those of weight 0; closures that differ only in their weight are summed."""
     merged: dict[tuple[object, ...], tuple[Closure, str]] = {}
     for closure, label in closures:
         if are_equal(closure.weight, 0.0):
@@ -102,12 +104,12 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
             shader = NodeLink(builder.add("BsdfDiffuse", inputs=inputs, label=label), "BSDF")
             return scale_shader(builder, shader, closure.weight[..., 0])  # the node has no socket for a weight
         case "diffuse":
-            kind = "BsdfDiffuse"
+            node_type = "BsdfDiffuse"
             inputs["Roughness"] = 0.0
         case "translucent":
-            kind = "BsdfTranslucent"
+            node_type = "BsdfTranslucent"
         case "ggx_refraction" | "beckmann_refraction":
-            kind = "BsdfRefraction"
+            node_type = "BsdfRefraction"
             properties["distribution"] = closure.kind.removesuffix("_refraction").upper()
             inputs["Roughness"] = add_value(builder, np.sqrt(closure.alpha_x))
             # Cycles takes the back of a surface for the inside of a solid; a thin surface is the same from both sides.
@@ -115,10 +117,10 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
             behind = bind_symbols(graph, builder, "frame.behind", geometry, vector=False)
             inputs["IOR"] = add_value(builder, np.where(behind > 0.5, 1.0 / closure.ior, closure.ior))
         case "ggx" | "beckmann":
-            kind = "BsdfAnisotropic"
+            node_type = "BsdfAnisotropic"
             properties["distribution"] = closure.kind.upper()
-            inputs |= _glossy(builder, closure, frame)
-    return NodeLink(builder.add(kind, properties, {"Color": color} | inputs, label), "BSDF")
+            inputs |= _glossy_inputs(builder, closure, frame)
+    return NodeLink(builder.add(node_type, properties, {"Color": color} | inputs, label), "BSDF")
 
 
 def _add_metal(
@@ -130,7 +132,7 @@ def _add_metal(
         inputs |= {"IOR": add_value(builder, closure.eta), "Extinction": add_value(builder, closure.k)}
     else:
         inputs |= {"Base Color": add_value(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
-    inputs |= _glossy(builder, closure, frame)
+    inputs |= _glossy_inputs(builder, closure, frame)
     properties = {"distribution": "GGX", "fresnel_type": "PHYSICAL_CONDUCTOR" if exact else "F82"}
     shader = NodeLink(builder.add("BsdfMetallic", properties, inputs, label), "BSDF")
     return scale_shader(builder, shader, closure.weight[..., 0])
@@ -148,7 +150,7 @@ def _add_sheen(builder: TreeBuilder, color: SocketValue | NodeLink, label: str, 
     return NodeLink(builder.add("BsdfPrincipled", {"distribution": "GGX"}, inputs, label), "BSDF")
 
 
-def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> SocketInputs:
+def _glossy_inputs(builder: TreeBuilder, closure: Closure, frame: Array) -> SocketInputs:
     """Return the sockets for roughness r, anisotropy a and tangent.
 
     Cycles has alpha_x = r^2 / s and alpha_y = r^2 s. For a metal, s^2 = 1 - 0.9 a, as in Disney's BRDF; for other

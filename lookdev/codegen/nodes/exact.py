@@ -29,8 +29,8 @@ from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
-# Fourth coordinate of the white noise: no component of a position equals it, so that the three channels differ.
-_SALT = 0.7548776662
+# Fourth coordinate of the white noise. It differs from the components of positions, so that the channels differ.
+_NOISE_SEED = 0.7548776662
 
 
 def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], *, bounces: int) -> NodeSource:
@@ -74,8 +74,8 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     names = [
         node.name for node in reachable_nodes([value for root in roots for value in root]) if isinstance(node, Symbol)
     ]
-    directed = depends_on_tangent(graph, lobes)
-    attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
+    reads_tangent = depends_on_tangent(graph, lobes)
+    attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * reads_tangent)
     for name, link in add_frame(builder).items():
         builder.bind([f"{name[0]}_{axis}" for axis in "xyz"], link)
     geometry = builder.add("NewGeometry")
@@ -84,7 +84,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder.bind(["lift"], add_lift(builder))
     # Each sample of a pixel has a position of its own.
     noise = builder.add(
-        "TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": NodeLink(geometry, "Position"), "W": _SALT}
+        "TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": NodeLink(geometry, "Position"), "W": _NOISE_SEED}
     )
     channels = builder.add("SeparateColor", {"mode": "RGB"}, {"Color": NodeLink(noise, "Color")})
     builder.bind(["u1"], NodeLink(channels, "Red"))
@@ -95,8 +95,8 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     color, direction, start = (builder.vector(root) for root in roots)
     portal = builder.add("BsdfRayPortal", inputs={"Color": color, "Position": start, "Direction": direction})
     builder.add("OutputMaterial", inputs={"Surface": NodeLink(portal, "BSDF")})
-    leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
-    trees = (frame_tree(directed=directed, leaning=leaning), builder.tree())
+    bends_normals = any(binding.attribute == HANDEDNESS for binding in attributes)
+    trees = (frame_tree(reads_tangent=reads_tangent, bends_normals=bends_normals), builder.tree())
     return NodeSource(look.name, trees, attributes, node_digest(trees, attributes), True, transmits)
 
 

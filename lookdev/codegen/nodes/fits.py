@@ -7,7 +7,7 @@ import numpy as np
 from lookdev.closures.fits import closure_fit, closure_table
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree
-from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar
+from lookdev.codegen.trace.graph import Graph, GraphNode
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol
 
 _PREFIX = "Lookdev Fit "
@@ -44,16 +44,10 @@ def fit_tree(group: str) -> NodeTree:
 
 
 def _variables(node: GraphNode) -> tuple[GraphNode, GraphNode] | None:
-    """Return x and y where a node may be a polynomial of both, (... y + c) x + (... y + c), or a quotient of two."""
-    numerator = node.args[0] if node.op == "divide" else node
-    outer = _factor(numerator)
-    inner = _factor(numerator.args[1]) if isinstance(numerator, GraphNode) and outer is not None else None
-    return (outer, inner) if outer is not None and inner is not None else None
-
-
-def _factor(value: Scalar) -> GraphNode | None:
-    """Return b of a b + c, a step of Horner's rule."""
-    match value:
-        case GraphNode(op="add", args=(GraphNode(op="multiply", args=(_, GraphNode() as factor)), _)):
-            return factor
+    """Return x and y of a node that may be a polynomial (... y + c) x + (... y + c), or a quotient of two; or None."""
+    match node.args[0] if node.op == "divide" else node:
+        case GraphNode(op="add", args=(GraphNode(op="multiply", args=(_, GraphNode() as x)), remainder)):
+            match remainder:
+                case GraphNode(op="add", args=(GraphNode(op="multiply", args=(_, GraphNode() as y)), _)):
+                    return x, y
     return None

@@ -45,11 +45,11 @@ def reads_frame_tangent(tree: NodeTree) -> bool:
     )
 
 
-def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
+def frame_tree(*, reads_tangent: bool, bends_normals: bool) -> NodeTree:
     """Return the group that computes the shading frame.
 
-    The group reads the mesh's tangent only if the look depends on its direction (`directed`). If the look bends normals
-    with bumps or normal maps (`leaning`), the bitangent of a mirrored instance is mirrored.
+    With `reads_tangent`, for a look that depends on the tangent's direction, it reads the mesh's tangent. With
+    `bends_normals`, for a look with bumps or normal maps, it mirrors the bitangent of a mirrored instance.
     """
     graph, builder = Graph(), TreeBuilder(GROUP)
 
@@ -57,7 +57,7 @@ def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
         properties = {"vector_type": kind, "convert_from": "OBJECT", "convert_to": "WORLD"}
         return NodeLink(builder.add("VectorTransform", properties, {"Vector": value}), "Vector")
 
-    def of_mesh(name: str) -> NodeLink:
+    def mesh_attribute(name: str) -> NodeLink:
         return NodeLink(builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": name}), "Vector")
 
     def symbols(name: str, link: NodeLink) -> SymbolicArray:
@@ -65,14 +65,14 @@ def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
 
     geometry = builder.add("NewGeometry")
     hand: Real = 1.0
-    if leaning:
+    if bends_normals:
         axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
         x, y, z = (symbols(name, to_world("VECTOR", axis)) for name, axis in axes.items())
         hand = np.where(dot(cross(x, y), z) < 0.0, -1.0, 1.0)
     viewer = symbols("viewer", NodeLink(geometry, "Incoming"))
     frame = shading_frame(
-        normalize(symbols("normal", to_world("NORMAL", of_mesh("lookdev_normal")))),
-        symbols("tangent", to_world("VECTOR", of_mesh(TANGENT))) if directed else None,
+        normalize(symbols("normal", to_world("NORMAL", mesh_attribute("lookdev_normal")))),
+        symbols("tangent", to_world("VECTOR", mesh_attribute(TANGENT))) if reads_tangent else None,
         symbols("facet", NodeLink(geometry, "True Normal")),
         viewer,
         hand,

@@ -27,56 +27,58 @@ class TracedGroup:
         self._sockets: list[GroupSocket] = []
         self._input = self.builder.add("NodeGroupInput")
 
-    def take(self, parameters: Mapping[str, Parameter], values: Parameters, panel: str = "") -> Parameters:
+    def add_inputs(self, parameters: Mapping[str, Parameter], values: Parameters, panel: str = "") -> Parameters:
         """Add sockets for parameters, and return their values inside the group.
 
         A value inside is the symbols of a socket, or a constant at which terms vanish. `values` are tokens, and arrays
         of the graph outside. Names of sockets begin with that of their panel. A parameter that follows another, and has
         its value, shares its socket.
         """
-        inside: dict[str, Array | str] = {}
+        inner_values: dict[str, Array | str] = {}
         for name, value in values.items():
             parameter = parameters[name]
             if followed := followed_parameter(parameter, values):
-                inside[name] = inside[followed]
+                inner_values[name] = inner_values[followed]
                 continue
-            if parameter.kind == "token" or _folds(parameter, value):
-                inside[name] = value
+            if parameter.kind == "token" or _is_folded(parameter, value):
+                inner_values[name] = value
                 continue
             socket = f"{panel} {name}" if panel else name
-            self._sockets.append(replace(socket_of(parameter), name=socket, panel=panel))
+            self._sockets.append(replace(parameter_socket(parameter), name=socket, panel=panel))
             self._values[socket] = value
             vector = parameter.kind != "float"
-            inside[name] = bind_symbols(self.graph, self.builder, socket, NodeLink(self._input, socket), vector=vector)
-        return inside
+            inner_values[name] = bind_symbols(
+                self.graph, self.builder, socket, NodeLink(self._input, socket), vector=vector
+            )
+        return inner_values
 
-    def take_shader(self, name: str, panel: str = "") -> NodeLink:
+    def add_shader_input(self, name: str, panel: str = "") -> NodeLink:
         """Add a socket for a shader and return its output inside."""
         self._sockets.append(GroupSocket(name, "shader", panel=panel))
         return NodeLink(self._input, name)
 
     def tree(
-        self, values: Mapping[GroupSocket, Real], shader: NodeLink | None = None, *, shades: bool = True
+        self, values: Mapping[GroupSocket, Real], shader: NodeLink | None = None, *, has_shader: bool = True
     ) -> NodeTree:
-        """Return the tree, whose outputs are `values` of the graph and, if it `shades`, a shader, black if None."""
-        self.builder.prepare(_vectors(values.values()))
+        """Return the tree, whose outputs are `values` of the graph and, if it `has_shader`, a shader, black if None."""
+        self.builder.prepare(_vector_elements(values.values()))
         inputs: dict[str, SocketValue | NodeLink] = {
             socket.name: add_value(self.builder, value) for socket, value in values.items()
         }
         outputs = list(values)
         if shader is not None:
             inputs["Shader"] = shader
-        if shades:
+        if has_shader:
             outputs.insert(0, GroupSocket("Shader", "shader"))
         self.builder.add("NodeGroupOutput", inputs=inputs)
         return self.builder.tree(self._sockets, outputs)
 
-    def add_to(self, outside: TreeBuilder, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
+    def add_to(self, outer: TreeBuilder, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
         """Add a node of the finished group, with the values of its sockets, to the tree outside; return its name."""
         values = self.input_values(tree)
-        outside.prepare(_vectors(values.values()))
-        inputs = {name: add_value(outside, value) for name, value in values.items()}
-        return outside.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
+        outer.prepare(_vector_elements(values.values()))
+        inputs = {name: add_value(outer, value) for name, value in values.items()}
+        return outer.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
 
     def input_values(self, tree: NodeTree) -> dict[str, Array]:
         """Return the values of the sockets that the finished tree has, by name."""
@@ -90,7 +92,7 @@ def followed_parameter(parameter: Parameter, values: Parameters) -> str:
     return followed if same else ""
 
 
-def socket_of(parameter: Parameter) -> GroupSocket:
+def parameter_socket(parameter: Parameter) -> GroupSocket:
     """Return the socket of a parameter, which has the parameter's name."""
     assert parameter.kind != "token"
     kind: Literal["float", "color", "vector"] = "vector" if parameter.kind == "normal" else parameter.kind
@@ -99,12 +101,12 @@ def socket_of(parameter: Parameter) -> GroupSocket:
 
 def bind_symbols(graph: Graph, builder: TreeBuilder, name: str, link: NodeLink, *, vector: bool) -> SymbolicArray:
     """Bind symbols of a name to an output, and return them as an array, () or (3,)."""
-    value = symbols_of(graph, name, vector=vector)
+    value = named_symbols(graph, name, vector=vector)
     builder.bind([node.name for node in elements_of(value) if isinstance(node, Symbol)], link)
     return value
 
 
-def symbols_of(graph: Graph, name: str, *, vector: bool) -> SymbolicArray:
+def named_symbols(graph: Graph, name: str, *, vector: bool) -> SymbolicArray:
     """Return the symbols of a name as an array, () or (3,)."""
     return symbols(graph, [f"{name}_{i}" for i in range(3)]) if vector else symbol(graph, name)
 
@@ -115,7 +117,7 @@ def add_value(builder: TreeBuilder, value: Real) -> NodeLink | float | tuple[flo
     return builder.vector(elements) if len(elements) == 3 else builder.scalar(elements[0])
 
 
-def _folds(parameter: Parameter, value: Real) -> bool:
+def _is_folded(parameter: Parameter, value: Real) -> bool:
     """Return whether a value is a constant at which terms of the model vanish."""
     all_elements = elements_of(value)
     elements = [element for element in all_elements if not isinstance(element, GraphNode)]
@@ -128,5 +130,5 @@ def _folds(parameter: Parameter, value: Real) -> bool:
     return not any(elements) if parameter.kind == "color" else elements[0] in parameter.hard
 
 
-def _vectors(values: Iterable[Real]) -> list[list[Scalar]]:
+def _vector_elements(values: Iterable[Real]) -> list[list[Scalar]]:
     return [elements for value in values if len(elements := elements_of(value)) == 3]

@@ -18,7 +18,7 @@ from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import AttributeBinding, ImageBinding, NodeLink, NodeTree
 from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.symbolic import elements_of, symbols
+from lookdev.codegen.trace.symbolic import elements_of, symbols, vector_symbols
 
 _EXTENSION = {"black": "CLIP", "clamp": "EXTEND", "repeat": "REPEAT", "mirror": "MIRROR"}
 _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -64,14 +64,14 @@ def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
 
 def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, label: str) -> None:
     """Add the nodes of a look-up, and bind the symbols of its channels."""
-    uv = symbols(graph, [f"{look_up.uv}[{i}]" for i in range(3)])
+    uv = vector_symbols(graph, look_up.uv)
     a, b, c, d, e, f = look_up.transform
     s, t = uv[0] * a + uv[1] * b + c, uv[0] * d + uv[1] * e + f
     # Image nodes do not use the third coordinate. With that of the UV set, the vector of untransformed coordinates is
     # the output of the UV set itself, and needs no further node.
     w = uv[2] if look_up.transform == _IDENTITY else np.array(0.0)
 
-    def read(file: Content, uv: Sequence[Array], wrap: str) -> Array:
+    def sample_image(file: Content, uv: Sequence[Array], wrap: str) -> Array:
         vector = builder.vector(elements_of(np.stack(uv)))
         if not isinstance(vector, NodeLink):  # an image node whose vector is not linked reads the mesh's UVs
             vector = NodeLink(builder.add("CombineXYZ", inputs=dict(zip("XYZ", vector, strict=True))), "Vector")
@@ -90,16 +90,18 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, lab
         for number, file in look_up.files.items():
             i, j = (number - 1001) % 10, (number - 1001) // 10
             in_tile = np.where(_is_tile(column, i) & _is_tile(row, j), 1.0, 0.0)
-            value = value + read(file, (s - column, t - row, np.array(0.0)), "clamp") * in_tile
+            value = value + sample_image(file, (s - column, t - row, np.array(0.0)), "clamp") * in_tile
     elif wraps[0] == wraps[1]:
-        value = read(look_up.files[0], (s, t, w), wraps[0])
+        value = sample_image(look_up.files[0], (s, t, w), wraps[0])
     else:
         value = np.zeros(4)
-        for y in _copies(t, wraps[1]):
-            for x in _copies(s, wraps[0]):
-                value = value + read(look_up.files[0], (x, y, np.array(0.0)), "black")
+        for y in _copy_coordinates(t, wraps[1]):
+            for x in _copy_coordinates(s, wraps[0]):
+                value = value + sample_image(look_up.files[0], (x, y, np.array(0.0)), "black")
     if look_up.slopes and 0 in look_up.files:
-        value = value * np.stack([_wrap_slope(s, wraps[0]), _wrap_slope(t, wraps[1]), np.array(1.0), np.array(1.0)])
+        value = value * np.stack(
+            [_wrap_derivative(s, wraps[0]), _wrap_derivative(t, wraps[1]), np.array(1.0), np.array(1.0)]
+        )
     *color, alpha = elements_of(value)
     color_link, alpha_link = builder.vector(color), builder.scalar(alpha)
     assert isinstance(color_link, NodeLink), "the values of an image are links, not constants"
@@ -112,7 +114,7 @@ def _is_tile(coordinate: Array, number: int) -> BooleanArray:
     return (coordinate > number - 0.5) & (coordinate < number + 0.5)
 
 
-def _copies(s: Array, wrap: str) -> tuple[Array, ...]:
+def _copy_coordinates(s: Array, wrap: str) -> tuple[Array, ...]:
     """Return the coordinates, in an image and beside it, whose look-ups with a black border add up to the wrapped one.
 
     Bilinear weights are tents about texel centres. So an image that repeats or mirrors is the sum of its copies, of
@@ -128,7 +130,7 @@ def _copies(s: Array, wrap: str) -> tuple[Array, ...]:
     return position, np.where(position < 0.5, -position, 2.0 - position)
 
 
-def _wrap_slope(s: Array, wrap: str) -> Array:
+def _wrap_derivative(s: Array, wrap: str) -> Array:
     """Return the derivative of an axis's wrapping: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
     if wrap == "mirror":
         whole: Array = np.floor(s)

@@ -17,9 +17,13 @@ def add_lift(builder: TreeBuilder) -> NodeLink:
     """Add the nodes that compute the height, in metres, up to which a ray that leaves a surface passes others."""
     position = NodeLink(builder.add("NewGeometry"), "Position")
     distance = NodeLink(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": position}), "Value")
-    view_distance = NodeLink(builder.add("CameraData"), "View Distance")
-    size = NodeLink(builder.add("Math", {"operation": "ADD"}, {"Value": distance, "Value_001": view_distance}), "Value")
-    return NodeLink(builder.add("Math", {"operation": "MULTIPLY"}, {"Value": size, "Value_001": LIFT}), "Value")
+    size = _add_math(builder, "ADD", distance, NodeLink(builder.add("CameraData"), "View Distance"))
+    return _add_math(builder, "MULTIPLY", size, LIFT)
+
+
+def _add_math(builder: TreeBuilder, operation: str, *operands: NodeLink | float) -> NodeLink:
+    inputs = dict(zip(("Value", "Value_001"), operands, strict=False))
+    return NodeLink(builder.add("Math", {"operation": operation}, inputs), "Value")
 
 
 def coincident_tree(*, see_through: bool) -> NodeTree:
@@ -39,14 +43,10 @@ def coincident_tree(*, see_through: bool) -> NodeTree:
     geometry = builder.add("NewGeometry")
     vectors = {"Vector": NodeLink(geometry, "Incoming"), "Vector_001": NodeLink(geometry, "True Normal")}
     cosine = NodeLink(builder.add("VectorMath", {"operation": "DOT_PRODUCT"}, vectors), "Value")
-    length = NodeLink(path, "Ray Length")
-    height = builder.add("Math", {"operation": "MULTIPLY"}, {"Value": length, "Value_001": cosine})
-    above = builder.add("Math", {"operation": "ABSOLUTE"}, {"Value": NodeLink(height, "Value")})
-    near = builder.add(
-        "Math", {"operation": "LESS_THAN"}, {"Value": NodeLink(above, "Value"), "Value_001": add_lift(builder)}
-    )
+    height = _add_math(builder, "ABSOLUTE", _add_math(builder, "MULTIPLY", NodeLink(path, "Ray Length"), cosine))
+    is_near = _add_math(builder, "LESS_THAN", height, add_lift(builder))
     clear = NodeLink(builder.add("BsdfTransparent"), "BSDF")
-    inputs = {"Fac": NodeLink(near, "Value"), "Shader": shader, "Shader_001": clear}
+    inputs = {"Fac": is_near, "Shader": shader, "Shader_001": clear}
     builder.add("NodeGroupOutput", inputs={"Shader": NodeLink(builder.add("MixShader", inputs=inputs), "Shader")})
     socket = GroupSocket("Shader", "shader")
     return builder.tree([socket], [socket])

@@ -2,7 +2,7 @@
 
 The material's tree contains textures, primvars, mask expressions and constants. Groups contain the models, whose
 parameters are sockets. Layers of one model are combined in one group, by the model's rule or by blending parameters.
-From the first layer of another model on, shaders are blended.
+Layers from the first one of another model onwards are blended as shaders.
 """
 
 from __future__ import annotations
@@ -27,10 +27,17 @@ from lookdev.brdf import (
 from lookdev.brdf.vectors import are_equal
 from lookdev.codegen.inputs import SymbolicSurface
 from lookdev.codegen.nodes.builder import TreeBuilder
-from lookdev.codegen.nodes.closures import add_shaders, add_transparent, scale_shader, shade
+from lookdev.codegen.nodes.closures import add_closures, add_shaders, add_transparent, scale_shader
 from lookdev.codegen.nodes.fits import fit_tree, is_fit
 from lookdev.codegen.nodes.frame import add_frame, frame_tree, reads_frame_tangent
-from lookdev.codegen.nodes.group import TracedGroup, add_value, bind_symbols, followed_parameter, socket_of, symbols_of
+from lookdev.codegen.nodes.group import (
+    TracedGroup,
+    add_value,
+    bind_symbols,
+    followed_parameter,
+    named_symbols,
+    parameter_socket,
+)
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import GROUP as COINCIDENT
 from lookdev.codegen.nodes.lift import coincident_tree
@@ -44,12 +51,12 @@ from lookdev.material.values import look_layers
 _LAYERS = "Lookdev Layers"
 _PRESENCE = Parameter("presence", "float", 1.0, help="How much of the surface is there.")
 _REFLECTANCE = Parameter("reflectance", "float", 1.0, help="How much of the light the coat reflects to the viewer.")
-_OF_PART = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECTANCE}
+_PART_PARAMETERS = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECTANCE}
 
 
 @dataclass(frozen=True)
-class _Part:
-    """The shader of some of the layers, and values of the material's graph: their presence and a coat's reflectance."""
+class _ShaderPart:
+    """The shader of consecutive layers; values of the material's graph: their presence, the reflectance of a coat."""
 
     shader: NodeLink
     presence: Real
@@ -69,7 +76,7 @@ def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> Nod
     TextureError
         An image is missing or unreadable.
     """
-    return _Material(look, resolve).source()
+    return _Material(look, resolve).build_source()
 
 
 class _Material:
@@ -83,24 +90,26 @@ class _Material:
         self._groups: list[NodeTree] = []
         self._attributes: dict[AttributeBinding, None] = {}
 
-    def source(self) -> NodeSource:
+    def build_source(self) -> NodeSource:
         stack = look_layers(self._look, self._inputs)
         names = _unique_names(layer.name for layer in stack)
         # This raises if layers do not fit together, even if they fold to nothing.
         presence = stack_bsdf(stack).presence
         first, *others = split_by_combination(stack)
         if not others:
-            whole = self._run(stack, names, part="")
+            whole = self._add_model_layers(stack, names, part_name="")
         else:
-            parts = [self._run(first, names[: len(first)], names[0])]
-            parts += [self._run(run, [name], name) for run, name in zip(others, names[len(first) :], strict=True)]
+            upper_names = names[len(first) :]
+            parts = [self._add_model_layers(first, names[: len(first)], names[0])]
+            parts += [self._add_model_layers(run, [name], name) for run, name in zip(others, upper_names, strict=True)]
             whole = self._mix_parts(parts, stack, names)
         coincident = self._builder.add("Group", inputs={"Shader": whole.shader}, group=COINCIDENT)
         self._builder.add("OutputMaterial", inputs={"Surface": NodeLink(coincident, "Shader")})
         attributes = sorted(self._attributes, key=lambda binding: binding.parameter)
-        directed = any(map(reads_frame_tangent, self._groups))
-        frame = frame_tree(directed=directed, leaning=any(binding.attribute == HANDEDNESS for binding in attributes))
-        attributes += [TANGENT_BINDING] * directed
+        reads_tangent = any(map(reads_frame_tangent, self._groups))
+        bends_normals = any(binding.attribute == HANDEDNESS for binding in attributes)
+        frame = frame_tree(reads_tangent=reads_tangent, bends_normals=bends_normals)
+        attributes += [TANGENT_BINDING] * reads_tangent
         used_groups = {node.group for tree in self._groups for node in tree.nodes}
         fits = [fit_tree(name) for name in sorted(used_groups) if is_fit(name)]
         see_through = not are_equal(presence, 1.0)
@@ -115,34 +124,35 @@ class _Material:
             see_through=see_through,
         )
 
-    def _run(self, stack: Sequence[StackLayer], names: Sequence[str], part: str) -> _Part:
-        """Add the groups of layers of one model; `part` is in their names if they are not the whole look."""
+    def _add_model_layers(self, stack: Sequence[StackLayer], names: Sequence[str], part_name: str) -> _ShaderPart:
+        """Add the groups of layers of one model; `part_name` ends their names, and is empty for a whole look."""
         model = model_named(stack[0].model)
         if len(stack) == 1:
-            group = TracedGroup(f"Lookdev {model.title} {part}".strip())
-            return self._shade(group, _take_layers(group, stack), part)
-        group = TracedGroup(f"{_LAYERS} {part}".strip())
-        layers = _take_layers(group, stack, names)
-        return self._shade(group, layers, part) if model.combine else self._parameters(group, layers, part)
+            group = TracedGroup(f"Lookdev {model.title} {part_name}".strip())
+            return self._finish_group(group, _add_layer_inputs(group, stack), part_name)
+        group = TracedGroup(f"{_LAYERS} {part_name}".strip())
+        layers = _add_layer_inputs(group, stack, names)
+        add_shading = self._finish_group if model.combine else self._blend_parameters
+        return add_shading(group, layers, part_name)
 
-    def _shade(
+    def _finish_group(
         self,
         group: TracedGroup,
         stack: Sequence[StackLayer],
-        part: str,
+        part_name: str,
         on_finished: Callable[[NodeTree], None] = lambda tree: None,
-    ) -> _Part:
-        """Finish and add a group that shades with the layers taken into it; call `on_finished` before it is added."""
+    ) -> _ShaderPart:
+        """Finish a group that shades with `stack`, its layers; call `on_finished` with its tree, then add the group."""
         bsdf = stack_bsdf(stack)
-        shader, transmits = _closures(group, bsdf)
+        shader, transmits = _add_group_closures(group, bsdf)
         outputs: dict[str, Real] = {}
-        if not part:
+        if not part_name:
             shader = add_transparent(group.builder, shader, bsdf.presence)
         elif not are_equal(bsdf.presence, 1.0):
             outputs["presence"] = bsdf.presence
         if stack[0].mode == "coat":
             outputs["reflectance"] = reflectance(stack[0], symbols(group.graph, WO))
-        tree = group.tree({socket_of(_OF_PART[name]): value for name, value in outputs.items()}, shader)
+        tree = group.tree({parameter_socket(_PART_PARAMETERS[name]): value for name, value in outputs.items()}, shader)
         on_finished(tree)
         node = self._add_group(group, tree)
         output_symbols = {
@@ -150,9 +160,9 @@ class _Material:
             for name in outputs
         }
         presence = output_symbols.get("presence", np.array(1.0))
-        return _Part(NodeLink(node, "Shader"), presence, transmits, output_symbols.get("reflectance"))
+        return _ShaderPart(NodeLink(node, "Shader"), presence, transmits, output_symbols.get("reflectance"))
 
-    def _parameters(self, layers: TracedGroup, stack: Sequence[StackLayer], part: str) -> _Part:
+    def _blend_parameters(self, layers: TracedGroup, stack: Sequence[StackLayer], part_name: str) -> _ShaderPart:
         """Add a group that blends the parameters of layers, and one that shades with the results."""
         model = model_named(stack[0].model)
         parameters, blended = model.parameters, model.blend(stack)
@@ -163,25 +173,27 @@ class _Material:
             if isinstance(value, SymbolicArray)
         }
         values = {
-            name: symbols_of(self._graph, symbol_names[name], vector=parameters[name].kind != "float")
+            name: named_symbols(self._graph, symbol_names[name], vector=parameters[name].kind != "float")
             if name in symbol_names
             else value
             for name, value in blended.items()
         }
-        group = TracedGroup(f"Lookdev {model.title} {part}".strip())
-        shading = replace(stack[0], parameters=group.take(parameters, values))
+        group = TracedGroup(f"Lookdev {model.title} {part_name}".strip())
+        shading = replace(stack[0], parameters=group.add_inputs(parameters, values))
 
-        def show_layers(tree: NodeTree) -> None:
-            read = [name for name in group.input_values(tree) if name in symbol_names]
-            outputs = {socket_of(parameters[name]): blended[name] for name in read}
-            node = self._add_group(layers, layers.tree(outputs, shades=False))
-            for name in read:
+        def add_layers_group(tree: NodeTree) -> None:
+            names_read = [name for name in group.input_values(tree) if name in symbol_names]
+            outputs = {parameter_socket(parameters[name]): blended[name] for name in names_read}
+            node = self._add_group(layers, layers.tree(outputs, has_shader=False))
+            for name in names_read:
                 vector = parameters[name].kind != "float"
                 bind_symbols(self._graph, self._builder, symbol_names[name], NodeLink(node, name), vector=vector)
 
-        return self._shade(group, [shading], part, show_layers)
+        return self._finish_group(group, [shading], part_name, add_layers_group)
 
-    def _mix_parts(self, parts: Sequence[_Part], stack: Sequence[StackLayer], names: Sequence[str]) -> _Part:
+    def _mix_parts(
+        self, parts: Sequence[_ShaderPart], stack: Sequence[StackLayer], names: Sequence[str]
+    ) -> _ShaderPart:
         """Blend shaders, base first: f is ``mask * f_above + (1 - mask * presence_above) * f_below``.
 
         For a coat, ``mask * presence_above`` is also multiplied by its reflectance.
@@ -195,11 +207,11 @@ class _Material:
         total: NodeLink | None = None
         presence: Real = np.array(0.0)
         for panel, part, layer in zip(panels, parts, layers, strict=True):
-            shader = group.take_shader(f"{panel} shader", panel)
+            shader = group.add_shader_input(f"{panel} shader", panel)
             values = {"mask": layer.mask, "presence": part.presence}
             if part.reflectance is not None:
                 values["reflectance"] = part.reflectance
-            inside_values = group.take(_OF_PART, values, panel)
+            inside_values = group.add_inputs(_PART_PARAMETERS, values, panel)
             presence_of_part = inside_values["mask"] * inside_values["presence"]
             coverage = presence_of_part if part.reflectance is None else presence_of_part * inside_values["reflectance"]
             total = _layer_over(group.builder, shader, total, inside_values["mask"], coverage)
@@ -207,7 +219,7 @@ class _Material:
                 presence = 1.0 - (1.0 - presence_of_part) * (1.0 - presence)
         tree = group.tree({}, add_transparent(group.builder, total, presence))
         node = self._add_group(group, tree, shaders)
-        return _Part(NodeLink(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
+        return _ShaderPart(NodeLink(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
 
     def _add_group(self, group: TracedGroup, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
         """Add a node of a finished group, and the inputs that it reads, to the material's tree; return its name."""
@@ -220,32 +232,34 @@ class _Material:
         return group.add_to(self._builder, tree, shaders)
 
 
-def _closures(group: TracedGroup, bsdf: Bsdf) -> tuple[NodeLink | None, bool]:
+def _add_group_closures(group: TracedGroup, bsdf: Bsdf) -> tuple[NodeLink | None, bool]:
     """Add the frame and closures of a BSDF to a group; return the closures' sum and whether light passes through."""
     # No other symbol has such a name, as names of parameters and layers do not contain dots.
     bases = [
         bind_symbols(group.graph, group.builder, f"frame.{name}", link, vector=True)
         for name, link in add_frame(group.builder).items()
     ]
-    return shade(group.graph, group.builder, bsdf, np.stack(bases))
+    return add_closures(group.graph, group.builder, bsdf, np.stack(bases))
 
 
 def _layer_over(
     builder: TreeBuilder, above: NodeLink, below: NodeLink | None, mask: Real, coverage: Real
 ) -> NodeLink | None:
-    """Layer a shader over another, of which it hides the share `coverage`."""
+    """Layer a shader over another one, which it hides in proportion to `coverage`."""
     if below is not None and are_equal(mask, coverage) and not are_equal(mask, 0.0) and not are_equal(mask, 1.0):
         inputs = {"Fac": add_value(builder, mask), "Shader": below, "Shader_001": above}
         return NodeLink(builder.add("MixShader", inputs=inputs), "Shader")
     return add_shaders(builder, scale_shader(builder, below, 1.0 - coverage), scale_shader(builder, above, mask))
 
 
-def _take_layers(group: TracedGroup, stack: Sequence[StackLayer], names: Sequence[str] = ("",)) -> list[StackLayer]:
-    """Return layers with their values inside a group; of several layers, each has a panel, named in `names`."""
+def _add_layer_inputs(
+    group: TracedGroup, stack: Sequence[StackLayer], names: Sequence[str] = ("",)
+) -> list[StackLayer]:
+    """Return layers whose values are inputs of a group; each of several layers has a panel, named in `names`."""
     layers = []
     for number, (layer, panel) in enumerate(zip(stack, names, strict=True)):
-        mask = group.take({"mask": MASK}, {"mask": layer.mask}, panel)["mask"] if number else np.array(1.0)
-        parameters = group.take(model_named(layer.model).parameters, layer.parameters, panel)
+        mask = group.add_inputs({"mask": MASK}, {"mask": layer.mask}, panel)["mask"] if number else np.array(1.0)
+        parameters = group.add_inputs(model_named(layer.model).parameters, layer.parameters, panel)
         layers.append(replace(layer, mask=mask, parameters=parameters))
     return layers
 

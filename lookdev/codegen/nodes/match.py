@@ -1,7 +1,7 @@
 """Operations of expression graphs as those of Blender's Math nodes; one node can do several operations.
 
-Their arithmetic differs from NumPy's only outside the domain of models: a division by 0 gives 0, as do the square root
-and the logarithm of a negative number.
+The arithmetic of these nodes differs from NumPy's only outside the domain of models: a division by 0 gives 0, as do the
+square root and the logarithm of a negative number.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _E = 2.718281828459045
 def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
     """Return the operation that computes a node, and its operands.
 
-    A summand that is a product becomes part of the addition, unless it is in `computed`: nodes that exist anyway.
+    A summand that is a product becomes part of the addition, unless it is in `computed`, the nodes that exist.
     """
     apply = node.graph.apply
     match node.op, node.args:
@@ -73,7 +73,7 @@ def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
             return (_NAMES.get(node.op, node.op.upper()), *node.args)
 
 
-def depth_of(value: Scalar, depths: dict[GraphNode, int]) -> None:
+def add_depths(value: Scalar, depths: dict[GraphNode, int]) -> None:
     """Add the depths, in operations, of a node and of all nodes that it needs to `depths`."""
     for node in post_order([value], stop=lambda operand: operand in depths):
         depths[node] = 1 + max((depths[operand] for operand in node.operands()), default=0)
@@ -110,7 +110,7 @@ def _factors(value: Scalar) -> Iterator[tuple[Scalar, Scalar]]:
 
 
 def _match_mix(p: Scalar, q: Scalar) -> Match | None:
-    """Return the ``"MIX"`` that p + q is, as a (1 - t) + b t, or None."""
+    """Return p + q as a ``"MIX"``, a (1 - t) + b t, or None."""
     for rest, a in _factors(p):
         match rest:
             case GraphNode(op="subtract", args=(1.0, t)):

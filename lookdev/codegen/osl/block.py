@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from lookdev.brdf.table import NumberTable
-from lookdev.codegen.operators import BOOLEAN, CODE, strip_parentheses
+from lookdev.codegen.operators import BOOLEAN_OPERATIONS, CODE, strip_parentheses
 from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
 
-# Ten million numbers are loaded in four seconds.
-_LARGEST_ARRAY = 10_000_000
+# Cycles loads this number of values in four seconds.
+_MAX_ARRAY_SIZE = 10_000_000
 
 # Longer expressions get a name, so that the generated shader can be read.
 _MAX_INLINE = 70
@@ -31,11 +31,11 @@ def literal(value: float | bool) -> str:
     return repr(float(value))
 
 
-Spell = Callable[["str | Uniform"], str]
-"""Returns the text of a symbol or a uniform. It is called when the text is written, in the order of the code."""
+SymbolText = Callable[["str | Uniform"], str]
+"""A function from a symbol or a uniform to its text; it is called in the order in which the code is written."""
 
 
-def spell_by_name(value: str | Uniform) -> str:
+def plain_symbol_text(value: str | Uniform) -> str:
     """Return the name of a symbol, or the literal of a uniform."""
     return literal(value) if isinstance(value, Uniform) else value
 
@@ -45,7 +45,7 @@ def fits_array(table: NumberTable) -> bool:
 
     A look-up in an array takes a fortieth of the time of one in a texture, but Cycles loads the array as text.
     """
-    return table.values.size <= _LARGEST_ARRAY
+    return table.values.size <= _MAX_ARRAY_SIZE
 
 
 def table_name(table: NumberTable) -> str:
@@ -66,20 +66,24 @@ class Block:
     """
 
     def __init__(
-        self, prefix: str, indent: int, variables: Mapping[GraphNode, str] | None = None, spell: Spell = spell_by_name
+        self,
+        prefix: str,
+        indent: int,
+        variables: Mapping[GraphNode, str] | None = None,
+        symbol_text: SymbolText = plain_symbol_text,
     ) -> None:
         self.lines: list[str] = []
         self.variables = dict(variables or {})
         self._prefix = prefix
         self._pad = "    " * indent
-        self._spell = spell
+        self._symbol_text = symbol_text
         self._uses: Counter[GraphNode] = Counter()
         self._preset_names: dict[GraphNode, str] = {}
         self._cells: dict[tuple[str, str, str], str] = {}
 
     def inner_block(self, prefix: str, indent: int) -> Block:
         """Return a scope inside this one, which starts with the variables that this one has now."""
-        inner = Block(prefix, indent, self.variables, self._spell)
+        inner = Block(prefix, indent, self.variables, self._symbol_text)
         inner._cells = dict(self._cells)
         return inner
 
@@ -118,14 +122,14 @@ class Block:
 
         def code_of(part: Scalar) -> str:
             if isinstance(part, Uniform):
-                return self._spell(part)
+                return self._symbol_text(part)
             if not isinstance(part, GraphNode):
                 return literal(part)
             return self.variables.get(part) or inline[part]
 
         for node in post_order([value], stop=lambda node: node in self.variables):
             if isinstance(node, Symbol):
-                inline[node] = self._spell(node.name)
+                inline[node] = self._symbol_text(node.name)
                 continue
             if isinstance(node, TableCell):
                 inline[node] = self._look_up_code(node.table, node.channel, *map(code_of, node.args))
@@ -156,6 +160,6 @@ class Block:
     def _define(self, node: GraphNode, code: str) -> None:
         """Write a variable that has the value of a node."""
         name = self._preset_names.get(node, f"{self._prefix}{len(self.variables)}")
-        kind = "int" if node.op in BOOLEAN else "float"
+        kind = "int" if node.op in BOOLEAN_OPERATIONS else "float"
         self.write(f"{kind} {name} = {strip_parentheses(code)};")
         self.variables[node] = name

@@ -1,6 +1,6 @@
 """A mixture of lobes as OSL: fragments that run once for a shading point, for a direction, and for a sample.
 
-The emitted fragments share names with the shaders that include them (`lookdev/shaders/*.osl`):
+The shaders that include the fragments (`lookdev/shaders/*.osl`) share these names with them:
 
 - setup reads ``wo_x wo_y wo_z`` and the inputs, and defines the variables that do not depend on the light's direction;
   if terms scatter along single directions, it also reads ``inside``, and sets ``vector delta_wi[]`` and
@@ -24,7 +24,7 @@ from types import MappingProxyType
 from lookdev.brdf import Array, Delta, Lobe
 from lookdev.brdf.table import NumberTable
 from lookdev.codegen.operators import strip_parentheses
-from lookdev.codegen.osl.block import Block, Spell, spell_by_name
+from lookdev.codegen.osl.block import Block, SymbolText, plain_symbol_text
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.codegen.trace.graph import (
     Graph,
@@ -36,10 +36,11 @@ from lookdev.codegen.trace.graph import (
     post_order,
     reachable_nodes,
 )
-from lookdev.codegen.trace.lobes import INSIDE, WI, WO, parts_of_lobe, recorded_group, trace_mixture
+from lookdev.codegen.trace.lobes import INSIDE, WI, WO, lobe_parts, recorded_group, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
 VARYING = frozenset((*WI, "u1", "u2"))
+"""The symbols that differ between the directions of a shading point."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class TracedLobe:
 
     `value` (3) and `density` are those of `LobeTerms`, `below` is that of `LobeChoice`. `wi` (3) is the direction
     drawn, in the surface's frame. `share` is a constant if the lobe is present at every point. The code of a lobe runs
-    where the condition `side` is true, or, if that is None, where light is on the lobe's side of the shading normal.
+    where the condition `side` is true; if it is None, where light is on the lobe's side of the shading normal.
     The lights' factors for diffuse lobes apply if it `is_diffuse`. Its light is recorded in `group`, one of
     `LOBE_GROUPS`, without that of `parts`, the parts of `value` in other groups.
     """
@@ -132,7 +133,7 @@ def trace_lobes(
     """
     mixture, wi = trace_mixture(graph, lobes), symbols(graph, WI)
     # A lobe's code runs only where the light is on the lobe's side.
-    sides = [_side(lobe, mixture.wo, wi) for lobe in lobes]
+    sides = [_side_condition(lobe, mixture.wo, wi) for lobe in lobes]
     for condition in (*elements_of(wi[..., 2] > 0.0), *elements_of(wi[..., 2] < 0.0), *sides):
         if condition is not None:
             graph.assume(condition)
@@ -150,7 +151,7 @@ def trace_lobes(
             light_sampled=light_sampled(lobe),
             is_diffuse=lobe.group == "diffuse",
             group=recorded_group(lobe),
-            parts={name: tuple(elements_of(part)) for name, part in parts_of_lobe(term).items()} if recorded else {},
+            parts={name: tuple(elements_of(part)) for name, part in lobe_parts(term).items()} if recorded else {},
         )
         for lobe, side, term, choice in zip(lobes, sides, terms, choices, strict=True)
     )
@@ -159,8 +160,8 @@ def trace_lobes(
     return TracedMixture(traced, elements_of(mixture.total_share)[0], densities)
 
 
-def _side(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
-    """Return the condition under which a lobe that crosses the horizon is not 0; None for other lobes."""
+def _side_condition(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
+    """Return the condition for a lobe that crosses the horizon to be above 0; None for other lobes."""
     if not lobe.crosses_surface:
         return None
     local_o, local_i = lobe.local_directions(wo, wi)
@@ -170,9 +171,9 @@ def _side(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
 def emit_brdf(
     mixture: TracedMixture,
     presence: Scalar = 1.0,
-    spell: Spell = spell_by_name,
+    symbol_text: SymbolText = plain_symbol_text,
     *,
-    by_group: bool = False,
+    splits_diffuse: bool = False,
     recorded: bool = False,
     deltas: Sequence[Delta] = (),
     features: Mapping[str, Sequence[Scalar]] = MappingProxyType({}),
@@ -186,7 +187,7 @@ def emit_brdf(
     by_group
         Whether evaluate sets ``f_diffuse``.
     recorded
-        Whether setup sets ``int delta_group[]``, and evaluate sets ``f_lobe[]``, with `by_group` also
+        Whether setup sets ``int delta_group[]``, and evaluate sets ``f_lobe[]``, with `splits_diffuse` also
         ``f_lobe_diffuse[]``. An index of these is that of a group among the groups of this code, in the order of
         `LOBE_GROUPS`.
     features
@@ -198,9 +199,9 @@ def emit_brdf(
     values = [value for lobe in lobes for value in (*lobe.direction_values(), *lobe.wi, lobe.below)]
     values += [lobe.side for lobe in lobes if lobe.side is not None]
     varying = dependent_nodes(values, VARYING)
-    invariant = _frontier(values, varying)
+    invariant = _invariant_nodes(values, varying)
 
-    setup = Block("s", indent=1, spell=spell)
+    setup = Block("s", indent=1, symbol_text=symbol_text)
     triples = [
         (f"{name}[{number}] = {kind}", elements_of(value))
         for number, delta in enumerate(deltas)
@@ -235,8 +236,8 @@ def emit_brdf(
     tables = {node.table.digest: node.table for node in nodes if isinstance(node, TableCell)}
     return BrdfCode(
         setup=tuple(setup.lines),
-        evaluate=tuple(_evaluate(mixture, setup, varying, by_group, group_indices)),
-        sample=tuple(_sample(lobes, setup)),
+        evaluate=tuple(_evaluate_lines(mixture, setup, varying, splits_diffuse, group_indices)),
+        sample=tuple(_sample_lines(lobes, setup)),
         inputs=frozenset(inputs),
         tables=tuple(tables.values()),
         transmits=any(lobe.transmits for lobe in lobes),
@@ -248,15 +249,19 @@ def emit_brdf(
     )
 
 
-def _frontier(values: Iterable[Scalar], varying: set[GraphNode]) -> list[GraphNode]:
-    """Return the nodes to compute once for a shading point: invariant operands of varying nodes, in a stable order."""
+def _invariant_nodes(values: Iterable[Scalar], varying: set[GraphNode]) -> list[GraphNode]:
+    """Return the invariant operands of varying nodes, computed once for a shading point, in a stable order."""
     roots = [value for value in values if isinstance(value, GraphNode)]
     operands = [operand for node in post_order(roots, lambda node: node not in varying) for operand in node.operands()]
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
-def _evaluate(
-    mixture: TracedMixture, setup: Block, varying: set[GraphNode], by_group: bool, group_indices: Mapping[str, int]
+def _evaluate_lines(
+    mixture: TracedMixture,
+    setup: Block,
+    varying: set[GraphNode],
+    splits_diffuse: bool,
+    group_indices: Mapping[str, int],
 ) -> Iterable[str]:
     """Return the lines that sum the lobes on the light's side; `group_indices` are those of groups in ``f_lobe``."""
     has_light_sampled = len(mixture.densities) > 1
@@ -265,11 +270,11 @@ def _evaluate(
         sides.setdefault(lobe.transmits if lobe.side is None else lobe.side, []).append(lobe)
     block = setup.inner_block("g", indent=2)
     block.write("color f = 0;")
-    if by_group:
+    if splits_diffuse:
         block.write("color f_diffuse = 0;")
     for index in group_indices.values():
         block.write(f"f_lobe[{index}] = 0;")
-        if by_group:
+        if splits_diffuse:
             block.write(f"f_lobe_diffuse[{index}] = 0;")
     for name in mixture.densities:
         block.write(f"float {name} = 0;")
@@ -284,8 +289,8 @@ def _evaluate(
             )
             block.write(f"if ({condition}) {{")
         prefix = f"c{number}_" if isinstance(side, GraphNode) else "t" if side else "e"
-        block.lines += _evaluate_side(
-            side_lobes, setup, varying, prefix, 2 + (len(groups) > 1), has_light_sampled, by_group, group_indices
+        block.lines += _side_lines(
+            side_lobes, setup, varying, prefix, 2 + (len(groups) > 1), has_light_sampled, splits_diffuse, group_indices
         )
         if is_guarded:
             block.write("}")
@@ -295,20 +300,20 @@ def _evaluate(
     return block.lines
 
 
-def _evaluate_side(
+def _side_lines(
     lobes: Sequence[TracedLobe],
     setup: Block,
     varying: set[GraphNode],
     prefix: str,
     indent: int,
     has_light_sampled: bool,
-    by_group: bool,
+    splits_diffuse: bool,
     group_indices: Mapping[str, int],
 ) -> Iterable[str]:
     """Return the lines that sum lobes: common subexpressions first, then each lobe in a block guarded by its share.
 
-    With `has_light_sampled`, densities of lobes that are not light-sampled have a sum of their own; with `by_group`,
-    the values of diffuse lobes do. `group_indices` are as in `_evaluate`.
+    With `has_light_sampled`, the densities of lobes that are not light-sampled have a sum of their own. With
+    `splits_diffuse`, the values of diffuse lobes have one. `group_indices` are as in `_evaluate_lines`.
     """
     groups = [reachable_nodes(lobe.direction_values(), stop=setup.variables) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
@@ -336,7 +341,7 @@ def _evaluate_side(
         guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, GraphNode) else ""
         block.write(f"{guard}{{  // {lobe.name}")
         block.lines += inner.lines
-        adds_diffuse = by_group and lobe.is_diffuse
+        adds_diffuse = splits_diffuse and lobe.is_diffuse
         summand = f"color({color})"
         if adds_diffuse or group_indices:
             block.write(f"    color own_f = {summand};")
@@ -361,7 +366,7 @@ def _evaluate_side(
     return block.lines
 
 
-def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
+def _sample_lines(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
     """Return the lines that choose a lobe by u1 and sample it."""
     block = setup.inner_block("d", indent=3)
     block.prepare([lobe.below for lobe in lobes[:-1]])

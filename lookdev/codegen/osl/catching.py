@@ -14,8 +14,8 @@ ASSET, GROUND, BARE = 1, 2, 3
 
 _TRACE = "        if (trace(start, wi)) {"
 
-# A camera ray also reaches surfaces behind those that it passed through.
-_HOLE = """
+# A ray that passes through surfaces is still a camera ray at the surfaces behind them.
+_HOLDOUT = """
     int held_out = int(caught[0]) CONDITION;
     if (held_out && depth > 0) {
         float clip_of_camera = 0;
@@ -45,6 +45,6 @@ def catching_sections(catching: Catching) -> dict[str, list[str]]:
     is_ground = catching == "ground"
     return {
         "catching_parameter": ["    color caught = 0,"],
-        "catching": _HOLE.replace("CONDITION", condition).splitlines(),
+        "catching": _HOLDOUT.replace("CONDITION", condition).splitlines(),
         "trace": [f"        if (int(caught[0]) != {BARE} && trace(start, wi)) {{" if is_ground else _TRACE],
     }

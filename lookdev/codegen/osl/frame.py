@@ -1,7 +1,7 @@
 """The shading frame (`lookdev.scene.shading`) as OSL.
 
-The code calls OSL's own vector functions, which round as Cycles' do. The point that a path reaches next seeds its
-random numbers: a difference in the last place of a direction makes another picture with the same amount of noise.
+The code calls OSL's own vector functions, which round as Cycles' do. The next point of a path seeds its random numbers:
+a direction that differs in its last digit gives another picture, with as much noise.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from lookdev.codegen.operators import CODE, strip_parentheses
 from lookdev.codegen.osl.block import literal
 from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol
 from lookdev.codegen.trace.lobes import WO
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+from lookdev.codegen.trace.symbolic import elements_of, symbol, vector_symbols
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.scene.shading import shading_frame
 
@@ -20,27 +20,27 @@ _VECTORS = ("mesh_normal", "mesh_facet", "I")
 _TANGENT = "mesh_tangent"
 
 
-def emit_frame(*, directed: bool, leaning: bool) -> Sequence[str]:
+def emit_frame(*, reads_tangent: bool, bends_normals: bool) -> Sequence[str]:
     """Return the lines that define ``vector t b n facet`` and ``float wo_x wo_y wo_z``.
 
-    They read ``vector mesh_normal mesh_facet I``. If `directed`, the look depends on the direction of the tangent, and
-    they read ``vector mesh_tangent``; if `leaning`, the look bends normals, and they read ``float hand``.
+    They read ``vector mesh_normal mesh_facet I``. With `reads_tangent`, for a look that
+    depends on the tangent's direction, they also read ``vector mesh_tangent``; with `bends_normals`, ``float hand``.
     """
     graph = Graph()
-    vectors = {name: symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in (*_VECTORS, *[_TANGENT] * directed)}
+    vectors = {name: vector_symbols(graph, name) for name in (*_VECTORS, *[_TANGENT] * reads_tangent)}
     normal, facet, viewer = (vectors[name] for name in _VECTORS)
-    hand = symbol(graph, "hand") if leaning else 1.0
+    hand = symbol(graph, "hand") if bends_normals else 1.0
     frame = shading_frame(normal, vectors.get(_TANGENT), facet, viewer, hand)
-    text = _Text({tuple(elements_of(vector)): name for name, vector in vectors.items()})
+    writer = _FrameWriter({tuple(elements_of(vector)): name for name, vector in vectors.items()})
     for name, vector in (("facet", frame.facet), ("n", frame.normal), ("t", frame.tangent), ("b", frame.bitangent)):
         x, y, z = elements_of(vector)
-        text.define(f"vector {name}", (x, y, z))
+        writer.define(f"vector {name}", (x, y, z))
     for name, element in zip(WO, elements_of(frame.to_local(viewer)), strict=True):
-        text.define(f"float {name}", element)
-    return text.lines
+        writer.define(f"float {name}", element)
+    return writer.lines
 
 
-class _Text:
+class _FrameWriter:
     """Lines of code, and the names of the vectors and numbers that they define."""
 
     def __init__(self, names: dict[Scalar | tuple[Scalar, ...], str]) -> None:

@@ -24,7 +24,7 @@ class ShaderNames:
     texture_names: dict[str, str] = field(default_factory=dict)
     constants: dict[float, str] = field(default_factory=dict)
 
-    def spell(self, symbol: str | Uniform) -> str:
+    def symbol_text(self, symbol: str | Uniform) -> str:
         """Return the text of a symbol or of a uniform."""
         if isinstance(symbol, Uniform):
             literal(symbol)  # raises if it is not finite

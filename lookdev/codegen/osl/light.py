@@ -67,7 +67,7 @@ _PART_HEADS = {
     "part": f"void rect_part_draw({_ROW}, {_DRAW.replace('vector p,', f'vector p, {_PART},')})",
 }
 _SAMPLES = ("    int samples = int(control[2]);",)
-# The number is a power of two, the samples, times 1 plus half the element's turn (`cycles.scene`).
+# `cycles.scene` passes the number of samples, a power of two, times 1 plus half the element's turn.
 _SAMPLES_AND_TURN = ("    int samples = 1 << int(floor(log2(control[2]) + 0.01));",)
 
 
@@ -88,14 +88,9 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
     if mismatched := sorted(sections.keys() ^ set(SECTIONS)):
         names = ", ".join(mismatched)
         raise CodegenError(f"{osl.name}: a light has sections {', '.join(SECTIONS)}; unknown or missing: {names}")
-    constants = {"constants": ["#define RIG 0"], "samples": ["    int samples = int(control[2]);"]}
-    return {
-        **constants,
-        "rig_setup": [],
-        "rig_seen": [],
-        "rig_arrive": [],
-        **{f"light_{name}": code for name, code in sections.items()},
-    }
+    empty: dict[str, list[str]] = {"rig_setup": [], "rig_seen": [], "rig_arrive": []}
+    light = {f"light_{name}": code for name, code in sections.items()}
+    return {"constants": ["#define RIG 0"], "samples": list(_SAMPLES), **empty, **light}
 
 
 def _rig_sections(rig: CodedRig) -> dict[str, list[str]]:
@@ -103,11 +98,11 @@ def _rig_sections(rig: CodedRig) -> dict[str, list[str]]:
     sections = read_sections(SHADERS / "rig.osl.h")
     kinds = {_dome_kind(light) for light in rig.domes}
     expanded = {
-        name: [part_line for line in sections[name] for part_line in _expand_line(rig, sections, line)]
+        name: list(chain.from_iterable(_expand_line(rig, sections, line) for line in sections[name]))
         for name in ("macros", "parameters", "setup", "seen", "sample", "arrive")
     }
     functions = read_sections(SHADERS / "dome.osl.h")["functions"] if kinds - {"constant_dome"} else []
-    generated = {"shape_functions": [*_shapes(rig)], "lamp_functions": [*_lamp_functions(rig)]}
+    generated = {"shape_functions": [*_shape_functions(rig)], "lamp_functions": [*_lamp_functions(rig)]}
     functions += expand_template("rig.h", generated).splitlines()
     return {
         "constants": ["#define RIG 1"],
@@ -153,7 +148,7 @@ def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
     return (line[:begin] + line[begin:].replace("#", str(len(rig.lamps) + number))).replace("@", str(number))
 
 
-def _shapes(rig: CodedRig) -> Iterator[str]:
+def _shape_functions(rig: CodedRig) -> Iterator[str]:
     """Yield the functions that lamps of all kinds share, and those of each shape."""
     beam, falloff, shadow = _control_functions()
     yield from (*beam * rig.needs("shaped"), *falloff * rig.needs("falling"), *shadow * rig.needs("shadowed"))
@@ -171,9 +166,9 @@ def _control_functions() -> tuple[Lines, Lines, Lines]:
     beam = np.expand_dims(within, -1) * focus_factor(direction[..., 2], focus, tint)
     falloff = falloff_factor(*row.numbers("distance"), *row.fields(*FALLOFF))
     return (
-        _function(f"color lamp_beam({_ROW}, vector w)", elements_of(beam)),
-        _function(f"float lamp_falloff({_ROW}, float distance)", elements_of(falloff)),
-        _function(f"color lamp_passed({_ROW}, float distance)", trace_shadow(_FIELD)["passed"]()),
+        _function_lines(f"color lamp_beam({_ROW}, vector w)", elements_of(beam)),
+        _function_lines(f"float lamp_falloff({_ROW}, float distance)", elements_of(falloff)),
+        _function_lines(f"color lamp_passed({_ROW}, float distance)", trace_shadow(_FIELD)["passed"]()),
     )
 
 
@@ -190,8 +185,8 @@ def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
     """Return the functions of a kind of lamp; for pictures, of a part of a rectangle."""
     lamp = trace_lamp(kind, shaped=shaped, falling=falling, field=_FIELD)
     traced, heads = (trace_parts(_FIELD), _PART_HEADS) if kind == "picture" else (lamp, _SHAPE_HEADS)
-    functions = [_function(head.replace("KIND", kind), traced[name]()) for name, head in heads.items()]
-    functions.append(_function(f"float {kind}_weight({_ROW}, vector p, vector n)", lamp["weight"]()))
+    functions = [_function_lines(head.replace("KIND", kind), traced[name]()) for name, head in heads.items()]
+    functions.append(_function_lines(f"float {kind}_weight({_ROW}, vector p, vector n)", lamp["weight"]()))
     return tuple(chain(*functions))
 
 
@@ -211,8 +206,8 @@ def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: boo
     yield "}"
 
 
-def _function(head: str, values: Sequence[Scalar]) -> Lines:
-    """Return the lines of a function that sets the outputs in its head to values, or returns them if it has none."""
+def _function_lines(head: str, values: Sequence[Scalar]) -> Lines:
+    """Return the lines of a function that assigns values to the outputs in its head, or else returns them."""
     components = {"float": ("",), "vector": ("[0]", "[1]", "[2]")}
     outputs = [name + part for kind, name in re.findall(r"output (\w+) (\w+)", head) for part in components[kind]]
     block = Block("v", indent=1)

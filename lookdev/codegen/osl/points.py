@@ -1,4 +1,4 @@
-"""The shader that evaluates a stack of layers at listed points, whose inputs it reads from a table."""
+"""The shader that evaluates a stack of layers at points; it reads the inputs of each point from a table."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 
 
-def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
+def generate_point_shader(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
     """Generate the shader of a stack of layers, or of the named lobes alone.
 
-    A row of its table has the `point_columns`, in `point_cells` texels of three channels.
+    A row of the shader's table has the values of `point_columns`, in `point_cells` texels of three channels.
     """
     graph = Graph()
     bsdf = point_bsdf(graph, layers)

@@ -22,7 +22,7 @@ from lookdev.codegen.source import FIRST_LIGHT_PART, HANDEDNESS, LOBE_GROUPS, TA
 from lookdev.codegen.templates import expand_template
 from lookdev.codegen.trace.azimuth import depends_on_tangent
 from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas, trace_features
+from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobe_count, present_deltas, trace_features
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 from lookdev.light import Light, coded_light, lights_code
 from lookdev.light.lamps import CodedRig
@@ -33,13 +33,13 @@ _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vect
 
 _DIRECTIONS = 4
 
-# Share of a broad lobe in the directions drawn from the BSDF, without and with bounces. As it is light-sampled, these
-# directions are only needed for light that the asset reflects. Measured (docs/bench.md): smaller shares are not better.
+# Share of a broad lobe in the directions drawn from the BSDF, without and with bounces. The lobe is light-sampled: it
+# needs these directions only for light that the asset reflects. Smaller shares are not better (docs/bench.md).
 _BROAD_SHARES = (0.05, 0.3)
 
-# In 1/sr. Of the light's directions for which a glossy BSDF has a smaller pdf, and smaller values, few are traced.
-# Measured (docs/bench.md): the error of a metal does not grow, and roulette on more directions does not save more time.
-_LEAST_DENSITY = 0.01
+# In 1/sr. Few of the light's directions are traced for which a glossy BSDF has a smaller pdf, and smaller values. This
+# does not raise the error of a metal; roulette on more directions does not save more time (docs/bench.md).
+_MIN_TRACED_PDF = 0.01
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class DirectionCounts:
 
 
 def generate_surface(
-    look: Look, setting: SourceSetting, replaced: Mapping[str, Sequence[str]] = MappingProxyType({})
+    look: Look, setting: SourceSetting, replacements: Mapping[str, Sequence[str]] = MappingProxyType({})
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
 
@@ -62,7 +62,7 @@ def generate_surface(
     look
         Its constants are folded. Textures that only absent lobes read are not looked up.
     replaced
-        Lines that replace sections of the template, by the sections' names: the benchmark leaves out parts.
+        Lines that replace sections of the template, by the sections' names; the benchmark omits parts of the shader.
     """
     sampling, lights = setting.sampling, setting.lights
     features, recorded, bounces = sampling.features, sampling.records_parts, sampling.bounces
@@ -95,16 +95,24 @@ def generate_surface(
         guides = {"feature_albedo": elements_of(albedo), "feature_normal": elements_of(normal)}
     presence = elements_of(bsdf.presence)[0]
     code = emit_brdf(
-        traced, presence, spell=names.spell, by_group=has_factors, recorded=recorded, deltas=deltas, features=guides
+        traced,
+        presence,
+        symbol_text=names.symbol_text,
+        splits_diffuse=has_factors,
+        recorded=recorded,
+        deltas=deltas,
+        features=guides,
     )
     deltas_transmit = any(delta.transmits for delta in deltas)
-    directed = depends_on_tangent(graph, lobes)
-    attributes = [*inputs.attributes_read_by(code.inputs), *[TANGENT_BINDING] * directed]
-    leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
+    reads_tangent = depends_on_tangent(graph, lobes)
+    attributes = [*inputs.attributes_read_by(code.inputs), *[TANGENT_BINDING] * reads_tangent]
+    bends_normals = any(binding.attribute == HANDEDNESS for binding in attributes)
     look_up_code = [emit_look_up(name, inputs.look_up(source)) for source, name in names.texture_names.items()]
     file_bindings = tuple(binding for _, bindings in look_up_code for binding in bindings)
     table_parameters, tables = bind_tables(code.tables)
     light_code = light_sections(lights)
+    light_groups = _groups_in_shader_order(lights, setting.light_groups)
+    recording_lines = _recording_lines(code.groups, light_groups) if recorded else []
     osl = expand_template(
         "surface.osl",
         {
@@ -112,10 +120,10 @@ def generate_surface(
             "constants": [
                 *light_code["constants"],
                 f"#define IBL_SAMPLES {counts.ibl}",
-                *_counts("", counts.brdf, counts.ibl, code.transmits),
-                *_counts("_ONWARD", counts.brdf_onward, counts.ibl_onward, code.transmits),
+                *_count_lines("", counts.brdf, counts.ibl, code.transmits),
+                *_count_lines("_ONWARD", counts.brdf_onward, counts.ibl_onward, code.transmits),
                 f"#define LIGHT_SAMPLED {int(code.light_sampled)}",
-                f"#define LEAST_DENSITY {_LEAST_DENSITY}",
+                f"#define LEAST_DENSITY {_MIN_TRACED_PDF}",
                 *(f"#define {name} {value}" for name, value in sampling.shader_constants.items()),
                 f"#define SHADOWS {int(setting.shadows)}",
                 f"#define LIFT {LIFT}",
@@ -127,10 +135,10 @@ def generate_surface(
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 f"#define FEATURES {int(features)}",
                 f"#define RECORDED {int(recorded)}",
-                *(_recording(code.groups, _shader_order(lights, setting.light_groups)) if recorded else ()),
+                *recording_lines,
                 *lights_code(lights, sampled=counts.ibl > 0).constants,
-                f"#define DIRECTED {int(directed)}",
-                f"#define LEANING {int(leaning)}",
+                f"#define DIRECTED {int(reads_tangent)}",
+                f"#define LEANING {int(bends_normals)}",
             ],
             "parameters": [
                 *(f'    string {binding.parameter} = "",' for binding in file_bindings),
@@ -138,14 +146,14 @@ def generate_surface(
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
             **catching_sections(setting.catching),
-            "frame": emit_frame(directed=directed, leaning=leaning),
+            "frame": emit_frame(reads_tangent=reads_tangent, bends_normals=bends_normals),
             "inputs": [f"    {line}" for lines, _ in look_up_code for line in lines],
             **code.sections,
-            **replaced,
+            **replacements,
         },
     )
     if not recorded:
-        osl = _without_recording(osl)
+        osl = _remove_recording(osl)
     constants = tuple(names.constants)
     hashed = [osl, repr(constants), *(binding.file.digest for binding in file_bindings), *map(repr, attributes)]
     return ShaderSource(
@@ -161,12 +169,12 @@ def generate_surface(
         tables=tables,
         constants=constants,
         recorded=code.groups if recorded else (),
-        folded=folded_lobes(graph, bsdf),
+        folded=folded_lobe_count(graph, bsdf),
         catching=setting.catching,
     )
 
 
-def _shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
+def _groups_in_shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
     """Return the group of each light, 0 without groups, in the order in which the shader numbers lights."""
     light_groups = groups or [0] * len(lights)
     if coded_light(lights):
@@ -176,7 +184,7 @@ def _shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
     return [light_groups[numbers[id(light)]] for light in (*rig.lamps, *rig.domes)]
 
 
-def _recording(lobes: Sequence[str], lights: Sequence[int]) -> list[str]:
+def _recording_lines(lobes: Sequence[str], lights: Sequence[int]) -> list[str]:
     """Return the lines that define which groups of lobes, as indices of `LOBE_GROUPS`, and of lights are recorded."""
     numbers = [LOBE_GROUPS.index(name) for name in lobes] or [-1]  # a black look has none
     return [
@@ -189,7 +197,7 @@ def _recording(lobes: Sequence[str], lights: Sequence[int]) -> list[str]:
     ]
 
 
-def _without_recording(osl: str) -> str:
+def _remove_recording(osl: str) -> str:
     """Return a shader without the lines that only recording compiles, so that its digest does not depend on them."""
     lines: list[str] = []
     # Of each open condition: whether it is that of recording, and whether its lines are compiled.
@@ -210,13 +218,13 @@ def _without_recording(osl: str) -> str:
     return "".join(lines)
 
 
-def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:
+def _count_lines(suffix: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:
     """Return the lines that define the numbers of directions; those of the light are divided between front and back."""
     back = ibl_samples // 2 if transmits else 0
     return [
-        f"#define BRDF_SAMPLES{where} {brdf_samples}",
-        f"#define FRONT_SAMPLES{where} {ibl_samples - back}",
-        f"#define BACK_SAMPLES{where} {back}",
+        f"#define BRDF_SAMPLES{suffix} {brdf_samples}",
+        f"#define FRONT_SAMPLES{suffix} {ibl_samples - back}",
+        f"#define BACK_SAMPLES{suffix} {back}",
     ]
 
 

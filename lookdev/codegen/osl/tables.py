@@ -38,7 +38,7 @@ def _store_table(table: NumberTable) -> Content:
     if fits_array(table):
         return store_table(table)
 
-    def paint(path: Path) -> None:
+    def write_texture(path: Path) -> None:
         width, height = texture_size(table)
         image = np.zeros((height, width, 3), np.float32)
         image[: table.values.shape[0], : table.values.shape[1]] = table.values.reshape(*table.values.shape[:2], -1)
@@ -46,4 +46,4 @@ def _store_table(table: NumberTable) -> Content:
         with OpenEXR.File(header, {"RGB": image}) as exr, memory_file(path) as name:
             exr.write(name)
 
-    return cached_file("tables", f"{table.digest}.exr", ".exr", paint)
+    return cached_file("tables", f"{table.digest}.exr", ".exr", write_texture)

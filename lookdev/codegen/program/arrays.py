@@ -1,6 +1,6 @@
 """A traced BSDF evaluated on NumPy's arrays: the folded graph in float64, faster than the model that was traced.
 
-Constants are folded. Equal expressions are computed once, and expressions that do not depend on directions once a call.
+Constants are folded. Equal expressions are computed once; those that do not depend on directions, once in each call.
 For an editor, numbers stay symbols, and one trace serves all their values.
 """
 
@@ -19,13 +19,13 @@ from lookdev.brdf import Array, Real, StackLayer, stack_bsdf
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import TINY, scale
-from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.program.writer import ProgramWriter
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
-PART = 4096
-"""Pairs of directions at once: an array of 4096 numbers has 32 KiB, so that a program's arrays stay in a cache."""
+PART_SIZE = 4096
+"""Pairs of directions in a part: an array of 4096 numbers has 32 KiB, so that a program's arrays stay in a cache."""
 
 
 _ZENITH = np.array([[0.0], [0.0], [1.0]])
@@ -39,14 +39,14 @@ def _threads() -> ThreadPoolExecutor:
 
 def run_in_parts(fill: Callable[[slice], None], count: int) -> None:
     """Call a function with the parts of `count` pairs of directions, on all cores if there are several parts."""
-    parts = [slice(start, start + PART) for start in range(0, count, PART)]
+    parts = [slice(start, start + PART_SIZE) for start in range(0, count, PART_SIZE)]
     for _ in map(fill, parts) if len(parts) == 1 else _threads().map(fill, parts):
         pass
 
 
 @dataclass(frozen=True)
 class _Step:
-    """An operation: the numbers of its operands and its result, and of the values that no later step reads."""
+    """An operation, with the numbers of its operands, of its result, and of the values that no later step reads."""
 
     run: Callable[..., Array]
     operands: tuple[int, ...]
@@ -62,8 +62,8 @@ class CompiledProgram:
     numbers of the three channels of f.
     """
 
-    once: tuple[_Step, ...]
-    per_pair: tuple[_Step, ...]
+    shared_steps: tuple[_Step, ...]
+    pair_steps: tuple[_Step, ...]
     constants: Mapping[int, float]
     symbols: Mapping[str, int]
     result: tuple[int, ...]
@@ -75,10 +75,10 @@ class CompiledProgram:
             **self.constants,
             **{number: numbers[name] for name, number in self.symbols.items() if name in numbers},
         }
-        for step in self.once:
+        for step in self.shared_steps:
             values_once[step.result] = step.run(*(values_once[number] for number in step.operands))
         # Components that the program does not read get unused numbers.
-        places = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
+        symbol_numbers = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
         out = np.empty((len(wo), 3))
 
         def fill(part: slice) -> None:
@@ -89,8 +89,8 @@ class CompiledProgram:
             all_above = bool(above.all())
             if not all_above:
                 columns[:3, ~above] = _ZENITH
-            values = {**values_once, **dict(zip(places, columns, strict=True))}
-            for step in self.per_pair:
+            values = {**values_once, **dict(zip(symbol_numbers, columns, strict=True))}
+            for step in self.pair_steps:
                 values[step.result] = step.run(*(values[number] for number in step.operands))
                 for number in step.dead:
                     del values[number]

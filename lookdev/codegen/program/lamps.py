@@ -11,7 +11,7 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.brdf.table import NumberTable
-from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.program.writer import ProgramWriter
 from lookdev.codegen.source import ProgramOperation
 from lookdev.codegen.trace.graph import Graph, Scalar
 from lookdev.codegen.trace.symbolic import elements_of, symbols
@@ -28,11 +28,11 @@ FALLOFF = ("virtual", "power", "fade", "fade_rise")
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 """The fields of a row that `shadow_operations` reads."""
 
-Functions = tuple[list[ProgramOperation], Mapping[str, tuple[int, ...]]]
+FunctionOperations = tuple[list[ProgramOperation], Mapping[str, tuple[int, ...]]]
 """Operations, and the results of each function by its name."""
 
 TracedFunctions: TypeAlias = Mapping[str, Callable[[], list[Scalar]]]
-"""Functions that trace the results of functions, by the functions' names."""
+"""For each function's name, a function that traces its results."""
 
 _TABLES = NumberTable(np.zeros((1, 1)))
 """A placeholder for the tables of a rig, which are passed when a program runs."""
@@ -130,7 +130,9 @@ def trace_shadow(field: str = "{}") -> TracedFunctions:
 
 
 def trace_parts(field: str = "{}") -> TracedFunctions:
-    """Return the functions of a part of a picture: from fractions part_s and part_t of its sides on, of a size in both.
+    """Return the functions of a part of a picture, which begins at part_s and part_t and has the same size in both.
+
+    These numbers are fractions of the picture's sides.
 
     ``angle``
         Roughly the solid angle of the part from p (`lookdev.light.picture`).
@@ -185,17 +187,17 @@ def trace_ball(field: str = "{}") -> TracedFunctions:
     }
 
 
-def _write_functions(trace: Callable[_Arguments, TracedFunctions]) -> Callable[_Arguments, Functions]:
+def _write_functions(trace: Callable[_Arguments, TracedFunctions]) -> Callable[_Arguments, FunctionOperations]:
     """Return a function that writes the traced functions as operations, once for the same arguments."""
 
-    def write(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Functions:
+    def write(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> FunctionOperations:
         writer = ProgramWriter()
         for name, trace_outputs in trace(*args, **kwargs).items():
             writer.add(name, trace_outputs())
         assert not writer.constants, "lights have no uniforms"
         return writer.operations, writer.outputs
 
-    return cast("Callable[_Arguments, Functions]", cache(write))
+    return cast("Callable[_Arguments, FunctionOperations]", cache(write))
 
 
 lamp_operations = _write_functions(trace_lamp)

@@ -1,4 +1,4 @@
-"""A look as a program: the traced graph, node by node; the renderer's compiler reads it without a text in between.
+"""A look as a program: the traced graph, node by node, which the renderer's own compiler reads without source text.
 
 - Jakob, W., Speierer, S., Roussel, N. and Vicini, D. 2022. Dr.Jit: A Just-In-Time Compiler for Differentiable
   Rendering. ACM Transactions on Graphics 41(4).
@@ -21,23 +21,23 @@ from lookdev.brdf.table import NumberTable
 from lookdev.brdf.vectors import Parameters
 from lookdev.cache import Content, cached_file
 from lookdev.codegen.inputs import SymbolicSurface
-from lookdev.codegen.program.written import ProgramWriter
+from lookdev.codegen.program.writer import ProgramWriter
 from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ProgramSource
 from lookdev.codegen.trace.azimuth import depends_on_tangent
+from lookdev.codegen.trace.derivatives import derivatives
 from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar
 from lookdev.codegen.trace.lobes import (
     WI,
     WO,
     assume_positive,
     continuous_lobes,
-    folded_lobes,
-    parts_of_lobe,
+    folded_lobe_count,
+    lobe_parts,
     present_deltas,
     recorded_group,
     trace_features,
 )
-from lookdev.codegen.trace.slopes import slopes
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
+from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms, vector_symbols
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.change import is_live
@@ -45,8 +45,8 @@ from lookdev.material.values import look_layers
 from lookdev.scene.shading import shading_frame
 from lookdev.space import REC709, Space, matrix_from_rec709
 
-Live = Callable[[int, str], bool]
-_CONSTANT = (np.ndarray, float)
+LivePredicate = Callable[[int, str], bool]
+_CONSTANT_TYPES = (np.ndarray, float)
 
 
 def generate_program(
@@ -56,7 +56,7 @@ def generate_program(
     shadows: bool = True,
     features: bool = False,
     space: Space = REC709,
-    live: Live = lambda number, name: False,
+    live: LivePredicate = lambda number, name: False,
 ) -> ProgramSource:
     """Generate the program of a look.
 
@@ -91,7 +91,7 @@ def generate_program(
     value, pdf = mixture.response(symbols(graph, WI))
     outputs: dict[str, Real | list[Scalar]] = {"value": value, "pdf": pdf}
     outputs["wi"] = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
-    parts = _parts(mixture, symbols(graph, WI))
+    parts = _group_parts(mixture, symbols(graph, WI))
     outputs["diffuse"] = sum((diffuse for _, diffuse in parts.values()), np.zeros(3))
     for group, (group_value, diffuse) in parts.items():
         outputs[f"of_{group}"] = [*elements_of(group_value), *elements_of(diffuse)]
@@ -103,16 +103,16 @@ def generate_program(
         outputs["presence"] = bsdf.presence
     if features:
         outputs["albedo"], outputs["bent"] = trace_features(mixture, deltas)
-    outputs |= _slopes(graph, look.name, inputs, outputs)
-    directed = depends_on_tangent(graph, lobes)
+    outputs |= _derivatives(graph, look.name, inputs, outputs)
+    reads_tangent = depends_on_tangent(graph, lobes)
     writer = ProgramWriter()
     for name, result in outputs.items():
         writer.add(name, elements_of(result))
     attributes = inputs.attributes_read_by(writer.symbols)
-    leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
-    for name, result in _frame_outputs(graph, directed, leaning).items():
+    bends_normals = any(binding.attribute == HANDEDNESS for binding in attributes)
+    for name, result in _frame_outputs(graph, reads_tangent, bends_normals).items():
         writer.add(name, elements_of(result))
-    attributes += [TANGENT_BINDING] * directed
+    attributes += [TANGENT_BINDING] * reads_tangent
     look_ups = tuple(map(inputs.look_up, inputs.look_ups_read_by(writer.symbols)))
     tables = tuple(map(store_table, writer.tables))
     source = ProgramSource(
@@ -133,21 +133,23 @@ def generate_program(
         recorded=tuple(group for group in LOBE_GROUPS if group in present),
     )
     digest = hashlib.sha256(repr(replace(source, name="")).encode()).hexdigest()
-    return replace(source, digest=digest, folded=folded_lobes(graph, bsdf))
+    return replace(source, digest=digest, folded=folded_lobe_count(graph, bsdf))
 
 
-def trace_look(look: Look, inputs: SymbolicSurface, space: Space, live: Live = lambda number, name: False) -> Bsdf:
+def trace_look(
+    look: Look, inputs: SymbolicSurface, space: Space, live: LivePredicate = lambda number, name: False
+) -> Bsdf:
     """Return the BSDF of a look in a colour space; its constants are uniforms, or symbols where they are live."""
     layers = enumerate(look_layers(look, inputs))
     bsdf = stack_bsdf([_trace_constants(inputs.graph, number, layer, live) for number, layer in layers])
     return bsdf if space == REC709 else bsdf.convert(matrix_from_rec709(space))
 
 
-def _parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
+def _group_parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
     """Return, by group, the value of its lobes for light from `wi`, and the part of that from diffuse lobes."""
     parts: dict[str, tuple[Array, Array]] = {}
     for term in mixture.terms(wi):
-        other = parts_of_lobe(term)
+        other = lobe_parts(term)
         rest = term.value - sum(other.values()) if other else term.value
         for group, part in {**other, recorded_group(term.lobe): rest}.items():
             value, diffuse = parts.get(group, (np.zeros(3), np.zeros(3)))
@@ -155,7 +157,7 @@ def _parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
     return parts
 
 
-def stated_constants(look: Look) -> Live:
+def stated_constants(look: Look) -> LivePredicate:
     """Return which constants of a look can be live: those that its layers state, if all models are in `MODELS`."""
     names_by_layer = [
         {name for name, value in layer.inputs.items() if isinstance(value, float | tuple)} for layer in look.layers
@@ -169,67 +171,67 @@ def live_name(layer: int, parameter: str) -> str:
     return f"layer{layer}_{parameter}"
 
 
-def live_numbers(look: Look, live: Live) -> Mapping[str, tuple[float, ...]]:
+def live_numbers(look: Look, live: LivePredicate) -> Mapping[str, tuple[float, ...]]:
     """Return the values of the live constants of a look, by `live_name`."""
     layers = look_layers(look, SymbolicSurface(Graph(), _open_no_image))
-    values = {(k, name): value for k, layer in enumerate(layers) for name, value in _values(layer).items()}
-    constants = {key: np.asarray(value) for key, value in values.items() if isinstance(value, _CONSTANT) and live(*key)}
+    values = {(k, name): value for k, layer in enumerate(layers) for name, value in _layer_values(layer).items()}
+    constants = {
+        key: np.asarray(value) for key, value in values.items() if isinstance(value, _CONSTANT_TYPES) and live(*key)
+    }
     return {live_name(*key): tuple(map(float, value.ravel())) for key, value in constants.items()}
 
 
-def _trace_constants(graph: Graph, number: int, layer: StackLayer, live: Live) -> StackLayer:
+def _trace_constants(graph: Graph, number: int, layer: StackLayer, live: LivePredicate) -> StackLayer:
     """Return a layer whose constants are uniforms, or symbols where they are live."""
 
     def trace(name: str, value: Floats | float) -> Array:
         if not live(number, name):
             return uniforms(graph, value)
         symbol_name = live_name(number, name)
-        return (
-            symbols(graph, [f"{symbol_name}[{i}]" for i in range(3)]) if np.ndim(value) else symbol(graph, symbol_name)
-        )
+        return vector_symbols(graph, symbol_name) if np.ndim(value) else symbol(graph, symbol_name)
 
     traced: dict[int, Array] = {}
-    for name, value in _values(layer).items():
-        # Values are told apart by identity: a parameter that follows another has the same object.
-        if isinstance(value, _CONSTANT) and id(value) not in traced:
+    for name, value in _layer_values(layer).items():
+        # Values are distinguished by identity: a parameter that follows another has the same object.
+        if isinstance(value, _CONSTANT_TYPES) and id(value) not in traced:
             traced[id(value)] = trace(name, value)
     parameters = {name: traced.get(id(value), value) for name, value in layer.parameters.items()}
     return replace(layer, parameters=parameters, mask=traced.get(id(layer.mask), layer.mask))
 
 
-def _values(layer: StackLayer) -> Parameters:
+def _layer_values(layer: StackLayer) -> Parameters:
     return {**layer.parameters, "mask": layer.mask}
 
 
-def _slopes(
+def _derivatives(
     graph: Graph, look: str, inputs: SymbolicSurface, outputs: Mapping[str, Real | list[Scalar]]
 ) -> Mapping[str, list[Scalar]]:
-    """Return the derivatives of value, diffuse part, presence and single directions by each symbol of live inputs.
+    """Return the derivatives of value, diffuse part, presence and deltas, with respect to each symbol of live inputs.
 
     Raises
     ------
     CodegenError
-        A single direction changes with a live input: then not only values in the picture change.
+        The direction of a delta depends on a live input.
     """
     live = [binding for binding in inputs.attributes.values() if is_live(binding.attribute)]
     names = [name for binding in live for name in binding.symbols]
-    derivatives = {}
+    results = {}
     for name, (output, result) in product(names, outputs.items()):
         if output not in ("value", "diffuse", "presence") and not output.startswith("delta"):
             continue
-        derivatives[slope_name(output, name)] = tangents = slopes(graph, elements_of(result), name)
+        results[derivative_name(output, name)] = tangents = derivatives(graph, elements_of(result), name)
         if output.startswith("delta") and any(
             isinstance(tangent, GraphNode) or tangent != 0.0 for tangent in tangents[:3]
         ):
             raise CodegenError(
-                f"{look}: a single direction turns with a parameter that is to be found, whose effect on pictures has "
-                "no derivative that is an integral over directions"
+                f"{look}: a fitted parameter changes the direction of a delta lobe; derivatives of renders exist only "
+                "for parameters that change values"
             )
-    return derivatives
+    return results
 
 
-def slope_name(output: str, symbol: str) -> str:
-    """Return the name of the derivative of an output by a symbol."""
+def derivative_name(output: str, symbol: str) -> str:
+    """Return the name of the derivative of an output with respect to a symbol."""
     return f"{output}/{symbol}"
 
 
@@ -237,17 +239,13 @@ def _open_no_image(texture: Texture | Bump) -> Path:
     raise AssertionError("no image is opened")
 
 
-def _frame_outputs(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, Array]:
+def _frame_outputs(graph: Graph, reads_tangent: bool, bends_normals: bool) -> Mapping[str, Array]:
     """Return the axes of the shading frame and the facet's normal, as functions of the mesh's symbols."""
-
-    def vector(name: str) -> Array:
-        return symbols(graph, [f"{name}[{i}]" for i in range(3)])
-
-    hand = symbol(graph, "hand") if leaning else 1.0
-    tangent = vector("mesh_tangent") if directed else None
-    frame = shading_frame(vector("mesh_normal"), tangent, vector("mesh_facet"), vector("viewer"), hand)
-    axes = {"tangent": frame.tangent, "bitangent": frame.bitangent, "normal": frame.normal}
-    return axes | {"facet": frame.facet}
+    hand = symbol(graph, "hand") if bends_normals else 1.0
+    tangent = vector_symbols(graph, "mesh_tangent") if reads_tangent else None
+    normal, facet, viewer = (vector_symbols(graph, name) for name in ("mesh_normal", "mesh_facet", "viewer"))
+    frame = shading_frame(normal, tangent, facet, viewer, hand)
+    return {name: getattr(frame, name) for name in ("tangent", "bitangent", "normal", "facet")}
 
 
 def store_table(table: NumberTable) -> Content:

@@ -16,53 +16,53 @@ from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol, post_o
 from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
-Form: TypeAlias = dict[tuple[str, ...], Scalar]
+Polynomial: TypeAlias = dict[tuple[str, ...], Scalar]
 """A polynomial: its coefficients, which are invariant under rotation, by the sorted names of the factors."""
 
 _ROTATED = (*WO[:2], *WI[:2])
-_ACROSS = {name: name[:-1] + {"x": "y", "y": "x"}[name[-1]] for name in _ROTATED}
+_OTHER_AXIS = {name: name[:-1] + {"x": "y", "y": "x"}[name[-1]] for name in _ROTATED}
 
 
 def depends_on_tangent(graph: Graph, lobes: Sequence[Lobe]) -> bool:
     """Return whether f of lobes, traced in `graph`, depends on the direction of the frame's tangent."""
     terms = trace_mixture(graph, lobes).terms(symbols(graph, WI)) if lobes else ()
     roots = [value for term in terms for value in elements_of(term.value) if isinstance(value, GraphNode)]
-    forms: dict[GraphNode, Form | None] = {}
+    polynomials: dict[GraphNode, Polynomial | None] = {}
     for node in post_order(roots):
-        forms[node] = _form(graph, node, forms)
-    return not all(_is_constant(forms[root]) for root in roots)
+        polynomials[node] = _node_polynomial(graph, node, polynomials)
+    return not all(_is_constant(polynomials[root]) for root in roots)
 
 
-def _form(graph: Graph, node: GraphNode, forms: Mapping[GraphNode, Form | None]) -> Form | None:
-    """Return a node as a polynomial, from those of its operands; None if the node is not a polynomial."""
+def _node_polynomial(
+    graph: Graph, node: GraphNode, earlier: Mapping[GraphNode, Polynomial | None]
+) -> Polynomial | None:
+    """Return a node as a polynomial, by the polynomials of its operands; None if it is not a polynomial."""
     if isinstance(node, Symbol):
         return {(node.name,): 1.0} if node.name in _ROTATED else {(): node}
-    operand_forms: list[Form | None] = [forms[arg] if isinstance(arg, GraphNode) else {(): arg} for arg in node.args]
-    if all(map(_is_constant, operand_forms)):
+    operands: list[Polynomial | None] = [earlier[arg] if isinstance(arg, GraphNode) else {(): arg} for arg in node.args]
+    if all(map(_is_constant, operands)):
         return {(): node}
-    polynomials = [form for form in operand_forms if form is not None]
-    if len(polynomials) < len(operand_forms):
+    polynomials = [operand for operand in operands if operand is not None]
+    combined = _combine_polynomials(graph, node, polynomials) if len(polynomials) == len(operands) else None
+    if combined is None:
         return None
-    form = _combine(graph, node, polynomials)
-    if form is None:
-        return None
-    form = {factors: value for factors, value in form.items() if isinstance(value, GraphNode) or value != 0.0}
-    return {(): node} if _is_invariant(graph, form) else form
+    nonzero = {factors: value for factors, value in combined.items() if isinstance(value, GraphNode) or value != 0.0}
+    return {(): node} if _is_invariant(graph, nonzero) else nonzero
 
 
-def _combine(graph: Graph, node: GraphNode, operands: Sequence[Form]) -> Form | None:
-    def termwise(function: Callable[..., Scalar], *forms: Form) -> Form:
-        factors = dict.fromkeys(factor for form in forms for factor in form)
-        return {key: function(*(form.get(key, 0.0) for form in forms)) for key in factors}
+def _combine_polynomials(graph: Graph, node: GraphNode, operands: Sequence[Polynomial]) -> Polynomial | None:
+    def termwise(function: Callable[..., Scalar], *polynomials: Polynomial) -> Polynomial:
+        factors = dict.fromkeys(factor for polynomial in polynomials for factor in polynomial)
+        return {key: function(*(polynomial.get(key, 0.0) for polynomial in polynomials)) for key in factors}
 
     match node.op, operands:
         case (("negative" | "add" | "subtract"), _):
             return termwise(lambda *values: graph.apply(node.op, *values), *operands)
         case "multiply", (a, b):
-            product: Form = {}
+            product: Polynomial = {}
             for a_factors, x in a.items():
                 for b_factors, y in b.items():
-                    term: Form = {tuple(sorted((*a_factors, *b_factors))): graph.apply("multiply", x, y)}
+                    term: Polynomial = {tuple(sorted((*a_factors, *b_factors))): graph.apply("multiply", x, y)}
                     product = termwise(lambda *values: graph.apply("add", *values), product, term)
             return product
         case "divide", (a, b) if _is_constant(b):
@@ -72,18 +72,19 @@ def _combine(graph: Graph, node: GraphNode, operands: Sequence[Form]) -> Form | 
     return None
 
 
-def _is_constant(form: Form | None) -> bool:
-    return form is not None and form.keys() <= {()}
+def _is_constant(polynomial: Polynomial | None) -> bool:
+    return polynomial is not None and polynomial.keys() <= {()}
 
 
-def _is_invariant(graph: Graph, form: Form) -> bool:
+def _is_invariant(graph: Graph, polynomial: Polynomial) -> bool:
     """Return whether a polynomial is a sum of ``c (a_x b_x + a_y b_y)`` and ``c (a_x b_y - a_y b_x)``."""
-    for factors, value in form.items():
+    for factors, value in polynomial.items():
         if factors and len(factors) != 2:
             return False
-        across = form.get(tuple(sorted(_ACROSS[name] for name in factors)))
-        if across is not None and len({name[-1] for name in factors}) > 1:
-            across = graph.apply("negative", across)
-        if across is not value and (isinstance(value, GraphNode) or isinstance(across, GraphNode) or across != value):
+        partner = polynomial.get(tuple(sorted(_OTHER_AXIS[name] for name in factors)))
+        if partner is not None and len({name[-1] for name in factors}) > 1:
+            partner = graph.apply("negative", partner)
+        is_node = isinstance(value, GraphNode) or isinstance(partner, GraphNode)
+        if partner is not value and (is_node or partner != value):
             return False
     return True

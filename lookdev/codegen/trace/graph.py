@@ -60,7 +60,7 @@ OPERATIONS = frozenset({
 })  # fmt: skip
 
 # These values simplify code, so they never become uniforms.
-_SIMPLE = frozenset({0.0, 1.0, -1.0, 2.0})
+_SIMPLIFYING_VALUES = frozenset({0.0, 1.0, -1.0, 2.0})
 
 # `&`, `|` and `~` on boolean arrays are NumPy's bitwise ufuncs.
 _ALIASES = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": "logical_not"}
@@ -113,14 +113,14 @@ class Graph:
         return float(cell if channel is None else cell[channel])
 
     def _intern(self, node: GraphNode, *names: object) -> GraphNode | bool:
-        """Return the first node with this operation, these names and arguments, or its value if that is assumed."""
+        """Return the first node that equals `node` and has these names, or its value if `assume` has set it."""
         node = self._nodes.setdefault((node.op, *map(_argument_key, (*names, *node.args))), node)
         return self._facts.get(node, node)
 
 
 def uniform(value: float) -> float:
     """Return a number as a uniform, unless its value simplifies code."""
-    return value if value in _SIMPLE else Uniform(value)
+    return value if value in _SIMPLIFYING_VALUES else Uniform(value)
 
 
 def _argument_key(value: object) -> object:

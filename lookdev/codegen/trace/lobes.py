@@ -48,12 +48,12 @@ def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
     return [lobe for lobe in bsdf.lobes(symbols(graph, WO)) if _can_be_positive(lobe.share)]
 
 
-def folded_lobes(graph: Graph, bsdf: Bsdf) -> int:
+def folded_lobe_count(graph: Graph, bsdf: Bsdf) -> int:
     """Return the number of lobes whose share folds to zero: no code is generated for them."""
     return len(bsdf.lobes(symbols(graph, WO))) - len(continuous_lobes(graph, bsdf))
 
 
-def parts_of_lobe(term: LobeTerms) -> dict[str, Array]:
+def lobe_parts(term: LobeTerms) -> dict[str, Array]:
     """Return the parts of a lobe's value that are in other groups and do not fold to zero, (3,), by their groups."""
     if term.lobe.transmits:
         return {}

@@ -21,7 +21,7 @@ from lookdev.codegen.trace.graph import OPERATIONS, Graph, GraphNode, Scalar, Un
 from lookdev.errors import CodegenError
 
 SymbolicLike: TypeAlias = "Array | BooleanArray | Sequence[Array | BooleanArray | Scalar] | Scalar"
-"""What is an array, symbolic or not, or becomes one."""
+"""An array, symbolic or not, or a value that can become one."""
 
 TracedFunction: TypeAlias = Callable[..., object]
 
@@ -70,7 +70,7 @@ class SymbolicArray(NDArrayOperatorsMixin):
 
 
 class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
-    """An ordinary array of constants, some of which are uniforms; operations that are not traced lose these."""
+    """An ordinary array of constants, some of which are uniforms; operations that are not traced drop the uniforms."""
 
     graph: Graph
     elements: NDArray[np.object_] | None = None
@@ -82,7 +82,7 @@ class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
         if any(isinstance(value, SymbolicArray) for value in inputs):
             return NotImplemented
         if method != "__call__" or kwargs or ufunc.__name__ not in OPERATIONS:
-            return getattr(ufunc, method)(*map(_plain, inputs), **kwargs)
+            return getattr(ufunc, method)(*map(_plain_value, inputs), **kwargs)
         return _elementwise(self.graph, ufunc.__name__, *inputs)
 
     def __array_function__(
@@ -92,7 +92,7 @@ class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
             return NotImplemented
         if func in _FUNCTIONS:
             return _FUNCTIONS[func](self.graph, *args, **kwargs)
-        return func(*map(_plain, args), **kwargs)
+        return func(*map(_plain_value, args), **kwargs)
 
 
 def uniforms(graph: Graph, value: SymbolicLike) -> Array:
@@ -101,15 +101,20 @@ def uniforms(graph: Graph, value: SymbolicLike) -> Array:
     return _wrap(graph, elements(np.asarray(value).astype(object)))
 
 
-def _plain(value: object) -> object:
+def _plain_value(value: object) -> object:
     if isinstance(value, list | tuple):
-        return type(value)(map(_plain, value))
+        return type(value)(map(_plain_value, value))
     return value.view(np.ndarray) if isinstance(value, UniformArray) else value
 
 
 def symbols(graph: Graph, names: Sequence[str]) -> SymbolicArray:
     """Return a vector of named symbols, shape (len(names),)."""
     return SymbolicArray(graph, np.array([graph.symbol(name) for name in names], dtype=object))
+
+
+def vector_symbols(graph: Graph, name: str) -> SymbolicArray:
+    """Return the symbols ``name[0]`` to ``name[2]``, shape (3,)."""
+    return symbols(graph, [f"{name}[{i}]" for i in range(3)])
 
 
 def symbol(graph: Graph, name: str) -> SymbolicArray:
@@ -160,7 +165,7 @@ def _clip(graph: Graph, a: object, a_min: object, a_max: object) -> Array:
     return _elementwise(graph, "minimum", _elementwise(graph, "maximum", a, a_min), a_max)
 
 
-def _reshaping(function: Callable[..., NDArray[np.object_]]) -> Callable[..., Array]:
+def _reshape_function(function: Callable[..., NDArray[np.object_]]) -> Callable[..., Array]:
     """Return the counterpart of a function of NumPy that only moves the elements of its first argument."""
     return lambda graph, a, *args, **kwargs: _wrap(graph, function(_elements(a), *args, **kwargs))
 
@@ -180,10 +185,10 @@ def _look_up(graph: Graph, table: NumberTable, row: object, column: object) -> A
 _FUNCTIONS: dict[TracedFunction, Callable[..., object]] = {
     np.sum: _sum,
     np.stack: _stack,
-    np.expand_dims: _reshaping(np.expand_dims),
+    np.expand_dims: _reshape_function(np.expand_dims),
     np.where: lambda graph, *args: _elementwise(graph, "where", *args),
     np.clip: _clip,
-    np.moveaxis: _reshaping(np.moveaxis),
+    np.moveaxis: _reshape_function(np.moveaxis),
     np.broadcast_arrays: _broadcast_arrays,
     look_up: _look_up,
     np.zeros_like: lambda graph, a: np.zeros(a.shape),

@@ -11,13 +11,13 @@ from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FRAME_PATTERN, frame_files
 from lookdev.output.manifest import STATE_FOLDER, read_manifest
-from lookdev.output.review.page import ReviewFrame, ReviewReel, Version, WrittenPage, write_page
+from lookdev.output.review.page import ReviewFrame, ReviewReel, Version, WrittenPage, write_review_page
 from lookdev.scene.charts.props import FOLDER, STRIP
 
 PAGE_FOLDER = "review"
 """Default folder of the page inside the output folder."""
 
-_MOST = 5  # number of damaged frames that a message names
+_MAX_PROBLEMS = 5  # number of damaged frames that a message names
 
 
 def review(
@@ -52,7 +52,9 @@ def review(
         raise OutputError(f"{against}: is the same folder; --against names that of another version")
     names = _distinct_names([version.folder for version in versions])
     versions = [replace(version, name=name) for name, version in zip(names, versions, strict=True)]
-    written = write_page(to, versions, DisplayView(view) if view else _job_view(folder), versions[0].name, report)
+    written = write_review_page(
+        to, versions, DisplayView(view) if view else _job_view(folder), versions[0].name, report
+    )
     return to / "index.html", written, tuple(note for version in versions for note in version.problems)
 
 
@@ -83,7 +85,7 @@ def read_version(folder: Path, page: Path) -> Version:
             problems.append(f"{file}: {header['charts.doubt']}")
         reels.setdefault(name.reel, []).append(ReviewFrame(file, name.number, header))
     if not reels:
-        reason = f": {'; '.join(map(shorten, problems[:_MOST]))}" if problems else ""
+        reason = f": {'; '.join(map(shorten, problems[:_MAX_PROBLEMS]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{reason}")
     props = {
         frame.file.relative_to(folder / FOLDER): frame.file
@@ -96,7 +98,7 @@ def read_version(folder: Path, page: Path) -> Version:
     complete = []
     for key, frames in sorted(reels.items(), key=lambda item: item[0][0] == FOLDER):  # props after the looks
         if key[0] != FOLDER:
-            frames = [replace(frame, over=props.get(frame.file.relative_to(folder / key[0]))) for frame in frames]
+            frames = [replace(frame, props_file=props.get(frame.file.relative_to(folder / key[0]))) for frame in frames]
         complete.append(ReviewReel(*key, tuple(frames)))
     return Version(folder.name, folder, tuple(complete), tuple(problems))
 

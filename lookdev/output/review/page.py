@@ -42,12 +42,12 @@ _JPEG = {"Compression": "jpeg:90", "jpeg:subsampling": "4:4:4"}  # the page show
 
 @dataclass(frozen=True)
 class ReviewFrame:
-    """An undamaged frame on disk, the number in its name, and its header; `over` is a frame of props to lay over it."""
+    """An undamaged frame on disk, the number in its name, its header, and a frame of props to composite over it."""
 
     file: Path
     number: int
     header: Mapping[str, str]
-    over: Path | None = None
+    props_file: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class WrittenPage:
     size: int
 
 
-def write_page(
+def write_review_page(
     folder: Path,
     versions: Sequence[Version],
     view: DisplayView,
@@ -93,23 +93,25 @@ def write_page(
 ) -> WrittenPage:
     """Write the page of one version, or of a new and an old version, into a folder; undamaged files there are kept.
 
-    Each file is written complete or not at all, files that refer to others after them, and files that no longer belong
-    to the page are removed last: an interrupted page is the old one or the new one. `report` is called with the number
-    of frames that are done, and the number of all frames. Raises OutputError where a frame is damaged or a file cannot
-    be written.
+    Each file is written complete or not at all, and after the files to which it refers. Files that no longer belong to
+    the page are removed last. After an interruption, the folder has the old page or the new one. `report` is called
+    with the number of frames that are done, and the number of all frames. Raises OutputError if a frame is damaged or a
+    file cannot be written.
     """
     with output_errors(folder, "the page cannot be written", name_file=True):
-        return _Page(folder, view).write(versions, title, report)
+        return _PageWriter(folder, view).write(versions, title, report)
 
 
-class _Page:
+class _PageWriter:
+    """Writes the files of a page, and keeps undamaged ones of an earlier page."""
+
     def __init__(self, folder: Path, view: DisplayView) -> None:
         self._folder = folder
         self._view = view
         ledger = read_json_object(folder / _LEDGER).items()  # without it, all files are written again
         self._ledger = {name: digest for name, digest in ledger if isinstance(digest, str)}
-        self._listed: dict[str, str] = {}  # SHA-256 of each file of this page by its name
-        self._written: set[str] = set()
+        self._digests: dict[str, str] = {}  # SHA-256 of each file of this page by its name
+        self._new_names: set[str] = set()
 
     def write(self, versions: Sequence[Version], title: str, report: Callable[[int, int], None]) -> WrittenPage:
         shader = view_shader(self._view)
@@ -121,7 +123,7 @@ class _Page:
                 report(done, len(frames))
             reels = [(number, reel) for number, version in enumerate(versions) for reel in version.reels]
             entries = list(pool.map(lambda item: self._write_reel(item[0], item[1], keys), reels))
-            changes = list(_changes(versions, pool)) if len(versions) == 2 else None
+            changes = list(_compare_reels(versions, pool)) if len(versions) == 2 else None
         index = {
             "title": title,
             "view": shader,
@@ -138,18 +140,18 @@ class _Page:
             if file.is_file():
                 name = "index.html" if file.suffix == ".html" else f"static/{file.name}"
                 self._write_text(name, file.read_text("utf-8"))
-        write_file(self._folder / _LEDGER, json.dumps(self._listed, indent=0, sort_keys=True))
+        write_file(self._folder / _LEDGER, json.dumps(self._digests, indent=0, sort_keys=True))
         self._remove_others()
-        size = sum((self._folder / name).stat().st_size for name in self._listed)
-        return WrittenPage(len(self._written), len(self._listed) - len(self._written), size)
+        size = sum((self._folder / name).stat().st_size for name in self._digests)
+        return WrittenPage(len(self._new_names), len(self._digests) - len(self._new_names), size)
 
     def _write_frame(self, frame: ReviewFrame) -> str:
         """Write the picture and the script of a frame, and return the key in their names."""
-        props = [file_digest(frame.over)] if frame.over else []
+        props = [file_digest(frame.props_file)] if frame.props_file else []
         key = _content_key(FORMAT, self._view.digest, file_digest(frame.file), *props)
         picture, script = f"data/frames/{key}.jpg", f"data/frames/{key}.js"
         if not (self._reuse(picture) and self._reuse(script)):
-            pixels = read_pixels(frame.file, frame.over)
+            pixels = read_pixels(frame.file, frame.props_file)
             light = composite(pixels.beauty, pixels.alpha, np.zeros(3, np.float32))
             self._write_file(script, lambda path: write_pixels_script(path, key, pixels))
             self._write_file(picture, lambda path: write_image(path, to_display(light, self._view), _JPEG))
@@ -163,7 +165,7 @@ class _Page:
         columns = math.ceil(math.sqrt(len(names)))
         if not self._reuse(sprite):
             pictures = [self._folder / f"data/frames/{name}.jpg" for name in names]
-            self._write_file(sprite, lambda path: write_image(path, _sprites(pictures, columns), _JPEG))
+            self._write_file(sprite, lambda path: write_image(path, _sprite_sheet(pictures, columns), _JPEG))
         frames = [
             {"key": name, "file": str(frame.file), "header": dict(frame.header), "command": _command(reel, frame)}
             for frame, name in zip(reel.frames, names, strict=True)
@@ -179,18 +181,18 @@ class _Page:
 
     def _reuse(self, name: str) -> bool:
         """Return whether a file exists as it was written; if so, add it to the files of this page."""
-        digest = self._listed.get(name) or self._ledger.get(name)
+        digest = self._digests.get(name) or self._ledger.get(name)
         path = self._folder / name
         if digest is None or not path.is_file() or file_digest(path) != digest:
             return False
-        self._listed[name] = digest
+        self._digests[name] = digest
         return True
 
     def _write_file(self, name: str, write: Callable[[Path], None]) -> None:
         path = self._folder / name
         write(path)
-        self._listed[name] = file_digest(path)
-        self._written.add(name)
+        self._digests[name] = file_digest(path)
+        self._new_names.add(name)
 
     def _write_text(self, name: str, text: str) -> None:
         data = text.encode("utf-8")
@@ -200,14 +202,14 @@ class _Page:
 
     def _remove_others(self) -> None:
         """Remove the files of an earlier page that this page does not have."""
-        for name in self._ledger.keys() - self._listed.keys():
+        for name in self._ledger.keys() - self._digests.keys():
             path = (self._folder / name).resolve()
             if path.is_relative_to(self._folder.resolve()):
                 path.unlink(missing_ok=True)
 
 
-def _changes(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[dict[str, Any]]:
-    """Yield the comparison of each reel of a new and an old version, which is that of its most different frame."""
+def _compare_reels(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[dict[str, Any]]:
+    """Yield for each reel the comparison of the frame that differs most between the new and the old version."""
     new, old = ({reel.key: reel for reel in version.reels} for version in versions)
     for key in dict.fromkeys((*new, *old)):
         names = dict(zip(("look", "rig", "turntable"), key, strict=True))
@@ -216,7 +218,7 @@ def _changes(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[
             continue
         before = {frame.number: frame for frame in old[key].frames}
         pairs = [(frame, before[frame.number]) for frame in new[key].frames if frame.number in before]
-        comparisons = list(pool.map(lambda pair: _compare(*pair), pairs))
+        comparisons = list(pool.map(lambda pair: _compare_frame(*pair), pairs))
         if not comparisons:
             yield names | {"state": "other frames"}
             continue
@@ -235,11 +237,13 @@ def _changes(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[
         )
 
 
-def _compare(new: ReviewFrame, old: ReviewFrame) -> Comparison:
-    pairs = ((new.file, old.file), (new.over, old.over))
+def _compare_frame(new: ReviewFrame, old: ReviewFrame) -> Comparison:
+    pairs = ((new.file, old.file), (new.props_file, old.props_file))
     if all(a == b or (a and b and a.samefile(b)) for a, b in pairs):
         return Comparison((), 0.0, 0.0)
-    return compare_frames(read_pixels(new.file, new.over), read_pixels(old.file, old.over), new.header, old.header)
+    return compare_frames(
+        read_pixels(new.file, new.props_file), read_pixels(old.file, old.props_file), new.header, old.header
+    )
 
 
 def _differing_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple[str, str, str]]:
@@ -268,7 +272,7 @@ def _rotating_part(reel: ReviewReel) -> str:
     return "lighting" if len(element) == 1 and len(lighting) > 1 else "element"
 
 
-def _sprites(pictures: Sequence[Path], columns: int) -> Bytes:
+def _sprite_sheet(pictures: Sequence[Path], columns: int) -> Bytes:
     """Return thumbnails in rows, black in unused cells; a cell has the size of the first thumbnail."""
     small = [_thumbnail(picture) for picture in pictures]
     height, width = small[0].shape[:2]

@@ -1,6 +1,6 @@
-"""The pixel values of a frame: as a script that a page from ``file://`` may read, and compared with another version.
+"""The pixel values of a frame, as a script that a page from ``file://`` may run, and compared with another version.
 
-The comparison is beyond the difference that the noise of both explains.
+Two versions of a pixel differ if the noise of both does not explain the difference.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ import numpy as np
 from lookdev.arrays import Floats32
 from lookdev.cache import write_file
 from lookdev.metrics import noise_ratio, pooled_error, relmse
-from lookdev.output.display import laid_over
-from lookdev.output.exr import frame_space, read_layer, read_shown
+from lookdev.output.display import composite_layers
+from lookdev.output.exr import frame_space, read_layer, read_rec709
 from lookdev.space import REC709, error_in_rec709
 
-BEYOND = 3.0
+NOISE_LIMIT = 3.0
 """z above which noise does not explain a pixel: 0.27 % of pixels exceed it by chance, where noise is Gaussian."""
 
 SQUARE = 7
 """Side in pixels of the squares over which z is computed, here, and on the page by default."""
 
-NOTICED = 0.003
+CHANGED_SHARE = 0.003
 """Share of the asset's pixels beyond z = 3 above which a frame counts as changed."""
 
-_LEVEL = 4  # of zlib: higher levels do not compress noise better
-_LARGEST = float(np.finfo(np.float16).max)
+_ZLIB_LEVEL = 4  # of zlib: higher levels do not compress noise better
+_HALF_MAX = float(np.finfo(np.float16).max)
 
 
 @dataclass(frozen=True)
@@ -43,15 +43,15 @@ class PremultipliedPixels:
     error: Floats32 | None
 
 
-def read_pixels(frame: Path, over: Path | None = None) -> PremultipliedPixels:
-    """Return the pixels of a frame, with another frame laid over it, rounded to the half floats of the page.
+def read_pixels(frame: Path, props_file: Path | None = None) -> PremultipliedPixels:
+    """Return the pixels of a frame, rounded to half floats, with those of a frame of props over it, if any.
 
     Raises OutputError where a frame is damaged.
     """
-    (beauty, alpha), error = read_shown(frame), _read_error(frame)
-    if over is not None:
-        props, props_error = read_shown(over), _read_error(over)
-        beauty, alpha = laid_over(props, (beauty, alpha))
+    (beauty, alpha), error = read_rec709(frame), _read_error(frame)
+    if props_file is not None:
+        props, props_error = read_rec709(props_file), _read_error(props_file)
+        beauty, alpha = composite_layers(props, (beauty, alpha))
         if error is not None:
             error = None if props_error is None else np.hypot((1.0 - props[1]) * error, props_error)
     return PremultipliedPixels(
@@ -75,7 +75,7 @@ def write_pixels_script(path: Path, name: str, pixels: PremultipliedPixels) -> N
     """
     planes = [*np.moveaxis(pixels.beauty, -1, 0), pixels.alpha, *([] if pixels.error is None else [pixels.error])]
     halves = np.stack(planes).astype(">f2").reshape(len(planes), -1, 1)
-    packed = zlib.compress(halves.view(np.uint8).swapaxes(1, 2).tobytes(), _LEVEL)
+    packed = zlib.compress(halves.view(np.uint8).swapaxes(1, 2).tobytes(), _ZLIB_LEVEL)
     height, width = pixels.alpha.shape
     entry = {"width": width, "height": height, "planes": len(planes), "data": base64.b64encode(packed).decode("ascii")}
     write_file(path, f"review.put({json.dumps(name)}, {json.dumps(entry)});\n")
@@ -83,7 +83,7 @@ def write_pixels_script(path: Path, name: str, pixels: PremultipliedPixels) -> N
 
 def _round_to_half(values: Floats32) -> Floats32:
     """Return the nearest half floats; values beyond their range become the largest or the smallest half float."""
-    return np.clip(values, -_LARGEST, _LARGEST).astype(np.float16).astype(np.float32)
+    return np.clip(values, -_HALF_MAX, _HALF_MAX).astype(np.float16).astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,8 @@ class Comparison:
     """A frame against that of another version.
 
     `changed` are the parts of the digest that differ, as a plan names them. `relmse` is the relMSE of the frame against
-    the other frame. `beyond` is the share of the asset's pixels with z above `BEYOND`; it is None where an error is not
-    known. Both are None where the frames differ in size.
+    the other frame. `beyond` is the share of the asset's pixels whose z exceeds `NOISE_LIMIT`, None if an error is not
+    known. Both are None if the frames differ in size.
     """
 
     changed: tuple[str, ...]
@@ -103,7 +103,7 @@ class Comparison:
     def visible(self) -> bool:
         """Whether pixels differ by more than noise explains; where noise is not known, whether they differ at all."""
         if self.beyond is not None:
-            return self.beyond > NOTICED
+            return self.beyond > CHANGED_SHARE
         return self.relmse is None or self.relmse > 0.0
 
 
@@ -120,7 +120,7 @@ def compare_frames(
         return Comparison(changed, error)
     z = noise_ratio(new.beauty, old.beauty, new.error, old.error, SQUARE)
     covered = alpha > 0.0
-    return Comparison(changed, error, float((z[covered] > BEYOND).mean()) if covered.any() else 0.0)
+    return Comparison(changed, error, float((z[covered] > NOISE_LIMIT).mean()) if covered.any() else 0.0)
 
 
 def changed_parts(header: Mapping[str, str], old: Mapping[str, str]) -> tuple[str, ...]:

@@ -14,8 +14,8 @@ def view_shader(view: DisplayView) -> dict[str, Any]:
     """Return the GLSL of a function ``vec4 view(vec4)`` from linear Rec.709 to display values, and its textures.
 
     A texture has the name of its sampler, its size, its components in a texel, whether it is interpolated, and its
-    texels as base64 of little-endian float32. A table of one dimension is a picture, because WebGL does not have
-    textures of one dimension.
+    texels as base64 of little-endian float32. A one-dimensional table becomes a two-dimensional texture, because WebGL
+    has no one-dimensional ones.
     """
     import PyOpenColorIO as ocio
 
@@ -25,14 +25,14 @@ def view_shader(view: DisplayView) -> dict[str, Any]:
     shader.setAllowTexture1D(False)
     view.transform.getDefaultGPUProcessor().extractGpuShaderInfo(shader)
     textures = [
-        _texture(table, (table.width, table.height, 1), 1 if table.channel == table.TEXTURE_RED_CHANNEL else 3)
+        _texture_entry(table, (table.width, table.height, 1), 1 if table.channel == table.TEXTURE_RED_CHANNEL else 3)
         for table in shader.getTextures()
     ]
-    textures += [_texture(table, (table.edgeLen,) * 3, 3) for table in shader.get3DTextures()]
+    textures += [_texture_entry(table, (table.edgeLen,) * 3, 3) for table in shader.get3DTextures()]
     return {"name": str(view), "glsl": shader.getShaderText(), "textures": textures}
 
 
-def _texture(texture: Any, size: tuple[int, int, int], components: int) -> dict[str, Any]:
+def _texture_entry(texture: Any, size: tuple[int, int, int], components: int) -> dict[str, Any]:
     import PyOpenColorIO as ocio
 
     return {

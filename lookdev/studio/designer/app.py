@@ -25,7 +25,7 @@ STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 
 UPLOADS = tuple(path for panel in PANELS if panel.routes for path in panel.routes.uploads)
-"""The paths to which the page sends bodies that are larger than others."""
+"""The paths of requests that may have bodies larger than `MAX_BODY_BYTES`."""
 
 
 class SceneRoutes(Routes):

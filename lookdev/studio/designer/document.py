@@ -20,10 +20,10 @@ from lookdev.material.library import LIBRARY_VARIABLE, library_folders
 from lookdev.material.library.constants import set_inputs
 from lookdev.material.library.fragments import copy_layer, save_preset
 from lookdev.scene import Scene
-from lookdev.studio.designer.edited_job import EditedJob, Read, shipped_lights
-from lookdev.studio.designer.edits import Edit, check_value, shape_of
+from lookdev.studio.designer.edited_job import EditedJob, ParsedJob, shipped_lights
+from lookdev.studio.designer.edits import Edit, check_value, shader_shape
 from lookdev.studio.designer.history import EditState
-from lookdev.studio.designer.looks import JobLooks, looks_of
+from lookdev.studio.designer.looks import JobLooks, distinct_looks
 from lookdev.studio.designer.operations import FolderOperation, parse_operation
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.studio.designer.rows import layer_rows
@@ -43,7 +43,7 @@ class Document:
     """
 
     def __init__(self, edited_job: EditedJob, recovery: Recovery | None = None) -> None:
-        self.scene_key = next(iter(edited_job.read({}).scenes.scenes))
+        self.scene_key = next(iter(edited_job.parse({}).scenes.scenes))
         self.snapshots = Snapshots()
         self._edited_job = edited_job
         self._lock = threading.RLock()
@@ -55,11 +55,11 @@ class Document:
         self._revision = 0
 
     @property
-    def _current_job(self) -> Read:
+    def _current_job(self) -> ParsedJob:
         """The job with its edits, and with the visible light, if that is a shipped one."""
         files = self._workspace.state.files
-        job = self._edited_job.read(files)
-        return job if self.scene_key in job.scenes.scenes else self._edited_job.read(files, self.scene_key[1])
+        job = self._edited_job.parse(files)
+        return job if self.scene_key in job.scenes.scenes else self._edited_job.parse(files, self.scene_key[1])
 
     @property
     def job(self) -> Job:
@@ -71,7 +71,7 @@ class Document:
     def choices(self) -> dict[str, list[str]]:
         """The names of the job's looks and rigs, and of the shipped lights that it lacks."""
         with self._lock:
-            job = self._edited_job.read(self._workspace.state.files)
+            job = self._edited_job.parse(self._workspace.state.files)
         looks, rigs = (list(dict.fromkeys(names)) for names in zip(*job.scenes.scenes, strict=True))
         return {"looks": looks, "rigs": rigs, "shipped": [*shipped_lights(job.job)]}
 
@@ -99,7 +99,7 @@ class Document:
 
     @property
     def _originals(self) -> list[Look]:
-        return looks_of(self._scene)
+        return distinct_looks(self._scene)
 
     @property
     def scene(self) -> Scene:
@@ -117,7 +117,7 @@ class Document:
             return [self._open_look(number).look for number in range(len(self._originals))]
 
     def _visible_looks(self) -> list[Look]:
-        """Return the looks as the viewport shows them: a look with a solo layer has only this layer, without mask."""
+        """Return the looks as the viewport draws them: a look with a solo layer has only this layer, without mask."""
         looks = self.looks
         for number, look in enumerate(looks):
             index = self._solo_index(number)
@@ -158,13 +158,10 @@ class Document:
                 raise ModelError(f"look '{look.name}' has {len(look.layers)} layers, none of number {edit.layer}")
             layer = look.layers[edit.layer]
             value = check_value(layer, edit)
-            label = f"{layer.name} {edit.parameter}"
-            values = {(edit.layer, edit.parameter): value}
+            values, variants = {(edit.layer, edit.parameter): value}, self._variants_of(location)
+            label, gesture = f"{layer.name} {edit.parameter}", edit.gesture
             return self._edit_file(
-                edit.look,
-                label,
-                lambda file: set_inputs(file, values, location.prim, self._variants_of(location)),
-                edit.gesture,
+                edit.look, label, lambda file: set_inputs(file, values, location.prim, variants), gesture
             )
 
     def edit_stack(self, number: int, body: Mapping[str, Any]) -> bool:
@@ -281,12 +278,8 @@ class Document:
         )
 
     def _push_state(self, label: str, state: EditState, gesture: str = "") -> bool:
-        before, revision, history, scene_key = (
-            (self._scene, self._visible_looks()),
-            self._revision,
-            self._workspace.history.copy(),
-            self.scene_key,
-        )
+        before, history = (self._scene, self._visible_looks()), self._workspace.history.copy()
+        revision, scene_key = self._revision, self.scene_key
         self._workspace.history.push(label, state, gesture)
         try:
             return self._adopt_state(*before)
@@ -295,12 +288,14 @@ class Document:
             raise
 
     def _adopt_state(self, scene: Scene, before: list[Look]) -> bool:
-        """Show the present state and store it for recovery; return whether shaders change, for a new view."""
+        """Show the present state and store it for recovery; return whether shaders change."""
         choices = self.choices
         if not self._has_scene(self.scene_key):
             self.scene_key = (choices["looks"][0], choices["rigs"][0])
         looks = self._visible_looks()
-        compiles = self._scene is not scene or [shape_of(look) for look in before] != [shape_of(look) for look in looks]
+        compiles = self._scene is not scene or [shader_shape(look) for look in before] != [
+            shader_shape(look) for look in looks
+        ]
         if compiles:
             self.view()
         self._revision += 1
@@ -312,7 +307,7 @@ class Document:
         location = self.location(number)
         return location is not None and self._workspace.is_unsaved(location.file)
 
-    def save(self, number: int | None = None, name: str | None = None, *, over: bool = False) -> list[Path]:
+    def save(self, number: int | None = None, name: str | None = None, *, overwrite: bool = False) -> list[Path]:
         """Write all edited files, or the file of a look, and return the files that were written.
 
         With a `name`, write a new file instead, beside the file of the look, or beside the job.
@@ -320,7 +315,7 @@ class Document:
         Raises
         ------
         ConflictError
-            A file has changed on disk since it was read, and `over` is false.
+            A file has changed on disk since it was read, and `overwrite` is false.
         LookdevError
             The look has no file, the new file exists, or its name is not valid.
         """
@@ -328,7 +323,9 @@ class Document:
             if name is not None:
                 file = self._edited_job.file if number is None else self._editable_location(number).file
                 return [self._workspace.save_as(file, name)]
-            saved = self._workspace.save(None if number is None else self._editable_location(number).file, over=over)
+            saved = self._workspace.save(
+                None if number is None else self._editable_location(number).file, overwrite=overwrite
+            )
             self._revision += 1
             self._workspace.store_unsaved(self.scene_key)
             return saved
@@ -343,7 +340,7 @@ class Document:
             return compiles
 
     def keep_edits(self) -> None:
-        """Keep the edits of files that other programs have changed: they are unsaved, and saving overwrites files."""
+        """Keep the edits of files that other programs have changed: they stay unsaved, and saving overwrites them."""
         with self._lock:
             self._workspace.accept_disk()
             self._revision += 1
@@ -412,16 +409,15 @@ class Document:
         """Return the data of the page's panels: stacks, assignments, history, files, snapshots and work to recover."""
         with self._lock:
             return {
-                "revision": self._revision,
+                **self.revision_status(),
                 "stacks": self.stacks(),
                 "job": {
                     **self._edited_job.describe_assignments(self._current_job, self.scene_key),
                     "unsaved": self._workspace.is_unsaved(self._edited_job.file),
                     "new": not self._workspace.sources.known_digest(self._edited_job.file),
                 },
-                "undoes": self._workspace.history.undoes,
-                "redoes": self._workspace.history.redoes,
-                "changed": [str(file) for file in self._workspace.sources.changed_files()],
+                "undoes": self._workspace.history.undo_label,
+                "redoes": self._workspace.history.redo_label,
                 "snapshots": self.snapshots.describe(),
                 "recovery": self._workspace.describe_offer(),
             }
@@ -431,9 +427,6 @@ class Document:
         return self._workspace.close()
 
     def revision_status(self) -> dict[str, Any]:
-        """Return the revision and the changed files, from which the page sees that it needs a new status."""
+        """Return the revision and the changed files; if they differ, the page requests a new status."""
         with self._lock:
-            return {
-                "revision": self._revision,
-                "changed": [str(file) for file in self._workspace.sources.changed_files()],
-            }
+            return {"revision": self._revision, "changed": list(map(str, self._workspace.sources.changed_files()))}

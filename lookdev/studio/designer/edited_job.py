@@ -29,73 +29,74 @@ from lookdev.material.library.edit import new_look
 from lookdev.safe_text import decode
 from lookdev.scene.parts import asset_parts
 from lookdev.shipped import BUILTIN_RIGS
+from lookdev.studio.roots import is_below
 
 _LOOK = re.compile(r"look\[(\d+)\]")
 _FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")
-_HIGHEST = 2  # a path is relative to the job's folder if it goes up this number of folders at most
-_MOST_READ = 1 << 20  # bytes of a file that are searched for a material
-_BINARY = b"PXR-USDC"
+_MAX_PARENT_FOLDERS = 2  # of a path that is relative to the job's folder
+_MAX_READ_BYTES = 1 << 20  # bytes of a file that are searched for a material
+_BINARY_USD = b"PXR-USDC"
 
 
 @dataclass(frozen=True, eq=False)
-class Read:
-    """The job in a content of its file, and its scenes; both include a shipped light, if the page shows one."""
+class ParsedJob:
+    """A job, parsed from one content of its file, and its scenes; both have the shipped light that the page shows."""
 
     job: Job
     scenes: JobScenes
 
 
 class EditedJob:
-    """The job of a Designer: its file, its original `content`, and the jobs and assignments in edited contents."""
+    """The job that a Designer edits: its file, its original `content`, and caches of what edited contents parse to."""
 
     def __init__(self, file: Path, content: bytes) -> None:
         self.file = file
         self.content = content
         self._assets: tuple[Any, AssetReader] | None = None
-        self._read_cached = lru_cache(8)(self._read_content)
+        self._parse_cached = lru_cache(8)(self._parse_content)
         self._assignments_of = lru_cache(64)(self._find_assignments)
         self._paths_of_slots = lru_cache(16)(_find_paths)
 
-    def read(self, files: Mapping[Path, bytes], light: str = "") -> Read:
+    def parse(self, edited_contents: Mapping[Path, bytes], light: str = "") -> ParsedJob:
         """Return the job and its scenes; `light` adds one of `shipped_lights` to the lights of the job.
 
         Raises JobError or FaultsError with all faults, and TextError if the content is not text.
         """
-        return self._read_cached(files.get(self.file, self.content), light)
+        return self._parse_cached(edited_contents.get(self.file, self.content), light)
 
-    def _read_content(self, content: bytes, light: str) -> Read:
+    def _parse_content(self, content: bytes, light: str) -> ParsedJob:
         job = parse_job(decode(content, self.file), self.file)
         if light and (table := shipped_lights(job).get(light)):
             update = {"ibl": (*job.ibl, table)} if isinstance(table, JobIbl) else {"rig": (*job.rig, table)}
             job = job.model_copy(update=update)
         if self._assets is None or self._assets[0] != job.asset:
             self._assets = job.asset, AssetReader(job.asset)
-        return Read(job, build_scenes(job, reader=self._assets[1]))
+        return ParsedJob(job, build_scenes(job, reader=self._assets[1]))
 
-    def _look(self, read_job: Read, name: str) -> tuple[JobLook, ComposedAsset]:
-        look = next(look for look in read_job.scenes.job.look if look.name == name)
+    def _look_and_asset(self, parsed_job: ParsedJob, name: str) -> tuple[JobLook, ComposedAsset]:
+        look = next(look for look in parsed_job.scenes.job.look if look.name == name)
         assert self._assets is not None, "a job that was read has an asset"
         return look, self._assets[1].read(look)
 
-    def _find_assignments(self, read_job: Read, name: str) -> Mapping[str, Assignment]:
-        return assignments_of_parts(*self._look(read_job, name), "", Findings(read_job.job))
+    def _find_assignments(self, parsed_job: ParsedJob, name: str) -> Mapping[str, Assignment]:
+        return assignments_of_parts(*self._look_and_asset(parsed_job, name), "", Findings(parsed_job.job))
 
-    def variants(self, read_job: Read, scene_key: tuple[str, str], slot: str) -> dict[str, str]:
+    def variants(self, parsed_job: ParsedJob, scene_key: tuple[str, str], slot: str) -> dict[str, str]:
         """Return the variants that the job chooses for the material of a slot."""
-        look, _ = self._look(read_job, scene_key[0])
-        assignments = self._assignments_of(read_job, scene_key[0])
-        paths = self._paths_of_slots(read_job, scene_key).get(slot, ())
+        look, _ = self._look_and_asset(parsed_job, scene_key[0])
+        assignments = self._assignments_of(parsed_job, scene_key[0])
+        paths = self._paths_of_slots(parsed_job, scene_key).get(slot, ())
         assignment = next((assignments[path] for path in paths if path in assignments), None)
         if assignment is None:
             return {} if look.material is not None else dict(look.variants)
         return dict(look.variants if assignment.assign is None else look.assign[assignment.assign].variants)
 
-    def describe_assignments(self, read_job: Read, scene_key: tuple[str, str]) -> dict[str, Any]:
+    def describe_assignments(self, parsed_job: ParsedJob, scene_key: tuple[str, str]) -> dict[str, Any]:
         """Return the assignment of each slot of a scene, and the paths and collections for new ones, for the page."""
-        look, composed = self._look(read_job, scene_key[0])
-        assignments, paths = self._assignments_of(read_job, scene_key[0]), self._paths_of_slots(read_job, scene_key)
+        look, composed = self._look_and_asset(parsed_job, scene_key[0])
+        assignments, paths = self._assignments_of(parsed_job, scene_key[0]), self._paths_of_slots(parsed_job, scene_key)
         slots = {}
-        for slot in read_job.scenes.scenes[scene_key].asset.slots:
+        for slot in parsed_job.scenes.scenes[scene_key].asset.slots:
             part_paths = paths.get(slot.path, [])
             assignment = next((assignments[path] for path in part_paths if path in assignments), None)
             table: JobLook | JobAssign | None = None
@@ -105,64 +106,66 @@ class EditedJob:
                 "paths": part_paths,
                 "by": "asset" if assignment is None else "look" if assignment.assign is None else "assign",
                 "pattern": "" if assignment is None else assignment.pattern,
-                "material": self._stated_path(table.material) if table is not None and table.material else "",
+                "material": self._path_in_job(table.material) if table is not None and table.material else "",
                 "variants": dict(table.variants) if table is not None else {},
             }
         return {
             "file": str(self.file),
-            "locked": "" if _look_number(read_job, scene_key[0]) is not None else _WEDGE_LOCKED,
-            "worn": slots,
+            "locked": "" if _look_number(parsed_job, scene_key[0]) is not None else _WEDGE_LOCKED,
+            "assignments": slots,
             "paths": list(composed.paths),
             "collections": {key: sorted(members) for key, members in composed.collections.items() if members},
         }
 
-    def list_materials(self, read_job: Read) -> dict[str, Any]:
-        """Return the materials of the job, and files of looks beside the job, its materials and the library."""
+    def list_materials(self, parsed_job: ParsedJob) -> dict[str, Any]:
+        """Return the job's materials, and the look files in the folders of the job, its materials and the library."""
         rows = [
             {
-                "material": self._stated_path(table.material),
+                "material": self._path_in_job(table.material),
                 "prim": table.prim,
                 "variants": {name: choice for name, choice in table.variants.items() if choice != "*"},
             }
-            for table in _tables(read_job.job)
+            for table in _tables(parsed_job.job)
             if table.material is not None
         ]
         job_files = {(self.file.parent / row["material"]).resolve() for row in rows}  # type: ignore[operator]
-        files = (file for folder in self._folders(read_job) for file in _look_files(folder))
-        other_files = [self._stated_path(file) for file in dict.fromkeys(files) if file.resolve() not in job_files]
+        files = (file for folder in self._folders(parsed_job) for file in _look_files(folder))
+        other_files = [self._path_in_job(file) for file in dict.fromkeys(files) if file.resolve() not in job_files]
         return {"job": [row for n, row in enumerate(rows) if row not in rows[:n]], "files": other_files}
 
-    def assign_look(self, read_job: Read, name: str, content: bytes, body: Mapping[str, Any]) -> tuple[str, bytes]:
+    def assign_look(
+        self, parsed_job: ParsedJob, name: str, content: bytes, body: Mapping[str, Any]
+    ) -> tuple[str, bytes]:
         """Return a label, and the content of the job in which a look is assigned to parts, or unassigned.
 
         The look is assigned to ``prims``, or, if they are empty, to all parts without an assignment. Raises
         LookdevError if the request is not valid, or the job does not allow the edit.
         """
-        look, text = _look_number(read_job, name), decode(content, self.file)
-        if look is None:
+        look_number, text = _look_number(parsed_job, name), decode(content, self.file)
+        if look_number is None:
             raise LookdevError(_WEDGE_LOCKED)
         match body:
-            case {"part": str(part), "take": True}:
-                assignment = self._assignment(read_job, name, part)
+            case {"part": str(part), "unassign": True}:
+                assignment = self._assignment(parsed_job, name, part)
                 if assignment.assign is None:
                     raise LookdevError(f"nothing is assigned to {part}")
-                return f"unassign the look of {assignment.pattern}", unassign(text, look, [assignment.pattern]).encode()
+                label = f"unassign the look of {assignment.pattern}"
+                return label, unassign(text, look_number, [assignment.pattern]).encode()
             case {"part": str(part), "prims": list(prims), "material": str(material)} if _are_names(prims):
                 variants = body.get("variants", {})
                 if not isinstance(variants, dict) or not _are_names([*variants, *variants.values()]):
                     raise LookdevError("the variants of a material are names and choices")
-                prim = body.get("prim")
-                material_table = AssignedMaterial(
-                    self._readable_path(read_job, material), prim if isinstance(prim, str) and prim else None, variants
-                )
+                prim = body["prim"] if isinstance(body.get("prim"), str) and body["prim"] else None
+                material_table = AssignedMaterial(self._readable_path(parsed_job, material), prim, variants)
                 targets = ", ".join(prims) if prims else "all other parts"
                 label = f"assign {Path(material_table.material).stem} to {targets}"
                 if not prims:
-                    return label, assign_to_rest(text, look, material_table).encode()
-                return label, assign_material(
-                    text, look, prims, material_table, self._assignment(read_job, name, part).assign
-                ).encode()
-        raise LookdevError("an assignment has a part, prims and a material; or a part, and 'take', true")
+                    return label, assign_to_rest(text, look_number, material_table).encode()
+                covering = self._assignment(parsed_job, name, part).assign
+                return label, assign_material(text, look_number, prims, material_table, covering).encode()
+        raise LookdevError(
+            "an assignment needs 'part', 'prims' and 'material'; its removal needs 'part', and 'unassign' = true"
+        )
 
     def create_look(self, preset: str, name: str) -> Path:
         """Write a new look, whose base is a preset, beside the job; return its file."""
@@ -172,38 +175,40 @@ class EditedJob:
         new_look(file, find_preset(Path(preset).stem))
         return file
 
-    def _assignment(self, read_job: Read, name: str, part: str) -> Assignment:
-        assignments = self._assignments_of(read_job, name)
-        _, composed = self._look(read_job, name)
+    def _assignment(self, parsed_job: ParsedJob, name: str, part: str) -> Assignment:
+        assignments = self._assignments_of(parsed_job, name)
+        _, composed = self._look_and_asset(parsed_job, name)
         if part not in composed.paths:
             raise LookdevError(f"{part} is not a part of the asset ({nearest_hint(part, list(composed.paths))})")
         return assignments.get(part, Assignment())
 
-    def _folders(self, read_job: Read) -> list[Path]:
-        job_folders = [table.material.parent for table in _tables(read_job.job) if table.material]
+    def _folders(self, parsed_job: ParsedJob) -> list[Path]:
+        job_folders = [table.material.parent for table in _tables(parsed_job.job) if table.material]
         return list(dict.fromkeys([self.file.parent, *job_folders, *(folder.parent for folder in library_folders())]))
 
-    def _readable_path(self, read_job: Read, material: str) -> str:
+    def _readable_path(self, parsed_job: ParsedJob, material: str) -> str:
         """Return the path of a material as the job states it; raise LookdevError if the page may not read it."""
         file = Path(os.path.normpath(self.file.parent / material))
-        roots = [Path.cwd(), *self._folders(read_job), *library_folders()]
-        if not any(file.resolve().is_relative_to(root.resolve()) for root in roots):
+        roots = [Path.cwd(), *self._folders(parsed_job), *library_folders()]
+        if not is_below(file, roots):
             below = ", ".join(map(str, dict.fromkeys(roots)))
-            raise LookdevError(f"{file}: this page reads looks below {below} alone; copy it there")
-        return self._stated_path(file)
+            raise LookdevError(
+                f"{file}: this page reads only looks in these folders: {below}; copy the file into one of them"
+            )
+        return self._path_in_job(file)
 
-    def _stated_path(self, file: Path | None) -> str:
+    def _path_in_job(self, file: Path | None) -> str:
         """Return a path as a job states it."""
-        return stated_path(file, self.file.parent) if file is not None else ""
+        return path_in_job(file, self.file.parent) if file is not None else ""
 
 
-_WEDGE_LOCKED = "this look is one of a wedge: choose the look that it varies"
+_WEDGE_LOCKED = "this look is a variation in a wedge: select the look from which the wedge is made"
 
 
-def stated_path(file: Path, folder: Path) -> str:
+def path_in_job(file: Path, folder: Path) -> str:
     """Return the path of a file as a job in a folder states it: relative, unless the file is far away."""
     relative = Path(os.path.relpath(file, folder))
-    return file.as_posix() if relative.parts.count("..") > _HIGHEST else relative.as_posix()
+    return file.as_posix() if relative.parts.count("..") > _MAX_PARENT_FOLDERS else relative.as_posix()
 
 
 def shipped_lights(job: Job) -> dict[str, JobIbl | JobRig]:
@@ -224,33 +229,36 @@ def _tables(job: Job) -> list[JobLook | JobAssign]:
     return tables
 
 
-def _look_number(read_job: Read, name: str) -> int | None:
+def _look_number(parsed_job: ParsedJob, name: str) -> int | None:
     """Return the number of a look in the job's file, or None if a wedge made the look."""
-    match = _LOOK.fullmatch(read_job.scenes.look_keys[name])
+    match = _LOOK.fullmatch(parsed_job.scenes.look_keys[name])
     return int(match[1]) if match else None
 
 
-def _find_paths(read_job: Read, scene_key: tuple[str, str]) -> dict[str, list[str]]:
+def _find_paths(parsed_job: ParsedJob, scene_key: tuple[str, str]) -> dict[str, list[str]]:
     """Return the paths of the parts of each slot of a scene, by the slot's path."""
     paths: dict[str, list[str]] = {}
-    for parts in asset_parts(read_job.scenes.scenes[scene_key].asset).values():
+    for parts in asset_parts(parsed_job.scenes.scenes[scene_key].asset).values():
         for part in parts:
             paths.setdefault(part.slot.path, []).append(part.path)
     return paths
 
 
 def _look_files(folder: Path) -> Iterator[Path]:
-    """Yield the files of a folder whose beginning has a material and no geometry."""
+    """Yield the files of a folder that can be looks.
+
+    These are all of MaterialX, USDZ and binary USD, and USD text whose beginning has a material and no geometry.
+    """
     for file in sorted(folder.iterdir()) if folder.is_dir() else ():
         if file.suffix.lower() not in MATERIAL_SUFFIXES or file.name.startswith(".") or not file.is_file():
             continue
         try:
             with file.open("rb") as stream:
-                start = stream.read(_MOST_READ)
+                start = stream.read(_MAX_READ_BYTES)
         except OSError:
             continue
         is_look = b"def Material" in start and b"def Mesh" not in start and b"def Xform" not in start
-        if is_look or file.suffix.lower() in (".mtlx", ".usdz") or start.startswith(_BINARY):
+        if is_look or file.suffix.lower() in (".mtlx", ".usdz") or start.startswith(_BINARY_USD):
             yield file
 
 

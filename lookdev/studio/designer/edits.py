@@ -29,8 +29,8 @@ class Edit:
     gesture: str = ""
 
 
-def shape_of(look: Look) -> Any:
-    """Return the parts of a look on which its shaders depend: all but its name and the constants that are uniforms."""
+def shader_shape(look: Look) -> Any:
+    """Return the parts of a look on which its shaders depend: all except its name and the values of uniforms."""
 
     def shape(value: Any) -> Any:
         return ("#", len(value)) if isinstance(value, tuple) else "#" if isinstance(value, float) else value

@@ -1,8 +1,8 @@
-"""The exact picture of the page's scene: rounds of a supervised renderer, which stays for the next edit.
+"""The exact picture of the page's scene: rounds of a supervised renderer, which keeps running for the next edit.
 
 Each round is a frame with its own seed. The halves of all rounds, weighted by samples, are the halves of one longer
-frame, and measure its error. A request replaces the previous one: the renderer ends its frame within a launch, and
-keeps the scene, so that an edit changes only the look.
+frame, and measure its error. A request replaces the previous one: the renderer ends its frame after the current
+launch, and keeps the scene, so that an edit changes only the look.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -30,13 +30,13 @@ from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
 from lookdev.studio.websocket import ComputationCancelled, Ticket
 
-LONGEST_SIDE = {"mitsuba": 640, "exact": 320}
+MAX_SIDE = {"mitsuba": 640, "exact": 320}
 """Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""
 
-_ANY_SIZE = ("mitsuba",)
+_RESIZABLE_BACKENDS = ("mitsuba",)
 _SAMPLES = (2, 2, 4, 8, 16, 32)  # samples of the first rounds; later rounds have as many as the last
-_MOST, _ERROR = 1024, 5e-5  # samples, or relMSE, at which a picture is done
-_TRIES = 3  # starts of a renderer that dies without a round
+_MAX_SAMPLES, _TARGET_RELMSE = 1024, 5e-5  # samples, or relMSE, at which a picture is done
+_TRIES = 3  # starts of a renderer that ends before it finishes a round
 
 
 @dataclass(frozen=True)
@@ -52,46 +52,32 @@ Deliver = Callable[[dict[str, Any], Mapping[str, NDArray[Any]]], None]
 
 
 @dataclass
-class _Sum:
+class _RoundSum:
     """The sum of the rounds of a picture so far: the halves, their direct light and coverage, weighted by samples."""
 
-    a: Any = 0.0
-    b: Any = 0.0
-    direct: Any = 0.0
-    alpha: Any = 0.0
+    totals: dict[str, Floats] = field(default_factory=dict)
     samples: int = 0
     rounds: int = 0
 
     def add(self, rendered: Rendered) -> None:
-        samples = rendered.samples
-        self.a, self.b = (
-            self.a + samples * rendered.a.astype(np.float64),
-            self.b + samples * rendered.b.astype(np.float64),
-        )
-        self.alpha = self.alpha + samples * rendered.alpha.astype(np.float64)
-        direct = rendered.passes.get("direct")
         # A frame without this pass has no indirect light.
-        self.direct = self.direct + samples * (0.5 * (rendered.a + rendered.b) if direct is None else direct).astype(
-            np.float64
-        )
-        self.samples += samples
+        direct = rendered.passes.get("direct", 0.5 * (rendered.a + rendered.b))
+        for name, picture in {"a": rendered.a, "b": rendered.b, "alpha": rendered.alpha, "direct": direct}.items():
+            self.totals[name] = self.totals.get(name, 0.0) + rendered.samples * picture.astype(np.float64)
+        self.samples += rendered.samples
         self.rounds += 1
 
     @property
     def relmse(self) -> float:
-        a, b, alpha = (total / self.samples for total in (self.a, self.b, self.alpha))
-        return relmse_of_halves(a, b, alpha)
+        return relmse_of_halves(*(self.totals[name] / self.samples for name in ("a", "b", "alpha")))
 
     @property
     def arrays(self) -> dict[str, Floats]:
-        return {
-            "beauty": 0.5 * (self.a + self.b) / self.samples,
-            "direct": self.direct / self.samples,
-            "alpha": self.alpha / self.samples,
-        }
+        totals = {**self.totals, "beauty": 0.5 * (self.totals["a"] + self.totals["b"])}
+        return {name: totals[name] / self.samples for name in ("beauty", "direct", "alpha")}
 
 
-class Exact:
+class ExactRenderer:
     """The renderer of exact pictures: it renders the newest request only, and ends with `close`."""
 
     def __init__(self) -> None:
@@ -120,9 +106,9 @@ class Exact:
     def render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
         """Render rounds of a scene until the error is small, and deliver the sum after each round; runs in `thread`.
 
-        Delivered are facts about the picture, and arrays: ``beauty`` (h, w, 3), premultiplied and linear; ``direct``
-        (h, w, 3), the part of it whose light reaches the surface straight from the lights; and ``alpha`` (h, w). Row 0
-        is at the top. Raises Cancelled, the errors of `scene_task`, and an error of the worker that repeats.
+        `deliver` receives facts about the picture, and arrays: ``beauty`` (h, w, 3), premultiplied and linear;
+        ``direct`` (h, w, 3), its part from light that reaches the surface directly; and ``alpha`` (h, w). Row 0 is at
+        the top. Raises ComputationCancelled, the errors of `scene_task`, and an error of the worker that repeats.
         """
         ticket.check()
         self._current = ticket
@@ -133,16 +119,16 @@ class Exact:
 
     def _render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
         began = time.perf_counter()
-        name = backend_for(scene)
-        task = task_of(scene, view, name)
+        name = fastest_backend(scene)
+        task = view_task(scene, view, name)
         ticket.check()
-        # The first round has half the size, if the renderer need not build the scene anew for another size.
+        # The first round has half the size, if the renderer can change the size without building the scene anew.
         small = replace(task, resolution=(max(4, task.resolution[0] // 2), max(4, task.resolution[1] // 2)))
-        first, total, failures = name in _ANY_SIZE, _Sum(), 0
-        while total.samples < _MOST and not (total.rounds and total.relmse <= _ERROR):
+        is_first, total, failures = name in _RESIZABLE_BACKENDS, _RoundSum(), 0
+        while total.samples < _MAX_SAMPLES and not (total.rounds and total.relmse <= _TARGET_RELMSE):
             samples = _SAMPLES[min(total.rounds, len(_SAMPLES) - 1)]
             try:
-                total.add(self._render_round(small if first else task, view, samples, total.rounds, ticket, deliver))
+                total.add(self._render_round(small if is_first else task, view, samples, total.rounds, ticket, deliver))
             except WorkerError as error:
                 ticket.check()
                 failures += 1
@@ -160,8 +146,8 @@ class Exact:
                 "worker": self.pid,
             }
             deliver(facts, total.arrays)
-            if first:
-                first, total = False, _Sum()
+            if is_first:
+                is_first, total = False, _RoundSum()
         deliver({"done": True}, {})
 
     def _render_round(
@@ -210,7 +196,7 @@ class Exact:
         self._folder.cleanup()
 
 
-def backend_for(scene: Scene) -> str:
+def fastest_backend(scene: Scene) -> str:
     """Return the fastest backend that renders a scene exactly: Mitsuba, if it is installed and supports the scene."""
     if scene.catchers:
         return "exact"
@@ -224,15 +210,13 @@ def backend_for(scene: Scene) -> str:
 
 def backend_title(backend: str) -> str:
     """Return the name and version of a backend for the page."""
-    return {
-        "mitsuba": lambda: f"Mitsuba {version('mitsuba')}",
-        "exact": lambda: f"Cycles {version('bpy')}",
-    }[backend]()
+    title, package = {"mitsuba": ("Mitsuba", "mitsuba"), "exact": ("Cycles", "bpy")}[backend]
+    return f"{title} {version(package)}"
 
 
-def task_of(scene: Scene, view: RequestedView, backend: str) -> SceneTask:
+def view_task(scene: Scene, view: RequestedView, backend: str) -> SceneTask:
     """Return the task of a picture, reduced to the size that the backend renders in time."""
-    shrink = min(1.0, LONGEST_SIDE[backend] / max(view.size))
+    shrink = min(1.0, MAX_SIDE[backend] / max(view.size))
     width, height = (max(4, round(shrink * side)) for side in view.size)
     small_scene = replace(scene, camera=view.camera, film=replace(scene.film, resolution=(width, height)))
     return scene_task(small_scene, Sampling(passes=("direct",)), backend, "cpu")

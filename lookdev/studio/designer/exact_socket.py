@@ -11,25 +11,25 @@ from starlette.websockets import WebSocket
 
 from lookdev.safe_text import TextError, parse_json
 from lookdev.scene import Scene
-from lookdev.studio.designer.exact import Exact, parse_view
-from lookdev.studio.packets import packet
+from lookdev.studio.designer.exact import ExactRenderer, parse_view
+from lookdev.studio.packets import encode_packet
 from lookdev.studio.websocket import PageSocket, Ticket
 
 
 class ExactPictures:
     """The requests of one page: ``render`` with an ``id`` and a view, or ``cancel``."""
 
-    def __init__(self, socket: WebSocket, scene: Callable[[], Scene], exact: Exact) -> None:
+    def __init__(self, socket: WebSocket, scene: Callable[[], Scene], exact: ExactRenderer) -> None:
         self._socket = PageSocket(socket, exact.cancel)
         self._scene = scene
         self._exact = exact
 
     async def run(self) -> None:
         """Serve the page until it is gone."""
-        await self._socket.serve(self._take)
+        await self._socket.serve(self._handle_message)
 
-    async def _take(self, text: Any) -> None:
-        request = _request(text)
+    async def _handle_message(self, text: Any) -> None:
+        request = _parse_request(text)
         self._socket.cancel()
         if request is None:
             await self._socket.send({"error": "a message is JSON that renders, with an id, or cancels"})
@@ -44,7 +44,7 @@ class ExactPictures:
                 return
             header = {**reply, **facts}
             with suppress(RuntimeError):  # the loop has ended
-                sending = self._socket.send(packet(header, arrays) if arrays else header)
+                sending = self._socket.send(encode_packet(header, arrays) if arrays else header)
                 # Wait until it is sent: a slow page must not queue rounds.
                 asyncio.run_coroutine_threadsafe(sending, loop).result(timeout=30)
 
@@ -54,16 +54,15 @@ class ExactPictures:
         await self._socket.answer(request, compute, self._exact.thread)
 
 
-def _request(text: Any) -> dict[str, Any] | None:
+def _parse_request(text: Any) -> dict[str, Any] | None:
     """Return the request in a message, or None if the message is not a valid request."""
-    if not isinstance(text, str):
-        return None
     try:
-        request = parse_json(text, "message")
+        request = parse_json(text, "message") if isinstance(text, str) else None
     except TextError:
         return None
-    if not isinstance(request, dict):
-        return None
-    number = request.get("id")
-    has_id = isinstance(number, int) and not isinstance(number, bool)
-    return request if request.get("do") == "cancel" or (request.get("do") == "render" and has_id) else None
+    match request:
+        case {"do": "cancel"}:
+            return request
+        case {"do": "render", "id": int(number)} if not isinstance(number, bool):
+            return request
+    return None

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-LONGEST = 200
+MAX_STEPS = 200
 """Largest number of steps that can be undone."""
-LARGEST = 256 << 20
+MAX_BYTES = 256 << 20
 """Approximate limit of all contents of files in a history, in bytes; the oldest steps are dropped first."""
 
 
@@ -32,44 +32,44 @@ class History:
 
     def __init__(self) -> None:
         self._steps = [_Step("", EditState())]
-        self._at = 0
+        self._index = 0
 
     @property
     def state(self) -> EditState:
-        return self._steps[self._at].state
+        return self._steps[self._index].state
 
     @property
-    def undoes(self) -> str | None:
-        """The label of the step that undo would undo; None if there is none."""
-        return self._steps[self._at].label if self._at else None
+    def undo_label(self) -> str | None:
+        """The label of the step that can be undone, or None."""
+        return self._steps[self._index].label if self._index else None
 
     @property
-    def redoes(self) -> str | None:
-        """The label of the step that redo would redo; None if there is none."""
-        return self._steps[self._at + 1].label if self._at + 1 < len(self._steps) else None
+    def redo_label(self) -> str | None:
+        """The label of the step that can be redone, or None."""
+        return self._steps[self._index + 1].label if self._index + 1 < len(self._steps) else None
 
     def push(self, label: str, state: EditState, gesture: str = "") -> None:
         """Add a step to a new state; steps that were undone are dropped."""
-        del self._steps[self._at + 1 :]
-        if gesture and self._at and self._steps[-1].gesture == gesture:
+        del self._steps[self._index + 1 :]
+        if gesture and self._index and self._steps[-1].gesture == gesture:
             self._steps[-1] = _Step(label, state, gesture)
             return
         self._steps.append(_Step(label, state, gesture))
-        while len(self._steps) > 2 and (len(self._steps) > LONGEST + 1 or self._size() > LARGEST):
+        while len(self._steps) > 2 and (len(self._steps) > MAX_STEPS + 1 or self._size() > MAX_BYTES):
             del self._steps[0]
-        self._at = len(self._steps) - 1
+        self._index = len(self._steps) - 1
 
     def copy(self) -> History:
         """Return a history with the same steps."""
         duplicate = History()
-        duplicate._steps, duplicate._at = list(self._steps), self._at
+        duplicate._steps, duplicate._index = list(self._steps), self._index
         return duplicate
 
     def step(self, direction: int) -> str | None:
         """Undo (`direction` -1) or redo (1) a step; return its label, or None if there is no such step."""
-        label = self.undoes if direction < 0 else self.redoes
+        label = self.undo_label if direction < 0 else self.redo_label
         if label is not None:
-            self._at += direction
+            self._index += direction
         return label
 
     def _size(self) -> int:

@@ -1,4 +1,4 @@
-"""Settings of the lights of the visible rig: the page dims, colours and switches lights.
+"""Settings of the lights of the visible rig: on or off, brightness and colour.
 
 They are settings of the view, like the exposure, and are not saved to a file. The viewport and the exact picture use
 them.
@@ -18,7 +18,7 @@ from lookdev.scene import Scene
 from lookdev.space import Color
 from lookdev.studio.viewport import light_rows
 
-MOST_STOPS = 10.0
+MAX_STOPS = 10.0
 """Largest change of a light's radiance, in stops."""
 
 
@@ -89,7 +89,7 @@ class LightSettings:
             ],
             "rows": light_rows(self.apply(rig, scene)).tolist(),
             "kelvin": [MIN_KELVIN, MAX_KELVIN],
-            "stops": MOST_STOPS,
+            "stops": MAX_STOPS,
         }
 
 
@@ -113,4 +113,4 @@ def parse_setting(body: Mapping[str, Any]) -> tuple[int, LightSetting]:
         raise LookdevError("a light's colour has three numbers")
     r, g, b = (number(component, 0.0, 100.0, "colour") for component in color)
     temperature = None if kelvin is None else number(kelvin, MIN_KELVIN, MAX_KELVIN, "temperature")
-    return light, LightSetting(on, number(body.get("stops"), -MOST_STOPS, MOST_STOPS, "stops"), (r, g, b), temperature)
+    return light, LightSetting(on, number(body.get("stops"), -MAX_STOPS, MAX_STOPS, "stops"), (r, g, b), temperature)

@@ -12,14 +12,14 @@ from lookdev.errors import LookdevError, ModelError
 from lookdev.material import Look
 from lookdev.material.library.stack import LayerEntry, LookOutline
 from lookdev.scene import Scene
-from lookdev.studio.designer.edited_job import EditedJob, Read
+from lookdev.studio.designer.edited_job import EditedJob, ParsedJob
 from lookdev.studio.designer.history import EditState
 from lookdev.studio.designer.sources import LookLocation, OpenedLook, SourceFiles
 
 _SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
 
 
-def looks_of(scene: Scene) -> list[Look]:
+def distinct_looks(scene: Scene) -> list[Look]:
     """Return the looks of a scene in the order of their numbers on the page."""
     return list({id(look): look for look in scene.looks}.values())
 
@@ -32,25 +32,23 @@ class JobLooks:
         self._sources = sources
         self._locations: dict[tuple[str, tuple[tuple[str, str], ...]], LookLocation | str] = {}
 
-    def location(self, read_job: Read, scene_key: tuple[str, str], number: int) -> LookLocation | str:
+    def location(self, parsed_job: ParsedJob, scene_key: tuple[str, str], number: int) -> LookLocation | str:
         """Return the location of a look, or why it cannot be edited; raise ModelError if there is no such look."""
-        scene = read_job.scenes.scenes[scene_key]
-        looks = looks_of(scene)
+        scene = parsed_job.scenes.scenes[scene_key]
+        looks = distinct_looks(scene)
         if not 0 <= number < len(looks):
             raise ModelError(f"there are {len(looks)} looks, none of number {number}")
         slot = next(path for path, slot_look in scene.look_of_slot.items() if slot_look is looks[number])
-        variants = self._edited_job.variants(read_job, scene_key, slot)
+        variants = self._edited_job.variants(parsed_job, scene_key, slot)
         key = (looks[number].source, tuple(variants.items()))
         if key not in self._locations:
             self._locations[key] = self._locate(looks[number], variants)
         return self._locations[key]
 
-    def open_look(self, read_job: Read, scene_key: tuple[str, str], number: int, state: EditState) -> OpenedLook:
+    def open_look(self, parsed_job: ParsedJob, scene_key: tuple[str, str], number: int, state: EditState) -> OpenedLook:
         """Return a look with the edits of a state; raise LookError if the edited file has no valid look."""
-        location, original = (
-            self.location(read_job, scene_key, number),
-            looks_of(read_job.scenes.scenes[scene_key])[number],
-        )
+        location = self.location(parsed_job, scene_key, number)
+        original = distinct_looks(parsed_job.scenes.scenes[scene_key])[number]
         if isinstance(location, str):
             entries = (LayerEntry(number, layer.name) for number, layer in enumerate(original.layers))
             return OpenedLook(original, LookOutline(tuple(entries), {}))
@@ -61,8 +59,8 @@ class JobLooks:
         match = _SOURCE.fullmatch(look.source)
         if not match or not Path(match["file"]).is_file():
             return f"look '{look.name}' is not in a file"
-        if foreign := [layer for layer in look.layers if layer.model not in MODELS]:
-            return f"look '{look.name}' is translated from {foreign[0].model}: it has no layers of its own"
+        if foreign_layers := [layer for layer in look.layers if layer.model not in MODELS]:
+            return f"look '{look.name}' is translated from {foreign_layers[0].model}: it has no layers of its own"
         file = Path(match["file"]).absolute()
         location = LookLocation(file, match["prim"], variants)
         try:

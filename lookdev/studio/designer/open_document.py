@@ -7,7 +7,7 @@ from pathlib import Path
 from lookdev.job import load_job
 from lookdev.safe_text import TextError, read_bytes
 from lookdev.studio.designer.document import Document
-from lookdev.studio.designer.edited_job import EditedJob, stated_path
+from lookdev.studio.designer.edited_job import EditedJob, path_in_job
 from lookdev.studio.designer.recovery import Recovery
 
 ASSET_JOB = """# Made by 'lookdev design'.
@@ -42,8 +42,8 @@ def open_document(
 ) -> Document:
     """Open a job (.toml), or an asset with its own materials or a given one.
 
-    With `recovers`, the document stores unsaved work and offers that of an earlier Designer. The job of an asset is
-    new: it belongs to the working folder, and is not on disk until it is saved.
+    With `recovers`, the document stores unsaved work, and offers the work of an earlier Designer. An asset gets a new
+    job in the working folder, which is not on disk until it is saved.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def _content(file: Path) -> bytes:
 
 
 def _path_for_job(file: Path, job: Path) -> str:
-    return stated_path(file.absolute(), job.parent)
+    return path_in_job(file.absolute(), job.parent)
 
 
 def _recoverable_job(recovery: Recovery | None) -> Path | None:

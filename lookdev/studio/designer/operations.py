@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,11 +42,7 @@ def _parse_stack_operation(
     body: Mapping[str, Any], location: LookLocation, outline: LookOutline, variants: Mapping[str, str]
 ) -> tuple[str, FolderOperation] | None:
     """Return the label and the edit of a request that changes layers or variants, or None for another request."""
-    prim = location.prim
-
-    def name(layer: int) -> str:
-        return _layer_name(outline, layer)
-
+    prim, name = location.prim, partial(_layer_name, outline)
     match body:
         case {"op": "add", "preset": str(preset)}:
             library_preset = find_preset(Path(preset).stem)
@@ -82,14 +79,10 @@ def _parse_source_operation(
     body: Mapping[str, Any], location: LookLocation, opened: OpenedLook, variants: Mapping[str, str], roots: list[Path]
 ) -> tuple[str, FolderOperation] | None:
     """Return the label and the edit of a request that changes a mask or a parameter, or None for another request."""
-    prim, folder = location.prim, location.file.parent
-
-    def name(layer: int) -> str:
-        return _layer_name(opened.outline, layer)
-
+    prim, folder, name = location.prim, location.file.parent, partial(_layer_name, opened.outline)
     match body:
         case {"op": "mask", "layer": int(layer), "mask": str(text), "inputs": dict(inputs)}:
-            mask = read_source(text, _stated_sources(inputs), folder, roots)
+            mask = read_source(text, _nonempty_sources(inputs), folder, roots)
             return f"mask of {name(layer)}", lambda file: set_mask(file, str(layer), mask, prim, variants)
         case {
             "op": "source",
@@ -99,7 +92,7 @@ def _parse_source_operation(
             "inputs": dict(inputs),
         }:
             kind = _parameter_kind(opened, layer, parameter)
-            source = read_source(text, _stated_sources(inputs), folder, roots, parameter, kind)
+            source = read_source(text, _nonempty_sources(inputs), folder, roots, parameter, kind)
             return f"{name(layer)} {parameter}", lambda file: set_source(
                 file, str(layer), parameter, source, prim, variants
             )
@@ -125,7 +118,7 @@ def _parameter_kind(opened: OpenedLook, layer: int, parameter: str) -> Expressio
     return "color" if parameter in parameters and parameters[parameter].kind == "color" else "float"
 
 
-def _stated_sources(inputs: Mapping[Any, Any]) -> dict[str, str]:
+def _nonempty_sources(inputs: Mapping[Any, Any]) -> dict[str, str]:
     return {str(name): str(source) for name, source in inputs.items() if str(source).strip()}
 
 

@@ -20,7 +20,7 @@ from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 
 STATE_VARIABLE = "LOOKDEV_STATE"
-"""Environment variable: the folder of state that persists between runs and, unlike a cache, cannot be computed anew."""
+"""Environment variable: the folder of state that outlasts a run and, unlike a cache, cannot be computed anew."""
 
 
 def state_folder() -> Path:
@@ -30,7 +30,7 @@ def state_folder() -> Path:
 
 
 @dataclass(frozen=True)
-class Work:
+class UnsavedWork:
     """Unsaved work: file contents, each with the digest of the file that was on disk; variants; seconds of the epoch.
 
     `visible` has the names of the visible look and rig.
@@ -50,7 +50,7 @@ class Work:
         return json.dumps({"files": files, "variants": self.variants, "time": self.time, "shown": self.visible})
 
     @staticmethod
-    def from_json(text: str) -> Work:
+    def from_json(text: str) -> UnsavedWork:
         """Return the work in a text that `to_json` wrote; raise ValueError for any other text."""
         match json.loads(text):
             case {
@@ -63,7 +63,7 @@ class Work:
                     Path(name): (base64.b64decode(content), str(disk_digest))
                     for name, (content, disk_digest) in files.items()
                 }
-                return Work(contents, variants, seconds, (look, rig))
+                return UnsavedWork(contents, variants, seconds, (look, rig))
         raise ValueError("is not a record of unsaved work")
 
 
@@ -78,7 +78,7 @@ class Recovery:
         self._earlier_record: Path | None = None
         self.work = self._find_earlier()
 
-    def store(self, work: Work) -> None:
+    def store(self, work: UnsavedWork) -> None:
         """Write the record, or remove it if there is no unsaved work; raise LookdevError if that fails."""
         try:
             if not work.files:
@@ -104,20 +104,20 @@ class Recovery:
 
     def close(self) -> bool:
         """Release the lock; return whether there is unsaved work, whose record stays."""
-        stays = self._record.exists()
+        has_record = self._record.exists()
         if self._lock is not None:
-            if not stays:
+            if not has_record:
                 self._lock_of(self._record).unlink(missing_ok=True)
             os.close(self._lock)
             self._lock = None
-        return stays
+        return has_record
 
-    def _find_earlier(self) -> Work | None:
+    def _find_earlier(self) -> UnsavedWork | None:
         records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_age, reverse=True)
         for record in records:
             try:
                 if not self._is_locked(record):
-                    work = Work.from_json(record.read_text("utf-8"))
+                    work = UnsavedWork.from_json(record.read_text("utf-8"))
                     self._earlier_record = record
                     return work
             except (OSError, ValueError, RecursionError):

@@ -19,7 +19,7 @@ from lookdev.studio.designer.sources import ConflictError
 
 log = logging.getLogger("lookdev.studio")
 
-FRESH = {"cache-control": "no-store"}
+NO_STORE = {"cache-control": "no-store"}
 """Headers of a response that a browser requests anew each time."""
 
 
@@ -56,7 +56,7 @@ class Routes:
         self.document = session.document
 
     def close(self) -> None:
-        """End what the methods have started; the server ends."""
+        """End the computations of the methods when the server ends."""
 
     def list_routes(self) -> Iterator[BaseRoute]:
         """Yield a route for each method that has a path."""
@@ -70,25 +70,25 @@ def json_route(path: str, *methods: str) -> Callable[[Method], Method]:
 
     def make_route(method: Callable[[Query], Mapping[str, Any]]) -> BaseRoute:
         async def respond(request: Request) -> Response:
-            query = Query(await _body(request), request.query_params, request.method == "POST")
+            query = Query(await _json_body(request), request.query_params, request.method == "POST")
             return await json_response(lambda: method(query))
 
         return Route(path, respond, methods=list(methods or ("GET",)))
 
-    return _mark(make_route)
+    return _attach_route(make_route)
 
 
 def raw_route(path: str, *methods: str) -> Callable[[Method], Method]:
     """Route requests to a method that returns the response."""
-    return _mark(lambda method: Route(path, method, methods=list(methods or ("GET",))))
+    return _attach_route(lambda method: Route(path, method, methods=list(methods or ("GET",))))
 
 
 def socket_route(path: str) -> Callable[[Method], Method]:
     """Route websockets to a method that serves them."""
-    return _mark(lambda method: WebSocketRoute(path, method))
+    return _attach_route(lambda method: WebSocketRoute(path, method))
 
 
-def _mark(make_route: MakeRoute) -> Callable[[Method], Method]:
+def _attach_route(make_route: MakeRoute) -> Callable[[Method], Method]:
     def mark(method: Method) -> Method:
         method.make_route = make_route  # type: ignore[attr-defined]
         return method
@@ -96,7 +96,7 @@ def _mark(make_route: MakeRoute) -> Callable[[Method], Method]:
     return mark
 
 
-async def _body(request: Request) -> Mapping[str, Any]:
+async def _json_body(request: Request) -> Mapping[str, Any]:
     try:
         body = await request.json()
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError, ClientDisconnect):
@@ -107,14 +107,14 @@ async def _body(request: Request) -> Mapping[str, Any]:
 async def json_response(compute: Callable[[], Mapping[str, Any]]) -> Response:
     """Return the result of a function that runs in a thread, or its error, as a response in JSON."""
     try:
-        return JSONResponse(await anyio.to_thread.run_sync(compute), headers=FRESH)
+        return JSONResponse(await anyio.to_thread.run_sync(compute), headers=NO_STORE)
     except FaultsError as error:
         message = "; ".join(str(fault) for fault in error.faults)
     except ConflictError as error:
-        return JSONResponse({"error": str(error), "conflict": list(map(str, error.files))}, 409, headers=FRESH)
+        return JSONResponse({"error": str(error), "conflict": list(map(str, error.files))}, 409, headers=NO_STORE)
     except LookdevError as error:
         message = str(error)
     except OSError as error:
         message = f"{error.filename or 'a file'}: {error.strerror or error}"
     log.warning("refused: %s", shorten(message, 200))
-    return JSONResponse({"error": message}, 422, headers=FRESH)
+    return JSONResponse({"error": message}, 422, headers=NO_STORE)

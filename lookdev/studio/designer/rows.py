@@ -1,4 +1,4 @@
-"""The layers of looks for the page: a row for each parameter; masks and sources in the words that a user types."""
+"""The layers of looks for the page: a row for each parameter; masks and sources as the text that a user types."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from lookdev.material.expression import ExpressionKind
 from lookdev.material.library.masks import MaskExpression, MaskImage, MaskSource, parse_mask
 from lookdev.material.library.stack import LayerEntry, LookOutline
 from lookdev.material.usd import MODES
+from lookdev.studio.roots import is_below
 
 NO_PART = (
     "a mask cannot select a part: assign a look of its own to the part, or give the asset a primvar, and the mask "
@@ -27,21 +28,21 @@ def layer_rows(
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for each layer of a stack, base first, with disabled layers.
 
-    ``number`` is the layer's number in the stack; ``place`` is its index in the look, which lacks disabled layers.
+    ``number`` is the layer's number in the stack; ``index`` is its index in the look, which lacks disabled layers.
     `solo` is the number of the only visible layer, if there is one.
     """
     entries = outline.entries if outline else [LayerEntry(k, layer.name) for k, layer in enumerate(look.layers)]
     index = 0
     for entry in entries:
         if not entry.enabled:
-            yield {"number": entry.number, "place": None, "name": entry.name, "enabled": False, "mode": entry.mode}
+            yield {"number": entry.number, "index": None, "name": entry.name, "enabled": False, "mode": entry.mode}
             continue
         layer = look.layers[index]
         is_own = layer.model in MODELS
         uniform = index if solo is None else 0 if solo == entry.number else None
         yield {
             "number": entry.number,
-            "place": index,
+            "index": index,
             "name": entry.name,
             "enabled": True,
             "mode": layer.mode,
@@ -49,34 +50,34 @@ def layer_rows(
             "modes": [mode for mode in MODES if is_own and mode in MODELS[layer.model].modes],
             "own": is_own,
             "title": MODELS[layer.model].title if is_own else layer.model,
-            "parameters": [*_parameters(index, layer, uniform, folder)],
+            "parameters": [*_parameter_rows(index, layer, uniform, folder)],
             "mask": _source_row(layer.mask, folder) if index else None,
         }
         index += 1
 
 
-def _parameters(index: int, layer: Layer, uniform: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
+def _parameter_rows(index: int, layer: Layer, uniform: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
     if index > 0:
         # A solo layer is drawn without its mask, so the mask is not a uniform.
-        yield _row(uniform if uniform else None, MASK, layer.mask)
-        yield from _numbers("mask", layer.mask)
+        yield _parameter_row(uniform if uniform else None, MASK, layer.mask)
+        yield from _number_rows("mask", layer.mask)
     if layer.model in MODELS:
         for parameter in MODELS[layer.model].parameters.values():
             if parameter.file is None:
                 value = layer.inputs.get(parameter.name)
-                yield {**_row(uniform, parameter, value), "source": _source_row(value, folder)}
-                yield from _numbers(parameter.name, value)
+                yield {**_parameter_row(uniform, parameter, value), "source": _source_row(value, folder)}
+                yield from _number_rows(parameter.name, value)
 
 
-def _numbers(owner: str, value: Any) -> Iterator[dict[str, Any]]:
+def _number_rows(owner: str, value: Any) -> Iterator[dict[str, Any]]:
     """Yield a row for each number of an expression."""
     for name, number in value.inputs.items() if isinstance(value, Formula) else ():
         if isinstance(number, float | int):
             parameter = Parameter(f"{owner}.{name}", "float", float(number), (0.0, max(1.0, 2.0 * abs(number))))
-            yield _row(None, parameter, float(number))
+            yield _parameter_row(None, parameter, float(number))
 
 
-def _row(uniform: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
+def _parameter_row(uniform: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
     constant = isinstance(value, float | int | str | tuple)
     live = uniform is not None and isinstance(value, float | tuple)
     return {
@@ -155,9 +156,7 @@ def read_source(
         raise LookdevError(f"{target}: {text.strip()} is a constant: its slider sets it")
     sources = [source] if not isinstance(source, MaskExpression) else list(source.inputs.values())
     for image in sources:
-        if isinstance(image, MaskImage) and not any(
-            image.file.resolve().is_relative_to(root.resolve()) for root in roots
-        ):
+        if isinstance(image, MaskImage) and not is_below(image.file, roots):
             below = ", ".join(map(str, roots))
-            raise LookdevError(f"{image.file}: this page reads images below {below} alone; copy it there")
+            raise LookdevError(f"{image.file}: this page reads only images in these folders: {below}; copy it there")
     return source

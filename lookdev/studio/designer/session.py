@@ -29,7 +29,7 @@ class Session:
         return library
 
     def forget_library(self) -> None:
-        """Read the library anew when it is needed next."""
+        """Drop the library, so that the next use reads it anew."""
         self._library = None
 
     def change_answer(self, compiles: bool = False) -> Mapping[str, Any]:

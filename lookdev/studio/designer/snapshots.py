@@ -9,8 +9,8 @@ from typing import Any
 from lookdev.errors import LookdevError
 from lookdev.studio.designer.history import EditState
 
-MOST = 24
-LARGEST = 4 << 20
+MAX_SNAPSHOTS = 24
+MAX_PICTURE_BYTES = 4 << 20
 """Largest size of a picture, in bytes."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -31,7 +31,7 @@ class Snapshot:
 
 
 class Snapshots:
-    """Snapshots by number: the last `MOST` ones."""
+    """Snapshots by number: the last `MAX_SNAPSHOTS` ones."""
 
     def __init__(self) -> None:
         self._snapshots: dict[int, Snapshot] = {}
@@ -39,11 +39,11 @@ class Snapshots:
 
     def store(self, picture: bytes, state: EditState, scene_key: tuple[str, str]) -> None:
         """Store a snapshot; raise LookdevError if the picture is not a PNG, or is too large."""
-        if not picture.startswith(_PNG) or len(picture) > LARGEST:
-            raise LookdevError(f"a snapshot is a PNG of at most {LARGEST >> 20} MiB")
+        if not picture.startswith(_PNG) or len(picture) > MAX_PICTURE_BYTES:
+            raise LookdevError(f"a snapshot is a PNG of at most {MAX_PICTURE_BYTES >> 20} MiB")
         self._snapshots[self._next] = Snapshot(self._next, picture, state, scene_key, time.time())
         self._next += 1
-        if len(self._snapshots) > MOST:
+        if len(self._snapshots) > MAX_SNAPSHOTS:
             del self._snapshots[min(self._snapshots)]
 
     def drop(self, number: int) -> None:

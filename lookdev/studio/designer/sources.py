@@ -20,12 +20,12 @@ from lookdev.material.library.masks import IMAGE_SUFFIXES
 from lookdev.material.library.stack import LookOutline, read_outline
 from lookdev.material.usd import read_look
 
-LARGEST = 64 << 20
+MAX_LOOK_BYTES = 64 << 20
 """Largest file whose looks can be edited, in bytes."""
 
 
-_MOST_IMAGES = 500
-_LONGEST_EDIT = 600  # seconds
+_MAX_IMAGES = 500
+_MAX_EDIT_SECONDS = 600  # seconds
 
 
 class ConflictError(LookdevError):
@@ -72,17 +72,19 @@ class SourceFiles:
             return
         if file.suffix not in (".usda", ".usd", ".usdc") or file.is_symlink():
             raise LookdevError(f"{file}: only looks in USD files, not links or packages, are edited here")
-        if file.stat().st_size > LARGEST:
-            raise LookdevError(f"{file} has more than {LARGEST >> 20} MiB: keep its materials in a file of their own")
+        if file.stat().st_size > MAX_LOOK_BYTES:
+            raise LookdevError(
+                f"{file} has more than {MAX_LOOK_BYTES >> 20} MiB: keep its materials in a file of their own"
+            )
         for leftover in file.parent.glob(f".*{file.stem}.designer-*{file.suffix}"):  # of a Designer that was killed
             with suppress(OSError):
-                if time.time() - leftover.stat().st_mtime > _LONGEST_EDIT:
+                if time.time() - leftover.stat().st_mtime > _MAX_EDIT_SECONDS:
                     leftover.unlink()
         self._original_contents[file] = file.read_bytes()
         self._known_digests[file] = digest(self._original_contents[file])
 
     def add(self, file: Path, content: bytes) -> None:
-        """Add a file that is not a look, with the content that was read, or with the first content of a new file."""
+        """Add a file that is not a look; `content` is that on disk or, for a new file, its first content."""
         self._original_contents[file] = content
         self._known_digests[file] = self.digest_on_disk(file) and digest(content)
 
@@ -91,15 +93,15 @@ class SourceFiles:
         """The files that were read or added."""
         return list(self._original_contents)
 
-    def content(self, files: Mapping[Path, bytes], file: Path) -> bytes:
+    def content(self, edited_contents: Mapping[Path, bytes], file: Path) -> bytes:
         """Return the edited content of a file, or its original content."""
-        return files.get(file, self._original_contents[file])
+        return edited_contents.get(file, self._original_contents[file])
 
-    def is_unsaved(self, files: Mapping[Path, bytes], file: Path) -> bool:
-        """Return whether the content of a file differs from the known one on disk; a new file needs an edit."""
-        if file not in self._original_contents or (not self._known_digests[file] and file not in files):
+    def is_unsaved(self, edited_contents: Mapping[Path, bytes], file: Path) -> bool:
+        """Return whether a file's content differs from the known one on disk; false for a new file without edits."""
+        if file not in self._original_contents or (not self._known_digests[file] and file not in edited_contents):
             return False
-        return digest(self.content(files, file)) != self._known_digests[file]
+        return digest(self.content(edited_contents, file)) != self._known_digests[file]
 
     def known_digest(self, file: Path) -> str:
         """Return the digest of the content that is known to be on disk."""
@@ -124,9 +126,9 @@ class SourceFiles:
         """Return the files that other programs have changed."""
         return [file for file, known_digest in self._known_digests.items() if self.digest_on_disk(file) != known_digest]
 
-    def write(self, file: Path, content: bytes, *, over: bool) -> None:
-        """Write a file, whole or not at all; raise ConflictError if it has changed on disk, unless `over`."""
-        if not over and self.digest_on_disk(file) != self._known_digests[file]:
+    def write(self, file: Path, content: bytes, *, overwrite: bool) -> None:
+        """Write a file, whole or not at all; unless `overwrite`, raise ConflictError if it has changed on disk."""
+        if not overwrite and self.digest_on_disk(file) != self._known_digests[file]:
             raise ConflictError([file])
         with atomic_path(file) as temporary:
             temporary.write_bytes(content)
@@ -151,10 +153,10 @@ class SourceFiles:
             temporary.unlink(missing_ok=True)
 
     def open_look(
-        self, location: LookLocation, files: Mapping[Path, bytes], variants: Mapping[str, str], original: Look
+        self, location: LookLocation, edited_contents: Mapping[Path, bytes], variants: Mapping[str, str], original: Look
     ) -> OpenedLook:
         """Return the look at a location, with edits; raise LookError if there is no valid look."""
-        content = self.content(files, location.file)
+        content = self.content(edited_contents, location.file)
         opened = self._read_cached(
             content, location.file, location.prim, tuple(sorted({**location.variants, **variants}.items()))
         )
@@ -169,15 +171,15 @@ class SourceFiles:
 
 
 def images_below(folder: Path) -> list[str]:
-    """Return the images below a folder, relative to it, without hidden ones: at most `_MOST_IMAGES`."""
+    """Return the images below a folder, relative to it, without hidden ones: at most `_MAX_IMAGES`."""
     images: list[str] = []
-    for above, folders, files in os.walk(folder):
+    for parent, folders, files in os.walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         names = [name for name in sorted(files) if name.lower().endswith(IMAGE_SUFFIXES) and not name.startswith(".")]
-        images += [Path(above, name).relative_to(folder).as_posix() for name in names]
-        if len(images) >= _MOST_IMAGES:
+        images += [Path(parent, name).relative_to(folder).as_posix() for name in names]
+        if len(images) >= _MAX_IMAGES:
             break
-    return images[:_MOST_IMAGES]
+    return images[:_MAX_IMAGES]
 
 
 def digest(content: bytes) -> str:

@@ -25,10 +25,10 @@ log = logging.getLogger("lookdev.studio")
 FOLDER = "designer"
 """The folder of turntables, in the output of a job."""
 
-_PATIENCE = 2.0  # seconds that a run has to end when the server ends
+_END_TIMEOUT = 2.0  # seconds that a run has to end when the server ends
 
 
-class Turntable:
+class TurntableRuns:
     """The runs of a page, one at a time: each renders, in a thread of its own, the job in its state at the start.
 
     Methods are thread-safe.
@@ -44,7 +44,7 @@ class Turntable:
         self._state: dict[str, Any] = {"state": "none"}
 
     def start(self, scene: Callable[[], Scene], look: str, rig: str) -> None:
-        """Start to render the turntables of a scene, which the thread of the run calls for.
+        """Start to render the turntables of a scene; the thread of the run calls `scene`.
 
         Raises LookdevError if a run is in progress.
         """
@@ -82,7 +82,7 @@ class Turntable:
         """End the run, with its worker."""
         self.cancel()
         if self._thread is not None:
-            self._thread.join(_PATIENCE)
+            self._thread.join(_END_TIMEOUT)
 
     def describe(self) -> Mapping[str, Any]:
         """Return the progress of the run: state, folder, and the numbers of the frames that have a picture."""
@@ -99,9 +99,8 @@ class Turntable:
         return file if file.is_file() else None
 
     def _run(self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turns: TurntableFrames) -> None:
-        from lookdev.run.render import (
-            render_setups,  # not at the top: its imports are slow, and a page needs them only here
-        )
+        # Not at the top: its imports are slow, and a page needs them only here.
+        from lookdev.run.render import render_setups
 
         try:
             setup = _setup(job, scene(), look, rig)

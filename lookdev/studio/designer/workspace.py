@@ -13,7 +13,7 @@ from lookdev.cache import write_file
 from lookdev.errors import LookdevError
 from lookdev.studio.designer.history import EditState, History
 from lookdev.studio.designer.operations import FolderOperation
-from lookdev.studio.designer.recovery import Recovery, Work
+from lookdev.studio.designer.recovery import Recovery, UnsavedWork
 from lookdev.studio.designer.sources import ConflictError, SourceFiles, digest
 
 _FILE_NAME = re.compile(r"[\w][\w .-]{0,100}")
@@ -46,14 +46,14 @@ class Workspace:
         """Return whether a file has edits that are not on disk."""
         return self.sources.is_unsaved(self.state.files, file)
 
-    def save(self, file: Path | None, *, over: bool) -> list[Path]:
-        """Write a file, or all files with unsaved edits; raise ConflictError if one changed on disk, unless `over`."""
+    def save(self, file: Path | None, *, overwrite: bool) -> list[Path]:
+        """Write a file, or all with unsaved edits; unless `overwrite`, raise ConflictError if one changed on disk."""
         targets = [target for target in self.sources.files if self.is_unsaved(target)] if file is None else [file]
         changed = self.sources.changed_files()
-        if not over and (conflicts := [target for target in targets if target in changed]):
+        if not overwrite and (conflicts := [target for target in targets if target in changed]):
             raise ConflictError(conflicts)
         for target in targets:
-            self.sources.write(target, self.content(target), over=over)
+            self.sources.write(target, self.content(target), overwrite=overwrite)
         return targets
 
     def save_as(self, file: Path, name: str) -> Path:
@@ -94,10 +94,10 @@ class Workspace:
         if self._recovery is not None:
             edited_files = [file for file in self.sources.files if self.is_unsaved(file)]
             files = {file: (self.content(file), self.sources.known_digest(file)) for file in edited_files}
-            self._recovery.store(Work(files, self.state.variants, time.time(), scene_key))
+            self._recovery.store(UnsavedWork(files, self.state.variants, time.time(), scene_key))
 
     @property
-    def offered_work(self) -> Work | None:
+    def offered_work(self) -> UnsavedWork | None:
         """The unsaved work of a Designer that has ended, if there is any."""
         return self._recovery.work if self._recovery else None
 

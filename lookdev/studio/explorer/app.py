@@ -87,10 +87,10 @@ class ExplorerApp:
         kind, suffix = request.path_params["kind"], f".{request.path_params['suffix']}"
         if suffix not in PLOT_SUFFIXES:
             return PlainTextResponse(f"one of {', '.join(PLOT_SUFFIXES)} would be right\n", 404)
-        words, options = request.query_params.getlist("s"), request.query_params.get("options", "{}")
+        texts, options = request.query_params.getlist("s"), request.query_params.get("options", "{}")
 
         def draw_in_turn() -> bytes:
-            return self._figures.submit(self._draw_plot, kind, suffix, words, options).result()
+            return self._figures.submit(self._draw_plot, kind, suffix, texts, options).result()
 
         try:
             data = await anyio.to_thread.run_sync(draw_in_turn)
@@ -99,9 +99,9 @@ class ExplorerApp:
         headers = {"content-disposition": f'attachment; filename="{kind}{suffix}"', "cache-control": "no-store"}
         return Response(data, media_type=_TYPES[suffix], headers=headers)
 
-    def _draw_plot(self, kind: str, suffix: str, words: Sequence[str], options: str) -> bytes:
-        """Return the file of a plot of some surfaces."""
-        plot = draw(kind, [self._surfaces.subject(surface) for surface in words], parse_options(json.loads(options)))
+    def _draw_plot(self, kind: str, suffix: str, texts: Sequence[str], options: str) -> bytes:
+        """Return the content of the file of a plot."""
+        plot = draw(kind, [self._surfaces.subject(surface) for surface in texts], parse_options(json.loads(options)))
         with tempfile.TemporaryDirectory(prefix="lookdev-plot-") as folder:
             file = Path(folder) / f"plot{suffix}"
             plot.write(file)

@@ -13,7 +13,7 @@ from lookdev.plotting.figure import SUBJECT_COLORS
 from lookdev.plotting.kinds import KINDS
 from lookdev.plotting.options import AXES, CHANNELS, SCALES, PlotOptions
 from lookdev.studio.explorer.shading import live_parameters
-from lookdev.studio.roots import LARGEST_UPLOAD, Roots
+from lookdev.studio.roots import MAX_UPLOAD_BYTES, Roots
 
 MEASURED_SUFFIXES = (".binary", ".dat", ".bin")
 
@@ -38,7 +38,7 @@ def catalogue(roots: Roots, library: Path | None) -> dict[str, object]:
         "choices": {"scale": SCALES, "angles": SCALES[:2], "axis": AXES, "channels": CHANNELS},
         "colors": SUBJECT_COLORS,
         "fresnelRange": FRESNEL_RANGE,
-        "largestUpload": LARGEST_UPLOAD,
+        "largestUpload": MAX_UPLOAD_BYTES,
     }
 
 

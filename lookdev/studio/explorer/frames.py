@@ -1,4 +1,4 @@
-"""The exact frame: a surface on a sphere, rendered by a supervised worker, which stays for the next frame."""
+"""The exact frame: a surface on a sphere, rendered by a supervised worker, which keeps running for the next frame."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class ExactFrames:
     ) -> tuple[dict[str, float], PlotValues]:
         """Render a look on a sphere in the studio dome; return facts about the frame, and its pixels.
 
-        `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises Cancelled and the
-        errors of workers.
+        `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises ComputationCancelled
+        and the errors of workers.
         """
         report({"state": "waiting"})
         while not self._render_lock.acquire(timeout=0.1):

@@ -1,4 +1,4 @@
-"""`lookdev explore`: read the words of the command line and serve the page."""
+"""`lookdev explore`: read the surfaces of the command line and serve the page."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.roots import Roots
 from lookdev.studio.server import serve_page
 
-FIRST = ("disney:baseColor=.72/.12/.08,roughness=.35", "pixar:surfaceColor=.72/.12/.08,roughness=.35")
-"""Surfaces of a page that starts without any: the two models of film, with the same colour and roughness."""
+DEFAULT_SURFACES = ("disney:baseColor=.72/.12/.08,roughness=.35", "pixar:surfaceColor=.72/.12/.08,roughness=.35")
+"""The surfaces of a page without any: the two models of film, with the same colour and roughness."""
 
 
 def explore(
@@ -35,17 +35,18 @@ def explore(
         for folder in folders:
             roots.add(folder)
         surfaces = Surfaces(roots, library)
-        first = [named_words(words, roots) for words in subjects]
-        for words in first:
-            surfaces.subject(words)
+        first = [add_file_to_roots(text, roots) for text in subjects]
+        for text in first:
+            surfaces.subject(text)
+        start_surfaces = first or DEFAULT_SURFACES
         serve_page(
-            lambda: ExplorerApp(surfaces, first or FIRST).application(), address, [UPLOAD], browser=browser, say=say
+            lambda: ExplorerApp(surfaces, start_surfaces).application(), address, [UPLOAD], browser=browser, say=say
         )
 
 
-def named_words(words: str, roots: Roots) -> str:
-    """Add the file in words of the command line to the roots; return the words with its name."""
-    label, rest = split_label(words)
+def add_file_to_roots(text: str, roots: Roots) -> str:
+    """Add the file in a text of the command line to the roots; return the text with the file's name."""
+    label, rest = split_label(text)
     match = LOOK_PATTERN.fullmatch(rest)
     file = match["file"] if match else rest
     _, equals, path = file.partition(":file=")

@@ -21,8 +21,8 @@ from lookdev.studio.explorer.surfaces import Surfaces
 DOME = "studio"
 """The built-in environment map that lights spheres, in the page and in the renderer."""
 
-_DRAWN = 4096
-_PAIRS = 2048
+_DOME_SAMPLES = 4096
+_PAIR_COUNT = 2048
 
 
 def live_parameters(model: str) -> frozenset[str]:
@@ -33,13 +33,13 @@ def live_parameters(model: str) -> frozenset[str]:
     )
 
 
-def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple[dict[str, object], PlotValues]:
-    """Return the GLSL functions of a surface with their inputs, and their tables, (rows, `TABLE_WIDTH`).
+def surface_shader(surfaces: Surfaces, text: str, extra: Collection[str] = ()) -> tuple[dict[str, object], PlotValues]:
+    """Return the GLSL functions of a surface with their inputs, and the tables (rows, `TABLE_WIDTH`) that they read.
 
     `extra` are further parameters that are uniforms: the normal of a lobe, or a part of the model that the defaults
     leave out. A surface of several layers has no uniforms.
     """
-    look = surfaces.look(words)
+    look = surfaces.look(text)
 
     def live(number: int, name: str) -> bool:
         model = look.layers[number].model
@@ -50,7 +50,7 @@ def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple
         "prelude": PRELUDE,
         "text": functions.text,
         "numbers": functions.numbers,
-        "places": {live_name(0, parameter): parameter for parameter in MODELS[look.layers[0].model].parameters},
+        "parameters": {live_name(0, parameter): parameter for parameter in MODELS[look.layers[0].model].parameters},
         "transmits": functions.program.transmits,
         "deltas": functions.program.deltas,
         "attributes": [[attribute.parameter, attribute.kind] for attribute in functions.program.attributes],
@@ -59,25 +59,24 @@ def shader(surfaces: Surfaces, words: str, extra: Collection[str] = ()) -> tuple
 
 
 def _rows(values: Elements) -> Floats32:
-    texels = np.zeros((-(-values.size // TABLE_WIDTH), TABLE_WIDTH), np.float32)
-    texels.ravel()[: values.size] = values.ravel()
-    return texels
+    padded = np.pad(values.ravel().astype(np.float32), (0, -values.size % TABLE_WIDTH))
+    return padded.reshape(-1, TABLE_WIDTH)
 
 
-def pairs(surfaces: Surfaces, words: str) -> PlotValues:
-    """Return random pairs of directions `wo`, `wi` (n, 3), with `value`, f times the cosine, and `pdf`, by Python.
+def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
+    """Return random directions `wo`, `wi` (n, 3), and Python's results for them: `value`, f times cosine, and `pdf`.
 
-    Directions are rounded to float32, so that page and Python evaluate the same ones.
+    Directions are rounded to float32, so that the page and Python evaluate the same ones.
     """
-    subject = surfaces.subject(words)
+    subject = surfaces.subject(text)
     rng = np.random.default_rng(3)
-    w = rng.normal(size=(2, _PAIRS, 3))
+    w = rng.normal(size=(2, _PAIR_COUNT, 3))
     w[..., 2] = np.abs(w[..., 2]) + 0.05
     # Half of the lights are near the mirrored view, where peaks are.
-    near = slice(0, _PAIRS // 2)
+    near = slice(0, _PAIR_COUNT // 2)
     w[0] /= np.linalg.norm(w[0], axis=-1, keepdims=True)
-    spread = 10.0 ** rng.uniform(-3.0, -0.3, (_PAIRS // 2, 1))
-    w[1, near] = w[0, near] * (-1.0, -1.0, 1.0) + spread * rng.normal(size=(_PAIRS // 2, 3))
+    spread = 10.0 ** rng.uniform(-3.0, -0.3, (_PAIR_COUNT // 2, 1))
+    w[1, near] = w[0, near] * (-1.0, -1.0, 1.0) + spread * rng.normal(size=(_PAIR_COUNT // 2, 3))
     w[1, :, 2] = np.abs(w[1, :, 2]) + 0.01
     if subject.bsdf.transmits(w[0]):
         w[1, ::4, 2] *= -1.0
@@ -93,8 +92,8 @@ def pairs(surfaces: Surfaces, words: str) -> PlotValues:
 def dome() -> PlotValues:
     """Return the studio dome as a map and as samples.
 
-    `radiance` (h, w, 4) has radiance and pdf by direction. `drawn` (2, n, 4) has samples: directions and pdf in its
-    first row, radiances in its second.
+    `radiance` (h, w, 4) has radiance and pdf by direction. `samples` (2, n, 4) has directions and pdf in its first
+    row, radiances in its second.
     """
     light = prepare_light(load_environment(builtin=DOME), sampled=False)
     height, width = light.table.shape[:2]
@@ -103,7 +102,7 @@ def dome() -> PlotValues:
     toward = np.stack([sine * np.cos(phi), sine * np.sin(phi), np.broadcast_to(cosine, (height, width))], axis=-1)
     origin = np.zeros(3)
     radiance = np.concatenate([light.radiance(origin, toward), light.pdf(origin, toward)[..., None]], axis=-1)
-    drawn = light.sample(origin, qmc.Sobol(2, rng=0).random(_DRAWN))
-    density, emitted = light.pdf(origin, drawn), light.radiance(origin, drawn)
-    rows = [np.concatenate([drawn, density[:, None]], axis=-1), np.pad(emitted, ((0, 0), (0, 1)))]
-    return {"radiance": radiance, "drawn": np.stack(rows)}
+    samples = light.sample(origin, qmc.Sobol(2, rng=0).random(_DOME_SAMPLES))
+    density, emitted = light.pdf(origin, samples), light.radiance(origin, samples)
+    rows = [np.concatenate([samples, density[:, None]], axis=-1), np.pad(emitted, ((0, 0), (0, 1)))]
+    return {"radiance": radiance, "samples": np.stack(rows)}

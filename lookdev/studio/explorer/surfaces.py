@@ -1,4 +1,4 @@
-"""Surfaces from the words of the command line: their parameters, for the page to edit, and their values in plots."""
+"""Surfaces from their text on the command line: their parameters, for the page to edit, and their values in plots."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from lookdev.plotting.figure import PlotValues
 from lookdev.plotting.subject import LOOK_PATTERN, read_parameters, split_label
 from lookdev.studio.roots import Roots
 
-LONGEST_WORDS = 4000
+MAX_TEXT_LENGTH = 4000
 _CACHE_SIZE = 64
 
 
 @dataclass(frozen=True)
-class _Frozen:
-    """A key of layers of constants, in which the parameter named `moving` has no value."""
+class _LayersKey:
+    """A key of layers of constants, without the value of the parameter named `moving`."""
 
     layers: tuple[tuple[str, str, float, tuple[tuple[str, str | tuple[float, ...]], ...]], ...]
     moving: str
 
     @classmethod
-    def of(cls, layers: Sequence[StackLayer], moving: str) -> _Frozen:
+    def of(cls, layers: Sequence[StackLayer], moving: str) -> _LayersKey:
         frozen = []
         for layer in layers:
             values = tuple(
@@ -49,7 +49,7 @@ class _Frozen:
 
 
 @lru_cache(maxsize=_CACHE_SIZE)
-def _compile_frozen(frozen: _Frozen) -> CompiledProgram:
+def _compile_layers_of(frozen: _LayersKey) -> CompiledProgram:
     def make_layers(graph: Graph) -> list[StackLayer]:
         layers = []
         for name, mode, mask, values in frozen.layers:
@@ -80,15 +80,12 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
     parameters = subject.parameters
     if parameters is None or moving not in parameters or isinstance(parameters[moving], str):
         moving = ""
-    program = _compile_frozen(_Frozen.of(subject.layers, moving))
+    program = _compile_layers_of(_LayersKey.of(subject.layers, moving))
     numbers = {}
     if parameters is not None and moving:
         value = np.asarray(parameters[moving])
-        numbers = (
-            {f"{moving}_{i}": float(component) for i, component in enumerate(value)}
-            if value.ndim
-            else {moving: float(value)}
-        )
+        names = [f"{moving}_{i}" for i in range(len(value))] if value.ndim else [moving]
+        numbers = dict(zip(names, map(float, value.ravel()), strict=True))
 
     def f(wo: Floats, wi: Floats) -> Floats:
         return program.f(wo, wi, numbers)
@@ -98,39 +95,39 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
 
 @dataclass
 class Surfaces:
-    """Surfaces from words in which files have the names of `roots`; the last ones that were read are cached."""
+    """Surfaces by text in which files have the names of `roots`; the last ones that were read are cached."""
 
     roots: Roots
     library: Path | None = None
     _subjects: dict[str, PlotSubject] = field(default_factory=dict)
 
-    def subject(self, words: str, fresh: bool = False) -> PlotSubject:
-        """Return the subject of words; with `fresh`, read its files again. Raises what `read_subject` raises."""
-        if len(words) > LONGEST_WORDS:
-            raise LookdevError(f"a surface of {len(words)} characters; at most {LONGEST_WORDS} would be right")
-        subject = None if fresh else self._subjects.get(words)
+    def subject(self, text: str, fresh: bool = False) -> PlotSubject:
+        """Return the subject of a text; with `fresh`, read its files again. Raises what `read_subject` raises."""
+        if len(text) > MAX_TEXT_LENGTH:
+            raise LookdevError(f"a surface of {len(text)} characters; at most {MAX_TEXT_LENGTH} would be right")
+        subject = None if fresh else self._subjects.get(text)
         if subject is None:
-            subject = read_subject(words, self.library, self.roots.locate)
-            self._subjects[words] = subject
+            subject = read_subject(text, self.library, self.roots.locate)
+            self._subjects[text] = subject
             # Several threads may remove the same entry.
             for old in list(self._subjects)[:-_CACHE_SIZE]:
                 self._subjects.pop(old, None)
         return subject
 
-    def values(self, kind: str, words: str, options: PlotOptions, draft: bool = False, moving: str = "") -> PlotValues:
+    def values(self, kind: str, text: str, options: PlotOptions, draft: bool = False, moving: str = "") -> PlotValues:
         """Return the values of a surface in a plot; the next request may change the parameter `moving`."""
         plot_kind = kind_named(kind)
         compute = plot_kind.draft if draft and plot_kind.draft else plot_kind.values
-        return compute(accelerate(self.subject(words), moving), options)
+        return compute(accelerate(self.subject(text), moving), options)
 
-    def describe(self, words: str) -> dict[str, object]:
+    def describe(self, text: str) -> dict[str, object]:
         """Return the data of a surface that a page edits: label, base, model and all parameter values.
 
-        ``base`` are the words before the parameters, ``given`` the parameters in the words, and ``usual`` the values
+        ``base`` is the text before the parameters, ``given`` has the parameters in the text, and ``usual`` the values
         without them.
         """
-        label, rest = split_label(words, self.roots.locate)
-        subject = self.subject(words, fresh=True)
+        label, rest = split_label(text, self.roots.locate)
+        subject = self.subject(text, fresh=True)
         base, stated = rest, {}
         model = MODELS.get(subject.model)
         editable = model is not None and subject.is_view_independent
@@ -142,10 +139,10 @@ class Surfaces:
                 editable = False
             else:
                 base, _, parameter_text = rest.partition(":")
-                read_parameters(words, model, parameter_text, self.roots.locate)
+                read_parameters(text, model, parameter_text, self.roots.locate)
                 stated = dict(pair.split("=", 1) for pair in parameter_text.split(",") if pair)
         return {
-            "words": words,
+            "words": text,
             "label": label,
             "base": base,
             "model": subject.model,
@@ -160,7 +157,7 @@ class Surfaces:
         }
 
     def _default_values(self, base: str, subject: PlotSubject, model: Model | None) -> dict[str, object]:
-        """Return the values that the parameters have where the words do not state them."""
+        """Return the values that the parameters have where the text does not state them."""
         if model is None or subject.parameters is None:
             return {}
         if base == model.name:
@@ -169,43 +166,40 @@ class Surfaces:
 
     def command(self, kind: str, surfaces: Sequence[str], options: PlotOptions) -> str:
         """Return the command line that writes a plot of surfaces."""
-        uses = kind_named(kind).option_names
-        words = [shlex.quote(self.roots.path_words(subject)) for subject in surfaces]
-        parts = ["lookdev", "plot", kind, *words, "-o", f"{kind}.png"]
+        option_names = kind_named(kind).option_names
+        texts = [shlex.quote(self.roots.replace_names(subject)) for subject in surfaces]
+        parts = ["lookdev", "plot", kind, *texts, "-o", f"{kind}.png"]
         for name, value in options.changed_options().items():
-            if name in uses:
-                parts += (
-                    [f"--{name}"]
-                    if value is True
-                    else [f"--{name}", f"{value:g}" if isinstance(value, float) else value]
-                )
+            if name in option_names:
+                argument = f"{value:g}" if isinstance(value, float) else value
+                parts += [f"--{name}"] if value is True else [f"--{name}", argument]
         return " ".join(map(str, parts))
 
-    def look_file(self, words: str) -> Path | None:
-        """Return the file of a look, or None if the words do not name a look in a file."""
-        _, rest = split_label(words, self.roots.locate)
+    def look_file(self, text: str) -> Path | None:
+        """Return the file of a look, or None if the text does not name a look in a file."""
+        _, rest = split_label(text, self.roots.locate)
         match = LOOK_PATTERN.fullmatch(rest)
         return self.roots.locate(match["file"]) if match else None
 
-    def rendered_look(self, words: str) -> Look:
-        """Return the look for the renderer: of a look in a file, all layers and textures."""
-        _, rest = split_label(words, self.roots.locate)
+    def look_to_render(self, text: str) -> Look:
+        """Return the look for the renderer; a look in a file has all its layers and textures."""
+        _, rest = split_label(text, self.roots.locate)
         if (match := LOOK_PATTERN.fullmatch(rest)) and match["layer"] is None:
             return replace(read_look(self.roots.locate(match["file"]), match["prim"]), name="explored")
-        return self.look(words)
+        return self.look(text)
 
-    def look(self, words: str, name: str = "explored") -> Look:
+    def look(self, text: str, name: str = "explored") -> Look:
         """Return the look of a surface; its parameters are constants.
 
         Raises LookdevError if the parameters change with the view.
         """
-        subject = self.subject(words)
+        subject = self.subject(text)
         if not subject.is_view_independent:
-            raise LookdevError(f"{words}: its parameters change with the view; the renderer shows it, the browser not")
-        return look_of(subject.layers, name)
+            raise LookdevError(f"{text}: its parameters change with the view; only the renderer can show it")
+        return look_from_layers(subject.layers, name)
 
 
-def look_of(layers: Sequence[StackLayer], name: str) -> Look:
+def look_from_layers(layers: Sequence[StackLayer], name: str) -> Look:
     """Return a look of layers whose parameters are constants."""
     look_layers = []
     for number, layer in enumerate(layers):
@@ -216,7 +210,7 @@ def look_of(layers: Sequence[StackLayer], name: str) -> Look:
 
 
 def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, Input]:
-    """Return the parameters that differ from their default, or from the parameter that they follow, as plain values."""
+    """Return the values of parameters that differ from their default, or from the parameter that they follow."""
     stated: dict[str, Input] = {}
     for name, parameter in model.parameters.items():
         value = parameters[name]
@@ -229,8 +223,8 @@ def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, In
     return stated
 
 
-def _is_look(words: str) -> bool:
-    return LOOK_PATTERN.fullmatch(words) is not None
+def _is_look(text: str) -> bool:
+    return LOOK_PATTERN.fullmatch(text) is not None
 
 
 def _parse_value(model: Model | None, name: str, text: str) -> str | float | list[float]:

@@ -12,23 +12,23 @@ from lookdev.material.library.edit import model_look
 from lookdev.safe_text import read_text
 from lookdev.studio.explorer.surfaces import Surfaces, non_default_parameters
 
-_LARGEST = 1 << 20
+_MAX_BYTES = 1 << 20
 
 
-def usd_text(surfaces: Surfaces, words: str) -> str:
+def usd_text(surfaces: Surfaces, text: str) -> str:
     """Return the look of a surface as USD text: the text of its file, or a look of a model and its parameters.
 
     Raises LookdevError if the file is binary.
     """
-    if file := surfaces.look_file(words):
+    if file := surfaces.look_file(text):
         if file.suffix != ".usda":
             raise LookdevError(f"{file.name} is binary; 'usdcat {file.name}' writes it as text")
-        return read_text(file, _LARGEST)
-    subject = surfaces.subject(words)
+        return read_text(file, _MAX_BYTES)
+    subject = surfaces.subject(text)
     if subject.parameters is None:
-        raise LookdevError(f"{words}: is not a single layer")
+        raise LookdevError(f"{text}: is not a single layer")
     model = MODELS[subject.model]
     with tempfile.TemporaryDirectory(prefix="lookdev-copy-") as folder:
         file = Path(os.path.realpath(folder)) / "explored.usda"
         model_look(file, model, non_default_parameters(model, subject.parameters))
-        return read_text(file, _LARGEST)
+        return read_text(file, _MAX_BYTES)

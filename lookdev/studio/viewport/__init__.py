@@ -5,6 +5,6 @@ modules in ``static/`` draw it. The picture has direct light with cast shadows; 
 that it lacks.
 """
 
-from lookdev.studio.viewport.view import SceneView, light_rows, sliders, view_scene
+from lookdev.studio.viewport.view import SceneView, light_rows, slider_constants, view_scene
 
-__all__ = ["SceneView", "light_rows", "sliders", "view_scene"]
+__all__ = ["SceneView", "light_rows", "slider_constants", "view_scene"]

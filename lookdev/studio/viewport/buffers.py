@@ -39,7 +39,5 @@ class Buffers:
 
     def rows(self, numbers: Elements, width: int) -> Mapping[str, str | int]:
         """Add numbers (n,), or texels (n, 4), as a texture with rows of `width` texels; as `texture` does."""
-        count = len(numbers)
-        padded = np.zeros((-(-count // width) * width, *numbers.shape[1:]), numbers.dtype)
-        padded[:count] = numbers
+        padded = np.pad(numbers, ((0, -len(numbers) % width), *[(0, 0)] * (numbers.ndim - 1)))
         return self.texture(padded.reshape(-1, width, *numbers.shape[1:]))

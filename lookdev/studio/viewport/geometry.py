@@ -15,15 +15,15 @@ from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
 from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError
-from lookdev.studio.viewport.hierarchy import MOST_TEXELS_EACH, Hierarchy
+from lookdev.studio.viewport.hierarchy import MAX_TRIANGLE_TEXELS, Hierarchy
 
 WIDTH = 4096
 """Width of the texture of corners, in texels."""
 
-MOST_TEXELS = WIDTH * 8192
-"""Largest texture of corners, in texels: the limit of browsers without a GPU."""
+MAX_TEXELS = WIDTH * 8192
+"""Texels in the largest texture of corners: the limit of browsers without a GPU."""
 
-_FIRST = 2  # texels before the attributes of looks: position, handedness, normal and slot
+_FIXED_TEXELS = 2  # of a corner, before the attributes of looks: position, handedness, normal and slot
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class CornerTexels:
     texel and a component. The `Hierarchy` of all triangles, of `nodes` nodes, begins at texel `occluders`; 0 means that
     there is none.
 
-    The camera sees the triangles `indices` (triangles, 3) of `vertices` (v,). A vertex is a ``place`` and a ``number``:
-    the last vertex of a triangle has the triangle's number, which shaders of WebGL cannot read in another way.
+    The camera sees the triangles `indices` (triangles, 3) of `vertices` (v,). A vertex has a ``position`` and a
+    ``number``: the last vertex of a triangle has the triangle's number, which WebGL's shaders cannot read otherwise.
     """
 
     texels: Floats32
@@ -57,14 +57,14 @@ class CornerTexels:
     occluders: int = 0
     nodes: int = 0
 
-    def read(self, binding: AttributeBinding) -> str:
+    def attribute_expression(self, binding: AttributeBinding) -> str:
         """Return the GLSL expression of an attribute; its function `carried(texel)` interpolates the corners."""
         texel, start = self.attributes[binding]
-        return f"carried({texel}).{'xyzw'[start : start + _width(binding)]}"
+        return f"carried({texel}).{'xyzw'[start : start + binding.width]}"
 
 
 @lru_cache(maxsize=1)
-def corners_of(
+def pack_corners(
     asset: Asset, order: tuple[int, ...], bindings: tuple[AttributeBinding, ...], *, occluding: bool = False
 ) -> CornerTexels:
     """Return the corners of an asset, slots in the given `order`, with the attributes of `bindings`.
@@ -80,7 +80,7 @@ def corners_of(
     stride, locations = _pack_attributes(dict.fromkeys(bindings))
     triangulations = [corner_triangles(mesh) for mesh in asset.meshes]
     count = sum(len(triangulations[instance.mesh][1]) for instance in asset.instances)
-    if count > (most := MOST_TEXELS // (3 * stride + MOST_TEXELS_EACH)):
+    if count > (most := MAX_TEXELS // (3 * stride + MAX_TRIANGLE_TEXELS)):
         raise AssetError(
             f"{asset.name}: {count} triangles, instances counted one by one; the viewport has room for {most}: a "
             "lighter purpose or level of the asset would be right"
@@ -123,10 +123,9 @@ def _instance_texels(
     normals = mesh.normals.astype(np.float64) @ np.linalg.inv(linear)
     texels[:, 1, :3] = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
     for binding, (texel, start) in locations.items():
-        width = _width(binding)
         is_tangent = binding.attribute == TANGENT
         values = tangents[instance.mesh] @ linear.T if is_tangent else _corner_values(binding, mesh)
-        texels[:, texel, start : start + width] = values.reshape(-1, width)
+        texels[:, texel, start : start + binding.width] = values.reshape(-1, binding.width)
     return texels
 
 
@@ -159,9 +158,9 @@ def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
         owner[vertex], last[open_triangles[pick]] = open_triangles[pick], corner
     unnumbered = np.flatnonzero(last < 0)
     vertices = np.zeros(
-        len(representative) + len(unnumbered), np.dtype([("place", np.float32, (3,)), ("number", np.uint32)])
+        len(representative) + len(unnumbered), np.dtype([("position", np.float32, (3,)), ("number", np.uint32)])
     )
-    vertices["place"] = positions.reshape(-1, 3)[np.concatenate([representative, 3 * unnumbered + 2])]
+    vertices["position"] = positions.reshape(-1, 3)[np.concatenate([representative, 3 * unnumbered + 2])]
     vertices["number"] = np.concatenate([np.maximum(owner, 0), unnumbered])
     indices = triangles.astype(np.uint32)
     indices[unnumbered, 2] = len(representative) + np.arange(len(unnumbered))
@@ -171,29 +170,25 @@ def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
     return vertices, indices[rows, (shift[:, None] + np.array([1, 2, 3])) % 3]
 
 
-def _width(binding: AttributeBinding) -> int:
-    return {"uv": 2, "float": 1}.get(binding.kind, 3)
-
-
 def _pack_attributes(bindings: dict[AttributeBinding, None]) -> tuple[int, dict[AttributeBinding, tuple[int, int]]]:
     """Return the number of texels of a corner, and texel and component of each attribute, which lies in one texel."""
     used_components: list[int] = []
     locations = {}
-    for binding in sorted(bindings, key=_width, reverse=True):
-        width = _width(binding)
+    for binding in sorted(bindings, key=lambda binding: binding.width, reverse=True):
+        width = binding.width
         texel = next((k for k, count in enumerate(used_components) if count + width <= 4), len(used_components))
         if texel == len(used_components):
             used_components.append(0)
-        locations[binding] = (_FIRST + texel, used_components[texel])
+        locations[binding] = (_FIXED_TEXELS + texel, used_components[texel])
         used_components[texel] += width
-    return _FIRST + len(used_components), locations
+    return _FIXED_TEXELS + len(used_components), locations
 
 
 def _corner_values(binding: AttributeBinding, mesh: Mesh) -> Elements:
     if binding.attribute == HANDEDNESS:
         return handedness(mesh)
     values = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)
-    count, width = len(mesh.corner_points), _width(binding)
+    count, width = len(mesh.corner_points), binding.width
     if values is not None:
         if values.size != count * width:
             has = values.size // count

@@ -16,16 +16,17 @@ import numpy as np
 
 from lookdev.arrays import Floats32, Ints
 
-MOST_TEXELS_EACH = 5
-"""Most texels for a triangle: three for itself, and two nodes."""
+MAX_TRIANGLE_TEXELS = 5
+"""Largest number of texels for a triangle: three for itself, and two nodes."""
 
 FIRST_BITS = 0x00800000
 """The bits of the smallest normal float32."""
 
-_NEIGHBOURS = 8  # on each side along the curve, in which a cluster searches its nearest neighbour
-_LEAST = 32  # one in 32 clusters is joined in each step at least: of equal boxes, few are mutual nearest neighbours
-_MOST = 4  # largest number of triangles in a leaf
-_TRIANGLE = 1.2  # cost of a triangle test, relative to that of a box test
+_NEIGHBOURS = 8  # clusters on each side along the curve among which the nearest neighbour is searched
+# At least one in 32 clusters is joined in each step: few boxes of equal size are mutual nearest neighbours.
+_MAX_CLUSTERS_PER_JOIN = 32
+_MAX_LEAF_TRIANGLES = 4  # largest number of triangles in a leaf
+_TRIANGLE_COST = 1.2  # cost of a triangle test, relative to that of a box test
 _CELLS = 1 << 10  # of the Morton curve along each axis
 _BINS = 1 << 15  # cells of the grid along the longest axis
 
@@ -54,10 +55,10 @@ class Hierarchy:
 
     Grid: its lowest corner, and the size of its cells.
 
-    Node: x, y and z have the first and the last cell of its box along an axis, 15 bits each. `FIRST_BITS` is added, so
-    that all are bits of normal floats. For an inner node, w is the node that follows if the box is missed; if it is
-    hit, the next node, its first child, follows. For a leaf, w is -1 minus the index of its first triangle, and the
-    next node follows in both cases. The traversal ends behind the last node.
+    Node: x, y and z have the first and the last cell of its box along an axis, 15 bits each; `FIRST_BITS` is added, so
+    that the bits are those of normal floats. The next texel is the next node of the traversal, for an inner node its
+    first child; if a ray misses the box of an inner node, w is the next node. For a leaf, w is -1 minus the index of
+    its first triangle. The traversal ends behind the last node.
 
     Triangle: a corner and the triangle's number; an edge and its slot; the other edge, and 1 for the last triangle of
     a leaf. float32 has all these numbers exactly, up to 2^24.
@@ -70,51 +71,51 @@ class Hierarchy:
     def of(cls, corners: Floats32, slots: Floats32) -> Hierarchy:
         """Return the hierarchy of one or more triangles (t, 3, 3), whose slots are (t,)."""
         tree = _cluster_boxes(corners)
-        order, indices, sizes, first = _lay_out(tree)
-        nodes_of_walk = np.argsort(indices, kind="stable")[np.count_nonzero(indices < 0) :]
-        nodes, size = len(nodes_of_walk), sizes[nodes_of_walk]
+        order, indices, sizes, first = _lay_out_nodes(tree)
+        traversal_nodes = np.argsort(indices, kind="stable")[np.count_nonzero(indices < 0) :]
+        nodes, size = len(traversal_nodes), sizes[traversal_nodes]
         texels = np.zeros((1 + nodes + 3 * len(corners), 4), np.float32)
         start = tree.low[:, -1]
         cell = max(float((tree.high[:, -1] - start).max()) / (_BINS - 2), float(np.finfo(np.float32).tiny))
         texels[0] = (*start, cell)
         # The margin, a hundredth of a cell, is larger than the rounding of a ray to float32.
         low, high = (
-            (corner[:, nodes_of_walk].T.astype(np.float64) - start) / np.float32(cell)
+            (corner[:, traversal_nodes].T.astype(np.float64) - start) / np.float32(cell)
             for corner in (tree.low, tree.high)
         )
         low, high = np.floor(np.maximum(low - 0.01, 0.0)), np.ceil(high + 0.01)
         bits = low.astype(np.uint32) | (high.astype(np.uint32) << np.uint32(_BINS.bit_length() - 1))
         texels[1 : 1 + nodes, :3] = (bits + np.uint32(FIRST_BITS)).view(np.float32)
-        texels[1 : 1 + nodes, 3] = np.where(size == 1, -1 - first[nodes_of_walk], np.arange(nodes) + size)
+        texels[1 : 1 + nodes, 3] = np.where(size == 1, -1 - first[traversal_nodes], np.arange(nodes) + size)
         triangles = texels[1 + nodes :].reshape(-1, 3, 4)
         ordered = corners[order]
         triangles[:, 0, :3] = ordered[:, 0]
         triangles[:, 1:, :3] = ordered[:, 1:] - ordered[:, :1]
         triangles[:, 0, 3], triangles[:, 1, 3] = order, slots[order]
-        starts = first[nodes_of_walk[size == 1]]
+        starts = first[traversal_nodes[size == 1]]
         triangles[np.append(starts[1:], len(corners)) - 1, 2, 3] = 1.0
         return cls(texels, nodes)
 
 
 def _cluster_boxes(corners: Floats32) -> _Tree:
-    """Build the tree of triangles (t, 3, 3): each step joins mutual nearest neighbours, by the joint area."""
+    """Build the tree of triangles (t, 3, 3): each step joins mutual nearest neighbours, by joint area."""
     count = len(corners)
     low, high = np.empty((2, 3, 2 * count - 1), np.float32)
     low[:, :count], high[:, :count] = corners.min(axis=1).T, corners.max(axis=1).T
     children, steps = np.empty((2, count - 1), np.int64), [count]
-    nodes = np.argsort(_curve(low[:, :count] + high[:, :count]), kind="stable")
+    nodes = np.argsort(_morton_numbers(low[:, :count] + high[:, :count]), kind="stable")
     while (remaining := len(nodes)) > 1:
         lowest, highest, indices = low[:, nodes], high[:, nodes], np.arange(remaining)
         nearest, neighbour = np.full(remaining, np.inf, np.float32), np.zeros(remaining, np.int64)
         for step in range(1, min(_NEIGHBOURS, remaining - 1) + 1):
             a, b = slice(None, -step), slice(step, None)
-            joint_area = _area(np.minimum(lowest[:, a], lowest[:, b]), np.maximum(highest[:, a], highest[:, b]))
+            joint_area = _half_area(np.minimum(lowest[:, a], lowest[:, b]), np.maximum(highest[:, a], highest[:, b]))
             for side, opposite in ((a, b), (b, a)):
                 nearer = joint_area < nearest[side]
                 np.copyto(nearest[side], joint_area, where=nearer)
                 np.copyto(neighbour[side], indices[opposite], where=nearer)
         joined = np.flatnonzero((neighbour[neighbour] == indices) & (indices < neighbour))
-        if _LEAST * len(joined) < remaining:
+        if _MAX_CLUSTERS_PER_JOIN * len(joined) < remaining:
             joined = np.arange(0, remaining - 1, 2)
             neighbour[joined] = joined + 1
         pair = np.stack([nodes[joined], nodes[neighbour[joined]]])
@@ -127,24 +128,22 @@ def _cluster_boxes(corners: Floats32) -> _Tree:
     return _Tree(low, high, children, steps)
 
 
-def _lay_out(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
+def _lay_out_nodes(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
     """Return the triangles in the order of leaves, and for each node its index, its size and its first triangle.
 
     The index is the position in the traversal, -1 within leaves. The size is the number of nodes in the subtree, with
     the node. A node becomes a leaf if testing its triangles costs less than testing its boxes.
     """
-    area, leaves = _area(tree.low, tree.high).astype(np.float64), tree.leaves
-    cost, counts, sizes = _TRIANGLE * area, np.ones(len(area), np.int64), np.ones(len(area), np.int64)
+    area, leaves = _half_area(tree.low, tree.high).astype(np.float64), tree.leaves
+    cost, counts, sizes = _TRIANGLE_COST * area, np.ones(len(area), np.int64), np.ones(len(area), np.int64)
     for begin, end in zip(tree.steps, tree.steps[1:], strict=False):
         # If a ray hits a box, both children are tested, the larger one first: rays hit it more often.
         pair = tree.children[:, begin - leaves : end - leaves]
         pair[:] = np.where(area[pair[0]] < area[pair[1]], pair[::-1], pair)
         counts[begin:end] = counts[pair].sum(axis=0)
-        inner_cost, leaf_cost = (
-            2.0 * area[begin:end] + cost[pair].sum(axis=0),
-            _TRIANGLE * counts[begin:end] * area[begin:end],
-        )
-        is_leaf = (counts[begin:end] <= _MOST) & (leaf_cost <= inner_cost)
+        inner_cost = 2.0 * area[begin:end] + cost[pair].sum(axis=0)
+        leaf_cost = _TRIANGLE_COST * counts[begin:end] * area[begin:end]
+        is_leaf = (counts[begin:end] <= _MAX_LEAF_TRIANGLES) & (leaf_cost <= inner_cost)
         cost[begin:end] = np.where(is_leaf, leaf_cost, inner_cost)
         sizes[begin:end] = np.where(is_leaf, 1, 1 + sizes[pair].sum(axis=0))
     indices, first = np.full(len(area), -1), np.zeros(len(area), np.int64)
@@ -161,13 +160,13 @@ def _lay_out(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
     return order, indices, sizes, first
 
 
-def _area(low: Floats32, high: Floats32) -> Floats32:
+def _half_area(low: Floats32, high: Floats32) -> Floats32:
     """Return half the area (n,) of boxes (3, n)."""
     x, y, z = high - low
     return np.asarray(x * y + y * z + z * x)
 
 
-def _curve(positions: Floats32) -> Ints:
+def _morton_numbers(positions: Floats32) -> Ints:
     """Return the numbers (n,) of positions (3, n) along the Morton curve."""
     low = positions.min(axis=1, keepdims=True)
     extent = max(float((positions - low).max()), np.finfo(np.float32).tiny)

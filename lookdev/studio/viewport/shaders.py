@@ -11,7 +11,7 @@ from importlib.resources import files
 
 from lookdev.asset import Asset
 from lookdev.codegen.glsl.functions import PRELUDE
-from lookdev.codegen.glsl.look import LOOK_UPS, LookFunctions
+from lookdev.codegen.glsl.look import TEXTURE_FUNCTIONS, LookFunctions
 from lookdev.codegen.glsl.rig import RigFunctions
 from lookdev.studio.viewport.geometry import WIDTH, CornerTexels
 from lookdev.studio.viewport.hierarchy import FIRST_BITS
@@ -24,8 +24,8 @@ precision highp isampler2D;
 precision highp usampler2D;
 """
 
-DRAWN, LIT = 1, 1
-"""Samples of the BSDF and of the lights for a pixel in a frame; a look that transmits samples lights on both sides."""
+BSDF_SAMPLES, LIGHT_SAMPLES = 1, 1
+"""Samples per pixel and frame, of the BSDF and of the lights; if a look transmits, the lights' are per side."""
 
 
 @dataclass(frozen=True)
@@ -55,15 +55,15 @@ def vertex_shader() -> str:
     return _HEAD + visible["camera"] + visible["vertex"]
 
 
-def behind_shader(rig: RigFunctions) -> str:
+def background_shader(rig: RigFunctions) -> str:
     """Return the fragment shader of the background, in which the camera sees lights."""
     camera, behind = _sections("visible.glsl")["camera"], _sections("display.glsl")["behind"]
     defines = "#define TRANSMITS 0\n#define LIT 1\n#define SHADOWS 0\n"
     return "".join([_HEAD, defines, camera, PRELUDE, rig.text, behind])
 
 
-def develop_shader(view: str) -> str:
-    """Return the fragment shader that converts light to code values; `view` is OpenColorIO's GLSL function ``view``."""
+def display_shader(view: str) -> str:
+    """Return the fragment shader that converts light to code values by OpenColorIO's GLSL function ``view``."""
     return "".join([_HEAD, "precision highp sampler3D;\n", view, _sections("display.glsl")["develop"]])
 
 
@@ -73,7 +73,7 @@ class Shadows(IntEnum):
     NONE = 0
     TRACED = 1
     BEHIND = 2
-    """All light from behind the surface is occluded, and no other light."""
+    """Exactly the light from behind the surface is occluded."""
 
     @classmethod
     def of(cls, asset: Asset, look: LookFunctions, rig: RigFunctions) -> Shadows:
@@ -95,8 +95,8 @@ def look_shaders(
     constants = {
         "TRANSMITS": int(look.program.transmits),
         "SEE_THROUGH": int(look.program.see_through),
-        "DRAWN": DRAWN,
-        "LIT": LIT * (1 + look.program.transmits),
+        "DRAWN": BSDF_SAMPLES,
+        "LIT": LIGHT_SAMPLES * (1 + look.program.transmits),
         "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",
         "SHADOWS": int(shadows),
         "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),
@@ -109,18 +109,18 @@ def look_shaders(
         "CORNERS_SHIFT": WIDTH.bit_length() - 1,
     }
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
-    read = "\n".join(
-        f"    {'mesh_tangent' if name == 'shading_tangent' else name} = {corners.read(binding)};"
+    attribute_reads = "\n".join(
+        f"    {'mesh_tangent' if name == 'shading_tangent' else name} = {corners.attribute_expression(binding)};"
         for name, binding in ((binding.parameter, binding) for binding in look.program.attributes)
     )
-    surface = relight["surface"].replace("//@ attributes", read)
+    surface = relight["surface"].replace("//@ attributes", attribute_reads)
     deltas = "".join(
         f"        if (k == DRAWN + LIT + {k}) look_delta{k}(wi, here.value);\n" for k in range(look.program.deltas)
     )
     if deltas:
         deltas += "        if (k >= DRAWN + LIT) {\n            here.w = surface_world(wi);\n"
         deltas += "            here.diffuse = vec3(0.0);\n        }\n"
-    parts = [_HEAD, defines, visible["camera"], PRELUDE, _sobol(), LOOK_UPS, look.text]
+    parts = [_HEAD, defines, visible["camera"], PRELUDE, _sobol(), TEXTURE_FUNCTIONS, look.text]
     visible_shader = f"{_HEAD}#define SEE_THROUGH 0\n{visible['fragment']}"
     if look.program.see_through:
         declared, _, main = visible["fragment"].partition("void main()")

@@ -14,7 +14,7 @@ from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import TABLE_WIDTH
 from lookdev.codegen.glsl.look import LookFunctions, look_functions
 from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
-from lookdev.codegen.program.look import Live, stated_constants
+from lookdev.codegen.program.look import LivePredicate, stated_constants
 from lookdev.light import Dome, RigOrigin
 from lookdev.light.dome.environment import read_exr
 from lookdev.light.lamps import CodedRig
@@ -24,22 +24,22 @@ from lookdev.output.color import DisplayView
 from lookdev.output.review.view import view_shader
 from lookdev.scene import Camera, Scene
 from lookdev.studio.viewport.buffers import Buffers
-from lookdev.studio.viewport.geometry import WIDTH, CornerTexels, corners_of
+from lookdev.studio.viewport.geometry import WIDTH, CornerTexels, pack_corners
 from lookdev.studio.viewport.shaders import (
     LookShaders,
     Shadows,
-    behind_shader,
-    develop_shader,
+    background_shader,
+    display_shader,
     look_shaders,
     vertex_shader,
 )
 
-INTERREFLECTION = "interreflection: light that other places of the asset reflect or transmit"
+INTERREFLECTION = "interreflection: light that other parts of the asset reflect or transmit"
 """The light that no picture of the viewport has."""
 
-_HOLES = "light through holes: a surface that is present in part casts a whole shadow"
+_HOLES = "light through holes: a surface with a presence below 1 casts a full shadow"
 
-_LARGEST_HALF = 65504.0
+_HALF_MAX = 65504.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +61,10 @@ class _Part(TypedDict):
     last: int
 
 
-def sliders(look: Look) -> Live:
-    """Return the constants of a look that are uniforms, and change without compilation: those that the look states.
+def slider_constants(look: Look) -> LivePredicate:
+    """Return the constants of a look that are uniforms, which change without compilation: those that the look states.
 
-    Other constants are folded: the shader of a look without sheen has no code of sheen, and takes a tenth of the time.
+    Other constants are folded: the shader of a look without sheen has no code of sheen.
     """
     is_stated = stated_constants(look)
     return lambda number, name: is_stated(number, name) or (name == "mask" and number > 0)
@@ -74,7 +74,7 @@ def view_scene(
     scene: Scene,
     *,
     view: DisplayView = DisplayView(),  # noqa: B008
-    live: Callable[[Look], Live] = sliders,
+    live: Callable[[Look], LivePredicate] = slider_constants,
     resolve: Callable[[Texture | Bump], Path] = image_file,
 ) -> SceneView:
     """Return a scene for the page, in a view of a display; `live` and `resolve` are arguments of `look_functions`.
@@ -98,7 +98,7 @@ def view_scene(
     order = tuple(sorted(range(len(look_numbers)), key=lambda slot: (look_numbers[slot], slot)))
     bindings = tuple(binding for look in functions for binding in look.program.attributes)
     shadows = [Shadows.of(scene.asset, look, rig) for look in functions]
-    corners = corners_of(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
+    corners = pack_corners(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
     left_out = [INTERREFLECTION, *[_HOLES] * any(look.program.see_through for look in functions)]
     shaders = [
         look_shaders(glsl, rig, corners, shadow, scene.asset.convex)
@@ -118,8 +118,8 @@ def view_scene(
         ],
         "parts": parts,
         "rig": _rig(rig, buffers),
-        "behind": behind_shader(rig),
-        "develop": develop_shader(display["glsl"]),
+        "behind": background_shader(rig),
+        "develop": display_shader(display["glsl"]),
         "view": {"name": display["name"], "textures": display["textures"]},
         "left_out": left_out,
         "shadows": any(shadows),
@@ -191,7 +191,7 @@ def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str,
     for look_up in functions.program.look_ups:
         for tile, file in look_up.files.items():
             texels = read_exr(file.path, "RGBA")
-            if not look_up.slopes and np.abs(texels).max() <= _LARGEST_HALF:
+            if not look_up.slopes and np.abs(texels).max() <= _HALF_MAX:
                 texels = texels.astype(np.float16)
             yield (f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"), buffers.texture(texels)
 

@@ -5,7 +5,7 @@ import pytest
 
 from lookdev.arrays import Floats
 from lookdev.asset import load_asset
-from lookdev.studio.viewport.geometry import corners_of
+from lookdev.studio.viewport.geometry import pack_corners
 from lookdev.studio.viewport.hierarchy import FIRST_BITS, Hierarchy
 
 
@@ -82,7 +82,7 @@ def test_a_walk_meets_what_a_ray_meets(shape: str) -> None:
 def test_few_boxes_are_tested() -> None:
     """Rays start on a surface of 15744 triangles, and pass close to others."""
     asset = load_asset(builtin="suzanne")
-    hierarchy, rng = corners_of(asset, tuple(range(len(asset.slots))), (), occluding=True), np.random.default_rng(4)
+    hierarchy, rng = pack_corners(asset, tuple(range(len(asset.slots))), (), occluding=True), np.random.default_rng(4)
     triangles = hierarchy.texels[: hierarchy.occluders].reshape(-1, 3, hierarchy.stride, 4)
     places, normals = triangles[:, :, 0, :3].astype(np.float64), triangles[:, :, 1, :3].astype(np.float64)
     hierarchy = Hierarchy(hierarchy.texels[hierarchy.occluders :], hierarchy.nodes)

@@ -9,12 +9,12 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class AssignRoutes(Routes):
-    """Looks are assigned to parts, and the materials that can be assigned are listed."""
+    """The assignment of looks to parts, and the list of materials that can be assigned."""
 
-    @json_route("/wear", "POST")
+    @json_route("/assign", "POST")
     def assign_look(self, query: Query) -> Mapping[str, Any]:
         return self.session.change_answer(self.document.assign_look(query.body))
 
-    @json_route("/wearables")
+    @json_route("/materials")
     def list_materials(self, query: Query) -> Mapping[str, Any]:
         return self.document.list_materials()

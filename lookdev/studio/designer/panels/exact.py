@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.websockets import WebSocket
 
-from lookdev.studio.designer.exact import Exact
+from lookdev.studio.designer.exact import ExactRenderer
 from lookdev.studio.designer.exact_socket import ExactPictures
 from lookdev.studio.designer.routes import Routes, socket_route
 from lookdev.studio.designer.session import Session
@@ -15,7 +15,7 @@ class ExactRoutes(Routes):
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
-        self._exact = Exact()
+        self._exact = ExactRenderer()
 
     @socket_route("/exact")
     async def serve_pictures(self, socket: WebSocket) -> None:

@@ -18,7 +18,7 @@ class FileRoutes(Routes):
         is_wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
         if is_wrong or (name is None and not isinstance(over, bool)):
             raise LookdevError("a request to save has a look's number and a file's name, or 'over', true or false")
-        files = self.document.save(look, name, over=over is True)
+        files = self.document.save(look, name, overwrite=over is True)
         return {**self.session.change_answer(), "files": list(map(str, files))}
 
     @json_route("/disk", "POST")

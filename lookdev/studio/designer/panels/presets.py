@@ -1,4 +1,4 @@
-"""The dialogs of presets: the library with pictures, from which layers and new looks are made."""
+"""Routes of the preset dialogs: the presets of the library, and their thumbnails."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class PresetRoutes(Routes):
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
-        self._drawing = anyio.CapacityLimiter(1)
+        self._draw_limiter = anyio.CapacityLimiter(1)
 
     @json_route("/presets")
     def list_presets(self, query: Query) -> Mapping[str, Any]:
@@ -42,7 +42,7 @@ class PresetRoutes(Routes):
             return thumbnail(preset).read_bytes() if preset else None
 
         try:
-            picture = await anyio.to_thread.run_sync(draw, limiter=self._drawing)
+            picture = await anyio.to_thread.run_sync(draw, limiter=self._draw_limiter)
         except LookdevError as error:
             return PlainTextResponse(f"{error}\n", 404)
         if picture is None:

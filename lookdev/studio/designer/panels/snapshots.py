@@ -9,12 +9,12 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
 from lookdev.errors import LookdevError
-from lookdev.studio.designer.routes import FRESH, Query, Routes, json_response, json_route, raw_route
-from lookdev.studio.designer.snapshots import LARGEST
+from lookdev.studio.designer.routes import NO_STORE, Query, Routes, json_response, json_route, raw_route
+from lookdev.studio.designer.snapshots import MAX_PICTURE_BYTES
 
 
 class SnapshotRoutes(Routes):
-    """Snapshots: stored as the body of a request, gone back to, dropped, and sent."""
+    """Requests that store a snapshot from their body, show or drop one, or get its picture."""
 
     uploads = ("/picture",)
 
@@ -23,7 +23,7 @@ class SnapshotRoutes(Routes):
         content = bytearray()
         async for chunk in request.stream():
             content += chunk
-            if len(content) > LARGEST:
+            if len(content) > MAX_PICTURE_BYTES:
                 break  # refused as too large
 
         def store() -> Mapping[str, Any]:
@@ -49,4 +49,4 @@ class SnapshotRoutes(Routes):
             snapshot = self.document.snapshots[int(request.path_params["number"])]
         except LookdevError as error:
             return PlainTextResponse(f"{error}\n", 404)
-        return Response(snapshot.picture, media_type="image/png", headers=FRESH)
+        return Response(snapshot.picture, media_type="image/png", headers=NO_STORE)

@@ -8,17 +8,17 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import FileResponse, PlainTextResponse, Response
 
-from lookdev.studio.designer.routes import FRESH, Query, Routes, json_route, raw_route
+from lookdev.studio.designer.routes import NO_STORE, Query, Routes, json_route, raw_route
 from lookdev.studio.designer.session import Session
-from lookdev.studio.designer.turntable import Turntable
+from lookdev.studio.designer.turntable import TurntableRuns
 
 
 class TurntableRoutes(Routes):
-    """A turntable of the visible scene: started, cancelled, described, and its pictures."""
+    """Requests that start, cancel or describe a turntable of the visible scene, or get a picture of it."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
-        self._turntable = Turntable(lambda: session.document.job)
+        self._turntable = TurntableRuns(lambda: session.document.job)
 
     @json_route("/turntable", "GET", "POST")
     def render_turntable(self, query: Query) -> Mapping[str, Any]:
@@ -31,7 +31,7 @@ class TurntableRoutes(Routes):
     @raw_route("/turntable/{run:int}/{number:int}.png")
     async def send_turntable_picture(self, request: Request) -> Response:
         file = self._turntable.picture(request.path_params["run"], request.path_params["number"])
-        return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=FRESH)
+        return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=NO_STORE)
 
     def close(self) -> None:
         self._turntable.close()

@@ -190,7 +190,7 @@ class Assign {
   /** The assignment of the picked part: its paths, and the words of the job. */
   get assignment() {
     const { scene, part } = this.designer;
-    return scene.job.worn[part.path] ?? { paths: [], by: "asset" };
+    return scene.job.assignments[part.path] ?? { paths: [], by: "asset" };
   }
 
   update({ job, parts, stacks }) {
@@ -225,7 +225,7 @@ class Assign {
         makeButton(
           "Take off",
           `Take ${pattern} out of what is assigned`,
-          () => this.designer.request("wear", { part: this.assignment.paths[0], take: true }),
+          () => this.designer.request("assign", { part: this.assignment.paths[0], unassign: true }),
           { id: "wear-off", disabled: by !== "assign" || Boolean(job.locked) },
         ),
       ),
@@ -239,10 +239,10 @@ class Assign {
     if (job.locked) return;
     try {
       await designer.settle();
-      const materials = await designer.fetchJson("wearables");
+      const materials = await designer.fetchJson("materials");
       const dialog = new AssignDialog(designer.scene.job, this.assignment.paths, materials);
       const request = await dialog.ask();
-      if (request?.material) await designer.request("wear", request);
+      if (request?.material) await designer.request("assign", request);
       else if (request) await this.assignNewLook(request);
     } catch (error) {
       designer.say(error.message, true);
@@ -255,7 +255,7 @@ class Assign {
     if (!preset) return;
     const { file: job } = this.designer.scene.job;
     await askFileName([["preset", "A new look beside the job", job, `${preset}.usda`]], (_, file) =>
-      this.designer.request("wear", { ...request, preset, file }),
+      this.designer.request("assign", { ...request, preset, file }),
     );
   }
 }

@@ -172,7 +172,7 @@ class Layers {
 
   /** Set a parameter of a layer; `rests` at the end of a gesture. */
   change(layer, parameter, value, rests) {
-    this.gesture.change(layer.place, parameter, value, rests);
+    this.gesture.change(layer.index, parameter, value, rests);
   }
 
   /** Ask for an operation on the stack, then focus an element; return the error, or "". */

@@ -25,7 +25,7 @@ export function layerInspector(panel) {
     makeElement("small", { textContent: layer.title ?? "" }),
   );
   const box = makeElement("details", { className: "layer", open: true }, title);
-  box.dataset.layer = layer.place ?? "";
+  box.dataset.layer = layer.index ?? "";
   if (!layer.enabled) {
     const sentence = "Muted: it is not in the picture, and has no sliders. M shows it again.";
     box.append(makeSentence(sentence));

@@ -37,7 +37,7 @@ export class Balls {
   async light() {
     this.dome ??= this.link.ask({ do: "dome" }).then(({ arrays, shapes }) => ({
       radiance: colors(shapes.radiance[1], shapes.radiance[0], arrays.radiance),
-      drawn: colors(shapes.drawn[1], 2, arrays.drawn),
+      drawn: colors(shapes.samples[1], 2, arrays.samples),
     }));
     return this.dome;
   }
@@ -54,7 +54,7 @@ export class Balls {
     const number = numberOf(surface, this.shaders.models),
       film = this.film(name, width, height);
     const key = JSON.stringify([
-      Object.values(shader.answer.places).map(number),
+      Object.values(shader.answer.parameters).map(number),
       light,
       light === "point" ? state.lightAngles : 0,
       width,

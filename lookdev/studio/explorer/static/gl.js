@@ -217,9 +217,9 @@ export class Shader {
   }
 
   /** Use a program with a surface's numbers, and with others. */
-  use(program, numberOfPlace, numbers, textures) {
+  use(program, numberOfParameter, numbers, textures) {
     const uniforms = Object.entries(this.answer.numbers).map(([name, usual]) => {
-      const value = numberOfPlace(this.answer.places[name]) ?? usual;
+      const value = numberOfParameter(this.answer.parameters[name]) ?? usual;
       return [name, usual.length === 3 || !Array.isArray(value) ? value : value[0]];
     });
     program.use({ ...Object.fromEntries(uniforms), ...numbers }, { ...this.tables, ...textures });

@@ -1,4 +1,4 @@
-"""Derivatives of traced graphs, in forward mode: nodes of the same graph, which fold and are shared as all nodes.
+"""Derivatives of traced graphs, in forward mode; they are nodes of the same graph, which folds and shares them.
 
 - Griewank, A. and Walther, A. 2008. Evaluating Derivatives, second edition, chapter 3: the tangents of operations.
 
@@ -13,10 +13,10 @@ from collections.abc import Callable, Mapping, Sequence
 from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol, post_order
 
 
-def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
+def derivatives(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
     """Return the derivatives of nodes and constants with respect to a named symbol."""
     tangents: dict[GraphNode, Scalar] = {}
-    calculus = _Calculus(graph)
+    calculus = _GraphOperations(graph)
 
     def tangent_of(value: Scalar) -> Scalar:
         return tangents[value] if isinstance(value, GraphNode) else 0.0
@@ -32,7 +32,7 @@ def slopes(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
     return [tangent_of(value) for value in roots]
 
 
-class _Calculus:
+class _GraphOperations:
     """Operations of a graph as methods by their names."""
 
     def __init__(self, graph: Graph) -> None:
@@ -48,13 +48,13 @@ class _Calculus:
         return self.where(valid, self.multiply(tangent, factor()), 0.0)
 
 
-def _power(g: _Calculus, node: GraphNode, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
+def _power(g: _GraphOperations, node: GraphNode, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
     positive = g.greater(a, 0.0)
     base = g.scale(da, lambda: g.multiply(b, g.power(a, g.subtract(b, 1.0))), positive)
     return g.add(base, g.scale(db, lambda: g.multiply(node, g.log(a)), positive))
 
 
-def _arctan2(g: _Calculus, node: GraphNode, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
+def _arctan2(g: _GraphOperations, node: GraphNode, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
     length = g.add(g.multiply(x, x), g.multiply(y, y))
     cross = g.subtract(g.multiply(x, dy), g.multiply(y, dx))
     return g.where(g.greater(length, 0.0), g.divide(cross, length), 0.0)
