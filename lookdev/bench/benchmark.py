@@ -22,9 +22,9 @@ from lookdev.bench.reference import RenderFrame, ReportProgress
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.rendering.backends import blender_version
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
-from lookdev.rendering.threads import cores
+from lookdev.rendering.threads import usable_cores
 from lookdev.rendering.worker import open_renderer
 from lookdev.safe_text import read_text
 
@@ -67,7 +67,7 @@ def this_machine() -> Machine:
         except metadata.PackageNotFoundError:
             versions[package] = "not installed"
     cpu, date = models[0] if models else platform.machine(), datetime.now(UTC).isoformat(timespec="seconds")
-    return Machine(cpu, cores(), os.getloadavg(), platform.platform(), versions, date)
+    return Machine(cpu, usable_cores(), os.getloadavg(), platform.platform(), versions, date)
 
 
 class Spread(NamedTuple):
@@ -263,7 +263,7 @@ def bullets(notes: Sequence[str]) -> str:
 
 def render_in_turn(
     scenes: Sequence[T], task: Callable[[T, int], FrameTask], repeats: int, opened: OpenRenderer
-) -> Iterator[list[Rendered]]:
+) -> Iterator[list[WorkerFrame]]:
     """Yield the frames of each repeat, interleaved, each scene in a process of its own.
 
     `task` takes a scene and the number of the repeat, from 1; number 0 warms up.

@@ -21,7 +21,7 @@ from lookdev.bench.subjects import IBLS, LOOKS, bench_asset, bench_lights, bench
 from lookdev.checks.images import flip
 from lookdev.material import Look
 from lookdev.material.usd import read_look
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.scene import Pose
 from lookdev.shipped import shipped_folder
@@ -129,7 +129,7 @@ class DenoiseTrial(Benchmark):
         yield summarize_trials(self.trials)
 
 
-def judge(cell: Cell, pose: Pose, rendered: Rendered, truth: Reference) -> Trial:
+def judge(cell: Cell, pose: Pose, rendered: WorkerFrame, truth: Reference) -> Trial:
     """Return the errors of a frame."""
     assert rendered.raw is not None
     assert rendered.raw_relmse is not None

@@ -27,7 +27,7 @@ from lookdev.bench.subjects import (
 )  # fmt: skip
 from lookdev.light import Light
 from lookdev.rendering.backends import BACKENDS, WORKER_COMMAND
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Pose
 
@@ -85,7 +85,7 @@ def _task(scene: SceneTask, seed: int, pose: Pose = POSE) -> FrameTask:
     return frame_task(scene, pose, f"{pose.element}.{seed}", samples=_SAMPLES, error=None, seed=seed)
 
 
-def _row(size: int, seconds: Sequence[float], last: Rendered) -> GrowthRow:
+def _row(size: int, seconds: Sequence[float], last: WorkerFrame) -> GrowthRow:
     return GrowthRow(size, statistics.median(seconds), min(seconds), max(seconds), last.memory)
 
 
@@ -118,7 +118,7 @@ def _looks(backend: str, options: BenchOptions, opened: OpenRenderer) -> GrowthR
     """Measure a frame of each of many looks in turn: the mean wall time, with the changes of scene, of the first n."""
     scenes = [_scene(backend, look=varied_look(number)) for number in range(max(LOOK_COUNTS))]
     means: dict[int, list[float]] = {count: [] for count in LOOK_COUNTS}
-    last: dict[int, Rendered] = {}
+    last: dict[int, WorkerFrame] = {}
     for repeat in range(_REPEATS):
         with opened() as render:
             render(_task(_scene(backend), 0))  # warms up, in another look
@@ -136,11 +136,11 @@ def _lamps(count: int) -> tuple[Light, ...]:
 
 
 def _takes_lamps(backend: str) -> bool:
-    return BACKENDS[backend].any_light or not BACKENDS[backend].cannot_light(rectangles(1))
+    return BACKENDS[backend].any_light or not BACKENDS[backend].light_gaps(rectangles(1))
 
 
 def _takes_layers(backend: str) -> bool:
-    return BACKENDS[backend].cannot_show(layered_look(MOST_LAYERS)) is None
+    return BACKENDS[backend].look_gap(layered_look(MOST_LAYERS)) is None
 
 
 def _keeps_scene(backend: str) -> bool:

@@ -30,7 +30,7 @@ from lookdev.rendering import wire
 from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.frame import RenderedFrame
-from lookdev.rendering.llvm import VARIABLE, find_llvm
+from lookdev.rendering.llvm import LLVM_VARIABLE, find_llvm
 from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask
 
@@ -56,7 +56,7 @@ def main() -> None:
     answers.send_ready(f"mitsuba {mi.__version__} {VARIANT}")
     built: tuple[FrameTask, Any] | None = None
     for line in sys.stdin:
-        task = wire.decode(line)
+        task = wire.decode_frame_task(line)
         try:
             if built is None or not _same(built[0], task):
                 built = task, build_scene(mi, task)
@@ -68,7 +68,7 @@ def main() -> None:
 
 def load_mitsuba() -> Any:
     """Import Mitsuba; raises RenderError where it, or an LLVM for it, is not installed."""
-    os.environ[VARIABLE] = find_llvm()
+    os.environ[LLVM_VARIABLE] = find_llvm()
     mi: Any = importlib.import_module("mitsuba")
     mi.set_variant(VARIANT)
     return mi
@@ -78,14 +78,16 @@ def check_mitsuba() -> None:
     """Raise RenderError where Mitsuba does not render here; tried in another process, which some LLVMs crash."""
     llvm = find_llvm()
     command = (sys.executable, "-m", "lookdev.bench.mitsuba_worker", "--try")
-    environment = os.environ | {VARIABLE: llvm}
+    environment = os.environ | {LLVM_VARIABLE: llvm}
     try:
         ended = subprocess.run(command, check=False, capture_output=True, env=environment, timeout=_LONGEST_TRIAL)
     except subprocess.TimeoutExpired:
         raise RenderError(f"Mitsuba does not render 4 x 4 pixels in {_LONGEST_TRIAL:g} s with {llvm}") from None
     if ended.returncode:
         last = (ended.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
-        raise RenderError(f"Mitsuba does not render with {llvm}, which {VARIABLE} can replace by another: {last[:200]}")
+        raise RenderError(
+            f"Mitsuba does not render with {llvm}, which {LLVM_VARIABLE} can replace by another: {last[:200]}"
+        )
 
 
 def principled_bsdf(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
@@ -114,7 +116,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     source, camera = scene.shaders[0], scene.camera.orbit(-pose.element)
     if not isinstance(source, PrincipledSource):
         raise RenderError("Mitsuba renders principled scenes only")
-    if gaps := BACKENDS["mitsuba-principled"].cannot_light(scene.lights):
+    if gaps := BACKENDS["mitsuba-principled"].light_gaps(scene.lights):
         raise RenderError(gaps[0])
     if camera.lens is not None or any(camera.shift):
         raise RenderError("the bench renders with Mitsuba through pinholes without lens shift only")

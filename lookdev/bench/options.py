@@ -94,7 +94,7 @@ class BenchOptions:
     def backends_of(self, cell: Cell) -> tuple[str, ...]:
         """Return the backends that can show the look of a cell."""
         look = LOOKS[cell.look].make()
-        return tuple(name for name in self.backends if BACKENDS[name].cannot_show(look) is None)
+        return tuple(name for name in self.backends if BACKENDS[name].look_gap(look) is None)
 
 
 def parse_options(

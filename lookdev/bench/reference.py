@@ -22,7 +22,7 @@ from lookdev.bench.subjects import POSE
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import LookdevError
 from lookdev.metrics import EPSILON
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Pose
 
@@ -45,13 +45,13 @@ class Shot:
     raw: Shot | None = None
 
 
-RenderFrame = Callable[[FrameTask], Rendered]
+RenderFrame = Callable[[FrameTask], WorkerFrame]
 ReportProgress = Callable[[str], None]
 RenderShot = Callable[..., Shot]
 """Renders with samples per pixel and a seed; keywords are other fields of a `Sampling`."""
 
 
-def shot_of(rendered: Rendered) -> Shot:
+def shot_of(rendered: WorkerFrame) -> Shot:
     """Return the mean of a frame's halves, with its figures."""
 
     def shot(image: Floats32, seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:

@@ -66,9 +66,9 @@ class SequenceSubject:
     resolution: int
 
     def __post_init__(self) -> None:
-        cannot_show = BACKENDS["principled"].cannot_show
-        if cannot_show(LOOKS[self.look].make()) or self.scene not in BUILTINS:
-            looks = [name for name, look in LOOKS.items() if not cannot_show(look.make())]
+        look_gap = BACKENDS["principled"].look_gap
+        if look_gap(LOOKS[self.look].make()) or self.scene not in BUILTINS:
+            looks = [name for name, look in LOOKS.items() if not look_gap(look.make())]
             raise LookdevError(
                 f"there is no plain script of {self.look} on {self.scene}; "
                 f"looks that there are: {', '.join(looks)}; scenes: {', '.join(SCENES.keys() & BUILTINS.keys())}"

@@ -87,14 +87,14 @@ def render(
     """
     from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
-    from lookdev.rendering.executors.choice import choose
+    from lookdev.rendering.executors.choice import choose_executor
     from lookdev.run.progress import show_progress
     from lookdev.run.render import load_mapped_job, mapped_files, render_job
 
     if outputs_only and (force or frame or chunk):
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
     part = None if chunk is None else Chunk.parse(chunk)
-    choice = choose(executor, workers=workers, device=device, stored=shared)
+    choice = choose_executor(executor, workers=workers, device=device, shared_output=shared)
     rules = read_rules(path_mapping) if path_mapping is not None else ()
     if dry_run:
         if force or frame or outputs_only:

@@ -31,9 +31,9 @@ def _serve(answers: AnswerStream) -> None:
     from lookdev.cycles.scene import BlenderScene
     from lookdev.errors import LookdevError
     from lookdev.rendering.task import FrameTask, SceneTask
-    from lookdev.rendering.wire import Cancelled, Requests
+    from lookdev.rendering.wire import FrameCancelled, TaskQueue
 
-    requests = Requests.from_input()
+    requests = TaskQueue.from_input()
     answers.send_ready(version.VERSION)
     scene: BlenderScene | None = None
     log_start = _log_size()
@@ -49,7 +49,7 @@ def _serve(answers: AnswerStream) -> None:
         assert isinstance(task, FrameTask), "pictures with derivatives are of another backend"
 
         def progress(samples: int, total: int, relmse: float | None, digest: str = task.digest) -> None:
-            requests.check(digest)
+            requests.check_cancelled(digest)
             answers.send_progress(digest, samples, total, relmse)
 
         try:
@@ -62,7 +62,7 @@ def _serve(answers: AnswerStream) -> None:
                 os.ftruncate(2, log_start)
             answers.send_frame(task.digest, frame, take_notes())
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
-            if not isinstance(error, Cancelled):
+            if not isinstance(error, FrameCancelled):
                 scene = None
             log_start = _log_size()
             answers.send_failure(task.digest, error)

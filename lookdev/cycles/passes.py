@@ -61,7 +61,7 @@ def _plan_recording(scene: SceneTask) -> RecordingPlan:
     fewer parts so far; the shares of the set in that half are used for the whole frame.
     """
     numbers = {"direct": 1} | {group: 2 + number for number, group in enumerate(LOBE_GROUPS)}
-    numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.names_of_light)}
+    numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.light_group_names)}
     sets = [[(name, numbers[name]) for name in part_set[:-1]] for part_set in scene.part_sets]
     parts = [part for part_set in sets for part in part_set]
     if len(parts) <= len(_RECORDS):

@@ -147,7 +147,7 @@ class BlenderScene:
             case ShaderSource():
                 x, y, z = self._asset.center
                 stand = RigOrigin((x, y, z), self.task.camera.pivot)
-                return build_surface_material(source, number, self.task.lights_of(number), stand)
+                return build_surface_material(source, number, self.task.lights_of_shader(number), stand)
             case NodeSource():
                 return build_material(source, self._groups)
             case PrincipledSource():
@@ -291,7 +291,7 @@ def _material_key(task: SceneTask) -> tuple[object, ...]:
     """Return what replaceable materials, those of OSL shaders, are built from."""
     osl_sources = [(number, source) for number, source in enumerate(task.shaders) if isinstance(source, ShaderSource)]
     placement = _placement_key(task) if osl_sources else ()
-    return *((source.program, task.lights_of(number)) for number, source in osl_sources), *placement
+    return *((source.program, task.lights_of_shader(number)) for number, source in osl_sources), *placement
 
 
 def _placement_key(task: SceneTask) -> tuple[object, ...]:

@@ -42,7 +42,7 @@ class RigSampler(SceneLights):
 
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.shader_lights
-        groups = [task.names_of_light.index(name) for name in task.light_groups[: len(lights)]]
+        groups = [task.light_group_names.index(name) for name in task.light_groups[: len(lights)]]
         rig = CodedRig.of(lights)
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)

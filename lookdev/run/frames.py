@@ -15,8 +15,8 @@ from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan
 from lookdev.plan.plan import DAMAGED
 from lookdev.rendering.executors import protocol
-from lookdev.rendering.executors.protocol import Executor, Happening, Stored
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.executors.protocol import Executor, ExecutorEvent, StoredFrame
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.run import events
 from lookdev.run.events import ReportEvent
@@ -195,9 +195,9 @@ class RunFrames:
         self._refresh_sheets()
         return True
 
-    def _handle(self, event: Happening) -> None:
+    def _handle(self, event: ExecutorEvent) -> None:
         """Report an event of the executor, and write the frame that it finishes."""
-        if isinstance(event, protocol.Remarked):
+        if isinstance(event, protocol.ExecutorNote):
             self._report(events.Noted(event.text))
             return
         task = event.task
@@ -216,13 +216,13 @@ class RunFrames:
             case protocol.Finished(_, rendered, seconds):
                 self._finish(task, rendered, seconds)
 
-    def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
+    def _finish(self, task: FrameTask, rendered: WorkerFrame | StoredFrame, seconds: float) -> None:
         """Write a frame, unless its worker has written it, and the pictures and sheets of it."""
         self._run.check_alive()
-        stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
+        stored = rendered if isinstance(rendered, StoredFrame) else store(task, rendered)
         for note in stored.notes:
             self._report(events.Noted(note))
-        pixels = None if isinstance(rendered, Stored) else (exposed_beauty(task, rendered), rendered.alpha)
+        pixels = None if isinstance(rendered, StoredFrame) else (exposed_beauty(task, rendered), rendered.alpha)
         self._pictures.refresh(task, self._done, pixels)
         self._mark_done(task)
         self._rendered += 1

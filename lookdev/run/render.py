@@ -17,10 +17,10 @@ from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.executors.choice import LOCAL, ExecutorOptions, open_executor
+from lookdev.rendering.executors.choice import LOCAL_OPTIONS, ExecutorOptions, open_executor
 from lookdev.rendering.executors.protocol import Executor, WorkerFiles
 from lookdev.rendering.task import SceneTask
-from lookdev.rendering.worker import PATIENCE
+from lookdev.rendering.worker import ANSWER_TIMEOUT
 from lookdev.run.chunks import plan_of_chunk, remove_divisions
 from lookdev.run.events import Noted, ReportEvent, RunJoined
 from lookdev.run.frame_file import store
@@ -55,7 +55,7 @@ def render_job(
     only: Sequence[str] = (),
     chunk: Chunk | None = None,
     outputs_only: bool = False,
-    choice: ExecutorOptions = LOCAL,
+    choice: ExecutorOptions = LOCAL_OPTIONS,
     report: ReportEvent = lambda event: None,
 ) -> RunResult:
     """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
@@ -93,11 +93,11 @@ def render_job(
         _open_executor(choice, run, backend.command) as executor,
     ):
         if not outputs_only and (force or _lacks_frames(job)):
-            if choice.here:
+            if choice.is_local:
                 backend.check_device(job.render.device)
             # Blender starts while files are read.
             executor.launch()
-        prepared = prepare(job, executor.prepare if backend.ahead else None)
+        prepared = prepare(job, executor.prepare if backend.can_prepare else None)
         for note in prepared.notes:
             report(Noted(note))
         job, plan = prepared.job, prepared.plan
@@ -194,12 +194,12 @@ def _output_errors(output: Path) -> Iterator[None]:
 
 @contextmanager
 def _open_executor(
-    choice: ExecutorOptions, run: Run, command: Sequence[str], patience: float = PATIENCE
+    choice: ExecutorOptions, run: Run, command: Sequence[str], timeout: float = ANSWER_TIMEOUT
 ) -> Iterator[Executor]:
     """Yield an executor for a run, with its logs and temporary files in the state folder, and close it."""
     with (
         run.scratch_folder() as scratch,
-        open_executor(choice, WorkerFiles(scratch, run.log_file, tuple(command), patience), store) as executor,
+        open_executor(choice, WorkerFiles(scratch, run.log_file, tuple(command), timeout), store) as executor,
     ):
         yield executor
 
@@ -231,7 +231,7 @@ def run_plan(
     run: Run | None = None,
     executor: Executor | None = None,
     worker_command: Sequence[str] | None = None,
-    patience: float = PATIENCE,
+    timeout: float = ANSWER_TIMEOUT,
     report: ReportEvent = lambda event: None,
 ) -> RunResult:
     """Render pending frames, and make the pictures and sheets that are missing or out of date.
@@ -289,7 +289,7 @@ def run_plan(
                     if worker_command is None:
                         backend.check_device(scene.device)
                     command = worker_command or backend.command
-                    executor = stack.enter_context(_open_executor(ExecutorOptions(workers=1), run, command, patience))
+                    executor = stack.enter_context(_open_executor(ExecutorOptions(workers=1), run, command, timeout))
                 frames.render(tasks, executor)
             frames.wait_for_sheets()
         except KeyboardInterrupt:

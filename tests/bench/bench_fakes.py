@@ -15,7 +15,7 @@ from lookdev.bench.options import BenchOptions, Cell
 from lookdev.bench.reference import Shot
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 
 SIDE = 64
@@ -149,11 +149,11 @@ class FakeProcesses:
     tasks: list[FrameTask] = field(default_factory=list)
 
     @contextmanager
-    def __call__(self) -> Iterator[Callable[[FrameTask], Rendered]]:
+    def __call__(self) -> Iterator[Callable[[FrameTask], WorkerFrame]]:
         self.open += 1
         done = 0
 
-        def render(task: FrameTask) -> Rendered:
+        def render(task: FrameTask) -> WorkerFrame:
             nonlocal done
             done += 1
             if len(self.tasks) == self.ends_after:
@@ -165,7 +165,7 @@ class FakeProcesses:
             black = np.zeros((height, width, 3), np.float32)
             samples = task.scene.sampling.samples
             seconds = self.seconds(task)
-            return Rendered(black, black, black[..., 0], samples, seconds, 0.0, blender="fake", memory=100 + done)
+            return WorkerFrame(black, black, black[..., 0], samples, seconds, 0.0, blender="fake", memory=100 + done)
 
         yield render
         self.open -= 1

@@ -102,7 +102,7 @@ def test_rigs_light_the_asset_as_they_light_a_ball_of_radius_1() -> None:
             direction = light.sample(points, np.full((50, 2), 0.4))
             moved = np.array(asset.center) + asset.radius * points
             np.testing.assert_allclose(larger.radiance(moved, direction), light.radiance(points, direction), rtol=1e-6)
-        assert BACKENDS["principled"].cannot_light(around) == ()
+        assert BACKENDS["principled"].light_gaps(around) == ()
 
 
 def test_cells_and_their_backends() -> None:

@@ -13,7 +13,7 @@ from lookdev.codegen.principled import generate_principled
 from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS
 
-unlike_principled = BACKENDS["mitsuba-principled"].cannot_show
+unlike_principled = BACKENDS["mitsuba-principled"].look_gap
 
 
 @pytest.mark.parametrize("look", [name for name, entry in LOOKS.items() if not unlike_principled(entry.make())])

@@ -16,7 +16,7 @@ from lookdev.material import Layer, Look
 from lookdev.metrics import standard_error
 from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.passes import PASSES
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
@@ -63,7 +63,7 @@ def task_of(
     return frame_task(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {options}")
 
 
-def render_task(worker: Worker, task: FrameTask) -> Rendered:
+def render_task(worker: Worker, task: FrameTask) -> WorkerFrame:
     worker.start()
     return worker.render(task, lambda progress: None)
 

@@ -12,7 +12,7 @@ from test_passes import CAMERA, GREY, POSE, SIZE, balls, render_task
 from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.output.exr import frame_space, read_frame, read_header, read_shown
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
@@ -40,7 +40,7 @@ def task(
     return frame_task(scene_task(scene, Sampling(samples=samples, bounces=bounces)), POSE, f"{look.name} {space}")
 
 
-def beauty(frame: Rendered) -> np.ndarray:
+def beauty(frame: WorkerFrame) -> np.ndarray:
     return 0.5 * (frame.a + frame.b)
 
 

@@ -51,7 +51,7 @@ def ask(process: subprocess.Popen[str], task: FrameTask, answer: str) -> None:
     """Send a task, and wait for an answer."""
     assert process.stdin
     assert process.stdout
-    print(wire.encode(task), file=process.stdin, flush=True)
+    print(wire.encode_task(task), file=process.stdin, flush=True)
     while answer not in (line := process.stdout.readline()):
         assert line, "the worker died"
 

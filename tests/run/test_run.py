@@ -214,7 +214,7 @@ def test_a_worker_that_cannot_write_ends_the_batch(tmp_path: Path) -> None:
 def test_a_frame_whose_worker_crashes_or_hangs_is_retried_and_the_batch_completes(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0002=["die", "garbage", "ok"], element_0003=["hang", "ok"])
     events: list[Event] = []
-    result = case.run(tmp_path, patience=1.0, report=events.append)
+    result = case.run(tmp_path, timeout=1.0, report=events.append)
     assert (result.done, result.exit_code) == (6, 0)
     assert case.requests(tmp_path).count("element.0002.exr") == 3
     assert len(case.worker_pids(tmp_path)) == 4

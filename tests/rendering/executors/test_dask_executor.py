@@ -18,7 +18,7 @@ from lookdev.output.exr import read_frame
 from lookdev.plan import Plan
 from lookdev.rendering.executors.choice import ExecutorOptions, open_executor
 from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
-from lookdev.rendering.executors.protocol import Finished, GivenUp, Remarked, Retried, WorkerFiles
+from lookdev.rendering.executors.protocol import ExecutorNote, Finished, GivenUp, Retried, WorkerFiles
 from lookdev.rendering.task import files_of_task
 from lookdev.run.frame_file import store
 from lookdev.run.render import run_plan
@@ -142,7 +142,7 @@ def test_a_late_result_is_waited_for(executor: DaskExecutor, monkeypatch: pytest
     executor._unfit[unfit] = "its versions differ"
     for worker in ("", unfit, executor._addresses()[1]):  # "": where Dask chooses one
         assert executor._result_of(_Chunk([], worker, Late(3))) == "a result"
-    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT", 0.0)
+    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT_TIMEOUT", 0.0)
     with pytest.raises(TimeoutError, match="does not send a result"):
         executor._result_of(_Chunk([], "", Late(float("inf"))))
 
@@ -184,7 +184,7 @@ def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
     cluster: Any, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with make_executor(cluster.scheduler_address, tmp_path, store=store) as executor:
-        monkeypatch.setattr(executor, "_shared_mark", lambda: Path("/nowhere/mark"))
+        monkeypatch.setattr(executor, "_create_shared_marker", lambda: Path("/nowhere/mark"))
         # A worker waits five seconds for a file to appear, and its next chunk, of the test after this one, for that.
         executor._client.run(
             exec, "from lookdev.rendering.executors import dask_worker; dask_worker._APPEARANCE_TIMEOUT = 0.2", {}
@@ -231,7 +231,7 @@ def test_other_versions_are_an_error_that_says_what_to_install(
     from lookdev.rendering.executors import dask
 
     ours = dask.versions("exact")
-    monkeypatch.setattr(dask, "versions", lambda backend: ours | {"NumPy": "0.1", "lookdev": "9.9"})
+    monkeypatch.setattr(dask, "package_versions", lambda backend: ours | {"NumPy": "0.1", "lookdev": "9.9"})
     with pytest.raises(
         WorkerError, match=r"tcp://.* has lookdev 0.1.0, here 9.9; NumPy .*, here 0.1.*Install the same"
     ):
@@ -241,7 +241,7 @@ def test_other_versions_are_an_error_that_says_what_to_install(
 def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT", 0.5)
+    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT_TIMEOUT", 0.5)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -267,7 +267,7 @@ def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkey
         events = []
         for event in render(executor, plan):
             events.append(event)
-            if isinstance(event, Remarked) and not cluster.workers:
+            if isinstance(event, ExecutorNote) and not cluster.workers:
                 assert "has no worker: frames wait for one" in event.text
                 cluster.adapt(minimum=0, maximum=1, interval="100ms")
         assert stems(events, Finished) == ALL

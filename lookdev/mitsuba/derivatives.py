@@ -29,7 +29,7 @@ from lookdev.mitsuba.surface import Arriving, Response, SceneLooks, SurfacePoint
 from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 from lookdev.mitsuba.view import FramePart, KernelView
 from lookdev.rendering.adaptive import Region
-from lookdev.rendering.slopes import SlopeTask
+from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
@@ -46,7 +46,7 @@ class SlopeScene:
         self._geometry.assign_looks(task.slot_shaders, task.groups)
         self._light = lights_of(mi, task, self._geometry)
 
-    def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> Floats32:
+    def render(self, task: DerivativeTask, progress: Callable[[int, int], None]) -> Floats32:
         """Return halves (2, 1 + P, H, W, 4): radiance and coverage, and their derivatives by the P `task.symbols`."""
         mi, geometry = self._mi, self._geometry
         inputs = {name: (mi.Vector3f if len(value) == 3 else mi.Float)(*value) for name, value in task.values.items()}
