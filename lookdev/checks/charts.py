@@ -1,4 +1,4 @@
-"""A check of reference props: the grey ball and the patches of a frame, measured and predicted.
+"""Checks reference props: the grey ball and the patches of a frame, measured and predicted.
 
 A reading is the mean over a square of whole pixels. Its prediction is the published reflectance times the radiance of a
 white surface in the same square, which the float64 reference computes under the lights and the exposure of the job. The
@@ -29,7 +29,7 @@ _SCRAMBLES = 16
 _SAMPLES = 2048, 256
 """Samples of each scramble. If all lights are infinitely far, one patch predicts all; otherwise each is predicted."""
 
-_FALSE_ALARM = 1e-3
+_FALSE_ALARM_PROBABILITY = 1e-3
 """The probability that noise alone, of Student's distribution, makes any reading of a frame reported."""
 
 SYSTEMATIC = 1e-3
@@ -76,7 +76,7 @@ class Reading:
 def _quantile(freedom: float) -> float:
     from scipy.stats import t as student
 
-    return float(student.isf(0.5 * _FALSE_ALARM / (3 * (1 + len(PATCHES))), freedom))
+    return float(student.isf(0.5 * _FALSE_ALARM_PROBABILITY / (3 * (1 + len(PATCHES))), freedom))
 
 
 def check_charts(task: FrameTask, strip: Strip, rendered: WorkerFrame) -> tuple[Reading, ...]:

@@ -112,7 +112,7 @@ def render(
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(
             job, rules=rules, output=output, force=force, only=frame or (), chunk=part, outputs_only=outputs_only,
-            choice=choice, report=report,
+            executor_options=choice, report=report,
         )  # fmt: skip
     if log_format is not LogFormat.JSON:
         say(result.summary(), err=result.exit_code != 0)
@@ -222,9 +222,9 @@ def manifest(
 ) -> None:
     """Show the files of an output and the inputs of its render, from the manifest that 'render' wrote."""
     from lookdev.output.manifest import read_manifest
-    from lookdev.run.manifest import manifest_text, verify
+    from lookdev.run.manifest import manifest_text, verify_manifest
 
-    listed, deviations = verify(out) if check else (read_manifest(out), None)
+    listed, deviations = verify_manifest(out) if check else (read_manifest(out), None)
     if as_json:
         rows = [{"file": str(row.file), "kind": row.kind, "state": row.state} for row in deviations or ()]
         say_json({**listed, "deviations": rows} if check else listed)

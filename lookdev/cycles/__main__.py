@@ -1,10 +1,10 @@
-"""The worker: tasks in on standard input, results out on standard output, one JSON object a line.
+"""The worker: reads tasks from standard input and writes results to standard output, one JSON object a line.
 
 A scene task prepares a scene for later frames and has no answer. If the preparation fails, the first frame of the
 scene reports the error.
 
-Blender prints to standard output, so `AnswerStream` duplicates the real one before Blender is loaded, and everything
-else goes to standard error. The process exits at once when its input ends, which it also does when the parent dies.
+Blender prints to standard output. `AnswerStream` therefore duplicates the real one before Blender is loaded, and all
+other output goes to standard error. The process exits at once when its input ends, also by the death of the parent.
 """
 
 from __future__ import annotations

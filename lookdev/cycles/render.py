@@ -53,9 +53,9 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: ReportSamples) 
     arrays: dict[str, Floats32] = {}
     names: dict[str, tuple[str, ...]] = {}
     if {*channels_of_passes(task.scene.sampling.passes, task.scene.light_group_names)} - {*frame.passes}:
-        begun = time.perf_counter()
+        passes_start = time.perf_counter()
         arrays, names = render_frame_passes(scene, task, frame)
-        overhead += time.perf_counter() - begun
+        overhead += time.perf_counter() - passes_start
     return frame.with_passes(arrays, names, overhead)
 
 
@@ -88,8 +88,8 @@ def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Report
     features = engine.render_features(scene.scene, FEATURE_SAMPLES)
     albedo, normal = (features[f"Denoising {name}"][::-1] for name in ("Albedo", "Normal"))
     smooth = make_denoiser(albedo, normal)(rgb)
-    taken = time.perf_counter() - started
-    return RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, rgb, math.nan, seconds)
+    denoised_seconds = time.perf_counter() - started
+    return RenderedFrame(smooth, smooth, alpha, sampling.samples, denoised_seconds, math.nan, rgb, math.nan, seconds)
 
 
 def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:

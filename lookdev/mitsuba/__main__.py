@@ -14,7 +14,7 @@ from lookdev.processes import end_with_parent, leaving
 from lookdev.rendering.answers import AnswerStream
 
 if TYPE_CHECKING:
-    from lookdev.mitsuba.derivatives import SlopeScene
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.render import MitsubaScene
     from lookdev.rendering.derivatives import DerivativeTask
     from lookdev.rendering.task import FrameTask
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 class _Scenes:
-    """The scenes of the latest tasks: the next tasks mostly have the same."""
+    """The scenes of the latest tasks; most next tasks have the same scene."""
 
     def __init__(self, answers: AnswerStream, requests: TaskQueue) -> None:
         self._answers = answers
         self._requests = requests
         self.scene: MitsubaScene | None = None
-        self.slope_scene: SlopeScene | None = None
+        self.derivative_scene: DerivativeScene | None = None
 
     def render(self, task: FrameTask) -> None:
         """Render a frame, and send the answer."""
@@ -46,15 +46,15 @@ class _Scenes:
             self.scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.scene)
         self._answers.send_frame(task.digest, self.scene.render(task, progress), take_notes())
 
-    def render_slopes(self, task: DerivativeTask) -> None:
+    def render_derivatives(self, task: DerivativeTask) -> None:
         """Render a picture with derivatives, and send the answer, without an estimate of its relMSE."""
-        from lookdev.mitsuba.derivatives import SlopeScene
+        from lookdev.mitsuba.derivatives import DerivativeScene
         from lookdev.mitsuba.load import load_mitsuba
 
         start = time.perf_counter()
-        if self.slope_scene is None or self.slope_scene.task != task.scene:
-            self.slope_scene = SlopeScene(load_mitsuba(task.scene.device), task.scene)
-        halves = self.slope_scene.render(
+        if self.derivative_scene is None or self.derivative_scene.task != task.scene:
+            self.derivative_scene = DerivativeScene(load_mitsuba(task.scene.device), task.scene)
+        halves = self.derivative_scene.render(
             task, lambda finished, planned: self._answers.send_progress(task.digest, finished, planned, None)
         )
         seconds = time.perf_counter() - start
@@ -89,7 +89,7 @@ def _serve(answers: AnswerStream) -> None:
                 case FrameTask():
                     scenes.render(task)
                 case DerivativeTask():
-                    scenes.render_slopes(task)
+                    scenes.render_derivatives(task)
                 case _:
                     raise WorkerError("this worker takes no scenes ahead of their frames")
         except FrameCancelled as error:

@@ -1,4 +1,4 @@
-"""A rendered frame as an EXR: its layers, its header, and doubts about it."""
+"""Writes a rendered frame as an EXR with layers and a header, and reports doubts about the frame."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from lookdev.rendering.executors.protocol import StoredFrame
 from lookdev.rendering.passes import CATCHER_ARRAYS, light_parts
 from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
-from lookdev.run.pictures import link_first
+from lookdev.run.pictures import link_to_first
 from lookdev.scene.charts.props import STRIP, Strip
 from lookdev.space import REC709
 
 
-def store(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
+def store_frame(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
     """Write the file of a frame; return its record, whose notes include doubts about it. Raises OutputError."""
     beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
     doubts, header = list(frame_doubts(rendered, beauty, constant_light=constant)), {}
@@ -36,13 +36,13 @@ def store(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
         readings = check_charts(task, strip, rendered)
         doubts += charts_doubts(readings)
         header = dict(charts_header(readings))
-    _write(task, rendered, beauty, header)
+    _write_frame_file(task, rendered, beauty, header)
     notes = (f"{FrameName.of(task.files[0])}: {doubt}" for doubt in doubts)
     return StoredFrame(rendered.samples, rendered.relmse, (*rendered.notes, *notes))
 
 
 def frame_doubts(rendered: WorkerFrame, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:
-    """Yield the doubts about a frame, each as a sentence whose subject, the frame, is left out.
+    """Yield the doubts about a frame, each as a sentence without its subject, the frame.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ def frame_doubts(rendered: WorkerFrame, beauty: ArrayLike, *, constant_light: bo
     constant_light
         The radiance is the same from all directions: the halves may then be equal.
     """
-    bright = ~np.isfinite(beauty).all(axis=-1)
-    if bright.any():
-        y, x = np.argwhere(bright)[0]
+    overflowed = ~np.isfinite(beauty).all(axis=-1)
+    if overflowed.any():
+        y, x = np.argwhere(overflowed)[0]
         yield (
-            f"has pixels brighter than a number of 32 bits ({bright.sum()}, the first in column {x}, row {y}); a lower"
+            f"has pixels brighter than 32-bit floats ({overflowed.sum()}, the first in column {x}, row {y}); a lower"
             " exposure of its light would be right"
         )
     covered = rendered.alpha > 0.0
@@ -77,7 +77,7 @@ def exposed_beauty(task: FrameTask, rendered: WorkerFrame) -> Floats32:
         return np.asarray((rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure))
 
 
-def _write(task: FrameTask, rendered: WorkerFrame, beauty: Floats32, extra: Mapping[str, str]) -> None:
+def _write_frame_file(task: FrameTask, rendered: WorkerFrame, beauty: Floats32, extra: Mapping[str, str]) -> None:
     """Write the file of a frame; `beauty` is from `exposed_beauty`, `extra` has further entries of the header.
 
     The layer ``raw`` is the picture before denoising. The layer ``error`` is the standard error, from the halves.
@@ -116,4 +116,4 @@ def _write(task: FrameTask, rendered: WorkerFrame, beauty: Floats32, extra: Mapp
     write_frame(
         task.files[0], beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
     )
-    link_first(task.files)
+    link_to_first(task.files)

@@ -12,7 +12,7 @@ from lookdev.asset import Asset
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import Candidate
 from lookdev.bench.options import BenchOptions, Cell
-from lookdev.bench.reference import Shot
+from lookdev.bench.reference import TimedPicture
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
 from lookdev.rendering.results import WorkerFrame
@@ -67,7 +67,7 @@ class FakeRenderer:
     ends_after: int | None = None
     fails_after: int | None = None
 
-    def __call__(self, samples: int, seed: int, *, denoise: str = "off", error: float | None = None) -> Shot:
+    def __call__(self, samples: int, seed: int, *, denoise: str = "off", error: float | None = None) -> TimedPicture:
         if self.ends_after is not None and len(self.calls) >= self.ends_after:
             raise KeyboardInterrupt
         if self.fails_after is not None and len(self.calls) >= self.fails_after:
@@ -81,10 +81,10 @@ class FakeRenderer:
         noise *= self.scale / np.sqrt(samples)
         seconds = self.fixed + self.rate * samples
 
-        def shot(gain: float, seconds: float, raw: Shot | None = None) -> Shot:
+        def shot(gain: float, seconds: float, raw: TimedPicture | None = None) -> TimedPicture:
             picture = (self.gain * image + gain * noise).astype(np.float32)
             figures = 1_000_000, f"fake {self.name}", samples, gain**2 * self.relmse(samples)
-            return Shot(picture, alpha.astype(np.float32), seconds, *figures, raw)
+            return TimedPicture(picture, alpha.astype(np.float32), seconds, *figures, raw)
 
         return shot(1.0, seconds) if gain == 1.0 else shot(gain, seconds + 0.1, shot(1.0, seconds))
 

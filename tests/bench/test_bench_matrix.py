@@ -12,7 +12,7 @@ from lookdev.bench.options import BenchOptions, Cell, list_names, parse_options,
 from lookdev.bench.subjects import (
     IBLS,
     LOOKS,
-    MOST_LAYERS,
+    MAX_LAYERS,
     RIGS,
     SCENES,
     bench_light,
@@ -75,8 +75,8 @@ def test_skips_are_those_of_the_scene() -> None:
 
 
 def test_every_layer_adds_to_the_shader() -> None:
-    assert len(layered_look(MOST_LAYERS).layers) == MOST_LAYERS
-    assert len({layer.mask.file for layer in layered_look(MOST_LAYERS).layers[1:]}) == MOST_LAYERS - 1
+    assert len(layered_look(MAX_LAYERS).layers) == MAX_LAYERS
+    assert len({layer.mask.file for layer in layered_look(MAX_LAYERS).layers[1:]}) == MAX_LAYERS - 1
 
 
 def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:

@@ -88,7 +88,7 @@ def test_pictures_with_derivatives_are_lit_as_frames(
     drjit: Any, tmp_path: Path, make_scene: Callable[[Path], Scene]
 ) -> None:
     """Both follow the same paths, except for a few that rounding separates."""
-    from lookdev.mitsuba.derivatives import SlopeScene
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.load import load_mitsuba
     from lookdev.mitsuba.render import MitsubaScene
     from lookdev.mitsuba.view import FramePart, KernelView
@@ -102,13 +102,15 @@ def test_pictures_with_derivatives_are_lit_as_frames(
     binding = live_inputs(task)["0"]
     values = {binding.parameter: constant_named(plain, "roughness").value}
     slope_task = DerivativeTask(task, ALIKE, values, binding.symbols, samples, (7, 8), "")
-    halves = SlopeScene(mi, task).render(slope_task, lambda done, planned: None)[0]
+    halves = DerivativeScene(mi, task).render(slope_task, lambda done, planned: None)[0]
     frames = MitsubaScene(mi, task)
     width, height = task.resolution
     view = KernelView.of(mi, task.camera, ALIKE, task.resolution, frames._geometry.center)
     rectangle = FramePart.of(mi, Region(slice(0, height), slice(0, width), samples))
     numbers = (mi.UInt32(number) for number in (7, 0, samples.bit_length() - 1))
-    channels = frames._estimator.pixels(view, rectangle, drjit.arange(mi.UInt32, width * height * samples), *numbers)
+    channels = frames._estimator.render_pixels(
+        view, rectangle, drjit.arange(mi.UInt32, width * height * samples), *numbers
+    )
     means = [np.array(channel).reshape(height, width, samples).mean(axis=-1) for channel in channels]
     expected = np.stack(means, axis=-1)
     np.testing.assert_array_equal(halves[0, ..., 3], expected[..., 3])

@@ -19,7 +19,7 @@ from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
-from lookdev.run.frame_file import store
+from lookdev.run.frame_file import store_frame
 from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.mitsuba
@@ -211,7 +211,7 @@ def test_mattes_are_the_coverage_of_each_part(worker: Worker, solid: WorkerFrame
     task = task_of((COATED, NET), ("cryptomatte",), samples=2048, bounces=3)
     task = replace(task, files=(tmp_path / "frame.exr",))
     frame = render(worker, task)
-    store(task, frame)
+    store_frame(task, frame)
     buffer = oiio.ImageBuf(str(task.files[0]))
     entries = {
         attribute.name: attribute.value

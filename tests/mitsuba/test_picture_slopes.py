@@ -95,13 +95,13 @@ def task_of(case: Case, look: Look, light: tuple[Light, ...], asset: Asset) -> A
 
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.proof) for n in CASES])
 def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: Any, tmp_path: Path) -> None:
-    from lookdev.mitsuba.derivatives import SlopeScene
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.load import load_mitsuba
 
     case = CASES[name]
     look = Look("look", case.layers(tmp_path))
     task = task_of(case, look, lights(case.light, light_of, tmp_path), load_asset(builtin=case.asset))
-    scene, bindings = SlopeScene(load_mitsuba("cpu"), task), live_inputs(task)
+    scene, bindings = DerivativeScene(load_mitsuba("cpu"), task), live_inputs(task)
     constants = {str(n): constant_named(look, name) for n, name in enumerate(case.names)}
 
     def pictures(values: Mapping[str, tuple[float, ...]], symbols: tuple[str, ...]) -> np.ndarray:
@@ -141,7 +141,7 @@ def test_parts_of_two_looks_are_derived_and_a_worker_answers_the_same(
     drjit: Any, worker: Worker, light_of: Any, tmp_path: Path
 ) -> None:
     """Each triangle selects the program of its look; the task is the same after encoding and decoding."""
-    from lookdev.mitsuba.derivatives import SlopeScene
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.load import load_mitsuba
 
     ball = load_asset(builtin="shaderball")
@@ -152,7 +152,7 @@ def test_parts_of_two_looks_are_derived_and_a_worker_answers_the_same(
     task = scene_task(scene, Sampling(bounces=1), "mitsuba")
     binding = live_inputs(task)["0"]
     slope_task = DerivativeTask(task, POSE, {binding.parameter: (0.35,)}, binding.symbols, 8, (0, 1), "one")
-    halves = SlopeScene(load_mitsuba("cpu"), task).render(slope_task, lambda done, planned: None)
+    halves = DerivativeScene(load_mitsuba("cpu"), task).render(slope_task, lambda done, planned: None)
     assert halves.shape == (2, 2, SIZE, SIZE, 4)
     assert np.abs(halves[:, 1]).max() > 0.0
     assert decode_task(encode_task(slope_task)) == slope_task

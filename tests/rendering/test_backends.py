@@ -37,7 +37,7 @@ import numpy as np
 from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.frame import RenderedFrame
-from lookdev.rendering.wire import decode
+from lookdev.rendering.wire import decode_frame_task
 
 @dataclass(frozen=True)
 class FlatSource:

@@ -356,7 +356,7 @@ def test_pictures_lie_over_the_given_background_and_a_doubtful_frame_is_kept_and
     behind[0] = 1.0
     case.misbehave(tmp_path, element_0003=["empty"])
     events: list[Event] = []
-    assert case.run(tmp_path, behind=lambda task: behind, report=events.append).exit_code == 0
+    assert case.run(tmp_path, render_background=lambda task: behind, report=events.append).exit_code == 0
     assert background_light("black")(case.make_plan(case.make_job(tmp_path)).frames[0].task).tolist() == [0, 0, 0]
     picture = pixels(frames_folder(tmp_path) / "element.0002.png")
     assert (picture[0] == 191).all()  # 0.25 + 0.5 * 1

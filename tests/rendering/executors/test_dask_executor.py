@@ -20,7 +20,7 @@ from lookdev.rendering.executors.choice import ExecutorOptions, open_executor
 from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
 from lookdev.rendering.executors.protocol import ExecutorNote, Finished, GivenUp, Retried, WorkerFiles
 from lookdev.rendering.task import files_of_task
-from lookdev.run.frame_file import store
+from lookdev.run.frame_file import store_frame
 from lookdev.run.render import run_plan
 
 pytestmark = [
@@ -172,7 +172,7 @@ def test_a_renderer_that_nobody_asks_for_ends_and_the_next_run_starts_another(
 
 def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Plan, tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
-    with make_executor(cluster.scheduler_address, tmp_path, store=store) as executor:
+    with make_executor(cluster.scheduler_address, tmp_path, store=store_frame) as executor:
         result = run_plan(plan, job.outputs, job.render.background, executor=executor)
     assert (result.done, result.rendered, result.exit_code) == (6, 6, 0)
     output = tmp_path / "out" / "gold" / "city"
@@ -183,7 +183,7 @@ def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Pl
 def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
     cluster: Any, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with make_executor(cluster.scheduler_address, tmp_path, store=store) as executor:
+    with make_executor(cluster.scheduler_address, tmp_path, store=store_frame) as executor:
         monkeypatch.setattr(executor, "_create_shared_marker", lambda: Path("/nowhere/mark"))
         # A worker waits five seconds for a file to appear, and its next chunk, of the test after this one, for that.
         executor._client.run(
@@ -252,7 +252,7 @@ def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
             make_executor(address, tmp_path).__enter__()
     files = WorkerFiles(tmp_path, lambda name: tmp_path / name, ())
     with pytest.raises(LookdevError, match="has workers of its own"):
-        open_executor(ExecutorOptions("dask", address, workers=2), files, store)
+        open_executor(ExecutorOptions("dask", address, workers=2), files, store_frame)
 
 
 def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:

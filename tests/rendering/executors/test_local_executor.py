@@ -114,7 +114,7 @@ def test_workers_divide_cores_and_take_turns_with_devices(tmp_path: Path, monkey
     devices = device_environments(ExecutorOptions(workers=3, device="cuda", device_numbers=(0, 2)))
     with LocalExecutor(executor_files(tmp_path), 3, devices) as executor:
         for _ in range(2):
-            executor._threads.append(executor._new_slot())
+            executor._threads.append(executor._new_thread())
         workers = [slot.worker for slot in executor._threads]
     assert [worker._environment["CUDA_VISIBLE_DEVICES"] for worker in workers] == ["0", "2", "0"]
     assert [sorted(worker._cores or ()) for worker in workers] == [[0, 1], [2, 3, 4], [5, 6, 7]]
