@@ -162,11 +162,11 @@ def test_frames_end_at_a_target_error() -> None:
     exact = FakeRenderer("exact", 0.1)
     aim = 1.01 * exact.relmse(32)
     result = run_cell(replace(DENOISED, aim=aim), exact)
-    aimed, denoised = (result.of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
+    aimed, denoised = (result.measurements_of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
     assert [row.samples for row in aimed] == [32, 32]
     assert [row.samples for row in denoised] == [8, 8]
     # What the most samples do not reach is tried once.
-    assert len(run_cell(replace(SMALL, aim=1e-9), exact).of(Series("exact", "aimed"))) == 1
+    assert len(run_cell(replace(SMALL, aim=1e-9), exact).measurements_of(Series("exact", "aimed"))) == 1
 
 
 def test_beyond_its_samples_a_curve_falls_as_that_of_independent_samples() -> None:

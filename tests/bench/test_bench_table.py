@@ -105,7 +105,7 @@ def test_estimates_stand_beside_what_they_estimate(whole: Measured) -> None:
             assert float(seconds.split()[0]) > 0.0
             assert int(samples) in {1 << power for power in range(10)}
             assert float(error) < 1.1e-3
-        assert len(cell.of(Series("exact", "aimed"))) == 2
+        assert len(cell.measurements_of(Series("exact", "aimed"))) == 2
 
 
 def test_only_options_make_it_a_part(whole: Measured) -> None:

@@ -32,8 +32,8 @@ def test_only_the_asset_counts() -> None:
     wrong = tuple(np.where(alpha[..., None] > 0.0, half, np.float32(1.0)) for half in exact)
     gap = measure_gap(exact, wrong, alpha)  # type: ignore[arg-type]
     assert gap.relmse == 0.0
-    assert gap.seen[32, 32] == 0.0
-    assert gap.seen[2, 2] > 0.1
+    assert gap.flip_map[32, 32] == 0.0
+    assert gap.flip_map[2, 2] > 0.1
 
 
 def test_flip_is_zero_for_the_same_picture_and_noise_is_reported() -> None:

@@ -203,4 +203,4 @@ def test_a_catcher_needs_a_backend_that_has_it(light_of: Callable[[str], Dome]) 
     with pytest.raises(CodegenError, match="'nodes' renders no shadow catcher"):
         scene_task(scene_of([light_of("white")], RED, GREY, catcher=True), Sampling(), "nodes")
     task = scene_task(scene_of([light_of("white")], RED, GREY, catcher=False), Sampling(), "nodes")
-    assert replace(task, device="cpu").arrays == {}
+    assert replace(task, device="cpu").channels_by_array == {}

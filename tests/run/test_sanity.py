@@ -39,4 +39,4 @@ def test_pixels_that_are_too_bright_are_named() -> None:
     beauty = np.full((4, 6, 3), 0.5, np.float32)
     beauty[2, 3, 1] = np.inf
     (doubt,) = frame_doubts(frame(0.25, 0.75), beauty)
-    assert doubt.startswith("has pixels brighter than a number of 32 bits (1, the first in column 3, row 2)")
+    assert doubt.startswith("has pixels brighter than 32-bit floats (1, the first in column 3, row 2)")

@@ -230,7 +230,7 @@ def test_other_versions_are_an_error_that_says_what_to_install(
 ) -> None:
     from lookdev.rendering.executors import dask
 
-    ours = dask.versions("exact")
+    ours = dask.package_versions("exact")
     monkeypatch.setattr(dask, "package_versions", lambda backend: ours | {"NumPy": "0.1", "lookdev": "9.9"})
     with pytest.raises(
         WorkerError, match=r"tcp://.* has lookdev 0.1.0, here 9.9; NumPy .*, here 0.1.*Install the same"
