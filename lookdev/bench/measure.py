@@ -212,10 +212,8 @@ class CellRun:
                         self._attempt(candidate, self._render_to_aim, repeat)
         finally:
             measured = {row.series for row in self.measurements}
-            all_series = [Series(candidate.backend, way) for candidate in self.candidates for way in PICTURES]
-            self.curves = {
-                series: self._curve(series) for series in all_series if series.way == "raw" or series in measured
-            }
+            pairs = [Series(candidate.backend, way) for candidate in self.candidates for way in PICTURES]
+            self.curves = {series: self._curve(series) for series in pairs if series.way == "raw" or series in measured}
             self._pictures.clear()
 
     def _attempt(self, candidate: Candidate, step: Callable[..., object], *arguments: float) -> None:
@@ -247,9 +245,8 @@ class CellRun:
     def _measure(self, candidate: Candidate, repeat: int, samples: int, seed: int) -> None:
         """Render once, which gives a measurement, or two of a picture that is denoised."""
         rendered = self._render(candidate, samples, seed)
-        pictures: dict[PictureKind, TimedPicture] = {"raw": rendered}
-        if rendered.raw is not None:
-            pictures = {"raw": rendered.raw, "denoised": rendered}
+        pictures: dict[PictureKind, TimedPicture] = {"raw": rendered.raw or rendered}
+        pictures |= {"denoised": rendered} if rendered.raw else {}
         rows = []
         for way, picture in pictures.items():
             series = Series(candidate.backend, way)
@@ -344,9 +341,8 @@ class CellRun:
             return effort_to_error(*curve, target)
         # What a denoiser leaves falls more slowly than noise.
         raw = series.way == "raw"
-        return effort_to_error(
-            *curve, target, limit=None if raw else _MAX_EXTRAPOLATION_DENOISED, slopes=(float(raw), 1.0)
-        )
+        limit = None if raw else _MAX_EXTRAPOLATION_DENOISED
+        return effort_to_error(*curve, target, limit=limit, slopes=(float(raw), 1.0))
 
     def _cost_ratio(self, exact: Series, other: Series) -> float | None:
         """Return the time of a sample of one over that of another: the median over renders that followed each other.

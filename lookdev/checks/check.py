@@ -249,9 +249,8 @@ def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
 
 
 def _check_stability(subject: _CheckArguments) -> Iterator[CheckFinding]:
-    yield from check_stability(
-        subject.looks() or list(CONTINUOUS), subject.render, seed=subject.seed, depth=subject.depth
-    )
+    subjects = subject.looks() or list(CONTINUOUS)
+    yield from check_stability(subjects, subject.render, seed=subject.seed, depth=subject.depth)
 
 
 CHECKS: dict[str, Callable[[_CheckArguments], Iterator[CheckFinding]]] = {

@@ -56,10 +56,8 @@ def moderate_numbers(layers: Sequence[PointLayer], count: int, rng: Rng) -> tupl
     no_case, all_cases = np.zeros(count, np.bool_), np.ones(count, np.bool_)
     drawn = []
     for layer in layers:
-        numbers, option_defaults = (
-            _draw_numbers(layer, count, no_case, all_cases, rng),
-            MODELS[layer.model].options_left_out(),
-        )
+        numbers = _draw_numbers(layer, count, no_case, all_cases, rng)
+        option_defaults = MODELS[layer.model].options_left_out()
         numbers |= {name: np.full(count, default) for name, default in option_defaults.items() if name in numbers}
         drawn.append({n: np.minimum(v, 1.0) if _amplifies(layer.model, n) else v for n, v in numbers.items()})
     return tuple(drawn)

@@ -340,9 +340,8 @@ class Estimator:
             weight_sum += selection_weight
             random = sobol.random(mi.Float, seed + (number + 1) * 0x1B873593)
             accepted = (selection_weight > 0.0) & (random * weight_sum < selection_weight)
-            next_path = dr.select(
-                accepted, ([element / selection_weight for element in weight], triangle, uv, -w), next_path
-            )
+            weight = [element / selection_weight for element in weight]
+            next_path = dr.select(accepted, (weight, triangle, uv, -w), next_path)
             next_through = [dr.select(accepted, straight_on, flag) for flag in next_through]
             next_shares = dr.select(accepted & vertex.is_straight & ~straight_on, responses[0].shares(), next_shares)
         return (weight_sum, *next_path, next_through, next_shares), total, background
@@ -385,16 +384,12 @@ class Estimator:
         hit = intersection.is_valid()
         return hit, dr.select(hit, intersection.t, FAR), self._geometry.triangle_of(intersection), intersection.prim_uv
 
-    def _occluder_distances(
-        self, surface: SurfacePoints, w: Vector3f, occluder_distance: Float, blocked: Bool
-    ) -> list[Float]:
-        """Return the occluder's distance for each set of `shadow_excluded`; for an empty set, `occluder_distance`."""
+    def _occluder_distances(self, surface: SurfacePoints, w: Vector3f, nearest: Float, blocked: Bool) -> list[Float]:
+        """Return the occluder's distance for each set of `shadow_excluded`; for an empty set, that of the nearest."""
         distances = []
         for number, excluded in enumerate(self._light.shadow_excluded):
             far = self._mi.Float(FAR)
-            distances.append(
-                self._occluder_distance(number, surface, w, far, blocked) if excluded else occluder_distance
-            )
+            distances.append(self._occluder_distance(number, surface, w, far, blocked) if excluded else nearest)
         return distances
 
     def _unoccluded_shares(

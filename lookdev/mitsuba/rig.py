@@ -340,9 +340,8 @@ class _RigLighting:
             radius, (s, c) = dr.sqrt(u1), dr.sincos(2.0 * math.pi * u2)
             height = dr.safe_sqrt(1.0 - u1) * dr.select(back, -1.0, 1.0)
             w = self._surface.to_world(mi.Vector3f(radius * c, radius * s, height))
-            distance, radiance, density = self._along_dome(
-                number, self._frames.to_light_axes(dome, dome.first, w), w, active
-            )
+            local = self._frames.to_light_axes(dome, dome.first, w)
+            distance, radiance, density = self._along_dome(number, local, w, active)
             return w, radiance, distance, density, controls
         front, behind = self._bins[number][0], self._bins[number][-1]
         map_direction, map_radiance, ratio = dr.select(

@@ -241,11 +241,8 @@ class _Renderer:
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
-            cores = (
-                share_of_cores(int(dask_worker.name), request.workers_per_machine)
-                if request.workers_per_machine > 1
-                else None
-            )
+            count = request.workers_per_machine
+            cores = share_of_cores(int(dask_worker.name), count) if count > 1 else None
             settings = (command, cores, request.timeout)
             if self._worker is None or self._settings != settings:
                 self._end_renderer()
