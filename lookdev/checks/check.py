@@ -249,7 +249,7 @@ def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
 
 
 def _check_stability(subject: _CheckArguments) -> Iterator[CheckFinding]:
-    subjects = subject.looks() or list(CONTINUOUS)
+    subjects: Sequence[str | Look] = subject.looks() or list(CONTINUOUS)
     yield from check_stability(subjects, subject.render, seed=subject.seed, depth=subject.depth)
 
 
