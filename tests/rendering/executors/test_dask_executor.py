@@ -158,7 +158,7 @@ def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Pla
 def test_a_renderer_that_nobody_asks_for_ends_and_the_next_run_starts_another(
     executor: DaskExecutor, plan: Plan, tmp_path: Path
 ) -> None:
-    idle = "from lookdev.rendering.executors import dask_worker; dask_worker.IDLE = "
+    idle = "from lookdev.rendering.executors import dask_worker; dask_worker.IDLE_SECONDS = "
     executor._client.run(exec, f"{idle}0.1", {})
     try:
         assert stems(render(executor, plan), Finished) == ALL
