@@ -25,7 +25,7 @@ from lookdev.material import Layer
 from lookdev.metrics import EPSILON
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, ReferenceScene, frame_pixels
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.scene import Camera, Pose, Scene, camera_rays
 
 # Shapes about the origin, and the radii of their bounding spheres.
@@ -87,7 +87,7 @@ def compute_live(name: str, compute: Callable[..., Arrays], **inputs: Any) -> Ar
 
 
 def assert_agreement(
-    frames: Sequence[Rendered],
+    frames: Sequence[WorkerFrame],
     layers: Sequence[Layer],
     name: str,
     light: Dome,
@@ -106,7 +106,7 @@ def assert_agreement(
         _assert_alike(frames, reference, chosen)
 
 
-def _assert_alike(frames: Sequence[Rendered], reference: Estimate, chosen: Ints) -> None:
+def _assert_alike(frames: Sequence[WorkerFrame], reference: Estimate, chosen: Ints) -> None:
     halves = np.stack([half[tuple(chosen.T)] for frame in frames for half in (frame.a, frame.b)]).astype(np.float64)
     # Channels share their samples: one number a pixel.
     values, expected = halves.mean(axis=-1), reference.value.mean(axis=-1)
@@ -136,7 +136,7 @@ def _assert_alike(frames: Sequence[Rendered], reference: Estimate, chosen: Ints)
 
 def check_scene(
     name: str,
-    frames: Sequence[Rendered],
+    frames: Sequence[WorkerFrame],
     scene: Scene,
     per_frame: int,
     stored: StoredReference = compute_live,
@@ -150,7 +150,7 @@ def _scene_reference(name: str, scene: Scene, stored: StoredReference, options: 
     return stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
 
 
-def _check_pixels(name: str, frames: Sequence[Rendered], per_frame: int, reference: Arrays) -> CheckFinding:
+def _check_pixels(name: str, frames: Sequence[WorkerFrame], per_frame: int, reference: Arrays) -> CheckFinding:
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     count = len(frames) * per_frame
     return check_frame(name, halves, frames[0].alpha, count, reference["pixels"], estimate_of(reference))
@@ -158,7 +158,7 @@ def _check_pixels(name: str, frames: Sequence[Rendered], per_frame: int, referen
 
 def assert_scene_agreement(
     name: str,
-    frames: Sequence[Rendered],
+    frames: Sequence[WorkerFrame],
     scene: Scene,
     per_frame: int,
     stored: StoredReference = compute_live,
@@ -174,7 +174,7 @@ def assert_scene_agreement(
 
 
 def relative_difference(
-    frames: Sequence[Rendered], layers: Sequence[Layer], light: Dome, stored: StoredReference = compute_live
+    frames: Sequence[WorkerFrame], layers: Sequence[Layer], light: Dome, stored: StoredReference = compute_live
 ) -> Floats:
     """Return the relative difference of the mean of frames of a sphere to the reference, at 300 covered pixels."""
     case = {"shape": "sphere", "layers": layers, "light": light, "pose": POSE, "side": len(frames[0].alpha)}
@@ -184,5 +184,5 @@ def relative_difference(
     return np.asarray(_mean(frames)[rows, columns] / found["value"] - 1.0)
 
 
-def _mean(frames: Sequence[Rendered]) -> Floats:
+def _mean(frames: Sequence[WorkerFrame]) -> Floats:
     return np.asarray(np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0))

@@ -26,7 +26,7 @@ from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.plan import Setup
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.llvm import VARIABLE, find_llvm
+from lookdev.rendering.llvm import LLVM_VARIABLE, find_llvm
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Sampling, Scene
@@ -94,7 +94,7 @@ def llvm() -> str:
 def drjit(llvm: str):
     """Return Dr.Jit, in this process."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(VARIABLE, llvm)
+        patch.setenv(LLVM_VARIABLE, llvm)
         yield pytest.importorskip("drjit")
 
 

@@ -8,13 +8,13 @@ from lookdev.asset import Asset, load_asset
 from lookdev.codegen.source import ShaderSource
 from lookdev.light import Light
 from lookdev.material import Layer, Look
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene
 
-RenderScene = Callable[..., Rendered]
+RenderScene = Callable[..., WorkerFrame]
 
 POSE = Pose(30.0, 75.0)
 
@@ -39,7 +39,7 @@ def render_seeds(
     backend: str = "exact",
     alter: Callable[[str], str] | None = None,
     **sampling: Any,
-) -> list[Rendered]:
+) -> list[WorkerFrame]:
     """Render a frame with each seed; `alter` returns the text of a shader to run in place of the generated one."""
     task = scene_task(scene, Sampling(**sampling), backend)
     if alter is not None:
@@ -69,7 +69,7 @@ def frames_of(worker: Worker, default: str = "exact") -> RenderScene:
 
     def render_one(
         which: str | Asset, layers: Sequence[Layer], light: Light, *, pose=POSE, size=48, backend=default, **given: Any
-    ) -> Rendered:
+    ) -> WorkerFrame:
         asset = load_asset(builtin=which) if isinstance(which, str) else which
         look, camera = Look("look", tuple(layers)), orbit_camera(asset.center, asset.radius)
         sampling = Sampling(**{"brdf_samples": 2, "ibl_samples": 4} | given)

@@ -7,7 +7,7 @@ from typing import Any, Self
 import pytest
 
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker
 
@@ -45,8 +45,8 @@ def lend_workers(request: pytest.FixtureRequest, patch: pytest.MonkeyPatch) -> N
         return LentWorker(worker)
 
     @contextmanager
-    def renderer() -> Iterator[Callable[[FrameTask], Rendered]]:
-        def render(task: FrameTask) -> Rendered:
+    def renderer() -> Iterator[Callable[[FrameTask], WorkerFrame]]:
+        def render(task: FrameTask) -> WorkerFrame:
             return worker_of(BACKENDS[task.scene.backend].command).render(task, lambda progress: None)
 
         yield render

@@ -1,8 +1,8 @@
-"""`lookdev bench`: time against error, beside other renderers.
+"""`lookdev bench`: time against error, compared with other renderers.
 
 - `kinds`: the registry of benchmarks; `benchmark`: what they share, from options to files, sections and reports
 - `options`: what is measured; `subjects`: assets, looks and lights, and their scenes
-- `matrix`: time against error, a cell of a scene, a light and a look after another, and the table of a document;
+- `matrix`: time against error of cells, which are a scene, a light and a look; and the table of a document;
   `mitsuba_worker` is one of its backends
 - `sequence`: turntables by the batch runner against a plain Blender script, at the same error
 - `reference`: the converged picture of a backend, with its own error, and the error of renders against it

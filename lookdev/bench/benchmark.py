@@ -1,4 +1,4 @@
-"""A benchmark and its measurements so far: how it runs, its files, its section of a document, its report."""
+"""The base of benchmarks: a run with its measurements so far, its files, its section of a document, its report."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from lookdev.bench.reference import RenderFrame, ReportProgress
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.rendering.backends import blender_version
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
-from lookdev.rendering.threads import cores
+from lookdev.rendering.threads import usable_cores
 from lookdev.rendering.worker import open_renderer
 from lookdev.safe_text import read_text
 
-T = TypeVar("T")
+Subject = TypeVar("Subject")
 
-PATIENCE = 3600.0
-"""Seconds. A part of a reference is one long frame, for which some backends report no progress."""
+ANSWER_TIMEOUT = 3600.0
+"""Seconds: a part of a reference is one long frame, for which some backends report no progress."""
 
 MEGABYTE = 1e6
-END = "<!-- end -->"
+SECTION_END = "<!-- end -->"
 
 OpenRenderer = Callable[[], AbstractContextManager[RenderFrame]]
-open_process: OpenRenderer = partial(open_renderer, PATIENCE)
+open_process: OpenRenderer = partial(open_renderer, ANSWER_TIMEOUT)
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def this_machine() -> Machine:
         except metadata.PackageNotFoundError:
             versions[package] = "not installed"
     cpu, date = models[0] if models else platform.machine(), datetime.now(UTC).isoformat(timespec="seconds")
-    return Machine(cpu, cores(), os.getloadavg(), platform.platform(), versions, date)
+    return Machine(cpu, usable_cores(), os.getloadavg(), platform.platform(), versions, date)
 
 
 class Spread(NamedTuple):
@@ -106,18 +106,20 @@ def join_blocks(blocks: Iterable[str | TextTable], *, aligned: bool = False) -> 
     return "\n\n".join(block if isinstance(block, str) else block.text(aligned=aligned) for block in blocks)
 
 
-def marker(name: str) -> str:
+def section_marker(name: str) -> str:
     """Return the line before the section of a benchmark in a document."""
     return f"<!-- bench: {name} -->"
 
 
 def split_document(file: Path, name: str) -> tuple[str, str]:
     """Return the text before and after a section; raises LookdevError unless its markers are there once, in order."""
-    parts = read_text(file).split(f"{marker(name)}\n")
-    section, end, after = parts[-1].partition(END)
+    parts = read_text(file).split(f"{section_marker(name)}\n")
+    section, end, after = parts[-1].partition(SECTION_END)
     if len(parts) != 2 or not end or "<!-- bench:" in section:
-        raise LookdevError(f"{file}: measured text goes between the lines '{marker(name)}' and '{END}', once")
-    return f"{parts[0]}{marker(name)}\n", f"{end}{after}"
+        raise LookdevError(
+            f"{file}: measured text goes between the lines '{section_marker(name)}' and '{SECTION_END}', once"
+        )
+    return f"{parts[0]}{section_marker(name)}\n", f"{end}{after}"
 
 
 def write_section(file: Path, name: str, text: str) -> None:
@@ -199,7 +201,7 @@ class Benchmark:
 
     @property
     def restricting_options(self) -> tuple[str, ...]:
-        """The options that make it a part of its kind of benchmark."""
+        """The options that restrict it to a part of its kind of benchmark."""
         return restrictions(self.options, self.DEFAULTS)
 
     @property
@@ -233,7 +235,7 @@ class Benchmark:
         return asdict(row)
 
     def header(self, settings: str = "") -> Iterator[str]:
-        """Yield the machine, a line of settings, and how far this is the whole."""
+        """Yield the machine, a line of settings, and whether this is only a part of the benchmark."""
         yield f"{self.machine}."
         if settings:
             yield settings
@@ -248,7 +250,7 @@ class Benchmark:
         return join_blocks((*self.blocks(), *plots))
 
     def details(self) -> Iterator[str | TextTable]:
-        """Yield what the report has besides the blocks."""
+        """Yield the texts and tables that only the report has."""
         yield from ()
 
     def summary(self) -> str:
@@ -262,14 +264,14 @@ def bullets(notes: Sequence[str]) -> str:
 
 
 def render_in_turn(
-    scenes: Sequence[T], task: Callable[[T, int], FrameTask], repeats: int, opened: OpenRenderer
-) -> Iterator[list[Rendered]]:
+    scenes: Sequence[Subject], task: Callable[[Subject, int], FrameTask], repeats: int, open_process: OpenRenderer
+) -> Iterator[list[WorkerFrame]]:
     """Yield the frames of each repeat, interleaved, each scene in a process of its own.
 
     `task` takes a scene and the number of the repeat, from 1; number 0 warms up.
     """
     with ExitStack() as stack:
-        renders = [stack.enter_context(opened()) for _ in scenes]
+        renders = [stack.enter_context(open_process()) for _ in scenes]
         for repeat in range(1 + repeats):
             frames = [render(task(scene, repeat)) for scene, render in zip(scenes, renders, strict=True)]
             if repeat > 0:

@@ -1,7 +1,7 @@
-"""Denoised frames at random, against converged pictures: is the error as measured, is none worse than its raw frame?
+"""Compares random denoised frames with converged pictures: is the error as estimated, is none worse than its raw frame?
 
-A trial is of cells: an asset, a look, a light and a pose, drawn at random. Of each there is one reference, and a frame
-with each of `SAMPLES`. True errors are relMSE against the reference, without its own.
+A cell is an asset, a look, a light and a pose, drawn at random. Each cell has one reference, and a frame with each of
+`SAMPLES`. True errors are relMSE against the reference, minus the reference's own.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ import numpy as np
 
 from lookdev.bench.benchmark import Benchmark, TextTable, write_csv
 from lookdev.bench.options import Cell
-from lookdev.bench.reference import FIRST_SEED, Reference, obtain_reference, shooter
+from lookdev.bench.reference import FIRST_SEED, Reference, obtain_reference, picture_renderer
 from lookdev.bench.subjects import IBLS, LOOKS, bench_asset, bench_lights, bench_scene, picture_key
 from lookdev.checks.images import flip
 from lookdev.material import Look
 from lookdev.material.usd import read_look
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.scene import Pose
 from lookdev.shipped import shipped_folder
 
 SAMPLES = (8, 16, 32, 64, 256)
-WITHIN, LEAST = 1.3, 0.6
-"""The ratio of estimate and truth, either way, within which most frames shall be; the least that any shall have."""
+USUAL_RATIO, MIN_RATIO = 1.3, 0.6
+"""Most frames shall have a ratio of estimate and truth, either way, of at most the first; all, at least the second."""
 
 _ASSETS = ("sphere", "shaderball", "suzanne")
 _LIGHTS = (*IBLS, "studio+3", "lamp")
 _FOLDERS = ("", "classic")
 _PARTS = 4
-_SAME = 1.001  # the raw picture that comes beside the halves is rounded once more than their mean
+_ROUNDING_FACTOR = 1.001  # the raw picture is rounded once more than the mean of the halves
 
 
 @dataclass(frozen=True)
@@ -83,17 +83,17 @@ def draw_cell(seed: int, number: int) -> tuple[Cell, Pose]:
 def cell_scene(cell: Cell, pose: Pose, resolution: int) -> tuple[SceneTask, str]:
     """Return the scene of a cell, and the key of its picture."""
     look, lights = trial_looks()[cell.look](), bench_lights(cell.ibl, bench_asset(cell.scene))
-    # References are of the same shaders, which can show what a denoiser is guided by.
+    # References have the same shaders, which can show the features of a denoiser.
     scene = bench_scene(cell.scene, look, lights, resolution, denoise=True)
     return scene, picture_key(scene, look, cell.ibl, pose)
 
 
 @dataclass(kw_only=True)
 class DenoiseTrial(Benchmark):
-    """Denoised frames at random: is their error as measured?
+    """Random denoised frames: is their error as estimated?
 
-    Options: `frames`; `seed`, by which cells are drawn: constants are tuned on those of one seed, and reported on those
-    of another; `resolution`; `reference`, the samples of each in multiples of the largest of `SAMPLES`; `fresh`.
+    Options: `frames`; `seed` of the random cells (constants are tuned with one seed, and reported with another);
+    `resolution`; `reference`, the samples of each reference in multiples of the largest of `SAMPLES`; `fresh`.
     """
 
     NAME = "denoise-trial"
@@ -109,15 +109,15 @@ class DenoiseTrial(Benchmark):
             for number in range(-(-options.frames // len(SAMPLES))):
                 cell, pose = draw_cell(options.seed, number)
                 scene, key = cell_scene(cell, pose, options.resolution)
-                part, shoot = SAMPLES[-1] * options.reference // _PARTS, shooter(render, scene, pose)
+                part, shoot = SAMPLES[-1] * options.reference // _PARTS, picture_renderer(render, scene, pose)
                 truth = obtain_reference(key, part, _PARTS, shoot, self.report, fresh=options.fresh)
                 first = len(SAMPLES) * number
                 for seed, samples in enumerate(SAMPLES[: options.frames - first], start=first):
                     name = f"{samples}.{seed}.denoised"
                     task = frame_task(scene, pose, name, samples=samples, error=None, seed=seed % FIRST_SEED)
                     rendered = render(task)
-                    self.trials.append(judge(cell, pose, rendered, truth))
-                    self.report(_line(self.trials[-1]))
+                    self.trials.append(measure_trial(cell, pose, rendered, truth))
+                    self.report(_trial_text(self.trials[-1]))
                     yield
 
     def write(self, folder: Path) -> None:
@@ -129,7 +129,7 @@ class DenoiseTrial(Benchmark):
         yield summarize_trials(self.trials)
 
 
-def judge(cell: Cell, pose: Pose, rendered: Rendered, truth: Reference) -> Trial:
+def measure_trial(cell: Cell, pose: Pose, rendered: WorkerFrame, truth: Reference) -> Trial:
     """Return the errors of a frame."""
     assert rendered.raw is not None
     assert rendered.raw_relmse is not None
@@ -142,7 +142,7 @@ def judge(cell: Cell, pose: Pose, rendered: Rendered, truth: Reference) -> Trial
     return Trial(*drawn, rendered.samples, *errors, rendered.seconds)
 
 
-def _line(trial: Trial) -> str:
+def _trial_text(trial: Trial) -> str:
     return (
         f"{trial.asset}, {trial.light}, {trial.look}: {trial.samples} samples, raw {trial.raw:.2e} "
         f"(estimate x{trial.raw_ratio:.2f}), denoised {trial.denoised:.2e} (x{trial.ratio:.2f})"
@@ -150,7 +150,7 @@ def _line(trial: Trial) -> str:
 
 
 def summarize_trials(trials: Sequence[Trial]) -> str:
-    """Return how far estimates are from truth, and what denoising gains by samples."""
+    """Return a text on the ratios of estimates to true errors, and on the gain of denoising for each sample count."""
     if not trials:
         return "no frame was measured"
     reference = max(trial.reference for trial in trials)
@@ -159,13 +159,13 @@ def summarize_trials(trials: Sequence[Trial]) -> str:
         ("denoised", [trial.ratio for trial in trials]),
         ("raw", [trial.raw_ratio for trial in trials]),
     ):
-        within = statistics.fmean(1.0 / WITHIN <= ratio <= WITHIN for ratio in ratios)
-        low = sum(ratio < LEAST for ratio in ratios)
+        within = statistics.fmean(1.0 / USUAL_RATIO <= ratio <= USUAL_RATIO for ratio in ratios)
+        low = sum(ratio < MIN_RATIO for ratio in ratios)
         lines.append(
-            f"estimate of {name} frames / truth: within {WITHIN:g} for {within:.0%}, "
-            f"least {min(ratios):.2f} ({low} below {LEAST:g}), median {statistics.median(ratios):.2f}"
+            f"estimate of {name} frames / truth: within {USUAL_RATIO:g} for {within:.0%}, "
+            f"least {min(ratios):.2f} ({low} below {MIN_RATIO:g}), median {statistics.median(ratios):.2f}"
         )
-    worse = [trial.denoised / trial.raw for trial in trials if trial.denoised > _SAME * trial.raw]
+    worse = [trial.denoised / trial.raw for trial in trials if trial.denoised > _ROUNDING_FACTOR * trial.raw]
     lines.append(f"worse than raw: {len(worse)}" + (f", at most x{max(worse):.3f}" if worse else ""))
     for samples in sorted({trial.samples for trial in trials}):
         subset = [trial for trial in trials if trial.samples == samples]

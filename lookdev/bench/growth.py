@@ -13,8 +13,8 @@ from lookdev.bench.benchmark import OpenRenderer, render_in_turn
 from lookdev.bench.options import QUARTERS, BenchOptions
 from lookdev.bench.subjects import (
     LOOKS,
+    MAX_LAYERS,
     MILLION,
-    MOST_LAYERS,
     POSE,
     bench_asset,
     bench_light,
@@ -27,14 +27,14 @@ from lookdev.bench.subjects import (
 )  # fmt: skip
 from lookdev.light import Light
 from lookdev.rendering.backends import BACKENDS, WORKER_COMMAND
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Pose
 
 PIXELS = (64, 128, 256, 512)
 LOOK_COUNTS = (1, 2, 4, 8, 16, 32)
 LIGHTS = (1, 3, 10, 30, 100)
-LAYERS = (1, 2, 4, MOST_LAYERS)
+LAYERS = (1, 2, 4, MAX_LAYERS)
 TRIANGLES = (MILLION // 100, MILLION // 10, MILLION)
 
 _SCENE, _LOOK, _IBL = "shaderball", "plastic", "studio"
@@ -68,7 +68,7 @@ GrowthRows = Iterator[GrowthRow]
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a frame's cost may grow with, how it is measured, and the backends that can show it."""
+    """A quantity on which the cost of a frame may depend: its measurement, and the backends that can show it."""
 
     help: str
     measure: Callable[[str, BenchOptions, OpenRenderer], GrowthRows]
@@ -85,42 +85,42 @@ def _task(scene: SceneTask, seed: int, pose: Pose = POSE) -> FrameTask:
     return frame_task(scene, pose, f"{pose.element}.{seed}", samples=_SAMPLES, error=None, seed=seed)
 
 
-def _row(size: int, seconds: Sequence[float], last: Rendered) -> GrowthRow:
+def _row(size: int, seconds: Sequence[float], last: WorkerFrame) -> GrowthRow:
     return GrowthRow(size, statistics.median(seconds), min(seconds), max(seconds), last.memory)
 
 
-def _sizes(
+def _measure_sizes(
     changes: Callable[[], Mapping[int, Mapping[str, Any]]],
 ) -> Callable[[str, BenchOptions, OpenRenderer], GrowthRows]:
     """Return a measurement of scenes by size, with arguments of `_scene`: interleaved, each in a separate process."""
 
-    def measure(backend: str, options: BenchOptions, opened: OpenRenderer) -> GrowthRows:
+    def measure(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
         scenes = {size: _scene(backend, **change) for size, change in changes().items()}
-        frames = zip(*render_in_turn(list(scenes.values()), _task, _REPEATS, opened), strict=True)
+        frames = zip(*render_in_turn(list(scenes.values()), _task, _REPEATS, open_process), strict=True)
         for size, repeats in zip(scenes, frames, strict=True):
             yield _row(size, [frame.seconds for frame in repeats], repeats[-1])
 
     return measure
 
 
-def _frames(backend: str, options: BenchOptions, opened: OpenRenderer) -> GrowthRows:
+def _measure_frames(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
     """Measure a sequence of frames, by quarters: each is a whole turn, so that all have the same poses."""
     scene, count = _scene(backend), options.frames
     poses = [Pose(360.0 * QUARTERS * number / count % 360.0, 0.0) for number in range(count)]
-    with opened() as render:
+    with open_process() as render:
         render(_task(scene, 0))  # warms up
         frames = [render(_task(scene, number, pose)) for number, pose in enumerate(poses)]
     for start, end in pairwise(count * quarter // QUARTERS for quarter in range(QUARTERS + 1)):
         yield _row(end, [frame.seconds for frame in frames[start:end]], frames[end - 1])
 
 
-def _looks(backend: str, options: BenchOptions, opened: OpenRenderer) -> GrowthRows:
-    """Measure a frame of each of many looks in turn: the mean wall time, with the changes of scene, of the first n."""
+def _measure_looks(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
+    """Measure a frame of each of many looks: the mean wall time of the first n, with the changes of scene."""
     scenes = [_scene(backend, look=varied_look(number)) for number in range(max(LOOK_COUNTS))]
     means: dict[int, list[float]] = {count: [] for count in LOOK_COUNTS}
-    last: dict[int, Rendered] = {}
+    last: dict[int, WorkerFrame] = {}
     for repeat in range(_REPEATS):
-        with opened() as render:
+        with open_process() as render:
             render(_task(_scene(backend), 0))  # warms up, in another look
             started = time.perf_counter()
             for count, scene in enumerate(scenes, start=1):
@@ -135,33 +135,36 @@ def _lamps(count: int) -> tuple[Light, ...]:
     return scale_lights(rectangles(count), bench_asset(_SCENE))
 
 
-def _takes_lamps(backend: str) -> bool:
-    return BACKENDS[backend].any_light or not BACKENDS[backend].cannot_light(rectangles(1))
+def _can_render_lamps(backend: str) -> bool:
+    return BACKENDS[backend].any_light or not BACKENDS[backend].light_gaps(rectangles(1))
 
 
-def _takes_layers(backend: str) -> bool:
-    return BACKENDS[backend].cannot_show(layered_look(MOST_LAYERS)) is None
+def _can_render_layers(backend: str) -> bool:
+    return BACKENDS[backend].look_gap(layered_look(MAX_LAYERS)) is None
 
 
-def _keeps_scene(backend: str) -> bool:
+def _can_share_scene(backend: str) -> bool:
     """Return whether poses share a scene: the bench's worker of Mitsuba builds one for each pose."""
     return BACKENDS[backend].command == WORKER_COMMAND
 
 
 QUANTITIES: dict[str, Quantity] = {
     "pixels": Quantity(
-        "frames of 64 x 64 to 512 x 512 pixels", _sizes(lambda: {n * n: {"resolution": n} for n in PIXELS})
+        "frames of 64 x 64 to 512 x 512 pixels", _measure_sizes(lambda: {n * n: {"resolution": n} for n in PIXELS})
     ),
-    "looks": Quantity("a frame in each of 1 to 32 looks, in turn", _looks),
-    "lights": Quantity("1 to 100 rectangles", _sizes(lambda: {n: {"lights": _lamps(n)} for n in LIGHTS}), _takes_lamps),
+    "looks": Quantity("a frame in each of 1 to 32 looks, in turn", _measure_looks),
+    "lights": Quantity(
+        "1 to 100 rectangles", _measure_sizes(lambda: {n: {"lights": _lamps(n)} for n in LIGHTS}), _can_render_lamps
+    ),
     "layers": Quantity(
         "1 to 8 layers, their masks textures",
-        _sizes(lambda: {n: {"look": layered_look(n)} for n in LAYERS}),
-        _takes_layers,
+        _measure_sizes(lambda: {n: {"look": layered_look(n)} for n in LAYERS}),
+        _can_render_layers,
     ),
     "triangles": Quantity(
-        "boulders of 10,000 to a million triangles", _sizes(lambda: {n: {"asset": make_boulder(n)} for n in TRIANGLES})
+        "boulders of 10,000 to a million triangles",
+        _measure_sizes(lambda: {n: {"asset": make_boulder(n)} for n in TRIANGLES}),
     ),
-    "frames": Quantity("a sequence, by its quarters", _frames, _keeps_scene),
+    "frames": Quantity("a sequence, by its quarters", _measure_frames, _can_share_scene),
 }
-"""What is measured, by its name, in the order of the report."""
+"""The quantities that are measured, by name, in the order of the report."""

@@ -14,4 +14,4 @@ _KINDS = (
     MatrixBenchmark, TableBenchmark, ProfileBenchmark, SetupBenchmark, SequenceBenchmark, DenoiseTrial, ScaleBenchmark
 )  # fmt: skip
 KINDS: dict[str, type[Benchmark]] = {kind.NAME: kind for kind in _KINDS}
-"""By the name of the option; the first is measured without one."""
+"""The kinds by the names of their options; the first is measured without an option."""

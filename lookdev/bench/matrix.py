@@ -1,4 +1,4 @@
-"""Time against error of cells of scenes, lights and looks, for backends that are interleaved; and the table of docs."""
+"""Measures time against error of cells (scene, light, look) for interleaved backends; and the table of a document."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.bench.growth import QUANTITIES, Growth
 from lookdev.bench.measure import Candidate, CellRun, Measurement, Series
 from lookdev.bench.mitsuba_worker import check_mitsuba
 from lookdev.bench.options import BenchOptions, Cell
-from lookdev.bench.reference import shooter
+from lookdev.bench.reference import picture_renderer
 from lookdev.bench.subjects import LOOKS, SCENES, bench_asset, bench_lights, bench_scene, picture_key
 from lookdev.errors import LookdevError, RenderError
 from lookdev.plan.skips import Skip, scene_skips
@@ -24,8 +24,8 @@ from lookdev.scene import Sampling
 
 OpenCandidates = Callable[[Cell, BenchOptions], AbstractContextManager[list[Candidate]]]
 
-NEEDS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
-"""Of a backend that is not on every machine: raises RenderError where it is not."""
+BACKEND_CHECKS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
+"""The check of each backend that is not on every machine; it raises RenderError where the backend is missing."""
 
 
 @contextmanager
@@ -36,7 +36,7 @@ def open_candidates(cell: Cell, options: BenchOptions) -> Iterator[list[Candidat
         candidates = []
         for backend in options.backends_of(cell):
             scene = bench_scene(cell.scene, look, lights, options.resolution, backend, denoise=options.denoise)
-            shoot = shooter(stack.enter_context(open_process()), scene)
+            shoot = picture_renderer(stack.enter_context(open_process()), scene)
             key, denoises = picture_key(scene, look, cell.ibl), BACKENDS[backend].features
             candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene), denoises))
         yield candidates
@@ -76,7 +76,7 @@ class MatrixBenchmark(Benchmark):
     def measure(self) -> Iterator[None]:
         for backend in self.options.backends:
             try:
-                NEEDS.get(backend, lambda: None)()
+                BACKEND_CHECKS.get(backend, lambda: None)()
             except RenderError as error:
                 self.missing[backend] = str(error)
                 self.report(f"without {backend}: {error}")
@@ -185,7 +185,7 @@ class TableBenchmark(MatrixBenchmark):
 
 
 def _series_data(result: CellRun, series: Series) -> dict[str, Any]:
-    rows, reference = result.of(series), result.references.get(series.backend)
+    rows, reference = result.measurements_of(series), result.references.get(series.backend)
     return {
         "curve": [asdict(point) for point in result.curves[series]],
         "seconds_to_relmse": {f"{target:g}": asdict(result.times(series, target)) for target in result.options.targets},

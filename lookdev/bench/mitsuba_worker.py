@@ -1,8 +1,8 @@
-"""A render worker of the same protocol that renders with Mitsuba 3: ``python -m lookdev.bench.mitsuba_worker``.
+"""A render worker for Mitsuba 3's own principled BSDF: ``python -m lookdev.bench.mitsuba_worker``.
 
 The protocol is that of `lookdev.cycles`: frame tasks on standard input, answers on standard output. Blender's sockets
-of a `PrincipledSource` are translated to Mitsuba's ``principled``; the models differ, so pictures are similar only.
-`samples`, `seed` and `bounces` are those of Cycles. The variant is the one that compiles by LLVM.
+of a `PrincipledSource` are translated to Mitsuba's ``principled``; the models differ, so pictures are only similar.
+`samples`, `seed` and `bounces` are those of Cycles. The variant of Mitsuba compiles kernels with LLVM.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from lookdev.rendering import wire
 from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.frame import RenderedFrame
-from lookdev.rendering.llvm import VARIABLE, find_llvm
+from lookdev.rendering.llvm import LLVM_VARIABLE, find_llvm
 from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask
 
 VARIANT = "llvm_ad_rgb"
 
-_LONGEST_TRIAL = 300.0  # seconds
-_FEATURE_SAMPLES = 16  # as many as of Cycles' pictures that guide a denoiser
+_TRIAL_TIMEOUT = 300.0  # seconds
+_FEATURE_SAMPLES = 16  # of the albedo and the normal that guide the denoiser: the number that Cycles' features have
 
 # Mitsuba's local frame of an environment has y up: x, y, z there are the world's y, z, x.
-_UPRIGHT = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
+_Y_UP_TO_Z_UP = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 
-_NOTHING = {
+_TRIAL_SCENE = {
     "type": "scene",
     "integrator": {"type": "path"},
     "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}},
@@ -54,38 +54,38 @@ def main() -> None:
     answers = AnswerStream()
     mi = load_mitsuba()
     answers.send_ready(f"mitsuba {mi.__version__} {VARIANT}")
-    built: tuple[FrameTask, Any] | None = None
+    current: tuple[FrameTask, Any] | None = None
     for line in sys.stdin:
-        task = wire.decode(line)
+        task = wire.decode_frame_task(line)
         try:
-            if built is None or not _same(built[0], task):
-                built = task, build_scene(mi, task)
-            _render(mi, built[1], task, answers)
+            if current is None or not _is_same_scene(current[0], task):
+                current = task, build_scene(mi, task)
+            _render_frame(mi, current[1], task, answers)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
-            built = None
+            current = None
             answers.send_failure(task.digest, error)
 
 
 def load_mitsuba() -> Any:
     """Import Mitsuba; raises RenderError where it, or an LLVM for it, is not installed."""
-    os.environ[VARIABLE] = find_llvm()
+    os.environ[LLVM_VARIABLE] = find_llvm()
     mi: Any = importlib.import_module("mitsuba")
     mi.set_variant(VARIANT)
     return mi
 
 
 def check_mitsuba() -> None:
-    """Raise RenderError where Mitsuba does not render here; tried in another process, which some LLVMs crash."""
+    """Raise RenderError if Mitsuba cannot render here; a child process tries it, because some LLVMs crash."""
     llvm = find_llvm()
     command = (sys.executable, "-m", "lookdev.bench.mitsuba_worker", "--try")
-    environment = os.environ | {VARIABLE: llvm}
+    environment = os.environ | {LLVM_VARIABLE: llvm}
     try:
-        ended = subprocess.run(command, check=False, capture_output=True, env=environment, timeout=_LONGEST_TRIAL)
+        trial = subprocess.run(command, check=False, capture_output=True, env=environment, timeout=_TRIAL_TIMEOUT)
     except subprocess.TimeoutExpired:
-        raise RenderError(f"Mitsuba does not render 4 x 4 pixels in {_LONGEST_TRIAL:g} s with {llvm}") from None
-    if ended.returncode:
-        last = (ended.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
-        raise RenderError(f"Mitsuba does not render with {llvm}, which {VARIABLE} can replace by another: {last[:200]}")
+        raise RenderError(f"Mitsuba does not render 4 x 4 pixels in {_TRIAL_TIMEOUT:g} s with {llvm}") from None
+    if trial.returncode:
+        last = (trial.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
+        raise RenderError(f"Mitsuba does not render with {llvm}; set {LLVM_VARIABLE} to another LLVM: {last[:200]}")
 
 
 def principled_bsdf(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def principled_bsdf(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str
                 # alpha is roughness squared in Blender, 0.1 - 0.099 gloss in Mitsuba (Burley 2012, 5.5).
                 bsdf["clearcoat_gloss"] = min(1.0, max(0.0, (0.1 - value**2) / 0.099))
             case "Coat Weight", float():
-                # Mitsuba's has a quarter of the strength, as Burley's.
+                # Mitsuba's clearcoat has a quarter of the strength of Blender's coat, as Burley's has.
                 bsdf["clearcoat"] = min(1.0, 4.0 * value)
             case (("Metallic" | "Roughness" | "Anisotropic"), float()):
                 bsdf[name.lower()] = value
@@ -114,7 +114,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     source, camera = scene.shaders[0], scene.camera.orbit(-pose.element)
     if not isinstance(source, PrincipledSource):
         raise RenderError("Mitsuba renders principled scenes only")
-    if gaps := BACKENDS["mitsuba-principled"].cannot_light(scene.lights):
+    if gaps := BACKENDS["mitsuba-principled"].light_gaps(scene.lights):
         raise RenderError(gaps[0])
     if camera.lens is not None or any(camera.shift):
         raise RenderError("the bench renders with Mitsuba through pinholes without lens shift only")
@@ -137,7 +137,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
         {
             "type": "scene",
             "integrator": {"type": "path", "hide_emitters": True} | depths,
-            "light": {"type": "envmap", "bitmap": radiance, "to_world": turn @ transform(_UPRIGHT)},
+            "light": {"type": "envmap", "bitmap": radiance, "to_world": turn @ transform(_Y_UP_TO_Z_UP)},
             "sensor": {
                 "type": "perspective",
                 "fov": camera.fov,
@@ -156,7 +156,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
 def corner_meshes(asset: Asset) -> Iterator[tuple[Floats32, Floats32, Floats32]]:
     """Yield each instance as triangles about the centre: positions, normals and UVs of their corners (3 t, ...).
 
-    The UVs are those of the mesh's first set; 0 where it has none, which no look of constants notices.
+    The UVs are those of the mesh's first set, or 0 if it has none: looks of constants do not read them.
     """
     triangles = [triangulate(mesh) for mesh in asset.meshes]
     for instance in asset.instances:
@@ -182,34 +182,36 @@ def _make_mesh(mi: Any, bsdf: Any, positions: Floats32, normals: Floats32, uvs: 
     return mesh
 
 
-def _render(mi: Any, scene: Any, task: FrameTask, answers: AnswerStream) -> None:
+def _render_frame(mi: Any, scene: Any, task: FrameTask, answers: AnswerStream) -> None:
     sampling = task.scene.sampling
-    started = time.perf_counter()
+    start = time.perf_counter()
     # The copy waits for the render.
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     image, alpha = pixels[..., :3], pixels[..., 3]
-    seconds = time.perf_counter() - started
+    seconds = time.perf_counter() - start
     frame = RenderedFrame(image, image, alpha, sampling.samples, seconds, math.nan)
     if sampling.denoise != "off":
         # Guided by albedos and normals, as Mitsuba shows them.
         aovs = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
         features = np.array(mi.render(scene, integrator=aovs, spp=_FEATURE_SAMPLES, seed=sampling.seed), np.float32)
         smooth = make_denoiser(np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:])(image)
-        taken = time.perf_counter() - started
-        frame = RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, image, math.nan, seconds)
+        total_seconds = time.perf_counter() - start
+        frame = RenderedFrame(
+            smooth, smooth, alpha, sampling.samples, total_seconds, math.nan, image, math.nan, seconds
+        )
     answers.send_frame(task.digest, frame)
 
 
-def _same(built: FrameTask, other: FrameTask) -> bool:
+def _is_same_scene(task: FrameTask, other: FrameTask) -> bool:
     """Return whether poses and scenes are equal except for samples and seed."""
-    scene = replace(built.scene, sampling=replace(other.scene.sampling, bounces=built.scene.sampling.bounces))
-    return (scene, built.pose) == (other.scene, other.pose)
+    scene = replace(task.scene, sampling=replace(other.scene.sampling, bounces=task.scene.sampling.bounces))
+    return (scene, task.pose) == (other.scene, other.pose)
 
 
 if __name__ == "__main__":
     end_with_parent()
     if sys.argv[1:2] == ["--try"]:
         mitsuba = load_mitsuba()
-        np.asarray(mitsuba.render(mitsuba.load_dict(_NOTHING), spp=1))
+        np.asarray(mitsuba.render(mitsuba.load_dict(_TRIAL_SCENE), spp=1))
     else:
         main()

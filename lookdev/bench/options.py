@@ -13,10 +13,10 @@ from lookdev.bench.subjects import IBLS, LOOKS, RIGS, SCENES
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.rendering.backends import BACKENDS
 
-LARGEST_SAMPLES = 1 << 14
-MOST_REPEATS = 64
+MAX_SAMPLES = 1 << 14
+MAX_REPEATS = 64
 SEEDS = 128
-"""Each stands for `MOST_REPEATS` times 16 of a renderer's seeds."""
+"""The number of seeds of a benchmark; each contains `MAX_REPEATS` times 16 of a renderer's seeds."""
 
 QUARTERS = 4
 """Parts of a sequence whose growth is measured."""
@@ -31,7 +31,7 @@ _NAMES: dict[str, tuple[str, dict[str, str]]] = {
 
 _RANGES: dict[str, tuple[int, float, str]] = {
     "resolution": (16, 4096, "resolution {}: it is from {} to {} pixels"),
-    "repeats": (1, MOST_REPEATS, "{} repeats: from {} to {}"),
+    "repeats": (1, MAX_REPEATS, "{} repeats: from {} to {}"),
     "seed": (0, SEEDS - 1, "seed {}: it is from {} to {}"),
     "frames": (QUARTERS, math.inf, "{} frames: their first quarter needs at least {}"),
     "reference": (4, 1024, "a reference of {} times the largest count: from {} to {}"),
@@ -73,14 +73,14 @@ class BenchOptions:
     aim: float | None = None  # exact is also rendered until it estimates this relMSE
     until: float = 0.0  # relMSE below which a backend is rendered with no more samples
     enough: float = 0.0  # relMSE of a reference below which it takes no more samples
-    independent: bool = False  # beyond its samples a curve falls as that of independent samples, however far
+    independent: bool = False  # curves are extrapolated far, as those of independent samples
 
     def __post_init__(self) -> None:
         for option, (kind, names) in _NAMES.items():
             _check_names(kind, getattr(self, option), list(names))
         for count in self.samples:
-            if not 2 <= count <= LARGEST_SAMPLES or count & (count - 1):
-                raise LookdevError(f"{count} samples: counts are powers of two from 2 to {LARGEST_SAMPLES}")
+            if not 2 <= count <= MAX_SAMPLES or count & (count - 1):
+                raise LookdevError(f"{count} samples: counts are powers of two from 2 to {MAX_SAMPLES}")
         if not self.samples or list(self.samples) != sorted(set(self.samples)):
             raise LookdevError(f"samples {self.samples}: counts are rising and at least one, like 4,16,64")
         for option, (low, high, message) in _RANGES.items():
@@ -94,7 +94,7 @@ class BenchOptions:
     def backends_of(self, cell: Cell) -> tuple[str, ...]:
         """Return the backends that can show the look of a cell."""
         look = LOOKS[cell.look].make()
-        return tuple(name for name in self.backends if BACKENDS[name].cannot_show(look) is None)
+        return tuple(name for name in self.backends if BACKENDS[name].look_gap(look) is None)
 
 
 def parse_options(

@@ -1,9 +1,10 @@
-"""Where a second of rendering goes: parts of the shader of ``exact`` are switched off, one after another.
+"""Measures where a second of rendering goes: parts of the shader of ``exact`` are switched off, one after another.
 
-Each stage leaves out one part more than the stage before it, and what a part takes is the difference of the two in the
-same repeat; so the parts add up to the whole frame. Sections of the shader are replaced by the cheapest lines that set
-what others read; what only a missing part reads is compiled away with it. Without rays no light is occluded, so that
-what follows a ray happens more often. A stage is rendered in a process of its own; stages are interleaved.
+Each stage leaves out one more part than the previous stage. The time of a part is the difference of the two in the same
+repeat, so the times of all parts add up to that of the frame. Sections of the shader are replaced by the cheapest lines
+that set the variables that other sections read; code that only a missing part needs is compiled away with it. Without
+rays no light is occluded, so that code after a ray runs more often. Each stage is rendered in a process of its own;
+stages are interleaved.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ from lookdev.errors import LookdevError
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Sampling
 
-FEW = 2  # samples a pixel: what a frame costs beyond its samples is seen by them
+FEW_SAMPLES = 2  # samples a pixel, to measure the fixed cost of a frame
 
-# In the order in which sections are left out, with the lines that replace them. What sets `wi` goes after what reads
-# it: a loop whose direction is constant computes nothing more than once.
+# In the order in which sections are left out, with the lines that replace them. Code that sets `wi` is left out after
+# code that reads it, because a loop with a constant direction computes everything only once.
 _SECTIONS: tuple[Mapping[str, tuple[str, ...]], ...] = (
     {"light_lookup": ("radiance = 1;",), "light_density": ("density += 1;",)},
     {
@@ -64,11 +65,11 @@ PARTS = (
 
 @dataclass(frozen=True)
 class Stage:
-    """A scene that lacks a part that the stage before it has, the part's name, whether it has `FEW` samples."""
+    """A scene that lacks a part that the stage before it has, the part's name, whether it has `FEW_SAMPLES` samples."""
 
     part: str
     scene: SceneTask
-    few: bool = False
+    has_few_samples: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,11 +103,11 @@ class ProfileBenchmark(Benchmark):
     cells: list[CellProfile] = field(default_factory=list)
 
     def check(self) -> None:
-        """Raise LookdevError for rigs, for several counts of samples, and for so few that nothing is beyond them."""
+        """Raise LookdevError for rigs, for several counts of samples, and for a count of at most `FEW_SAMPLES`."""
         if rigs := [ibl for ibl in self.options.ibls if ibl not in IBLS]:
             raise LookdevError(f"the profile is of maps, not of rigs: {', '.join(rigs)}; known: {', '.join(IBLS)}")
-        if len(self.options.samples) != 1 or self.options.samples[0] <= FEW:
-            raise LookdevError(f"the profile is of one number of samples, more than {FEW}: give --samples 64")
+        if len(self.options.samples) != 1 or self.options.samples[0] <= FEW_SAMPLES:
+            raise LookdevError(f"the profile is of one number of samples, more than {FEW_SAMPLES}: give --samples 64")
 
     def measure(self) -> Iterator[None]:
         for cell in self.options.cells():
@@ -118,18 +119,19 @@ class ProfileBenchmark(Benchmark):
             yield
 
     def _measure_cell(self, cell: Cell) -> CellProfile:
-        """Return the shares of a cell; what Blender takes besides samples is on a straight line to no samples."""
+        """Return the shares of a cell; Blender's fixed cost is extrapolated linearly to 0 samples."""
         options, stages = self.options, stages_of(cell, self.options.resolution)
         samples, repeats = options.samples[0], []
 
         def task(stage: Stage, repeat: int) -> FrameTask:
-            return frame_task(stage.scene, POSE, f"{repeat}", samples=FEW if stage.few else samples, seed=repeat)
+            count = FEW_SAMPLES if stage.has_few_samples else samples
+            return frame_task(stage.scene, POSE, f"{repeat}", samples=count, seed=repeat)
 
         for frames in render_in_turn(stages, task, options.repeats, self.open_process):
             repeats.append([frame.seconds for frame in frames])
             self.report(f"{cell}: {repeats[-1][0]:.2f} s, repeat {len(repeats)} of {options.repeats}")
         *seconds, empty, few = np.transpose(repeats)
-        film = (empty - few) * samples / (samples - FEW)
+        film = (empty - few) * samples / (samples - FEW_SAMPLES)
         parts = [*(before - after for before, after in pairwise([*seconds, empty])), film, empty - film]
         names = [*(stage.part for stage in stages[1:]), PARTS[-1]]
         shares = {name: Spread.of((part / seconds[0]).tolist()) for name, part in zip(names, parts, strict=True)}
@@ -173,7 +175,7 @@ def stages_of(cell: Cell, resolution: int) -> list[Stage]:
     for part, scene in zip(PARTS, [without_bounces(source.shadows), *bare, empty], strict=False):
         if scene.shaders[0].digest != stages[-1].scene.shaders[0].digest:
             stages.append(Stage(part, scene))
-    return [*stages, Stage(PARTS[-2], empty, few=True)]
+    return [*stages, Stage(PARTS[-2], empty, has_few_samples=True)]
 
 
 def _thousandths(share: float) -> str:

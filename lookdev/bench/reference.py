@@ -1,8 +1,8 @@
 """The converged picture of a backend, with its own error, and the error of renders against it.
 
 A reference is the mean of independent parts, whose spread is an unbiased estimate of its own variance, pixel by pixel.
-The squared difference of a render from it contains that variance, which is subtracted: so a reference of a few times
-the samples is sufficient. Errors that its noise leaves too uncertain are not reported.
+The squared difference of a render from it contains that variance, which is subtracted. So a reference of a few times
+the samples is sufficient. Errors that are too uncertain because of its noise are not reported.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from lookdev.bench.subjects import POSE
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import LookdevError
 from lookdev.metrics import EPSILON
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Pose
 
-FIRST_SEED = 1 << 17  # half of the seeds that a shader takes are the references'; `measure` takes the other half
+FIRST_SEED = 1 << 17  # references use the upper half of the seeds that a shader takes; `measure` uses the lower half
 _VERSION = 1
-_SURE = 4.0  # standard errors that an error below the reference's own must have to be reported
+_MIN_STANDARD_ERRORS = 4.0  # an error below the reference's own is reported if it has this many standard errors
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
-    """One render in a warm process; of a denoised one, `raw` is the same before that, in less time."""
+class TimedPicture:
+    """One render in a warm process; if it is denoised, `raw` is the render before denoising, in less time."""
 
     image: Floats32  # (H, W, 3), premultiplied
     alpha: Floats32  # (H, W)
@@ -42,22 +42,22 @@ class Shot:
     renderer: str
     samples: int  # per pixel
     estimate: float | None = None  # of its own relMSE
-    raw: Shot | None = None
+    raw: TimedPicture | None = None
 
 
-RenderFrame = Callable[[FrameTask], Rendered]
+RenderFrame = Callable[[FrameTask], WorkerFrame]
 ReportProgress = Callable[[str], None]
-RenderShot = Callable[..., Shot]
+RenderPicture = Callable[..., TimedPicture]
 """Renders with samples per pixel and a seed; keywords are other fields of a `Sampling`."""
 
 
-def shot_of(rendered: Rendered) -> Shot:
+def timed_picture(rendered: WorkerFrame) -> TimedPicture:
     """Return the mean of a frame's halves, with its figures."""
 
-    def shot(image: Floats32, seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:
+    def shot(image: Floats32, seconds: float, estimate: float | None, raw: TimedPicture | None = None) -> TimedPicture:
         error = None if estimate is None or math.isnan(estimate) else estimate
         figures = rendered.memory, rendered.blender, rendered.samples
-        return Shot(image, rendered.alpha, seconds, *figures, error, raw)
+        return TimedPicture(image, rendered.alpha, seconds, *figures, error, raw)
 
     raw = None
     if rendered.raw is not None and rendered.raw_seconds is not None:
@@ -65,18 +65,18 @@ def shot_of(rendered: Rendered) -> Shot:
     return shot((rendered.a + rendered.b) * np.float32(0.5), rendered.seconds, rendered.relmse, raw)
 
 
-def shooter(render: RenderFrame, scene: SceneTask, pose: Pose = POSE) -> RenderShot:
-    """Return a function that renders a scene, raw unless it is told otherwise."""
+def picture_renderer(render: RenderFrame, scene: SceneTask, pose: Pose = POSE) -> RenderPicture:
+    """Return a function that renders a scene, without denoising unless its arguments request it."""
 
-    def shoot(samples: int, seed: int, **sampling: Any) -> Shot:
+    def shoot(samples: int, seed: int, **sampling: Any) -> TimedPicture:
         fields = {"samples": samples, "seed": seed, "error": None, "denoise": "off", **sampling}
-        return shot_of(render(frame_task(scene, pose, f"{samples}.{seed}", **fields)))
+        return timed_picture(render(frame_task(scene, pose, f"{samples}.{seed}", **fields)))
 
     return shoot
 
 
 @dataclass(frozen=True)
-class Verdict:
+class MeasuredError:
     """The error of a render against a reference."""
 
     relmse: float | None  # without the reference's own error; None where that leaves it too uncertain
@@ -94,7 +94,7 @@ class Reference:
         self.alpha: Floats = np.zeros(())
         self._squares: Floats = np.zeros(())
 
-    def add(self, shot: Shot) -> None:
+    def add(self, shot: TimedPicture) -> None:
         """Add a part (Welford 1962, without cancellation)."""
         image = shot.image.astype(np.float64)
         self.parts += 1
@@ -114,10 +114,10 @@ class Reference:
         return self._relative(self._variance())
 
     def relmse(self, image: Floats) -> float:
-        """Return the relMSE of a picture (H, W, 3) without the reference's own, which may leave less than 0."""
+        """Return the relMSE of a picture (H, W, 3) minus the reference's own; it may be below 0."""
         return self._relative((image - self.mean) ** 2) - self.own_relmse
 
-    def judge(self, *shots: Shot) -> Verdict:
+    def measure_error(self, *shots: TimedPicture) -> MeasuredError:
         """Return the mean relMSE of renders of equally many samples, and the bias of their mean.
 
         The standard error of the bias is from the spread of the difference over pixels, which contains the noise of
@@ -126,19 +126,21 @@ class Reference:
         images = [shot.image.astype(np.float64) for shot in shots]
         relmse = float(np.mean([self.relmse(image) for image in images]))
         squares = np.mean([(image - self.mean) ** 2 for image in images], axis=0)
-        certain = relmse >= min(self.own_relmse, _SURE * self._uncertainty(squares))
+        certain = relmse >= min(self.own_relmse, _MIN_STANDARD_ERRORS * self._uncertainty(squares))
         covered = self.alpha > 0.0
         difference = (np.mean(images, axis=0) - self.mean)[covered].mean(axis=-1)
         brightness = float(self.mean[covered].mean())
         spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
-        return Verdict(relmse if certain else None, float(difference.mean()) / brightness, float(spread / brightness))
+        return MeasuredError(
+            relmse if certain else None, float(difference.mean()) / brightness, float(spread / brightness)
+        )
 
     def _variance(self) -> Floats:
         """Return the variance of the mean (H, W, 3)."""
         return np.asarray(self._squares / (self.parts * (self.parts - 1)))
 
     def _uncertainty(self, squares: Floats) -> float:
-        """Return the standard error of a relMSE that its own noise causes.
+        """Return the standard error of a relMSE that the noise of the reference causes.
 
         Pixels are independent, channels are not. With m without noise, x a render and r this reference, the variance of
         ``(x - r)^2 - var(r)`` over r, for normal noise, is ``4 (x - m)^2 var(r) + 2 var(r)^2``, and the estimated
@@ -155,8 +157,8 @@ class Reference:
         covered = self.alpha > 0.0
         return float((squares / (self.mean**2 + EPSILON))[covered].mean())
 
-    def lacks(self, samples: int, enough: float) -> bool:
-        """Return whether it needs another part; the spread of fewer than eight is too uncertain to be enough."""
+    def needs_part(self, samples: int, enough: float) -> bool:
+        """Return whether it needs another part; the spread of fewer than eight parts is too uncertain to end early."""
         if self.parts < 4:
             return True
         return self.samples < samples and (self.parts < 8 or self.own_relmse > enough)
@@ -188,7 +190,7 @@ def obtain_reference(
     key: str,
     samples: int,
     parts: int,
-    render: RenderShot,
+    render: RenderPicture,
     report: ReportProgress,
     *,
     enough: float = 0.0,
@@ -196,15 +198,15 @@ def obtain_reference(
 ) -> Reference:
     """Return the reference of a picture from the cache, with a key of `picture_key`, and render what it lacks.
 
-    It has `parts` of `samples` each, or at least as many samples in four parts or more, or eight parts or more of an
-    own relMSE of at most `enough`. With `fresh` the cache is ignored. Raises LookdevError where the picture is black or
-    covers no pixel.
+    The reference has `parts` of `samples` each; or at least as many samples in four or more parts; or eight or more
+    parts, and an own relMSE of at most `enough`. With `fresh` the cache is ignored. Raises LookdevError where the
+    picture is black or covers no pixel.
     """
     file = cache_dir("bench") / f"{hashlib.sha256(key.encode()).hexdigest()}.npz"
     reference = None if fresh else Reference.load(file)
-    if reference is None or (reference.lacks(samples * parts, enough) and reference.part_samples < samples):
+    if reference is None or (reference.needs_part(samples * parts, enough) and reference.part_samples < samples):
         reference = Reference(samples)
-    while reference.lacks(samples * parts, enough):
+    while reference.needs_part(samples * parts, enough):
         report(f"reference: part {reference.parts + 1} of {parts}, {reference.part_samples} samples a pixel")
         reference.add(render(reference.part_samples, FIRST_SEED + reference.parts))
         # After every part, so that a run after Ctrl-C continues.

@@ -15,7 +15,17 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from lookdev.bench.benchmark import MEGABYTE, Spread, TextTable
 from lookdev.bench.growth import Growth
-from lookdev.bench.measure import EXACT, PICTURES, CellRun, CurvePoint, Measurement, PictureKind, Ratio, Reached, Series
+from lookdev.bench.measure import (
+    EXACT,
+    PICTURES,
+    CellRun,
+    CurveEffort,
+    CurvePoint,
+    Measurement,
+    PictureKind,
+    Ratio,
+    Series,
+)
 from lookdev.bench.options import BenchOptions
 from lookdev.cache import atomic_path
 
@@ -47,21 +57,21 @@ def cell_blocks(cells: Sequence[CellRun], options: BenchOptions) -> Iterator[str
     """Yield the tables of times, of the most samples and of estimates, with their headings."""
     if not cells:
         return
-    every = list(dict.fromkeys(series for cell in cells for series in cell.curves))
-    others = list(dict.fromkeys(series.backend for series in every if series.backend != EXACT))
+    all_series = list(dict.fromkeys(series for cell in cells for series in cell.curves))
+    others = list(dict.fromkeys(series.backend for series in all_series if series.backend != EXACT))
     columns = [(f"{_TITLES.get(backend, backend)}, s", "takes", "by samples") for backend in others]
     yield _LEGEND
     for way in PICTURES:
         for target in options.targets:
-            if rows := list(_times(cells, others, way, target)):
+            if rows := list(_time_rows(cells, others, way, target)):
                 yield f"#### {way.capitalize()}, to {target:g}"
                 yield TextTable(["", "exact, s", *(column for group in columns for column in group)], rows)
     yield "#### At the most samples"
     yield TextTable(
-        ["", *(f"{series}: samples, s, relMSE" for series in every)],
-        [[str(cell.cell), *(_point(cell.curves.get(series)) for series in every)] for cell in cells],
+        ["", *(f"{series}: samples, s, relMSE" for series in all_series)],
+        [[str(cell.cell), *(_point_text(cell.curves.get(series)) for series in all_series)] for cell in cells],
     )
-    if options.aim is not None and (rows := list(_estimates(cells))):
+    if options.aim is not None and (rows := list(_estimate_rows(cells))):
         yield f"#### Estimates, and frames that end at {options.aim:g}"
         yield (
             "The relMSE that `exact` estimates of a frame, over that against the reference: the median of all frames, "
@@ -72,13 +82,13 @@ def cell_blocks(cells: Sequence[CellRun], options: BenchOptions) -> Iterator[str
         yield TextTable((*head, "denoised: s", "samples", "relMSE"), rows)
 
 
-def _times(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind, target: float) -> Iterator[list[str]]:
+def _time_rows(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind, target: float) -> Iterator[list[str]]:
     """Yield a row for each cell, then geometric means for each scene, and of all."""
     cells = [cell for cell in cells if any(series.way == way for series in cell.curves)]
     for cell in cells:
-        row = [str(cell.cell), _seconds(cell, Series(EXACT, way), target)]
+        row = [str(cell.cell), _seconds_text(cell, Series(EXACT, way), target)]
         for series in (Series(backend, way) for backend in others):
-            row += [_seconds(cell, series, target), *_ratio_texts(cell.ratio(series, target))]
+            row += [_seconds_text(cell, series, target), *_ratio_texts(cell.ratio(series, target))]
         yield row
     scenes = list(dict.fromkeys(cell.cell.scene for cell in cells))
     groups = {scene: [cell for cell in cells if cell.cell.scene == scene] for scene in scenes if len(scenes) > 1}
@@ -86,12 +96,12 @@ def _times(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind, ta
         row = [f"geometric mean, {name}", ""]
         for backend in others:
             ratios = [cell.ratio(Series(backend, way), target) for cell in group]
-            row += ["", _mean([ratio.value if ratio else None for ratio in ratios])]
-            row.append(_mean([ratio.by_samples if ratio else None for ratio in ratios]))
+            row += ["", _mean_text([ratio.value if ratio else None for ratio in ratios])]
+            row.append(_mean_text([ratio.by_samples if ratio else None for ratio in ratios]))
         yield row
 
 
-def _mean(values: Sequence[Reached | None]) -> str:
+def _mean_text(values: Sequence[CurveEffort | None]) -> str:
     ratios = [value.value for value in values if value is not None and value.mark in ("", "~")]
     if not ratios:
         return "-"
@@ -99,11 +109,11 @@ def _mean(values: Sequence[Reached | None]) -> str:
     return f"{statistics.geometric_mean(ratios):.2f}{count}"
 
 
-def _seconds(cell: CellRun, series: Series, target: float) -> str:
+def _seconds_text(cell: CellRun, series: Series, target: float) -> str:
     times = cell.times(series, target)
     if times.value is None:
         return "-"
-    return times.value.mark + Spread(times.value.value, times.low, times.high).text(_short)
+    return times.value.mark + Spread(times.value.value, times.low, times.high).text(format_short)
 
 
 def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
@@ -111,35 +121,35 @@ def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
         return "-", "-"
     by_samples = "-" if ratio.by_samples is None else f"{ratio.by_samples.mark}{ratio.by_samples.value:.2f}"
     spread = Spread(ratio.value.value, ratio.low, ratio.high)
-    return ratio.value.mark + spread.text(_short, f"{spread.middle:.2f}"), by_samples
+    return ratio.value.mark + spread.text(format_short, f"{spread.middle:.2f}"), by_samples
 
 
-def _point(curve: Sequence[CurvePoint] | None) -> str:
+def _point_text(curve: Sequence[CurvePoint] | None) -> str:
     if not curve:
         return "-"
     error = "uncertain" if curve[-1].relmse is None else f"{curve[-1].relmse:.2e}"
-    return f"{curve[-1].samples}, {_short(curve[-1].seconds)}, {error}"
+    return f"{curve[-1].samples}, {format_short(curve[-1].seconds)}, {error}"
 
 
-def _estimates(cells: Sequence[CellRun]) -> Iterator[list[str]]:
+def _estimate_rows(cells: Sequence[CellRun]) -> Iterator[list[str]]:
     """Yield a row for each cell whose frames estimate their errors, then one of all."""
     rows_of_all: Mapping[PictureKind, list[Measurement]] = {way: [] for way in PICTURES}
     for cell in cells:
-        if cell.of(Series(EXACT)):
+        if cell.measurements_of(Series(EXACT)):
             row = [str(cell.cell)]
             for way in PICTURES:
-                row.append(_estimate_over_truth(cell.of(Series(EXACT, way))))
-                rows_of_all[way].extend(cell.of(Series(EXACT, way)))
+                row.append(_estimate_ratio_text(cell.measurements_of(Series(EXACT, way))))
+                rows_of_all[way].extend(cell.measurements_of(Series(EXACT, way)))
             yield [
                 *row,
-                *_aimed_cells(cell.of(Series(EXACT, "aimed"))),
-                *_aimed_cells(cell.of(Series(EXACT, "aimed, denoised"))),
+                *_aimed_cells(cell.measurements_of(Series(EXACT, "aimed"))),
+                *_aimed_cells(cell.measurements_of(Series(EXACT, "aimed, denoised"))),
             ]
     if any(rows_of_all.values()):
-        yield ["all", *map(_estimate_over_truth, rows_of_all.values()), *[""] * 6]
+        yield ["all", *map(_estimate_ratio_text, rows_of_all.values()), *[""] * 6]
 
 
-def _estimate_over_truth(rows: Sequence[Measurement]) -> str:
+def _estimate_ratio_text(rows: Sequence[Measurement]) -> str:
     ratios = [row.estimate / row.relmse for row in rows if row.estimate is not None and row.relmse]
     return Spread.of(ratios).text() if ratios else "-"
 
@@ -150,7 +160,7 @@ def _aimed_cells(rows: Sequence[Measurement]) -> tuple[str, str, str]:
     errors = [row.relmse for row in rows if row.relmse is not None]
     error = f"{statistics.median(errors):.2e}" if errors else "uncertain"
     samples = f"{statistics.median(row.samples for row in rows):.0f}"
-    return Spread.of([row.seconds for row in rows]).text(_short), samples, error
+    return Spread.of([row.seconds for row in rows]).text(format_short), samples, error
 
 
 def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | TextTable]:
@@ -164,7 +174,7 @@ def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | TextTable]:
             by_size = {row.size: row for row in result.rows}
             for size, texts in rows.items():
                 row = by_size.get(size)
-                seconds = "-" if row is None else Spread(row.seconds, row.low, row.high).text(_short)
+                seconds = "-" if row is None else Spread(row.seconds, row.low, row.high).text(format_short)
                 texts += [seconds, "-" if row is None else f"{row.memory / MEGABYTE:.0f}"]
         head = [name, *(column for result in group for column in (f"{result.backend}, s a frame", "MB"))]
         yield f"#### Growth with {name}"
@@ -177,7 +187,7 @@ def bias_and_memory(cells: Sequence[CellRun]) -> TextTable:
     for cell in cells:
         for series, curve in cell.curves.items():
             if curve:
-                memory = max(row.memory for row in cell.of(series))
+                memory = max(row.memory for row in cell.measurements_of(series))
                 bias = f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}"
                 rows.append([f"{cell.cell}: {series}", bias, f"{memory / MEGABYTE:.0f}"])
     return TextTable(("", "bias, %", "MB"), rows)
@@ -208,7 +218,7 @@ def skip_lines(cells: Sequence[CellRun]) -> list[str]:
     ]
 
 
-def _short(value: float) -> str:
+def format_short(value: float) -> str:
     """Return a number with three digits, not in powers of ten."""
     digits = max(0, 2 - math.floor(math.log10(value))) if value > 0.0 else 0
     return f"{value:.{min(digits, 4)}f}"

@@ -1,7 +1,7 @@
 """Large assets: seconds and memory up to the first sample of a job, against Blender's own import of the same file.
 
-The files have sizes that production has. Each is measured in fresh processes, in turn, from the start of the process.
-The cache holds what depends on light and look alone, as after any earlier job; assets are derived anew.
+The files have sizes of production. Each is measured in fresh processes, in turn, from the start of the process. The
+cache has only data of light and look, as after any earlier job; assets are derived anew.
 """
 
 from __future__ import annotations
@@ -29,8 +29,11 @@ from lookdev.bench.benchmark import MEGABYTE, Benchmark, TextTable
 from lookdev.errors import RenderError
 
 ImportProgram = Literal["lookdev", "blender"]
-WAYS: dict[ImportProgram, str] = {"lookdev": "lookdev.bench.scale_job", "blender": "lookdev.cycles.plain_import"}
-"""The module that is a process of each way."""
+IMPORT_MODULES: dict[ImportProgram, str] = {
+    "lookdev": "lookdev.bench.scale_job",
+    "blender": "lookdev.cycles.plain_import",
+}
+"""The module that each way runs as a process."""
 
 _SIDE, _LIGHT, _BOUNCES = 64, "studio", 2
 _LOOK = """#usda 1.0
@@ -131,7 +134,7 @@ CASES: dict[str, Callable[[Path], None]] = {"quads": write_quads, "instances": w
 
 
 @dataclass(frozen=True)
-class Start:
+class StartTimes:
     """Seconds from the start of a process until its frames are planned and until its first sample.
 
     With Blender's import, `planned` is when it is done. `memory` is the peak of each process in bytes.
@@ -152,7 +155,7 @@ class ScaleBenchmark(Benchmark):
     FILE = "scale.json"
     ROWS = "starts"
 
-    starts: list[Start] = field(default_factory=list)
+    starts: list[StartTimes] = field(default_factory=list)
     cases: Mapping[str, Callable[[Path], None]] = field(default_factory=lambda: CASES)
 
     def measure(self) -> Iterator[None]:
@@ -163,10 +166,10 @@ class ScaleBenchmark(Benchmark):
                 write(root / f"{case}.usdc")
             write_quads(root / "warm.usdc", side=2)
             (root / "grey.usda").write_text(_LOOK, encoding="utf-8")
-            _start(root, "warm", "lookdev")  # tables of the light and compiled shaders
-            for repeat, case, way in product(range(repeats), self.cases, WAYS):
+            _measure_start(root, "warm", "lookdev")  # tables of the light and compiled shaders
+            for repeat, case, way in product(range(repeats), self.cases, IMPORT_MODULES):
                 self.report(f"scale: {case}: {way}, {repeat + 1} of {repeats}")
-                self.starts.append(_start(root, case, way))
+                self.starts.append(_measure_start(root, case, way))
                 yield
 
     def medians(self, case: str, way: ImportProgram) -> tuple[float, float, int]:
@@ -190,7 +193,7 @@ class ScaleBenchmark(Benchmark):
         yield TextTable(("", "s to the plan", "s to the first sample", "MB", "lookdev takes", "of the memory"), rows)
 
 
-def _start(root: Path, case: str, way: ImportProgram) -> Start:
+def _measure_start(root: Path, case: str, way: ImportProgram) -> StartTimes:
     cache, log = root / "cache", root / f"{way}.log"
     shutil.rmtree(cache / "assets", ignore_errors=True)
     for stored in cache.glob("content/*.asset"):
@@ -198,7 +201,7 @@ def _start(root: Path, case: str, way: ImportProgram) -> Start:
     request = _write_job(root, case) if way == "lookdev" else _write_request(root, case)
     reached: dict[str, float] = {}
     memory: list[int] = []
-    command = [sys.executable, "-m", WAYS[way], str(request)]
+    command = [sys.executable, "-m", IMPORT_MODULES[way], str(request)]
     environment = os.environ | {"LOOKDEV_CACHE": str(cache)}
     started = time.perf_counter()
     with (
@@ -217,7 +220,7 @@ def _start(root: Path, case: str, way: ImportProgram) -> Start:
     if process.returncode or "sample" not in reached:
         text = log.read_text(errors="replace")[-500:]
         raise RenderError(f"{case}, {way}: ended with exit code {process.returncode} before its first sample: {text}")
-    return Start(case, way, reached["planned"], reached["sample"], tuple(memory))
+    return StartTimes(case, way, reached["planned"], reached["sample"], tuple(memory))
 
 
 def _write_job(root: Path, case: str) -> Path:

@@ -17,7 +17,7 @@ from lookdev.run.render import render_job
 
 
 def main(job: Path) -> None:
-    """Run the job, and leave it at the first sample."""
+    """Run the job, and end it at the first sample."""
     answers = AnswerStream()
 
     def report(event: object) -> None:

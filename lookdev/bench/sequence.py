@@ -1,4 +1,4 @@
-"""Turntables by the batch runner, against the same frames by a plain Blender script, at equal error.
+"""Compares turntables of the batch runner with the same frames of a plain Blender script, at equal error.
 
 The plain script (`lookdev.cycles.plain_sequence`) uses the Principled BSDF, an environment texture turned by a Mapping
 node, a turned object, and ``bpy.ops.render.render`` for each frame, in one process. Both are timed from their start to
@@ -29,7 +29,7 @@ from lookdev.asset import BUILTINS, load_asset
 from lookdev.bench.benchmark import TextTable
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import CurvePoint, Series
-from lookdev.bench.options import LARGEST_SAMPLES
+from lookdev.bench.options import MAX_SAMPLES
 from lookdev.bench.subjects import LOOKS, SCENES, bench_environment, bench_light, bench_scene
 from lookdev.codegen.principled import generate_principled
 from lookdev.errors import LookdevError, RenderError
@@ -53,7 +53,7 @@ PLAIN_COMMAND = (sys.executable, "-m", "lookdev.cycles.plain_sequence")
 
 _PROBES = 3  # frames of each turntable rendered again with other seeds, to estimate their error; a divisor of FRAMES
 _ROUNDS = 3  # corrections of the plain script's samples
-_LONGEST_STEP = 8.0  # the largest factor of one
+_MAX_STEP = 8.0  # the largest factor of one
 
 
 @dataclass(frozen=True)
@@ -66,16 +66,16 @@ class SequenceSubject:
     resolution: int
 
     def __post_init__(self) -> None:
-        cannot_show = BACKENDS["principled"].cannot_show
-        if cannot_show(LOOKS[self.look].make()) or self.scene not in BUILTINS:
-            looks = [name for name, look in LOOKS.items() if not cannot_show(look.make())]
+        look_gap = BACKENDS["principled"].look_gap
+        if look_gap(LOOKS[self.look].make()) or self.scene not in BUILTINS:
+            looks = [name for name, look in LOOKS.items() if not look_gap(look.make())]
             raise LookdevError(
-                f"there is no plain script of {self.look} on {self.scene}; "
+                f"the plain script cannot render {self.look} on {self.scene}; "
                 f"looks that there are: {', '.join(looks)}; scenes: {', '.join(SCENES.keys() & BUILTINS.keys())}"
             )
 
 
-Produce = Callable[[Path, int, int, int], tuple[float, tuple[str, ...]]]
+ProduceFrames = Callable[[Path, int, int, int], tuple[float, tuple[str, ...]]]
 """Renders all turntables with samples, frames a turntable and a seed, as ``<folder>/<look>/<ibl>/<kind>.####.exr``.
 
 Returns the seconds, and the skips with their reasons.
@@ -134,7 +134,7 @@ class SequenceBenchmark(MatrixBenchmark):
     DEFAULTS = {"scenes": ("shaderball",), "repeats": 1}  # noqa: RUF012
 
     result: SequenceResult | None = None
-    producers: Mapping[str, Produce] | None = None  # other than those of `producers_of`
+    producers: Mapping[str, ProduceFrames] | None = None  # other than those of `producers_of`
 
     def check(self) -> None:
         """Raise LookdevError for more than one scene or look, or one without a plain script."""
@@ -172,7 +172,7 @@ class SequenceBenchmark(MatrixBenchmark):
                 return _mean_relmse(subject, *pair, _PROBES)
 
             target = probe("exact", samples)
-            counts = {"exact": samples, "plain": meet_error(target, guess, partial(probe, "plain"))}
+            counts = {"exact": samples, "plain": match_error(target, guess, partial(probe, "plain"))}
             relmse, skips = {}, {}
             for repeat, backend in itertools.product(range(self.options.repeats), counts):
                 self.report(f"sequence: {backend}: {total} frames, {counts[backend]} samples")
@@ -202,9 +202,9 @@ def choose_samples(
     For ``exact`` the smallest power of two at which it is at most `target`; for the plain script, the samples of the
     same error. Raises LookdevError where a curve has less than two points, or does not reach the target.
     """
-    powers = [1 << exponent for exponent in range(1, LARGEST_SAMPLES.bit_length())]
+    powers = [1 << exponent for exponent in range(1, MAX_SAMPLES.bit_length())]
     samples = _fewest_samples(powers, exact, target)
-    return samples, _fewest_samples(range(1, 8 * LARGEST_SAMPLES), plain, _mean_error(exact, samples))
+    return samples, _fewest_samples(range(1, 8 * MAX_SAMPLES), plain, _mean_error(exact, samples))
 
 
 def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]], target: float) -> int:
@@ -219,7 +219,7 @@ def _mean_error(curves: Sequence[Sequence[CurvePoint]], samples: int) -> float:
     return statistics.fmean(error_at(points, samples) for points in certain)
 
 
-def meet_error(target: float, guess: int, error: Callable[[int], float]) -> int:
+def match_error(target: float, guess: int, error: Callable[[int], float]) -> int:
     """Return the samples whose measured error is nearest to a target, within a tenth if possible.
 
     The `guess` is corrected by interpolation, in logarithms, because the error of rare bright pixels does not fall as
@@ -237,7 +237,7 @@ def meet_error(target: float, guess: int, error: Callable[[int], float]) -> int:
         falling = sorted(errors.items())
         if len(errors) > 1 and all(one > other for (_, one), (_, other) in pairwise(falling)):
             better = error_at([(value, samples) for samples, value in reversed(falling)], target)
-        guess = max(1, round(min(max(better, count / _LONGEST_STEP), count * _LONGEST_STEP)))
+        guess = max(1, round(min(max(better, count / _MAX_STEP), count * _MAX_STEP)))
     return count
 
 
@@ -267,7 +267,7 @@ def _mean_relmse(subject: SequenceSubject, folder: Path, probes: Path, frames: i
     return statistics.fmean(errors)
 
 
-def producers_of(subject: SequenceSubject) -> dict[str, Produce]:
+def producers_of(subject: SequenceSubject) -> dict[str, ProduceFrames]:
     """Return the batch runner and the plain script."""
     return {"exact": partial(_render_job, subject), "plain": partial(_render_plainly, subject)}
 
@@ -304,10 +304,10 @@ def _render_plainly(
     request.write_text(json.dumps(fields), encoding="utf-8")
     started = time.perf_counter()
     with log.open("wb") as stream:
-        ended = subprocess.run((*PLAIN_COMMAND, str(request)), stdout=stream, stderr=stream, check=False)
+        process = subprocess.run((*PLAIN_COMMAND, str(request)), stdout=stream, stderr=stream, check=False)
     seconds = time.perf_counter() - started
-    if ended.returncode:
-        raise RenderError(f"the plain script ended with exit code {ended.returncode}: {last_line(log)}")
+    if process.returncode:
+        raise RenderError(f"the plain script ended with exit code {process.returncode}: {last_line(log)}")
     return seconds, ()
 
 

@@ -1,4 +1,4 @@
-"""What surrounds the sampling: whole commands in fresh processes, a worker's first frame, and changes of scene.
+"""Measures the time outside of sampling: commands in fresh processes, a worker's first frame, changes of scene.
 
 Jobs are copies of shipped ones in a folder of their own. Sources, maps and assets are in the cache, as after earlier
 runs.
@@ -25,14 +25,14 @@ from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker
 
 JOBS = ("suzanne", "figure_16")
-"""Few frames of a large mesh; many looks of a small one."""
-_PATIENCE = 600.0
+"""One has few frames of a large mesh, the other many looks of a small one."""
+_TIMEOUT = 600.0
 _SAMPLES = 2  # of the frames whose set-up is measured
 
 
 @dataclass(frozen=True)
 class StepTimes:
-    """Wall seconds of something, in the order of the repeats, and CPU seconds where it is a command."""
+    """Wall seconds of a step, in the order of the repeats, and CPU seconds if the step is a command."""
 
     step: str
     seconds: tuple[float, ...]
@@ -90,11 +90,11 @@ def measure_setup(scratch: Path, repeats: int) -> Iterator[StepTimes]:
 def _run_command(*arguments: str) -> tuple[float, float]:
     """Run a command of the program; return wall and CPU seconds of it and its workers."""
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    ended = subprocess.run([sys.executable, "-m", "lookdev", *arguments], capture_output=True, text=True, check=False)
+    process = subprocess.run([sys.executable, "-m", "lookdev", *arguments], capture_output=True, text=True, check=False)
     wall, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
-    if ended.returncode:
-        error = ended.stderr.strip()[-500:]
-        raise LookdevError(f"lookdev {' '.join(arguments)} ended with {ended.returncode}: {error}")
+    if process.returncode:
+        error = process.stderr.strip()[-500:]
+        raise LookdevError(f"lookdev {' '.join(arguments)} ended with {process.returncode}: {error}")
     return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
@@ -108,7 +108,7 @@ def _first_frames(job: Path) -> list[FrameTask]:
 
 def _time_first_frame(scratch: Path, task: FrameTask) -> tuple[float, float]:
     """Return the seconds of a worker's start and of its first frame, set-up included."""
-    with Worker(WORKER_COMMAND, scratch / "worker.log", scratch, _PATIENCE) as worker:
+    with Worker(WORKER_COMMAND, scratch / "worker.log", scratch, _TIMEOUT) as worker:
         started = time.perf_counter()
         worker.start()
         up = time.perf_counter()
@@ -117,10 +117,10 @@ def _time_first_frame(scratch: Path, task: FrameTask) -> tuple[float, float]:
 
 
 def _time_changes(scratch: Path, name: str, tasks: Sequence[FrameTask]) -> Iterator[StepTimes]:
-    """Yield the seconds of frames of few samples in new scenes, by whether the shader is compiled already."""
+    """Yield the seconds of frames of few samples in new scenes: with new shaders, and with compiled ones."""
     compiled: set[object] = set()
     seconds: dict[str, list[float]] = {"another program": [], "a known program": []}
-    with Worker(WORKER_COMMAND, scratch / "worker.log", scratch, _PATIENCE) as worker:
+    with Worker(WORKER_COMMAND, scratch / "worker.log", scratch, _TIMEOUT) as worker:
         worker.start()
         for number, task in enumerate(tasks):
             scene = replace(task.scene, sampling=replace(task.scene.sampling, samples=_SAMPLES, error=None))

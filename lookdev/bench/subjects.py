@@ -41,10 +41,10 @@ T = TypeVar("T")
 
 POSE = Pose(0.0, 0.0)
 MILLION = 1_000_000
-MOST_LAYERS = 8
+MAX_LAYERS = 8
 _LOBES = {"metallic": 1.0, "clearcoat": 1.0, "anisotropic": 0.7}
 _MASK_SIZE = 256
-_MASK_VERSION = 1  # the only digest of the file: increase it with any change
+_MASK_VERSION = 1  # identifies the file: increase it with any change
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def layered_look(layers: int) -> Look:
     """Return a stack of Disney layers; masks above the base are textures, so that no layer folds away."""
     stack = [Layer("layer0", "disney", {"baseColor": (0.35, 0.06, 0.04), "roughness": 0.35, "clearcoat": 0.5})]
     for number in range(1, layers):
-        share = number / MOST_LAYERS
+        share = number / MAX_LAYERS
         inputs: dict[str, Input] = {
             "baseColor": (0.8 * share, 0.3, 0.7 - 0.6 * share),
             "metallic": float(number % 2),
@@ -132,7 +132,7 @@ def _disney(name: str, layer: str, **inputs: Input) -> Callable[[], Look]:
     return lambda: Look(name, (Layer(layer, "disney", inputs),))
 
 
-def _transmitting() -> Look:
+def _transmitting_look() -> Look:
     body: dict[str, Input] = {"surfaceColor": (0.8, 0.55, 0.3), "roughness": 0.4, "clear": 0.5, "back": 0.4}
     varnish: dict[str, Input] = {"surfaceColor": (0.9, 0.95, 0.9), "roughness": 0.15, "clear": 0.9}
     return Look("pixar", (Layer("Body", "pixar", body), Layer("Varnish", "pixar", varnish, 1.0, "transmit")))
@@ -159,11 +159,11 @@ LOOKS: dict[str, SubjectEntry[Look]] = {
         _disney("copper", "Copper", baseColor=(0.95, 0.64, 0.54), metallic=1.0, roughness=0.25),
     ),
     "stack": SubjectEntry("six Disney layers, their masks textures", partial(layered_look, 6)),
-    "pixar": SubjectEntry("two Pixar layers that transmit light, and each other's light", _transmitting),
+    "pixar": SubjectEntry("two Pixar layers that transmit light, and each other's light", _transmitting_look),
 }
 
 
-def _facing(x: float, y: float, z: float) -> dict[str, Any]:
+def _facing_origin(x: float, y: float, z: float) -> dict[str, Any]:
     """Return position and axes of a light that faces the origin."""
     backward = np.array([x, y, z]) / np.linalg.norm([x, y, z])
     across = np.cross((0.0, 0.0, 1.0), backward)
@@ -178,8 +178,8 @@ def _three_lamps(dome: str) -> tuple[Light, ...]:
     """Return a dimmed dome, a key of a rectangle, a fill of a disk and a rim of a sphere."""
     return (
         prepare_light(load_environment(builtin=dome)).with_emission(Emission((0.3,) * 3)),
-        RectLight(width=1.2, height=0.8, emission=Emission((18.0, 16.0, 14.0)), **_facing(-2.2, -2.2, 1.8)),
-        DiskLight(radii=(0.7, 0.7), emission=Emission((3.0, 4.0, 5.0)), **_facing(2.6, -1.4, 0.6)),
+        RectLight(width=1.2, height=0.8, emission=Emission((18.0, 16.0, 14.0)), **_facing_origin(-2.2, -2.2, 1.8)),
+        DiskLight(radii=(0.7, 0.7), emission=Emission((3.0, 4.0, 5.0)), **_facing_origin(2.6, -1.4, 0.6)),
         SphereLight(radius=0.3, position=(0.8, 2.6, 1.6), emission=Emission((30.0, 30.0, 36.0))),
     )
 
@@ -191,7 +191,7 @@ def rectangles(count: int) -> tuple[Light, ...]:
     for _ in range(count):
         height, azimuth = rng.uniform(0.1, 0.95), rng.uniform(0.0, 2.0 * np.pi)
         across = 3.0 * np.sqrt(1.0 - height * height)
-        position = _facing(across * np.cos(azimuth), across * np.sin(azimuth), 3.0 * height)
+        position = _facing_origin(across * np.cos(azimuth), across * np.sin(azimuth), 3.0 * height)
         r, g, b = (rng.uniform(0.2, 1.0, 3) * 40.0 / count).tolist()
         lights.append(RectLight(width=0.6, height=0.4, emission=Emission((r, g, b)), **position))
     return tuple(lights)
@@ -251,7 +251,7 @@ def bench_scene(
     asset: Asset | None = None,
     denoise: bool = False,
 ) -> SceneTask:
-    """Return a scene of one look, with the default sampling; `denoise` where its backend can, else never.
+    """Return a scene of one look with the default sampling; with `denoise`, it is denoised if its backend can.
 
     `asset` replaces that of the scene with this name.
     """
@@ -264,7 +264,7 @@ def bench_scene(
 def picture_key(scene: SceneTask, look: Look, ibl: str, pose: Pose = POSE) -> str:
     """Return a text of all that a picture depends on, without its sampling and the code of its shader.
 
-    So a change of sampling or code is measured against the reference from before it, and a changed picture is a bias.
+    A change of sampling or code is therefore measured against an earlier reference, and a changed picture is a bias.
     """
     # The tables by which a map is sampled are left out.
     light = [light.digest for light in scene.lights] if ibl in RIGS else bench_environment(ibl).digest

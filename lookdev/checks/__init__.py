@@ -1,1 +1,1 @@
-"""Does it agree: models and looks compared with the reference, at points, as albedos, images and under stress."""
+"""Checks that models and looks agree with the reference: at points, as albedos, as images, and in extreme cases."""

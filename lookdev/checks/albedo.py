@@ -1,8 +1,8 @@
 """Directional albedo of a look over the angle of view, computed in three ways.
 
 They are quadrature and importance sampling in NumPy (`lookdev.reference.albedo`), and Cycles, which renders a card with
-the look, lit from its front, then from its back. A look that varies over a surface is evaluated at a few random points,
-as the constant look there: the same shader with numbers in place of textures.
+the look, first under light from its front, then from its back. A look that varies over a surface is evaluated at a few
+random points, as the constant look there: the same shader with numbers in place of textures.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from lookdev.asset import load_asset
 from lookdev.brdf.angles import spherical_direction
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.finding import CheckFinding, FindingPlot, PlotCurve
-from lookdev.checks.frames import Alter, RenderHalves, alter_shaders, keep_shader
+from lookdev.checks.frames import AlterShader, RenderHalves, alter_shaders, keep_shader
 from lookdev.checks.samples import case_layer, constant_looks, constant_numbers, layer_tokens
 from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
@@ -31,7 +31,7 @@ from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import frame_task
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
-FALSE_ALARM = 1e-3
+FALSE_ALARM_PROBABILITY = 1e-3
 """Probability that noise alone fails a look."""
 
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
@@ -73,9 +73,9 @@ def check_albedo(
     angles: tuple[float, ...] = ANGLES,
     seed: int = 0,
     backend: str = "exact",
-    alter: Alter = keep_shader,
+    alter: AlterShader = keep_shader,
 ) -> CheckFinding:
-    """Compare the albedo curves of a look by quadrature with those by sampling and by Cycles.
+    """Compare the albedo curves of a look: those by sampling and by Cycles with that by quadrature.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def check_albedo(
     rng = np.random.default_rng(seed)
     looks = constant_looks(look, points, rng)
     varies = len(looks) > 1
-    curves = [_measure(constant_look, render, angles, rng, backend, alter) for constant_look in looks]
+    curves = [_measure_curves(constant_look, render, angles, rng, backend, alter) for constant_look in looks]
     transmits = any(curve.transmits for curve in curves)
     excess = _excess(curves, transmits, _EXACT if BACKENDS[backend].exact else _FITTED)
     worst = np.unravel_index(int(np.argmax(excess)), excess.shape)
@@ -138,8 +138,13 @@ def check_albedo(
     )
 
 
-def _measure(
-    look: Look, render: RenderHalves, angles: tuple[float, ...], rng: np.random.Generator, backend: str, alter: Alter
+def _measure_curves(
+    look: Look,
+    render: RenderHalves,
+    angles: tuple[float, ...],
+    rng: np.random.Generator,
+    backend: str,
+    alter: AlterShader,
 ) -> _Curves:
     azimuth = float(rng.uniform(0.0, 360.0))
     # In the card's frame: x right, y up, z towards its front.
@@ -160,7 +165,7 @@ def _stack_albedos(albedos: list[Albedo]) -> Albedo:
 
 
 def _render_albedo(
-    look: Look, render: RenderHalves, views: Floats, transmits: bool, seed: int, backend: str, alter: Alter
+    look: Look, render: RenderHalves, views: Floats, transmits: bool, seed: int, backend: str, alter: AlterShader
 ) -> Albedo:
     """Render the views. Pixels are scrambled independently, so their spread gives the error of their mean."""
     # Not marked as convex, so that the shader has bounces and shadow rays as for any asset.
@@ -201,7 +206,7 @@ def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -
     sides = 2 if transmits else 1
     count = len(curves) * 2 * curves[0].quadrature.value[:, :sides].size
     # Šidák: the probability that any of all comparisons is beyond the limit is FALSE_ALARM.
-    quantile = 1.0 - (1.0 - (1.0 - FALSE_ALARM) ** (1.0 / count)) / 2.0
+    quantile = 1.0 - (1.0 - (1.0 - FALSE_ALARM_PROBABILITY) ** (1.0 / count)) / 2.0
     limits = [float(stats.t.ppf(quantile, freedom)) for freedom in (_SCRAMBLES - 1, _SIDE * _SIDE - 1)]
     excess = []
     for curve in curves:

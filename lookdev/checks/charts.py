@@ -1,4 +1,4 @@
-"""A check of reference props: the grey ball and the patches of a frame, measured and predicted.
+"""Checks reference props: the grey ball and the patches of a frame, measured and predicted.
 
 A reading is the mean over a square of whole pixels. Its prediction is the published reflectance times the radiance of a
 white surface in the same square, which the float64 reference computes under the lights and the exposure of the job. The
@@ -18,7 +18,7 @@ from lookdev.arrays import Floats
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
 from lookdev.scene.charts.props import Box, Strip, asset_of_props, crop_camera
@@ -29,7 +29,7 @@ _SCRAMBLES = 16
 _SAMPLES = 2048, 256
 """Samples of each scramble. If all lights are infinitely far, one patch predicts all; otherwise each is predicted."""
 
-_FALSE_ALARM = 1e-3
+_FALSE_ALARM_PROBABILITY = 1e-3
 """The probability that noise alone, of Student's distribution, makes any reading of a frame reported."""
 
 SYSTEMATIC = 1e-3
@@ -76,10 +76,10 @@ class Reading:
 def _quantile(freedom: float) -> float:
     from scipy.stats import t as student
 
-    return float(student.isf(0.5 * _FALSE_ALARM / (3 * (1 + len(PATCHES))), freedom))
+    return float(student.isf(0.5 * _FALSE_ALARM_PROBABILITY / (3 * (1 + len(PATCHES))), freedom))
 
 
-def check_charts(task: FrameTask, strip: Strip, rendered: Rendered) -> tuple[Reading, ...]:
+def check_charts(task: FrameTask, strip: Strip, rendered: WorkerFrame) -> tuple[Reading, ...]:
     """Measure and predict the readings of a frame of props, in the order of `Strip.measured_boxes`.
 
     Channels whose reflectance is 0, as the red of cyan, are not compared.
@@ -147,7 +147,7 @@ def _inner_square(box: Box) -> _Square:
 def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]) -> dict[str, tuple[Floats, Floats]]:
     """Return the exposed radiance (3,) of a white surface in place of each prop, and its standard error (3,)."""
     scene, gain = task.scene, 2.0**task.exposure
-    lights = scene.lights_of(scene.slot_shaders[-1])
+    lights = scene.lights_of_shader(scene.slot_shaders[-1])
     is_far = all(light.far for light in lights)
     pixel, samples = np.zeros((1, 2), np.int64), _SAMPLES[not is_far]
     first = next(iter(PATCHES))

@@ -15,10 +15,10 @@ from lookdev.brdf import CONTINUOUS
 from lookdev.build.expand import expand_material
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import CheckFinding
-from lookdev.checks.frames import Alter, Halves, RenderHalves, alter_shaders, keep_shader
+from lookdev.checks.frames import AlterShader, Halves, RenderHalves, alter_shaders, keep_shader
 from lookdev.checks.images import check_frame, check_gap, choose_pixels
 from lookdev.checks.points import check_points
-from lookdev.checks.stability import DepthName, stress
+from lookdev.checks.stability import DepthName, check_stability
 from lookdev.codegen.source import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobTurntable
@@ -38,11 +38,11 @@ from lookdev.scene import Film, Pose, Sampling, Scene
 
 
 @dataclass(frozen=True)
-class Depth:
+class CheckDepth:
     """Numbers of cases, points, pixels and samples that checks compare."""
 
     cases: int  # of the check of points
-    places: int  # points at which the albedo of a varying look is computed
+    points: int  # points at which the albedo of a varying look is computed
     angles: tuple[float, ...]  # of the albedo
     pixels: int  # of a frame, compared with the reference
     side: int  # the largest number of pixels of a frame's longer side
@@ -51,14 +51,14 @@ class Depth:
     converged: int  # samples for FLIP, or 0
 
 
-DEPTHS: dict[DepthName, Depth] = {
-    "quick": Depth(10_000, 1, ANGLES[::2], 40, 64, 16, 128, 0),
-    "default": Depth(40_000, 3, ANGLES, 100, 128, 32, 256, 0),
-    "full": Depth(100_000, 8, tuple(np.linspace(0.0, 85.0, 18).tolist()), 400, 512, 64, 1024, 1024),
+DEPTHS: dict[DepthName, CheckDepth] = {
+    "quick": CheckDepth(10_000, 1, ANGLES[::2], 40, 64, 16, 128, 0),
+    "default": CheckDepth(40_000, 3, ANGLES, 100, 128, 32, 256, 0),
+    "full": CheckDepth(100_000, 8, tuple(np.linspace(0.0, 85.0, 18).tolist()), 400, 512, 64, 1024, 1024),
 }
 
-_RENDERS = 4  # of a frame, two halves each
-_POSES = 8  # to try until light arrives in one
+_RENDERS = 4  # renders of a frame, two halves each
+_POSES = 8  # poses that are tried until light arrives in one
 # For a look without a job.
 _ASSET, _LIGHT, _RESOLUTION = "shaderball", "city", (512, 512)
 _TURNTABLE = JobTurntable(kind="element", frames=8)
@@ -73,7 +73,7 @@ def check_file(
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
     backend: str | None = None,
-    alter: Alter = keep_shader,
+    alter: AlterShader = keep_shader,
 ) -> Iterator[CheckFinding]:
     """Check every look of a job, or one look.
 
@@ -109,16 +109,15 @@ def check_file(
             raise LookdevError(f"there is no check '{name}' ({nearest_hint(name, list(CHECKS))})")
     names = [name for name in CHECKS if name in (only or DEFAULT_CHECKS)]
     if file is None and names != ["stability"]:
-        raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
-    no_setups = (), TurntableFrames((_TURNTABLE,), Path())
-    setups, turns = _read_setups(file, prim, variants or {}, backend) if file else no_setups
+        raise LookdevError("there is nothing to check; all checks but that of stability need a job or a look")
+    setups, turns = _read_setups(file, prim, variants or {}, backend) if file else ((), TurntableFrames((_TURNTABLE,), Path()))
     with open_renderer() as render:
-        subject = _Subject(setups, turns, render, depth, seed, alter)
+        subject = _CheckArguments(setups, turns, render, depth, seed, alter)
         for name in names:
             yield from CHECKS[name](subject)
 
 
-def parse_only(text: str) -> tuple[str, ...]:
+def parse_check_names(text: str) -> tuple[str, ...]:
     """Return the names in a comma-separated text."""
     return tuple(name for part in text.split(",") if (name := part.strip()))
 
@@ -145,7 +144,7 @@ def _read_setups(
 
 
 @dataclass(frozen=True)
-class _Subject:
+class _CheckArguments:
     """The arguments of a check: the setups to check, and how."""
 
     setups: tuple[Setup, ...]
@@ -153,7 +152,7 @@ class _Subject:
     render: RenderHalves
     depth: DepthName
     seed: int
-    alter: Alter
+    alter: AlterShader
 
     @property
     def backend(self) -> Backend:
@@ -168,7 +167,7 @@ class _Subject:
         return looks
 
 
-def _check_points(subject: _Subject) -> Iterator[CheckFinding]:
+def _check_points(subject: _CheckArguments) -> Iterator[CheckFinding]:
     for look in subject.looks():
         if subject.backend.source is not ShaderSource:
             reason = f"backend {subject.backend.name}: only OSL can be evaluated at points"
@@ -177,13 +176,13 @@ def _check_points(subject: _Subject) -> Iterator[CheckFinding]:
         yield check_points(look, count=DEPTHS[subject.depth].cases, seed=subject.seed, alter=subject.alter)
 
 
-def _check_albedo(subject: _Subject) -> Iterator[CheckFinding]:
+def _check_albedo(subject: _CheckArguments) -> Iterator[CheckFinding]:
     depth = DEPTHS[subject.depth]
     for look in subject.looks():
         yield check_albedo(
             look,
             subject.render,
-            points=depth.places,
+            points=depth.points,
             angles=depth.angles,
             seed=subject.seed,
             backend=subject.backend.name,
@@ -191,7 +190,7 @@ def _check_albedo(subject: _Subject) -> Iterator[CheckFinding]:
         )
 
 
-def _check_images(subject: _Subject) -> Iterator[CheckFinding]:
+def _check_images(subject: _CheckArguments) -> Iterator[CheckFinding]:
     """Check one frame of each look under each light, at a random pose in which light arrives."""
     rng = np.random.default_rng(subject.seed)
     for setup in subject.setups:
@@ -205,7 +204,7 @@ def _check_images(subject: _Subject) -> Iterator[CheckFinding]:
         yield next((finding for finding in findings if finding is not None), dark)
 
 
-def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> CheckFinding | None:
+def _check_image(subject: _CheckArguments, setup: Setup, pose: Pose) -> CheckFinding | None:
     """Check a frame; return None if it is black."""
     depth, task, name = DEPTHS[subject.depth], setup.task, f"{setup.look}, {setup.ibl}"
     shrink = min(1.0, depth.side / max(task.resolution))
@@ -249,11 +248,12 @@ def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
     return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 
-def _check_stability(subject: _Subject) -> Iterator[CheckFinding]:
-    yield from stress(subject.looks() or list(CONTINUOUS), subject.render, seed=subject.seed, depth=subject.depth)
+def _check_stability(subject: _CheckArguments) -> Iterator[CheckFinding]:
+    subjects: Sequence[str | Look] = subject.looks() or list(CONTINUOUS)
+    yield from check_stability(subjects, subject.render, seed=subject.seed, depth=subject.depth)
 
 
-CHECKS: dict[str, Callable[[_Subject], Iterator[CheckFinding]]] = {
+CHECKS: dict[str, Callable[[_CheckArguments], Iterator[CheckFinding]]] = {
     "points": _check_points,
     "albedo": _check_albedo,
     "image": _check_images,

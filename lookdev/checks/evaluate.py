@@ -30,7 +30,7 @@ from lookdev.safe_text import TextError, parse_json
 Evaluator = Literal["numpy", "cycles"]
 
 _UNIT_TOLERANCE = 1e-4
-_WORKER_PATIENCE = 600.0
+_PROCESS_TIMEOUT = 600.0
 _LAYER_KEYS = ("model", "params", "mask", "mode")
 _FRESNEL = "fresnel"
 
@@ -138,7 +138,7 @@ def evaluate_cycles(
         osl = np.array(alter(source.osl))
         np.savez(request, osl=osl, tables=np.array(tables), cells=point_cells(batch.layers), table=table)
         command = [sys.executable, "-m", "lookdev.cycles", "--points", str(request)]
-        process = subprocess.run(command, capture_output=True, text=True, timeout=_WORKER_PATIENCE, check=False)
+        process = subprocess.run(command, capture_output=True, text=True, timeout=_PROCESS_TIMEOUT, check=False)
         result = request.with_suffix(".result.npz")
         if process.returncode != 0 or not result.exists():
             lines = "\n".join(process.stderr.strip().splitlines()[-5:])

@@ -20,47 +20,45 @@ from lookdev.light import EnvironmentMap, make_environment
 
 Rng = np.random.Generator
 
-# Fractions of a range, from its lower end; then absurd ones, down to float32's denormal numbers.
+# Fractions of a range, from its lower end; then extreme ones, down to float32's denormal numbers.
 _FRACTIONS = (0.0, 1e-4, 0.01, 0.5, 1.0 - 1e-4, 1.0)
-_ABSURD_FRACTIONS = (1e-7, 1e-12, 1e-20, 1e-30, 1e-40, 1.0 - 2.0**-24)
+_EXTREME_FRACTIONS = (1e-7, 1e-12, 1e-20, 1e-30, 1e-40, 1.0 - 2.0**-24)
 # Cosines; below 1e-7 a direction is on the horizon in float32.
 _COSINES = (1.0, 0.9, 0.3, 1e-2, 1e-4, 1e-5, 1e-6, 1e-7)
-_ABSURD_COSINES = (0.0, 1e-12, 1e-18, 1e-20, 1e-30, 1e-37, 1e-40, 1e-45)
+_EXTREME_COSINES = (0.0, 1e-12, 1e-18, 1e-20, 1e-30, 1e-37, 1e-40, 1e-45)
 
 
 @dataclass(frozen=True, eq=False)
-class Extremes:
+class ExtremeCases:
     """Cases for NumPy and Cycles, exact in float32; `comparable` (n,) marks those that float32 can resolve."""
 
     batch: Batch
     comparable: Bools
 
 
-def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> Extremes:
-    """Draw cases of a stack; the second half is absurd: tiny numbers, cosines far below 1e-7.
+def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> ExtremeCases:
+    """Draw cases of a stack; the second half is extreme: tiny numbers, cosines far below 1e-7.
 
     Pairs of directions are random, equal, mirrored, nearly mirrored, or opposite along the horizon. For a two-sided
-    surface some also pass through it, straight or not, or come from behind. Half of the cases have random normals,
-    except those with nearly opposite directions, whose half vector is all rounding.
+    surface some also pass through it, straight or not, or come from behind. Half of the cases have random normals.
+    Comparable cases with nearly opposite directions have none, because their half vector is only rounding error.
     """
-    absurd = np.arange(count) >= count // 2
-    wo, wi = _draw_directions(count, absurd, rng, thin=any(MODELS[layer.model].two_sided for layer in layers))
+    is_extreme = np.arange(count) >= count // 2
+    wo, wi = _draw_directions(count, is_extreme, rng, two_sided=any(MODELS[layer.model].two_sided for layer in layers))
     opposed = (np.linalg.norm((wo + wi)[:, :2], axis=-1) < 0.1) & (np.abs(wo[:, 2]) < 0.1) & (np.abs(wi[:, 2]) < 0.1)
-    straight = (rng.random(count) < 0.5) | (opposed & ~absurd)
-    numbers = tuple(_draw_numbers(layer, count, absurd, straight, rng) for layer in layers)
-    return Extremes(Batch(tuple(layers), wo, wi, numbers), ~absurd)
+    has_default_normal = (rng.random(count) < 0.5) | (opposed & ~is_extreme)
+    numbers = tuple(_draw_numbers(layer, count, is_extreme, has_default_normal, rng) for layer in layers)
+    return ExtremeCases(Batch(tuple(layers), wo, wi, numbers), ~is_extreme)
 
 
 def moderate_numbers(layers: Sequence[PointLayer], count: int, rng: Rng) -> tuple[dict[str, Floats], ...]:
-    """Draw numbers with bounded energy: no scale amplifies, normals are straight, options have their defaults."""
+    """Draw numbers with bounded energy: scales are at most 1, normals are (0, 0, 1), options have their defaults."""
     no_case, all_cases = np.zeros(count, np.bool_), np.ones(count, np.bool_)
     drawn = []
     for layer in layers:
-        numbers, left_out = (
-            _draw_numbers(layer, count, no_case, all_cases, rng),
-            MODELS[layer.model].optional_defaults(),
-        )
-        numbers |= {name: np.full(count, default) for name, default in left_out.items() if name in numbers}
+        numbers = _draw_numbers(layer, count, no_case, all_cases, rng)
+        option_defaults = MODELS[layer.model].optional_defaults()
+        numbers |= {name: np.full(count, default) for name, default in option_defaults.items() if name in numbers}
         drawn.append({n: np.minimum(v, 1.0) if _amplifies(layer.model, n) else v for n, v in numbers.items()})
     return tuple(drawn)
 
@@ -70,10 +68,10 @@ def _amplifies(model: str, name: str) -> bool:
     return parameter is not None and isinstance(parameter.default, float) and parameter.default <= 1.0
 
 
-def _draw_directions(count: int, absurd: Bools, rng: Rng, *, thin: bool) -> tuple[Floats, Floats]:
+def _draw_directions(count: int, is_extreme: Bools, rng: Rng, *, two_sided: bool) -> tuple[Floats, Floats]:
     def draw_cosines(lowest: int) -> Floats:
-        usual, odd = rng.choice(_COSINES[lowest:], count), rng.choice(_ABSURD_COSINES, count)
-        return np.where(absurd & (rng.random(count) < 0.7), odd, usual)
+        usual, extreme = rng.choice(_COSINES[lowest:], count), rng.choice(_EXTREME_COSINES, count)
+        return np.where(is_extreme & (rng.random(count) < 0.7), extreme, usual)
 
     phi = rng.uniform(0.0, 2.0 * np.pi, count)
     wo = direction_at_cosine(draw_cosines(0), phi)
@@ -84,16 +82,18 @@ def _draw_directions(count: int, absurd: Bools, rng: Rng, *, thin: bool) -> tupl
     near = mirrored + rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-7.0, -1.0, (count, 1))
     near[:, 2] = np.abs(near[:, 2])
     near /= np.linalg.norm(near, axis=-1, keepdims=True)
-    anywhere = direction_at_cosine(draw_cosines(0), rng.uniform(0.0, 2.0 * np.pi, count))
-    wi = np.select([kind == 0, kind == 1, kind == 2, kind == 3], [anywhere, wo, mirrored, near], opposed)
-    if thin:
+    random_wi = direction_at_cosine(draw_cosines(0), rng.uniform(0.0, 2.0 * np.pi, count))
+    wi = np.select([kind == 0, kind == 1, kind == 2, kind == 3], [random_wi, wo, mirrored, near], opposed)
+    if two_sided:
         through, straight, behind = (rng.random((count, 1)) < share for share in (0.4, 0.1, 0.2))
         wi = np.where(straight, -wo, np.where(through, wi * (1.0, 1.0, -1.0), wi))
         wo, wi = (np.where(behind, -w, w) for w in (wo, wi))
     return round_to_float32(wo), round_to_float32(wi)
 
 
-def _draw_numbers(layer: PointLayer, count: int, absurd: Bools, straight: Bools, rng: Rng) -> dict[str, Floats]:
+def _draw_numbers(
+    layer: PointLayer, count: int, is_extreme: Bools, has_default_normal: Bools, rng: Rng
+) -> dict[str, Floats]:
     declared = MODELS[layer.model].parameters
     # All weights at their minimum at once: the surface is black.
     is_minimal = rng.random(count) < 0.02
@@ -102,27 +102,27 @@ def _draw_numbers(layer: PointLayer, count: int, absurd: Bools, straight: Bools,
         if name not in layer.constants:
             parameter = declared.get(name) or Parameter("mask", "float", 0.5)
             if parameter.kind == "normal":
-                numbers[name] = _draw_normals(count, straight, rng)
+                numbers[name] = _draw_normals(count, has_default_normal, rng)
             else:
-                values = _draw_values(parameter, count, absurd, rng)
+                values = _draw_values(parameter, count, is_extreme, rng)
                 values[is_minimal] = parameter.hard[0]
                 numbers[name] = _round_within(values, *parameter.hard)
     return numbers
 
 
-def _draw_values(parameter: Parameter, count: int, absurd: Bools, rng: Rng) -> Floats:
+def _draw_values(parameter: Parameter, count: int, is_extreme: Bools, rng: Rng) -> Floats:
     shape = (count,) if parameter.kind == "float" else (count, 3)
     low, high = parameter.hard
     fraction = rng.choice(_FRACTIONS, shape)
-    odd = (rng.random(shape) < 0.3) & (absurd if len(shape) == 1 else absurd[:, None])
-    fraction = np.where(odd, rng.choice(_ABSURD_FRACTIONS, shape), fraction)
+    uses_extreme = (rng.random(shape) < 0.3) & (is_extreme if len(shape) == 1 else is_extreme[:, None])
+    fraction = np.where(uses_extreme, rng.choice(_EXTREME_FRACTIONS, shape), fraction)
     return np.where(rng.random(shape) < 0.3, parameter.default, low + (high - low) * fraction)
 
 
-def _draw_normals(count: int, straight: Bools, rng: Rng) -> Floats:
+def _draw_normals(count: int, has_default_normal: Bools, rng: Rng) -> Floats:
     normals = rng.uniform(-1.0, 1.0, (count, 3))
     normals = np.where(rng.random((count, 1)) < 0.2, rng.choice([-1.0, 0.0, 1e-12, 1.0], (count, 3)), normals)
-    normals[straight | ~normals.any(axis=-1)] = ZENITH
+    normals[has_default_normal | ~normals.any(axis=-1)] = ZENITH
     return round_to_float32(normals)
 
 
@@ -155,7 +155,7 @@ class SceneCase:
 
 
 def scene_cases() -> tuple[SceneCase, ...]:
-    """Return scenes with known relations of their pictures; each has one mesh with UVs ``st`` and without primvars.
+    """Return scenes whose pictures have known relations; each has one mesh, with UVs ``st`` and without primvars.
 
     They are for looks without anisotropy or textures, because zero-area UVs do not define a tangent.
     """
@@ -175,11 +175,11 @@ def scene_cases() -> tuple[SceneCase, ...]:
         SceneCase("sun of a texel, 1e6", pair, _scale_light(sun, 1e6), "sun of a texel", 1e6),
         SceneCase("black", pair, _scale_light(lamp, 0.0)),
         SceneCase("white", pair, _white_light()),
-        *hostile_scenes(),
+        *random_normal_scenes(),
     )
 
 
-def hostile_scenes() -> tuple[SceneCase, ...]:
+def random_normal_scenes() -> tuple[SceneCase, ...]:
     """Return scenes for every look: random shading normals and tangents, degenerate triangles, zero-area UVs."""
     hostile = _make_pair(lambda mesh: _randomize_normals(_flatten_uvs(_add_degenerate_triangles(mesh))))
     return (

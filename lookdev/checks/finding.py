@@ -9,7 +9,7 @@ from lookdev.arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class PlotCurve:
-    """One curve of a plot; arrays have the shape (N,), x of "bars" (N + 1,)."""
+    """One curve of a plot; arrays have the shape (N,), but x has the shape (N + 1,) for "bars"."""
 
     name: str  # in the legend
     x: Floats

@@ -10,7 +10,7 @@ from lookdev.arrays import Floats32
 from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.rendering.task import FrameTask, SceneTask
 
-Alter = Callable[[str], str]
+AlterShader = Callable[[str], str]
 """A function from the text of a shader to the text that runs instead; tests plant faults with it."""
 
 
@@ -32,11 +32,11 @@ RenderHalves = Callable[[FrameTask], Halves]
 
 
 def keep_shader(osl: str) -> str:
-    """Return the text of a shader unchanged: the default of `Alter`."""
+    """Return the text of a shader unchanged: the default of `AlterShader`."""
     return osl
 
 
-def alter_shaders(scene: SceneTask, alter: Alter) -> SceneTask:
+def alter_shaders(scene: SceneTask, alter: AlterShader) -> SceneTask:
     """Return a scene with the texts of its OSL shaders altered."""
 
     def alter_source(source: GeneratedSource) -> GeneratedSource:

@@ -1,4 +1,4 @@
-"""Comparison of frames with the float64 reference: t-tests on a random subset of pixels.
+"""Compares frames with the float64 reference by t-tests on a random subset of pixels.
 
 The spread of a frame's independent halves is its noise; the reference has its own standard error. Both are estimated
 from few values, so a difference divided by its error follows Student's t, with the degrees of freedom of Welch (1947)
@@ -34,7 +34,7 @@ from lookdev.reference.render import Estimate
 LEVEL = 3e-4
 """The probability that noise alone fails a test."""
 
-MOST_FLIP = 0.05
+MAX_FLIP = 0.05
 """The largest mean FLIP at which a check of an approximation passes."""
 
 MIN_HALVES = 8
@@ -78,8 +78,8 @@ def compare_pixels(halves: Reals, samples: int, reference: Estimate) -> Agreemen
         raise RenderError(f"{count} independent renders are too few to estimate noise; {MIN_HALVES} would be right")
     halves = halves.astype(np.float64)
     variance = halves.var(axis=0, ddof=1) / count
-    least = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
-    frame_variance, reference_variance = np.maximum(variance, least), reference.error**2
+    min_variance = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
+    frame_variance, reference_variance = np.maximum(variance, min_variance), reference.error**2
     error = np.maximum(np.sqrt(frame_variance + reference_variance), _FLOOR)
     spread = frame_variance**2 / (count - 1) + reference_variance**2 / (reference.scrambles - 1)
     freedom = np.where(
@@ -124,11 +124,11 @@ def check_frame(
     agreement = compare_pixels(halves[:, rows, columns], samples, reference)
     tests = agreement.t.size
     # The probability of such a deviation by noise, for each channel, and the lowest that passes.
-    odds = 2.0 * stats.t.sf(np.abs(agreement.t), agreement.freedom)
-    least = 1.0 - (1.0 - LEVEL) ** (1.0 / tests)
-    suspicious = int((odds < least).any(axis=-1).sum())
+    p_values = 2.0 * stats.t.sf(np.abs(agreement.t), agreement.freedom)
+    min_p_value = 1.0 - (1.0 - LEVEL) ** (1.0 / tests)
+    suspicious = int((p_values < min_p_value).any(axis=-1).sum())
     # Channels of a pixel share their samples, so a pixel has one number: the median of its channels.
-    beyond = int((np.median(odds, axis=-1) < _MIDDLE).sum())
+    beyond = int((np.median(p_values, axis=-1) < _MIDDLE).sum())
     beyond_limit = int(stats.binom.ppf(1.0 - LEVEL, len(pixels), _MIDDLE))
     scale = np.sqrt(reference.value**2 + EPSILON)
     bias, bias_error, bias_limit = _mean_bias(agreement, scale)
@@ -165,7 +165,7 @@ def check_frame(
         FindingPlot("The frame", pictures=tuple(pictures)),
     )
     details = tuple(
-        _describe_pixel(agreement, pixels, reference, index) for index in np.argsort(odds.min(axis=-1))[:_WORST]
+        _describe_pixel(agreement, pixels, reference, index) for index in np.argsort(p_values.min(axis=-1))[:_WORST]
     )
     return CheckFinding("image", subject, passed, summary, figures, details, plots, skipped)
 
@@ -246,7 +246,7 @@ class Gap:
     relmse_error: float  # its standard error
     flip: float  # mean HDR-FLIP
     noise: float  # mean HDR-FLIP of two renders of the exact picture
-    seen: Floats  # the map of FLIP, (H, W)
+    flip_map: Floats  # the map of FLIP, (H, W)
 
 
 def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> Gap:
@@ -264,22 +264,22 @@ def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: R
         relmse_error=float(pixels.std(ddof=1) / np.sqrt(pixels.size)),
         flip=float(flip_map[covered].mean()),
         noise=float(noise_map[covered].mean()),
-        seen=flip_map,
+        flip_map=flip_map,
     )
 
 
 def check_gap(subject: str, exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> CheckFinding:
-    """Check that the mean FLIP is at most `MOST_FLIP`; the parameters are those of `measure_gap`."""
+    """Check that the mean FLIP is at most `MAX_FLIP`; the parameters are those of `measure_gap`."""
     gap = measure_gap(exact, other, alpha)
     figures = {"flip": gap.flip, "flip_noise": gap.noise, "relmse": gap.relmse, "relmse_error": gap.relmse_error}
     summary = (
-        f"FLIP to exact {gap.flip:.3f} (at most {MOST_FLIP}; of two exact renders {gap.noise:.3f}), "
+        f"FLIP to exact {gap.flip:.3f} (at most {MAX_FLIP}; of two exact renders {gap.noise:.3f}), "
         f"relMSE {gap.relmse:.2g} ± {gap.relmse_error:.1g}"
     )
     pictures = (
         frame_picture("nodes", (other[0] + other[1]) / 2.0),
         frame_picture("exact", (exact[0] + exact[1]) / 2.0),
-        PlotImage("FLIP", gap.seen, 0.0, 1.0),
+        PlotImage("FLIP", gap.flip_map, 0.0, 1.0),
     )
     plot = FindingPlot("The frame", pictures=pictures)
-    return CheckFinding("image", subject, gap.flip <= MOST_FLIP, summary, figures, plots=(plot,))
+    return CheckFinding("image", subject, gap.flip <= MAX_FLIP, summary, figures, plots=(plot,))

@@ -47,15 +47,15 @@ def check_points(
     the shader. A WorkerError reports that Cycles failed.
     """
     batch = look_batch(look, count, np.random.default_rng(seed))
-    got = join_columns(evaluate_cycles(batch, alter=alter))
+    actual = join_columns(evaluate_cycles(batch, alter=alter))
     expected = join_columns(evaluate_numpy(batch))
     allowed = tolerance * np.maximum(expected, VISIBLE)
     has_rounded_directions = _rounds_directions(batch)
     if has_rounded_directions:
         allowed += _direction_rounding(batch, expected)
     allowed += _option_rounding(batch, expected)
-    is_sound = np.isfinite(got) & (got >= 0.0)
-    error = np.abs(np.where(is_sound, got, 0.0) - expected)
+    is_sound = np.isfinite(actual) & (actual >= 0.0)
+    error = np.abs(np.where(is_sound, actual, 0.0) - expected)
     # Above 1 a case fails.
     excess = np.where(is_sound, error / allowed, np.inf)
     is_visible = expected > VISIBLE
@@ -80,7 +80,7 @@ def check_points(
             "largest_relative_error": largest,
             "largest_excess": float(excess.max()),
         },
-        details=tuple(_describe_case(batch, int(index), got, expected, excess) for index in worst),
+        details=tuple(_describe_case(batch, int(index), actual, expected, excess) for index in worst),
         plots=(_plot_histogram(error, expected, tolerance),),
     )
 
@@ -180,9 +180,9 @@ def _option_rounding(batch: Batch, expected: Floats) -> Floats:
     return change
 
 
-def _describe_case(batch: Batch, index: int, got: Floats, expected: Floats, excess: Floats) -> str:
+def _describe_case(batch: Batch, index: int, actual: Floats, expected: Floats, excess: Floats) -> str:
     """Return one case as a line for `lookdev eval`."""
-    values_of = {"numpy": expected[index].tolist(), "cycles": [float(value) for value in got[index]]}
+    values_of = {"numpy": expected[index].tolist(), "cycles": [float(value) for value in actual[index]]}
     return case_line(batch, index, excess=float(excess[index].max()), f_and_pdf=values_of)
 
 

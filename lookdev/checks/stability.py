@@ -2,8 +2,8 @@
 
 At points, a value must be finite and not negative on both sides. The float32 value is judged by its backward error
 (Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5): its error must be at most the change of the exact
-value when the inputs change by `UNITS` roundings. For any formula, that change is large where a highlight of 0.25
-degrees is at the horizon, and small elsewhere. The relative error is reported, too.
+value when the inputs change by `MAX_BACKWARD_ERROR` roundings. For any formula, that change is large where a highlight
+of 0.25 degrees is at the horizon, and small elsewhere. The relative error is reported, too.
 
 In scenes, the difference of pictures that must be equal is compared with the noise of their halves.
 """
@@ -22,7 +22,7 @@ from lookdev.asset import Asset, save_asset
 from lookdev.brdf import MODELS, StackLayer, evaluate_cosine, pdf, sample
 from lookdev.cache import Content
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy, join_columns
-from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
+from lookdev.checks.extremes import SceneCase, extreme_cases, moderate_numbers, random_normal_scenes, scene_cases
 from lookdev.checks.finding import CheckFinding
 from lookdev.checks.frames import Halves, RenderHalves
 from lookdev.checks.samples import case_line, constant_numbers, point_layer, sample_layers
@@ -36,13 +36,13 @@ from lookdev.scene import Camera, Pose, Sampling, Scene
 
 DepthName = Literal["quick", "default", "full"]
 
-RELATIVE = 2e-4
+MAX_RELATIVE_ERROR = 2e-4
 """Relative error that a float32 value may have in any case."""
 
 VISIBLE = 1e-4
 """In 1/sr: below this value, errors are relative to it."""
 
-UNITS = 64.0
+MAX_BACKWARD_ERROR = 64.0
 """Backward error, in roundings, that a float32 value may have: formulas have some ten operations, each rounded."""
 
 MAX_DIFFERENCE = 2.0
@@ -62,12 +62,12 @@ _SIZE = (32, 32)
 _SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 
 
-def stress(
+def check_stability(
     subjects: Sequence[str | Look], render: RenderHalves, *, seed: int = 0, depth: DepthName = "default"
 ) -> Iterator[CheckFinding]:
-    """Stress models and looks; yield a finding for each stack and scene.
+    """Check models and looks in extreme cases; yield a finding for each stack and scene.
 
-    Models, by name, are stressed alone, with every choice of their tokens, and in stacks. Looks keep their constants;
+    Models, by name, are checked alone, with every choice of their tokens, and in stacks. Looks keep their constants;
     varying inputs take any value of their range. `depth` gives 4,000, 20,000 or 200,000 cases a stack, drawn with
     `seed`. A WorkerError reports that Cycles cannot evaluate points; a failed picture is a finding.
     """
@@ -75,7 +75,7 @@ def stress(
     for subject in subjects:
         if isinstance(subject, Look):
             yield check_stack(subject.name, look_stack(subject), rng, depth)
-            yield from check_scenes(subject, hostile_scenes(), render)
+            yield from check_scenes(subject, random_normal_scenes(), render)
         else:
             for name, layers in model_stacks(subject).items():
                 yield check_stack(name, layers, rng, depth)
@@ -120,12 +120,14 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
         expected = join_columns(evaluate_numpy(cases.batch))
-    got = join_columns(evaluate_cycles(cases.batch))
-    unsound = {side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", expected), ("Cycles", got))}
+    actual = join_columns(evaluate_cycles(cases.batch))
+    unsound = {
+        side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", expected), ("Cycles", actual))
+    }
     is_broken = unsound["NumPy"] | unsound["Cycles"]
     # Only visible f counts: the sampling weight divides by the same pdf, so an error of the pdf cancels.
     is_compared = cases.comparable & ~is_broken & (expected[:, :3] > VISIBLE).any(axis=-1)
-    error = _measure_error(_select_cases(cases.batch, is_compared), got[is_compared], expected[is_compared], rng)
+    error = _measure_error(_select_cases(cases.batch, is_compared), actual[is_compared], expected[is_compared], rng)
     excess = np.zeros(len(is_broken))
     excess[is_compared] = error.excess
     excess[is_broken] = np.inf
@@ -138,8 +140,9 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
         passed=failed == 0 and albedo <= limit,
         summary=(
             f"{len(is_broken)} cases, {int(is_broken.sum())} not finite or negative, {failed} wrong in all; "
-            f"float32 against float64: median {error.median:.1e}, {100.0 * error.ill:.2g} % above {RELATIVE:.0e}, "
-            f"where inputs off by {error.units:.0f} roundings give as much ({UNITS:.0f} allowed); "
+            f"float32 against float64: median {error.median:.1e}, {100.0 * error.ill_conditioned:.2g} % above "
+            f"{MAX_RELATIVE_ERROR:.0e}, where inputs off by {error.backward_error:.0f} roundings give as much "
+            f"({MAX_BACKWARD_ERROR:.0f} allowed); "
             f"albedo at most {albedo:.2f} of {limit:g}"
         ),
         figures={
@@ -148,8 +151,8 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
             "unsound_cycles": float(unsound["Cycles"].sum()),
             "failed": float(failed),
             "median_relative_error": error.median,
-            "ill_conditioned": error.ill,
-            "largest_backward_error": error.units,
+            "ill_conditioned": error.ill_conditioned,
+            "largest_backward_error": error.backward_error,
             "largest_albedo": albedo,
         },
         details=tuple(
@@ -158,7 +161,7 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
                 index,
                 excess=float(excess[index]),
                 numpy=expected[index].tolist(),
-                cycles=got[index].tolist(),
+                cycles=actual[index].tolist(),
             )
             for index in worst
         ),
@@ -166,31 +169,31 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
 
 
 @dataclass(frozen=True, eq=False)
-class _Error:
+class _Float32Error:
     excess: Floats  # error over its limit, (n,)
     median: float  # relative error
-    ill: float  # share of values beyond RELATIVE
-    units: float  # largest backward error of those, in roundings
+    ill_conditioned: float  # share of values beyond RELATIVE
+    backward_error: float  # largest backward error of those, in roundings
 
 
-def _measure_error(batch: Batch, got: Floats, expected: Floats, rng: np.random.Generator) -> _Error:
-    if not len(got):
-        return _Error(np.zeros(0), 0.0, 0.0, 0.0)
+def _measure_error(batch: Batch, actual: Floats, expected: Floats, rng: np.random.Generator) -> _Float32Error:
+    if not len(actual):
+        return _Float32Error(np.zeros(0), 0.0, 0.0, 0.0)
     size = np.maximum(expected, VISIBLE)
     # The largest change of the exact value when every input changes by a rounding.
-    unit = _ROUNDING * size
+    rounding_change = _ROUNDING * size
     for _ in range(_PERTURBATIONS):
-        unit = np.maximum(
-            unit, np.abs(join_columns(evaluate_numpy(_perturb(batch, rng))) - expected) + _ROUNDING * size
+        rounding_change = np.maximum(
+            rounding_change, np.abs(join_columns(evaluate_numpy(_perturb(batch, rng))) - expected) + _ROUNDING * size
         )
-    error = np.abs(got - expected)
-    relative, units = error / size, error / unit
-    is_accurate = relative <= RELATIVE
-    return _Error(
-        excess=np.minimum(relative / RELATIVE, units / UNITS).max(axis=-1),
+    error = np.abs(actual - expected)
+    relative, backward_error = error / size, error / rounding_change
+    is_accurate = relative <= MAX_RELATIVE_ERROR
+    return _Float32Error(
+        excess=np.minimum(relative / MAX_RELATIVE_ERROR, backward_error / MAX_BACKWARD_ERROR).max(axis=-1),
         median=float(np.median(relative[expected > VISIBLE])),
-        ill=float((~is_accurate).mean()),
-        units=float(np.max(units, where=~is_accurate, initial=0.0)),
+        ill_conditioned=float((~is_accurate).mean()),
+        backward_error=float(np.max(backward_error, where=~is_accurate, initial=0.0)),
     )
 
 

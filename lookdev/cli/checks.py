@@ -39,12 +39,12 @@ def check(
     """Compare Cycles with the models in float64; exit code 1 if they disagree."""
     from rich.console import Console
 
-    from lookdev.checks.check import check_file, parse_only
+    from lookdev.checks.check import check_file, parse_check_names
     from lookdev.checks.report import print_findings, verdict, write_html
     from lookdev.material.variants import parse_variants
 
     findings = []
-    checks = ["stability"] if stress else parse_only(only)
+    checks = ["stability"] if stress else parse_check_names(only)
     selected = parse_variants(variants or ())
     for finding in check_file(file, only=checks, depth=depth, seed=seed, prim=prim, variants=selected, backend=backend):
         say(finding.headline, err=True)

@@ -87,14 +87,14 @@ def render(
     """
     from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
-    from lookdev.rendering.executors.choice import choose
+    from lookdev.rendering.executors.choice import choose_executor
     from lookdev.run.progress import show_progress
     from lookdev.run.render import load_mapped_job, mapped_files, render_job
 
     if outputs_only and (force or frame or chunk):
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
     part = None if chunk is None else Chunk.parse(chunk)
-    choice = choose(executor, workers=workers, device=device, stored=shared)
+    choice = choose_executor(executor, workers=workers, device=device, shared_output=shared)
     rules = read_rules(path_mapping) if path_mapping is not None else ()
     if dry_run:
         if force or frame or outputs_only:
@@ -112,7 +112,7 @@ def render(
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(
             job, rules=rules, output=output, force=force, only=frame or (), chunk=part, outputs_only=outputs_only,
-            choice=choice, report=report,
+            executor_options=choice, report=report,
         )  # fmt: skip
     if log_format is not LogFormat.JSON:
         say(result.summary(), err=result.exit_code != 0)
@@ -221,9 +221,9 @@ def manifest(
 ) -> None:
     """Show the files of an output and the inputs of its render, from the manifest that 'render' wrote."""
     from lookdev.output.manifest import read_manifest
-    from lookdev.run.manifest import manifest_text, verify
+    from lookdev.run.manifest import manifest_text, verify_manifest
 
-    document, deviations = verify(out) if check else (read_manifest(out), None)
+    document, deviations = verify_manifest(out) if check else (read_manifest(out), None)
     if as_json:
         rows = [{"file": str(row.file), "kind": row.kind, "state": row.state} for row in deviations or ()]
         say_json({**document, "deviations": rows} if check else document)

@@ -1,10 +1,10 @@
-"""The worker: tasks in on standard input, results out on standard output, one JSON object a line.
+"""The worker: reads tasks from standard input and writes results to standard output, one JSON object a line.
 
 A scene task prepares a scene for later frames and has no answer. If the preparation fails, the first frame of the
 scene reports the error.
 
-Blender prints to standard output, so `AnswerStream` duplicates the real one before Blender is loaded, and everything
-else goes to standard error. The process exits at once when its input ends, which it also does when the parent dies.
+Blender prints to standard output. `AnswerStream` therefore duplicates the real one before Blender is loaded, and all
+other output goes to standard error. The process exits at once when its input ends, also by the death of the parent.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ def _serve(answers: AnswerStream) -> None:
     from lookdev.cycles.scene import BlenderScene
     from lookdev.errors import LookdevError
     from lookdev.rendering.task import FrameTask, SceneTask
-    from lookdev.rendering.wire import Cancelled, Requests
+    from lookdev.rendering.wire import FrameCancelled, TaskQueue
 
-    requests = Requests.from_input()
+    requests = TaskQueue.from_input()
     answers.send_ready(version.VERSION)
     scene: BlenderScene | None = None
     log_start = _log_size()
@@ -49,7 +49,7 @@ def _serve(answers: AnswerStream) -> None:
         assert isinstance(task, FrameTask), "pictures with derivatives are of another backend"
 
         def progress(samples: int, total: int, relmse: float | None, digest: str = task.digest) -> None:
-            requests.check(digest)
+            requests.check_cancelled(digest)
             answers.send_progress(digest, samples, total, relmse)
 
         try:
@@ -62,7 +62,7 @@ def _serve(answers: AnswerStream) -> None:
                 os.ftruncate(2, log_start)
             answers.send_frame(task.digest, frame, take_notes())
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
-            if not isinstance(error, Cancelled):
+            if not isinstance(error, FrameCancelled):
                 scene = None
             log_start = _log_size()
             answers.send_failure(task.digest, error)

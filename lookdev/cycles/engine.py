@@ -21,13 +21,13 @@ _ENGINE = "LOOKDEV_CYCLES"
 MIN_SIDE = 4
 """Pixels along a side of the smallest picture that Blender renders."""
 
-_LONGEST_TABLE = 8192  # most samples for which Cycles tabulates points; samples beyond repeat them, shuffled
+_SAMPLE_TABLE_LENGTH = 8192  # most samples for which Cycles tabulates points; samples beyond repeat them, shuffled
 
 PixelBounds = tuple[int, int, int, int]
 """A rectangle of pixels: left, bottom, right and top, from the lower left corner of the frame."""
 
 
-class Capture(cycles.CyclesRender):  # type: ignore[misc]
+class CaptureEngine(cycles.CyclesRender):  # type: ignore[misc]
     """Cycles under another name; it copies the passes of a render to memory."""
 
     bl_idname = _ENGINE
@@ -46,10 +46,10 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
         for render_pass in result.layers[0].passes:
             pixels = np.empty(width * height * render_pass.channels, dtype=np.float32)
             render_pass.rect.foreach_get(pixels)
-            Capture.passes[render_pass.name] = pixels.reshape(height, width, render_pass.channels)
+            CaptureEngine.passes[render_pass.name] = pixels.reshape(height, width, render_pass.channels)
 
 
-bpy.utils.register_class(Capture)
+bpy.utils.register_class(CaptureEngine)
 
 
 def render_passes(
@@ -80,7 +80,7 @@ def render_whole(scene: bpy.types.Scene, samples: int, seed: int = 0) -> dict[st
 
 def render_features(scene: bpy.types.Scene, samples: int) -> dict[str, Floats32]:
     """Render with Cycles' own features for a denoiser: the passes ``Denoising Albedo`` and ``Denoising Normal``."""
-    with override(scene.view_layers[0].cycles, {"denoising_store_passes": True}):
+    with override_settings(scene.view_layers[0].cycles, {"denoising_store_passes": True}):
         return render_whole(scene, samples)
 
 
@@ -90,7 +90,7 @@ def fill_sample_table(scene: bpy.types.Scene) -> None:
     The table grows to the largest number of samples rendered so far, and its first entries change when it grows.
     Without a full table a frame would depend on the rounds, passes and frames that the process rendered before it.
     """
-    scene.cycles.samples = _LONGEST_TABLE
+    scene.cycles.samples = _SAMPLE_TABLE_LENGTH
     scene.cycles.use_sample_subset = True
     # Cycles renders the first sample separately, and the render before decides whether it sorts mattes afterwards. If
     # a render without mattes follows one with mattes and has only that sample, Cycles sorts memory beyond the pixels.
@@ -101,12 +101,12 @@ def fill_sample_table(scene: bpy.types.Scene) -> None:
 
 def compile_shaders(scene: bpy.types.Scene) -> None:
     """Render a tiny picture of a scene, so that Blender's persistent data has the compiled shaders for its frames."""
-    with override(scene.render, {"resolution_x": MIN_SIDE, "resolution_y": MIN_SIDE}):
+    with override_settings(scene.render, {"resolution_x": MIN_SIDE, "resolution_y": MIN_SIDE}):
         render_whole(scene, samples=1)
 
 
 @contextmanager
-def override(owner: object, values: Mapping[str, object]) -> Iterator[None]:
+def override_settings(owner: object, values: Mapping[str, object]) -> Iterator[None]:
     """Set other values for settings of Blender, and restore the previous ones, also after an error."""
     before = {name: getattr(owner, name) for name in values}
     try:
@@ -131,7 +131,7 @@ def _crop_render(render: bpy.types.RenderSettings, box: PixelBounds) -> Abstract
         "border_min_y": (bottom + 0.25) / height,
         "border_max_y": (top + 0.25) / height,
     }
-    return override(render, {**borders, "use_border": True, "use_crop_to_border": True})
+    return override_settings(render, {**borders, "use_border": True, "use_crop_to_border": True})
 
 
 @contextmanager
@@ -150,15 +150,15 @@ def _render(scene: bpy.types.Scene, seed: int) -> dict[str, Floats32]:
     scene.cycles.seed = seed
     # Cycles' settings are custom properties: without the tag, a later render would use their old values.
     scene.update_tag()
-    Capture.passes = {}
+    CaptureEngine.passes = {}
     bpy.ops.render.render(scene=scene.name)
-    if not Capture.passes:
+    if not CaptureEngine.passes:
         # Blender only prints exceptions of an engine.
         raise RenderError("Blender rendered nothing; its own message is above in the log")
-    return Capture.passes
+    return CaptureEngine.passes
 
 
-_MOST_COINCIDENT = 64
+_MAX_COINCIDENT = 64
 """Coincident surfaces that a path may pass through in total."""
 
 
@@ -168,7 +168,7 @@ def empty_scene() -> bpy.types.Scene:
     return bpy.data.scenes[0]
 
 
-def configure(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int) -> None:
+def configure_osl(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int) -> None:
     """Set everything that a picture depends on, for OSL shaders that integrate the light."""
     render, settings = scene.render, scene.cycles
     _configure_common(scene, resolution)
@@ -180,7 +180,7 @@ def configure(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int)
     settings.rolling_shutter_type = "NONE"
     settings.device = "CPU"
     settings.shading_system = True
-    # Alpha counts the rays that do not reach the background. The ray of a portal never does: it is directed at a hit.
+    # Alpha counts the rays that do not reach the background. A portal's ray never reaches it: the ray points to a hit.
     _set_bounces(settings, reflected=0, transparent=bounces + 1)
     world = bpy.data.worlds.new("black")
     version.clear_node_tree(world)
@@ -198,7 +198,7 @@ def configure_closures(
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = True
-    _set_bounces(scene.cycles, reflected=bounces, transparent=bounces if see_through else _MOST_COINCIDENT)
+    _set_bounces(scene.cycles, reflected=bounces, transparent=bounces if see_through else _MAX_COINCIDENT)
 
 
 def configure_portals(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int, device: str) -> None:

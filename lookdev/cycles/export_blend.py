@@ -1,8 +1,8 @@
-"""A job as a .blend: each look a scene, each rig a world and a collection, each turntable a range of the timeline.
+"""Writes a job as a .blend: looks are scenes, rigs are worlds and collections, turntables are ranges of the timeline.
 
 Scenes are built as for rendering; then they get the names, keys and settings that an artist expects. Scenes do not
-share meshes: materials would then belong to objects, and Cycles would not keep meshes as instances, which changes the
-rounding.
+share meshes. With shared meshes, materials would belong to objects, and Cycles would not keep meshes as instances,
+which changes the rounding.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def write_blend(task: BlendTask) -> list[str]:
         mark_turntables(scene.scene, task.turntables)
         scene.scene.view_layers[0].objects.active = scene.objects[0]
     _set_image_paths(task)
-    _open_with(animated[0].scene)
+    _set_startup_scene(animated[0].scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(task.file), compress=True, relative_remap=False)
     others = sorted(views - {_view_candidates(task.view)[0]})
     return [f"Blender {version.VERSION} has no view '{task.view}': the file is shown by '{view}'" for view in others]
@@ -141,7 +141,7 @@ def _add_worlds(task: BlendTask) -> bpy.types.World:
 
 
 def _set_render_settings(scene: bpy.types.Scene, scene_task: SceneTask, task: BlendTask) -> None:
-    """Set what a user's own render needs besides: Cycles as the engine, samples, device and frame rate."""
+    """Set what a user's own render also needs: Cycles as the engine, samples, device and frame rate."""
     render, settings = scene.render, scene.cycles
     render.engine = "CYCLES"
     render.use_compositing = render.use_sequencer = True
@@ -187,7 +187,7 @@ def _set_image_paths(task: BlendTask) -> None:
             packed.filepath = image.filepath
 
 
-def _open_with(scene: bpy.types.Scene) -> None:
+def _set_startup_scene(scene: bpy.types.Scene) -> None:
     """Make the file open with a scene, seen through its camera, in the workspace of the shader editor."""
     window = bpy.context.window_manager.windows[0]
     window.scene = scene

@@ -1,7 +1,7 @@
 """An asset as Blender data: meshes, with the attributes that their sources read, and the objects that show them.
 
-Blender and Cycles spend a fraction of a millisecond on every object and every mesh, in every render. So small meshes
-are joined (`lookdev.asset.gather`), and the instances of a mesh are points of one object, whose geometry nodes replace
+Blender and Cycles spend a fraction of a millisecond on every object and every mesh, in every render. Small meshes are
+therefore joined (`lookdev.asset.gather`), and the instances of a mesh are points of one object: geometry nodes replace
 each point by the mesh.
 """
 
@@ -74,10 +74,10 @@ def add_asset(
     if any(groups):
         asset = _prepare_groups(asset, np.array(groups))
     source_numbers = np.array(slot_sources)
-    meshes = [_build_mesh(mesh, sources, source_numbers, materials, whole=separate) for mesh in asset.meshes]
+    meshes = [_build_mesh(mesh, sources, source_numbers, materials, separate=separate) for mesh in asset.meshes]
     for data, mesh in zip(meshes, asset.meshes, strict=True):
         if any(groups):
-            _mark_groups(data, mesh, np.array(groups))
+            _encode_groups(data, mesh, np.array(groups))
         if add_uv and not data.uv_layers:
             data.uv_layers.new(name="lookdev_covered", do_init=False)
     instance_meshes = np.array([instance.mesh for instance in asset.instances])
@@ -102,13 +102,13 @@ def add_asset(
 
 
 def _prepare_groups(asset: Asset, groups: Ints) -> Asset:
-    """Return an asset that keeps the angles of `_mark_groups`: marked meshes have triangles and no stretch."""
+    """Return an asset that keeps the angles of `_encode_groups`: marked meshes have triangles and no stretch."""
     marked = {number for number, mesh in enumerate(asset.meshes) if groups[mesh.face_slots].any()}
     meshes = (triangulate(mesh) if number in marked else mesh for number, mesh in enumerate(asset.meshes))
     return move_stretch_to_meshes(replace(asset, meshes=tuple(meshes)), marked)
 
 
-def _mark_groups(data: bpy.types.Mesh, mesh: Mesh, groups: Ints) -> None:
+def _encode_groups(data: bpy.types.Mesh, mesh: Mesh, groups: Ints) -> None:
     """Encode the group of each face in the mesh's normals: group n tilts them by n degrees off the facet.
 
     On Blender 4.5, normals are all that Cycles gives a shader of the surface that a ray has hit.
@@ -141,9 +141,10 @@ def _add_object(collection: bpy.types.Collection, name: str, data: bpy.types.Mes
 def _add_second_user(scene: bpy.types.Scene, data: bpy.types.Mesh, asset: Asset) -> None:
     """Give a mesh a second user, so that Cycles keeps it as an instance with its own acceleration structure.
 
-    Otherwise Cycles merges a mesh with one user into the acceleration structure of the scene and rebuilds that after
-    any change of an object: 40 ms for 260,000 triangles, twice a frame. The second user is a speck far below. It is
-    hidden from every kind of ray that contributes to a picture, but not from all rays: Cycles would leave it out.
+    Otherwise Cycles merges a mesh with one user into the acceleration structure of the scene, and rebuilds that after
+    any change of an object: 40 ms for 260,000 triangles, twice a frame. The second user is a speck far below the asset,
+    hidden from every kind of ray that contributes to a picture. It is not hidden from all rays, because Cycles leaves
+    such an object out.
     """
     speck = _add_object(scene.collection, "speck", data)
     speck.location = (0.0, 0.0, -1e3 * asset.radius)
@@ -214,7 +215,7 @@ def _build_mesh(
     slot_sources: Ints,
     materials: Sequence[bpy.types.Material],
     *,
-    whole: bool,
+    separate: bool,
 ) -> bpy.types.Mesh:
     data = bpy.data.meshes.new(mesh.name)
     data.vertices.add(len(mesh.points))
@@ -232,26 +233,26 @@ def _build_mesh(
     if len(used) > 1:
         index = np.cumsum(is_used, dtype=np.int32) - 1
         _add_attribute(data, "material_index", index[face_sources], "FACE")
-    if whole:
+    if separate:
         data.update(calc_edges=True)
     # Shaders have their own normals. Blender's cancel at points where faces meet their reversed duplicates.
     _add_attribute(data, "sharp_face", np.ones(len(mesh.face_sizes), bool), "FACE")
     bindings = {number: sources[number].attributes for number in used.tolist()}
     read = {binding.attribute for bound in bindings.values() for binding in bound if binding.kind == "uv"}
     for name, uv in mesh.uvs.items():
-        if whole or name in read:
+        if separate or name in read:
             short = short_name(name)
             data.uv_layers.new(name=short, do_init=False)
             data.attributes[short].data.foreach_set("vector", uv.ravel())
     # Blender's own custom normals have 16 bits; attributes have 32.
-    _add_attribute(data, "lookdev_normal", *_compact(mesh, mesh.normals))
+    _add_attribute(data, "lookdev_normal", *_compact_values(mesh, mesh.normals))
     for name, values in _read_attributes(mesh, face_sources, bindings).items():
-        _add_attribute(data, name, *_compact(mesh, values))
+        _add_attribute(data, name, *_compact_values(mesh, values))
     return data
 
 
-def _compact(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
-    """Return values of corners, at faces or points instead if all of their corners are equal, and Blender's domain.
+def _compact_values(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
+    """Return values and their domain in Blender: of faces or points if their corners are equal, else of corners.
 
     Cycles stores values of corners three times for every triangle.
     """

@@ -1,8 +1,8 @@
 """Lights that are not domes, as lights of Blender: a builder for each kind.
 
-Radiometry, measured on 4.5 and 5.2: with `normalize`, a light of P watts and area A emits the radiance P / (pi A), like
-a Lambertian emitter. The strength of a sun is the irradiance at right angles to it. Lights of Cycles occlude nothing; a
-ray that passes a light counts it among its transparent bounces.
+Radiometry, measured on Blender 4.5 and 5.2: with `normalize`, a light of P watts and area A emits the radiance
+P / (pi A), like a Lambertian emitter. The strength of a sun is the irradiance at right angles to it. Lights of Cycles
+occlude nothing; a ray that passes a light counts it among its transparent bounces.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def add_lights(
         data = BUILDERS[light.kind](name, light, strength)
         item = bpy.data.objects.new(name, data)
         item.rotation_mode = "XYZ"
-        _configure(item)
+        _set_visibility(item)
         collection.objects.link(item)
         location = np.array(light.position or origin) - origin
         light_object = LightObject(item, light.emission.turns, location, _angles(light.axes))
@@ -87,7 +87,7 @@ def add_lights(
     return objects
 
 
-def _configure(item: bpy.types.Object) -> None:
+def _set_visibility(item: bpy.types.Object) -> None:
     """Set the visibility to rays: the camera sees no light, mirrors do, and lights cast no shadow."""
     item.visible_camera = False
     item.visible_diffuse = item.visible_glossy = item.visible_transmission = True
@@ -168,8 +168,8 @@ def _build_cylinder(name: str, light: CylinderLight, strength: float) -> bpy.typ
     radius = light.radius * (math.pi / _SIDES) / math.sin(math.pi / _SIDES)
     ring = np.stack([np.zeros(_SIDES), radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     half = np.array((light.length / 2.0, 0.0, 0.0))
-    near, following = np.arange(_SIDES), (np.arange(_SIDES) + 1) % _SIDES
-    faces = np.stack([near, near + _SIDES, following + _SIDES, following], axis=-1)
+    near, next_side = np.arange(_SIDES), (np.arange(_SIDES) + 1) % _SIDES
+    faces = np.stack([near, near + _SIDES, next_side + _SIDES, next_side], axis=-1)
     data = bpy.data.meshes.new(name)
     data.from_pydata(np.concatenate([ring - half, ring + half]).tolist(), [], faces[:, ::-1].tolist())
     material = bpy.data.materials.new(name)

@@ -25,15 +25,15 @@ Groups = dict[str, ShaderNodeTree]
 """Built node groups by a digest of their content: equal groups of several looks are one datablock."""
 
 
-def build_material(source: NodeSource, built: Groups | None = None) -> bpy.types.Material:
-    """Build a material and its node groups; groups are taken from `built`, or added to it.
+def build_material(source: NodeSource, shared_groups: Groups | None = None) -> bpy.types.Material:
+    """Build a material and its node groups; groups are taken from `shared_groups`, or added to it.
 
     Raises
     ------
     RenderError
         Blender lacks a kind of node, a property or a socket, or a group or an image is missing.
     """
-    cache: Groups = {} if built is None else built
+    cache: Groups = {} if shared_groups is None else shared_groups
     groups: Groups = {}
     digests: dict[str, str] = {}
     for tree in source.trees[:-1]:
@@ -135,27 +135,27 @@ def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: ShaderNodeTree, gr
 def _add_node(node: ShaderNode, node_tree: ShaderNodeTree, groups: Groups) -> bpy.types.Node:
     kind = node.kind if node.kind.startswith("Node") else f"ShaderNode{node.kind}"
     try:
-        built = node_tree.nodes.new(kind)
+        blender_node = node_tree.nodes.new(kind)
     except RuntimeError as error:
         raise RenderError(f"Blender {version.VERSION} has no node of kind '{node.kind}'") from error
-    built.name = node.name
-    built.label = node.label
+    blender_node.name = node.name
+    blender_node.label = node.label
     if node.group:
         if node.group not in groups:
             raise RenderError(f"it shows a group '{node.group}', which no tree before it defines")
-        built.node_tree = groups[node.group]
+        blender_node.node_tree = groups[node.group]
     if node.image is not None:
-        built.image = load_image(node.image.path)
+        blender_node.image = load_image(node.image.path)
     for name, setting in node.properties.items():
-        _set_property(built, name, setting)
+        _set_property(blender_node, name, setting)
     for identifier, value in node.inputs.items():
         if not isinstance(value, NodeLink):
-            socket = _socket(built, "inputs", identifier)
+            socket = _socket(blender_node, "inputs", identifier)
             try:
                 _set_changed(socket, "default_value", _pad_color(value, socket.default_value))
             except (TypeError, ValueError, AttributeError) as error:
                 raise RenderError(f"socket '{identifier}' does not take {value!r}: {error}") from error
-    return built
+    return blender_node
 
 
 def _set_property(node: bpy.types.Node, name: str, value: SocketValue | bool) -> None:

@@ -28,13 +28,13 @@ _MATTE_DEPTH = 16  # the most that Cycles has: entries of equal names are merged
 
 
 RecordingBatch = Sequence[tuple[str, int]]
-"""At most three parts of the light, recorded in one render: each one's name and its number in the shaders' template."""
+"""The names of at most three parts of the light that one render records, and their numbers in the shaders' template."""
 
 RecordingPlan = tuple[Sequence[RecordingBatch], Sequence[RecordingBatch]]
 """The renders of each half of a frame."""
 
 # Passes with the recorded parts, in the order of a batch, and the factors of their values; 4.5 abbreviates names.
-_RECORDS = (
+_RECORD_PASSES = (
     (("GlossCol", "Glossy Color"), -2.0),
     (("TransCol", "Transmission Color"), -2.0),
     (("DiffCol", "Diffuse Color"), 1.0 / 64.0),
@@ -50,27 +50,30 @@ def prepare_recording(scene: BlenderScene, task: FrameTask) -> Iterator[Recordin
     bounces = {"min_transparent_bounces": cycles.transparent_max_bounces}
     color_passes = {f"use_pass_{kind}_color": True for kind in _COLORS}
     layer = scene.scene.view_layers[0]
-    with engine.override(cycles, bounces if plan[0] else {}), engine.override(layer, color_passes if plan[0] else {}):
+    with (
+        engine.override_settings(cycles, bounces if plan[0] else {}),
+        engine.override_settings(layer, color_passes if plan[0] else {}),
+    ):
         yield plan
 
 
 def _plan_recording(scene: SceneTask) -> RecordingPlan:
     """Return the parts to record: all but the last of each set, which is the rest of the beauty.
 
-    If one render can record all parts, both halves record them. Otherwise each set is recorded in one half, that with
-    fewer parts so far; the shares of the set in that half are used for the whole frame.
+    If one render can record all parts, both halves record them. Otherwise each set is recorded in only one half, the
+    one with fewer parts so far; the shares of the set in that half are used for the whole frame.
     """
     numbers = {"direct": 1} | {group: 2 + number for number, group in enumerate(LOBE_GROUPS)}
-    numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.names_of_light)}
+    numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.light_group_names)}
     sets = [[(name, numbers[name]) for name in part_set[:-1]] for part_set in scene.part_sets]
     parts = [part for part_set in sets for part in part_set]
-    if len(parts) <= len(_RECORDS):
+    if len(parts) <= len(_RECORD_PASSES):
         batches = [parts] if parts else []
         return batches, batches
     halves: tuple[list[tuple[str, int]], list[tuple[str, int]]] = ([], [])
     for part_set in sorted(sets, key=len, reverse=True):
         min(halves, key=len).extend(part_set)
-    size = len(_RECORDS)
+    size = len(_RECORD_PASSES)
     first, second = ([half[i : i + size] for i in range(0, len(half), size)] for half in halves)
     return first, second
 
@@ -79,7 +82,7 @@ def read_recorded(batch: RecordingBatch, passes: Mapping[str, Floats32]) -> dict
     """Return the parts that shaders recorded (`recording` in the template) by name, rows top-down."""
     return {
         name: np.float32(factor) * next(passes[pass_name] for pass_name in names if pass_name in passes)[::-1]
-        for (name, _), (names, factor) in zip(batch, _RECORDS, strict=False)
+        for (name, _), (names, factor) in zip(batch, _RECORD_PASSES, strict=False)
     }
 
 
@@ -93,7 +96,7 @@ def render_frame_passes(
     requested = {*task.scene.sampling.passes}
     arrays: dict[str, Floats32] = {}
     names: dict[str, tuple[str, ...]] = {}
-    with engine.override(scene.scene.cycles, {"max_bounces": 0}):  # these renders show no light
+    with engine.override_settings(scene.scene.cycles, {"max_bounces": 0}):  # these renders show no light
         if center_passes := requested & {*_CENTER_PASSES}:
             arrays |= _render_center(scene, task, center_passes)
         if surface_passes := requested & {"albedo", "cryptomatte"}:
@@ -111,7 +114,9 @@ def render_frame_passes(
 def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) -> dict[str, Floats32]:
     """Return the requested passes at the centre of each pixel."""
     scene.set_controls(task.pose, 0, NORMALS)
-    with engine.override(scene.scene.view_layers[0], {f"use_pass_{_CENTER_PASSES[name]}": True for name in requested}):
+    with engine.override_settings(
+        scene.scene.view_layers[0], {f"use_pass_{_CENTER_PASSES[name]}": True for name in requested}
+    ):
         rendered = {name: image[::-1] for name, image in engine.render_whole(scene.scene, 1).items()}
     arrays: dict[str, Floats32] = {}
     covered = rendered["UV"][..., 2:] > 0.0 if scene.has_portals else rendered["Combined"][..., 3:] > 0.0
@@ -152,7 +157,7 @@ def _render_surfaces(
     if has_albedo and not scene.is_osl:
         settings |= {f"use_pass_{kind}_color": True for kind in _COLORS}
     box = _covered_box(covered)
-    with engine.override(scene.scene.view_layers[0], settings):
+    with engine.override_settings(scene.scene.view_layers[0], settings):
         rendered = engine.render_passes(scene.scene, samples if has_mattes else FEATURE_SAMPLES, box=box)
 
     def pad_to_frame(layers: Sequence[Floats32]) -> Floats32:

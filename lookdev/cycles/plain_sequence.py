@@ -1,9 +1,10 @@
 """A plain Blender script that renders turntables, the baseline of ``lookdev bench --sequence``.
 
-Run as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It does what such scripts usually do: one process, the
-Principled BSDF, the asset rotated by its object and the light by a Mapping node, ``render.render`` for each frame. All
-settings of speed are Blender's defaults (no persistent data, an automatic importance map). All settings of the picture
-are those of the batch: filter, bounces, samples, no adaptive sampling and no denoiser.
+Run as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It does what such scripts usually do: in one process,
+with the Principled BSDF, it rotates the asset by its object and the light by a Mapping node, and calls
+``render.render`` for each frame. All settings of speed are Blender's defaults (no persistent data, an automatic
+importance map). All settings of the picture are those of the batch: filter, bounces, samples, no adaptive sampling and
+no denoiser.
 """
 
 from __future__ import annotations

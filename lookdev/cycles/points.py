@@ -20,7 +20,7 @@ from lookdev.cycles.shaders import add_script_node, array_text
 from lookdev.errors import RenderError
 
 # Pixels of a row: a power of two, like the number of rows and `point_cells`.
-_COLUMNS = 128
+_ROW_PIXELS = 128
 # Blender does not render fewer rows.
 _MIN_ROWS = 4
 
@@ -51,22 +51,22 @@ def render_table(
     `columns` and `rows`, and `values`.
     """
     count, width = table.shape
-    rows = max(_MIN_ROWS, 1 << (-(-count // _COLUMNS) - 1).bit_length())
-    padded = np.zeros((rows * _COLUMNS, cells * 3), dtype=np.float32)
+    rows = max(_MIN_ROWS, 1 << (-(-count // _ROW_PIXELS) - 1).bit_length())
+    padded = np.zeros((rows * _ROW_PIXELS, cells * 3), dtype=np.float32)
     padded[:count, :width] = table
     scene = engine.empty_scene()
-    engine.configure(scene, (_COLUMNS, rows), bounces=0)
+    engine.configure_osl(scene, (_ROW_PIXELS, rows), bounces=0)
     # Samples are near the pixel's centre: at its edge, rounding to float32 would select the neighbour's row. A box
     # filter would always be a pixel wide.
     scene.cycles.pixel_filter_type = "GAUSSIAN"
     scene.cycles.filter_width = 0.01
     material = bpy.data.materials.new("points")
     material.cycles.emission_sampling = "NONE"
-    add_plane(scene, rows / _COLUMNS).materials.append(material)
+    add_plane(scene, rows / _ROW_PIXELS).materials.append(material)
     with atomic_path(cache_dir("points") / "points.exr") as path:
         header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
-        OpenEXR.File(header, {"RGB": padded.reshape(rows, _COLUMNS * cells, 3)}).write(str(path))
-        values |= {"columns": _COLUMNS, "rows": rows}
+        OpenEXR.File(header, {"RGB": padded.reshape(rows, _ROW_PIXELS * cells, 3)}).write(str(path))
+        values |= {"columns": _ROW_PIXELS, "rows": rows}
         texts = {name: array_text(array) for name, array in (arrays or {}).items()}
         add_script_node(version.clear_node_tree(material), source, {"points_file": str(path), **values}, texts)
         return engine.render_passes(scene, samples)["Combined"][..., :3].reshape(-1, 3)[:count].copy()

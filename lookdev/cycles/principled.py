@@ -24,7 +24,7 @@ def build_principled_material(source: PrincipledSource) -> bpy.types.Material:
     return material
 
 
-def shade_by_normals(added: AssetObjects) -> None:
+def set_blender_normals(added: AssetObjects) -> None:
     """Set the normals that Blender's own BSDFs read, in 16 bits, and smooth the terminator as Blender does."""
     for data, mesh in added.meshes:
         data.normals_split_custom_set(mesh.normals)

@@ -20,14 +20,14 @@ from lookdev.cycles.passes import (
 )
 from lookdev.cycles.scene import ALBEDOS, NORMALS, BlenderScene
 from lookdev.rendering.adaptive import Region
-from lookdev.rendering.catcher import catcher_pictures
+from lookdev.rendering.catcher import combine_catcher_halves
 from lookdev.rendering.frame import (
     FEATURE_SAMPLES,
     Denoiser,
     RenderedFrame,
     ReportSamples,
+    combine_halves,
     half_of_seed,
-    plain_pictures,
     render_halves,
 )
 from lookdev.rendering.oidn import make_denoiser
@@ -46,26 +46,26 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: ReportSamples) 
     overhead = time.perf_counter() - started
     with prepare_recording(scene, task) as plan:
         render = partial(_render_region, scene, task, plan)
-        pictures = catcher_pictures if task.scene.catches else plain_pictures
+        pictures = combine_catcher_halves if task.scene.has_catcher else combine_halves
         frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
     frame = replace(frame, passes=task.scene.complete_parts(frame.passes, beauty))
     arrays: dict[str, Floats32] = {}
     names: dict[str, tuple[str, ...]] = {}
-    if {*channels_of_passes(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
-        begun = time.perf_counter()
+    if {*channels_of_passes(task.scene.sampling.passes, task.scene.light_group_names)} - {*frame.passes}:
+        passes_start = time.perf_counter()
         arrays, names = render_frame_passes(scene, task, frame)
-        overhead += time.perf_counter() - begun
+        overhead += time.perf_counter() - passes_start
     return frame.with_passes(arrays, names, overhead)
 
 
 def _render_catcher_parts(
     scene: BlenderScene, samples: int, seed: int, box: engine.PixelBounds | None
 ) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
-    """Return colours and coverage as `_render_region` does, and the parts from which `catcher_pictures` makes a frame.
+    """Return colours and coverage as `_render_region` does, and the parts that `combine_catcher_halves` needs.
 
-    The samples of the ground are the same with the asset and without: pixels that the asset does not change are equal
-    in every bit.
+    The samples of the ground are the same with the asset and without. Pixels that the asset does not change are
+    therefore equal in every bit.
     """
     pictures = {}
     for part in (ASSET, GROUND, BARE):
@@ -88,8 +88,8 @@ def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Report
     features = engine.render_features(scene.scene, FEATURE_SAMPLES)
     albedo, normal = (features[f"Denoising {name}"][::-1] for name in ("Albedo", "Normal"))
     smooth = make_denoiser(albedo, normal)(rgb)
-    taken = time.perf_counter() - started
-    return RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, rgb, math.nan, seconds)
+    denoised_seconds = time.perf_counter() - started
+    return RenderedFrame(smooth, smooth, alpha, sampling.samples, denoised_seconds, math.nan, rgb, math.nan, seconds)
 
 
 def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
@@ -112,8 +112,8 @@ def _render_region(
     # Blender counts rows from the bottom.
     height = task.scene.resolution[1]
     rows, columns = region.rows, region.columns
-    box = None if region.whole else (columns.start, height - rows.stop, columns.stop, height - rows.start)
-    if task.scene.catches:
+    box = None if region.is_whole_frame else (columns.start, height - rows.stop, columns.stop, height - rows.start)
+    if task.scene.has_catcher:
         return _render_catcher_parts(scene, region.samples, seed, box)
     parts: dict[str, Floats32] = {}
     batches = plan[half_of_seed(seed)]

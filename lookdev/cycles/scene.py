@@ -1,4 +1,4 @@
-"""A scene task as Blender data: materials, asset, camera, lights, and the values that change from frame to frame."""
+"""Builds a scene task as Blender data: materials, asset, camera, lights, and values that change from frame to frame."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from lookdev.cycles import engine
 from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
-from lookdev.cycles.principled import build_principled_material, configure_user_defaults, shade_by_normals
-from lookdev.cycles.shaders import CAUGHT, RECORD, build_surface_material, varying_values
-from lookdev.cycles.streams import check_stack
+from lookdev.cycles.principled import build_principled_material, configure_user_defaults, set_blender_normals
+from lookdev.cycles.shaders import CAUGHT_PROPERTY, RECORD_PROPERTY, build_surface_material, varying_values
+from lookdev.cycles.streams import check_svm_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
 from lookdev.light import RigOrigin, coded_light
@@ -88,7 +88,7 @@ class BlenderScene:
         # Lights without a dome's image are placed relative to the asset: a task with another asset is another scene.
         self.lamps = [] if self.is_osl else add_lights(self.scene.collection, task.lights, self.origin)
         if isinstance(task.shaders[0], NodeSource):
-            check_stack(self.scene)
+            check_svm_stack(self.scene)
 
     @property
     def is_osl(self) -> bool:
@@ -120,7 +120,7 @@ class BlenderScene:
         task = self.task
         bounces = task.sampling.bounces
         if self.is_osl:
-            engine.configure(self.scene, task.resolution, bounces)
+            engine.configure_osl(self.scene, task.resolution, bounces)
         elif self.has_portals:
             engine.configure_portals(self.scene, task.resolution, bounces, task.device)
             self.scene.world = build_world("light", task.lights, sampled=False, after_portals=True)
@@ -147,7 +147,7 @@ class BlenderScene:
             case ShaderSource():
                 x, y, z = self._asset.center
                 rig_origin = RigOrigin((x, y, z), self.task.camera.pivot)
-                return build_surface_material(source, number, self.task.lights_of(number), rig_origin)
+                return build_surface_material(source, number, self.task.lights_of_shader(number), rig_origin)
             case NodeSource():
                 return build_material(source, self._groups)
             case PrincipledSource():
@@ -171,7 +171,7 @@ class BlenderScene:
             paths = (path or asset.name for path in task.prims)
             self.prim_paths = {item.name: path for item, path in zip(self.objects, paths, strict=True)}
         if self.is_principled:
-            shade_by_normals(added)
+            set_blender_normals(added)
         self._set_constants()
 
     def _set_constants(self) -> None:
@@ -231,7 +231,7 @@ class BlenderScene:
         rotated, by ``element``, and the lamps that turn with the rig, by ``lighting``.
         """
         camera = camera.move(tuple(-self.origin))
-        frame = self._frame(pose)
+        frame = self._frame_turn(pose)
         orbit, turn = (pose.element, 0.0) if self.is_osl else (frame, pose.element - frame)
         _set_camera(self.camera, camera.orbit(-orbit))
         (x, y), angle = camera.pivot, math.radians(turn)
@@ -243,19 +243,19 @@ class BlenderScene:
 
     def world_turn(self, pose: Pose) -> float:
         """Return the degrees about the pivot from Blender's world to the world in which the asset turns."""
-        return pose.element if self.is_osl else self._frame(pose)
+        return pose.element if self.is_osl else self._frame_turn(pose)
 
-    def _frame(self, pose: Pose) -> float:
+    def _frame_turn(self, pose: Pose) -> float:
         """Return the angle, in degrees, of the scene's rotation backwards, so that its world stands still."""
         return 0.0 if are_domes_still(self.task.lights) else pose.lighting
 
     def select_catcher_part(self, part: int) -> None:
         """Make OSL shaders show a part of a frame with a shadow catcher (`lookdev.codegen.osl.catching`)."""
-        self._set_properties({CAUGHT: (float(part), 0.0, 0.0)})
+        self._set_properties({CAUGHT_PROPERTY: (float(part), 0.0, 0.0)})
 
     def select_recorded_parts(self, parts: Sequence[int]) -> None:
         """Make OSL shaders record at most three parts of their light, by the numbers of the template."""
-        self._set_properties({RECORD: tuple(float(part) for part in (*parts, 0, 0, 0)[:3])})
+        self._set_properties({RECORD_PROPERTY: tuple(float(part) for part in (*parts, 0, 0, 0)[:3])})
 
     def set_controls(self, pose: Pose, seed: int, samples: float) -> None:
         """Pass the values that change from render to render to OSL shaders, as the colour of the objects.
@@ -291,7 +291,7 @@ def _material_key(task: SceneTask) -> tuple[object, ...]:
     """Return what replaceable materials, those of OSL shaders, are built from."""
     osl_sources = [(number, source) for number, source in enumerate(task.shaders) if isinstance(source, ShaderSource)]
     placement = _placement_key(task) if osl_sources else ()
-    return *((source.program, task.lights_of(number)) for number, source in osl_sources), *placement
+    return *((source.program, task.lights_of_shader(number)) for number, source in osl_sources), *placement
 
 
 def _placement_key(task: SceneTask) -> tuple[object, ...]:

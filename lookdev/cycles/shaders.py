@@ -23,10 +23,10 @@ from lookdev.light import Light, RigOrigin, lights_code
 
 AttributeNumbers = Ints32 | Floats32
 
-RECORD = "lookdev_record"
+RECORD_PROPERTY = "lookdev_record"
 """The property of objects with the numbers of the parts of light that shaders record."""
 
-CAUGHT = "lookdev_caught"
+CAUGHT_PROPERTY = "lookdev_caught"
 """The property of objects with the number of the part of a shadow-catcher frame that is rendered."""
 
 _SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
@@ -103,9 +103,9 @@ def build_surface_material(
     for attribute in source.attributes:
         _link_attribute(tree, script, attribute.parameter, attribute.mesh_name, attribute.kind)
     if source.recorded:
-        _link_attribute(tree, script, "record", RECORD, "color", owner="INSTANCER")
+        _link_attribute(tree, script, "record", RECORD_PROPERTY, "color", owner="INSTANCER")
     if source.catching:
-        _link_attribute(tree, script, "caught", CAUGHT, "color", owner="INSTANCER")
+        _link_attribute(tree, script, "caught", CAUGHT_PROPERTY, "color", owner="INSTANCER")
     for i, name in enumerate(varying_values(source, number)):
         # The instancer is the object that shows the instances, or the object itself.
         _link_attribute(tree, script, f"look_values_{i}", name, "color", owner="INSTANCER")
@@ -165,9 +165,9 @@ def _cached_array_text(file: Content) -> str:
 def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
     """Return a compiled shader in which texts of `array_text` are the default values of the parameters by their names.
 
-    In the source text they would compile slowly. They are marked as interactive, as values that may change between
-    renders: OSL reads those from memory. Otherwise it makes an LLVM constant of each number, which takes 0.2 s for half
-    a million. A RenderError reports a parameter that is missing or has another type or size.
+    In the source text they would compile slowly. They are marked as interactive, that is, as values that may change
+    between renders: OSL reads those from memory. Otherwise it makes an LLVM constant of each number, which takes 0.2 s
+    for half a million. A RenderError reports a parameter that is missing or has another type or size.
     """
     lines = oso.split("\n")
     for name, array in arrays.items():

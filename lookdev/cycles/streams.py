@@ -44,7 +44,7 @@ def capture_output(action: Callable[[], Result]) -> tuple[Result, str]:
     return result, text.decode(errors="replace")
 
 
-def check_stack(scene: bpy.types.Scene) -> None:
+def check_svm_stack(scene: bpy.types.Scene) -> None:
     """Compile the shaders of a scene, and check that each fits into the stack of Cycles' node machine (SVM).
 
     Cycles only logs a shader that does not.

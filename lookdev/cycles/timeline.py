@@ -1,4 +1,4 @@
-"""Turntables as keyframes: one key per frame, with the value of the rendered frame."""
+"""Writes turntables as keyframes: one key per frame, with the value of the rendered frame."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ def _sample_transforms(objects: Sequence[Object], turntable: BlendTurntable, pos
 
 def _add_curves(bag: bpy.types.ActionChannelbag, tables: Sequence[Floats]) -> None:
     """Add curves for the varying columns of tables (frames, 6), one for each turntable."""
-    together = np.concatenate(tables)
+    values = np.concatenate(tables)
     for column, (path, index) in enumerate((path, index) for path in _PATHS for index in range(3)):
-        if np.ptp(together[:, column]) == 0.0:
+        if np.ptp(values[:, column]) == 0.0:
             continue
         keys: list[tuple[float, float, str]] = []
         first = 1

@@ -14,7 +14,7 @@ from lookdev.cycles.nodes import SocketInput, add_node, load_image
 from lookdev.light import Dome, Light
 from lookdev.light.native import world_domes
 
-_ROW = 400.0  # between the nodes of two domes
+_ROW_HEIGHT = 400.0  # between the nodes of two domes
 
 # Texels across the importance map that Cycles chooses for any light; one of twice the light's width has the same noise
 # (docs/notebook/cycles-importance-map.md).
@@ -52,10 +52,10 @@ def build_world(
     dome_strength = _add_portal_strength(tree, strength) if after_portals and domes else strength
     surface: dict[str, SocketInput] = {}
     for number, dome in enumerate(domes):
-        node = _add_dome(tree, dome, dome_strength, turn, -_ROW * number)
+        node = _add_dome(tree, dome, dome_strength, turn, -_ROW_HEIGHT * number)
         if surface:
             both = {0: surface["Surface"], 1: node.outputs[0]}
-            node = add_node(tree, "AddShader", both, location=(1200.0 + 200.0 * number, -_ROW * number))
+            node = add_node(tree, "AddShader", both, location=(1200.0 + 200.0 * number, -_ROW_HEIGHT * number))
         surface = {"Surface": node.outputs[0]}
     add_node(tree, "OutputWorld", surface, location=(1200.0 + 200.0 * len(domes), 0.0))
     if sampled and domes:

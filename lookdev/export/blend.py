@@ -24,7 +24,7 @@ from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
 from lookdev.plan.prepare import JobSetups, read_setups
 from lookdev.rendering.blend import BLEND_TASK, BlendImage, BlendRig, BlendTask, BlendTurntable
-from lookdev.rendering.worker import PATIENCE, kill_group, last_line
+from lookdev.rendering.worker import ANSWER_TIMEOUT, kill_group, last_line
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
 
@@ -37,7 +37,12 @@ class ExportAnswer(BaseModel):
 
 
 def export_blend(
-    job: Path, out: Path, *, pack: bool = False, command: Sequence[str] = EXPORT_COMMAND, patience: float = PATIENCE
+    job: Path,
+    out: Path,
+    *,
+    pack: bool = False,
+    command: Sequence[str] = EXPORT_COMMAND,
+    timeout: float = ANSWER_TIMEOUT,
 ) -> ExportResult:
     """Write the scenes of a job as a .blend with looks as Cycles' own closures; the job's backend is ignored.
 
@@ -51,7 +56,7 @@ def export_blend(
         Pack images into the .blend; otherwise they are copied to the folder ``<stem>_files`` next to it.
     command
         The exporter; its last argument is a file with the task.
-    patience
+    timeout
         The time that the exporter may take, in seconds for each look.
 
     Raises
@@ -76,7 +81,7 @@ def export_blend(
         # A folder, because Blender first writes a file with another name.
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent))
         temporary = Path(folder, out.name)
-        notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, patience)
+        notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, timeout)
         temporary.replace(out)
     looks, rigs = (", ".join(item.name for item in items) for items in (prepared.job.look, prepared.job.rigs))
     closures = "looks are Cycles' own closures, as backend 'nodes' renders them"
@@ -172,9 +177,9 @@ def _copy_images(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[P
         raise
 
 
-def _run_exporter(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str, ...]:
+def _run_exporter(task: BlendTask, command: Sequence[str], timeout: float) -> tuple[str, ...]:
     """Write a .blend in a separate process, which is killed if this call fails; return its notes."""
-    seconds = patience * len(task.scenes)
+    seconds = timeout * len(task.scenes)
     with tempfile.TemporaryDirectory(prefix="lookdev-export-") as scratch:
         request, log = Path(scratch, "task.json"), Path(scratch, "log")
         request.write_bytes(BLEND_TASK.dump_json(task))

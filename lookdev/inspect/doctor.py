@@ -16,7 +16,7 @@ from importlib import import_module, metadata
 
 from lookdev.cache import cache_dir, write_file
 from lookdev.errors import OutputError, RenderError
-from lookdev.rendering.llvm import NEWEST_DEBIAN, find_llvm, gpu_fault
+from lookdev.rendering.llvm import NEWEST_DEBIAN_LLVM, find_llvm, gpu_fault
 from lookdev.safe_text import align_columns
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
@@ -155,7 +155,8 @@ def _check_mitsuba() -> DoctorFinding:
         version = f"""{metadata.version("mitsuba")}, {find_llvm()}; device = "cuda": {gpu}"""
         return DoctorFinding("Mitsuba", version, good=True)
     except RenderError as error:
-        return DoctorFinding("Mitsuba", str(error), good=False, remedy=f"sudo apt-get install libllvm{NEWEST_DEBIAN}")
+        remedy = f"sudo apt-get install libllvm{NEWEST_DEBIAN_LLVM}"
+        return DoctorFinding("Mitsuba", str(error), good=False, remedy=remedy)
 
 
 def _check_cache() -> DoctorFinding:

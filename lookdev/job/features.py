@@ -58,11 +58,11 @@ BACKEND_FEATURES: dict[str, BackendFeature] = {
         lambda backend, passes: f"makes no {_missing_passes(backend, passes)}; it makes {', '.join(backend.passes)}",
     ),
     "charts": BackendFeature(
-        lambda backend, charts: backend.apart,
+        lambda backend, charts: backend.has_isolated_parts,
         lambda backend, charts: "lets the props shadow one another",
     ),
     "ground": BackendFeature(
-        lambda backend, kind: kind != "catcher" or backend.catches,
+        lambda backend, kind: kind != "catcher" or backend.can_catch_shadows,
         lambda backend, kind: "renders no shadow catcher",
         lambda backend: ('kind = "plane"',),
     ),

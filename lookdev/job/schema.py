@@ -36,7 +36,7 @@ from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.job.wedge import JobWedge
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.rendering.backends import job_backends
-from lookdev.rendering.passes import IN_EACH_FRAME, PASSES
+from lookdev.rendering.passes import ALWAYS_WRITTEN, PASSES
 from lookdev.scene import Sampling
 from lookdev.scene.framing import DEFAULT_FILL
 from lookdev.scene.scene import SAMPLE_CAP
@@ -47,7 +47,7 @@ BuiltinIbl = Annotated[str, OneOf(lambda: BUILTIN_LIGHTS)]
 BuiltinRig = Annotated[str, OneOf(lambda: BUILTIN_RIGS)]
 BackendName = Annotated[str, OneOf(job_backends)]
 Device = Annotated[str, OneOf(lambda: {device: None for entry in job_backends().values() for device in entry.devices})]
-PassName = Annotated[str, OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
+PassName = Annotated[str, OneOf(lambda: (*PASSES, *ALWAYS_WRITTEN))]
 PixelCount = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
 ChannelValue = Annotated[float, Field(ge=0.0, le=1e6)]
 Background = Annotated[
@@ -208,7 +208,7 @@ class JobRender(JobTable):
         (),
         "Further layers of the EXR: "
         + "; ".join(f"{entry.name}: {entry.help}" for entry in PASSES.values())
-        + f". Every frame has {', '.join(IN_EACH_FRAME[:-1])} and {IN_EACH_FRAME[-1]}.",
+        + f". Every frame has {', '.join(ALWAYS_WRITTEN[:-1])} and {ALWAYS_WRITTEN[-1]}.",
     )
     background: Background = key("black", "Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b].")
 
@@ -221,7 +221,7 @@ class JobRender(JobTable):
     @field_validator("passes")
     @classmethod
     def _check_passes(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        value = tuple(name for name in value if name not in IN_EACH_FRAME)
+        value = tuple(name for name in value if name not in ALWAYS_WRITTEN)
         check_feature("passes", info.data.get("backend", ""), value)
         # In one order, equal passes have one digest.
         return tuple(name for name in PASSES if name in value)

@@ -1,9 +1,9 @@
-"""The second renderer: the models as published in Mitsuba 3 (Jakob et al. 2022), whose kernels Dr.Jit compiles.
+"""The second renderer: Mitsuba 3 (Jakob et al. 2022) with the models as published; Dr.Jit compiles its kernels.
 
 ``python -m lookdev.mitsuba`` is a worker process with the same protocol as `lookdev.cycles`. Mitsuba intersects rays
 with the scene; shading, lights and the estimator are programs of this package, which Dr.Jit traces.
 
-In a program of a user of Mitsuba, importing this package registers BSDFs for the user's scenes
+If a program of a Mitsuba user imports this package, the import registers BSDFs for the user's scenes
 (`lookdev.mitsuba.plugins`), in every variant that is set before or afterwards.
 """
 
@@ -13,7 +13,7 @@ from functools import partial
 from importlib.util import find_spec
 
 
-def _register(old: str | None, new: str | None) -> None:
+def _register_plugins(old: str | None, new: str | None) -> None:
     """Register the plug-ins in the new variant, if its colours are RGB and its numbers are arrays."""
     import mitsuba
 
@@ -41,5 +41,5 @@ def _create_look_bsdf(properties: mitsuba.Properties) -> mitsuba.BSDF:
 if find_spec("mitsuba"):
     import mitsuba
 
-    mitsuba.detail.add_variant_callback(_register)
-    _register(None, mitsuba.variant())
+    mitsuba.detail.add_variant_callback(_register_plugins)
+    _register_plugins(None, mitsuba.variant())

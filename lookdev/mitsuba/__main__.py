@@ -14,21 +14,21 @@ from lookdev.processes import end_with_parent, exit_after_block
 from lookdev.rendering.answers import AnswerStream
 
 if TYPE_CHECKING:
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.render import MitsubaScene
-    from lookdev.mitsuba.slopes import SlopeScene
-    from lookdev.rendering.slopes import SlopeTask
+    from lookdev.rendering.derivatives import DerivativeTask
     from lookdev.rendering.task import FrameTask
-    from lookdev.rendering.wire import Requests
+    from lookdev.rendering.wire import TaskQueue
 
 
 class _Scenes:
-    """The scenes of the latest tasks: the next tasks mostly have the same."""
+    """The scenes of the latest tasks; most next tasks have the same scene."""
 
-    def __init__(self, answers: AnswerStream, requests: Requests) -> None:
+    def __init__(self, answers: AnswerStream, requests: TaskQueue) -> None:
         self._answers = answers
         self._requests = requests
         self.scene: MitsubaScene | None = None
-        self.slope_scene: SlopeScene | None = None
+        self.derivative_scene: DerivativeScene | None = None
 
     def render(self, task: FrameTask) -> None:
         """Render a frame, and send the answer."""
@@ -37,7 +37,7 @@ class _Scenes:
         from lookdev.mitsuba.render import MitsubaScene
 
         def progress(samples: int, planned: int, relmse: float | None) -> None:
-            self._requests.check(task.digest)
+            self._requests.check_cancelled(task.digest)
             self._answers.send_progress(task.digest, samples, planned, relmse)
 
         if self.scene is None:
@@ -46,15 +46,15 @@ class _Scenes:
             self.scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.scene)
         self._answers.send_frame(task.digest, self.scene.render(task, progress), take_notes())
 
-    def render_slopes(self, task: SlopeTask) -> None:
+    def render_derivatives(self, task: DerivativeTask) -> None:
         """Render a picture with derivatives, and send the answer, without an estimate of its relMSE."""
+        from lookdev.mitsuba.derivatives import DerivativeScene
         from lookdev.mitsuba.load import load_mitsuba
-        from lookdev.mitsuba.slopes import SlopeScene
 
         start = time.perf_counter()
-        if self.slope_scene is None or self.slope_scene.task != task.scene:
-            self.slope_scene = SlopeScene(load_mitsuba(task.scene.device), task.scene)
-        halves = self.slope_scene.render(
+        if self.derivative_scene is None or self.derivative_scene.task != task.scene:
+            self.derivative_scene = DerivativeScene(load_mitsuba(task.scene.device), task.scene)
+        halves = self.derivative_scene.render(
             task, lambda finished, planned: self._answers.send_progress(task.digest, finished, planned, None)
         )
         seconds = time.perf_counter() - start
@@ -71,14 +71,14 @@ def main() -> None:
 
 
 def _serve(answers: AnswerStream) -> None:
-    from lookdev.rendering.wire import Cancelled, Requests
+    from lookdev.rendering.wire import FrameCancelled, TaskQueue
 
-    requests = Requests.from_input()
+    requests = TaskQueue.from_input()
     from importlib.metadata import version
 
     answers.send_ready(f"mitsuba {version('mitsuba')}")
     from lookdev.errors import LookdevError, WorkerError
-    from lookdev.rendering.slopes import SlopeTask
+    from lookdev.rendering.derivatives import DerivativeTask
     from lookdev.rendering.task import FrameTask
 
     scenes = _Scenes(answers, requests)
@@ -88,11 +88,11 @@ def _serve(answers: AnswerStream) -> None:
             match task:
                 case FrameTask():
                     scenes.render(task)
-                case SlopeTask():
-                    scenes.render_slopes(task)
+                case DerivativeTask():
+                    scenes.render_derivatives(task)
                 case _:
                     raise WorkerError("this worker takes no scenes ahead of their frames")
-        except Cancelled as error:
+        except FrameCancelled as error:
             answers.send_failure(getattr(task, "digest", ""), error)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scenes = _Scenes(answers, requests)

@@ -161,9 +161,9 @@ class Copies:
         """Return unit normals of facets in world space, whose sides follow the order of the corners."""
         return n if copy is None else self.normal(copy, n) * dr.gather(self._mi.Float, self._handedness, copy)
 
-    def hand(self, copy: UInt | None, hand: Float) -> Float:
+    def handedness(self, copy: UInt | None, handedness: Float) -> Float:
         """Return handedness, negated where copies are mirrored."""
-        return hand if copy is None else hand * dr.gather(self._mi.Float, self._handedness, copy)
+        return handedness if copy is None else handedness * dr.gather(self._mi.Float, self._handedness, copy)
 
     def lift(self, copy: UInt | None, lift: Float) -> Float:
         """Return the distances above facets at which rays start."""

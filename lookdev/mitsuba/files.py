@@ -1,4 +1,4 @@
-"""Files in a variant's arrays: each is read once for all scenes in memory, also for the next one during its setup."""
+"""Files as arrays of a Mitsuba variant: scenes in memory, and one that is being built, share the array of a file."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class FileArray:
 _arrays: WeakValueDictionary[tuple[type, Content], FileArray] = WeakValueDictionary()
 
 
-def file_array(kind: type[AnyArray], file: Content, read: Callable[[Path], Elements]) -> FileArray:
+def file_array(array_type: type[AnyArray], file: Content, read: Callable[[Path], Elements]) -> FileArray:
     """Return the numbers of a file as an array of a kind; calls `read` unless a scene in memory has the array."""
-    stored = _arrays.get((kind, file))
+    stored = _arrays.get((array_type, file))
     if stored is None:
         numbers = read(file.path)
-        stored = _arrays[kind, file] = FileArray(device_array(kind, numbers), numbers.shape)
+        stored = _arrays[array_type, file] = FileArray(device_array(array_type, numbers), numbers.shape)
     return stored
 
 
@@ -54,6 +54,6 @@ def pad_to_rgba(pixels: Floats32) -> Floats32:
     """Return pixels with four channels, which Dr.Jit gathers at once."""
     if pixels.shape[2] == 4:
         return pixels
-    wide = np.ones((*pixels.shape[:2], 4), np.float32)
-    wide[..., :3] = pixels
-    return wide
+    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
+    rgba[..., :3] = pixels
+    return rgba

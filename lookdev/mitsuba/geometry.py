@@ -19,10 +19,10 @@ from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.types import UV, AnyArray, Bool, Float, Intersection, Mitsuba, Ray3f, TracedScene, UInt, Vector3f
 from lookdev.scene.shading import LIFT
 
-MOST_TRIANGLES = 40_000_000
-"""The most triangles of the meshes, each counted once: more would take above 10 GB."""
+MAX_TRIANGLES = 40_000_000
+"""The most triangles of the meshes, each counted once: more need over 10 GB."""
 
-_MOST_INSTANCED = 1 << 32  # triangles of all instances, limited by their numbers
+_MAX_INSTANCED_TRIANGLES = 1 << 32  # triangles of all instances, limited by their numbers
 
 
 class Geometry:
@@ -40,10 +40,11 @@ class Geometry:
         split = {body.mesh: corner_triangles(asset.meshes[body.mesh]) for body in self._bodies}
         count = sum(len(faces) for _, faces in split.values())
         instanced = sum(len(split[instance.mesh][1]) for instance in asset.instances)
-        if count > MOST_TRIANGLES or instanced > _MOST_INSTANCED:
+        if count > MAX_TRIANGLES or instanced > _MAX_INSTANCED_TRIANGLES:
             raise RenderError(
-                f"{asset.name}: {count} triangles, {instanced} in all instances; at most {MOST_TRIANGLES}, and "
-                f"{_MOST_INSTANCED} in all instances, can be shown by backend 'mitsuba': 'exact' would be right"
+                f"{asset.name}: {count} triangles, {instanced} in all instances; at most {MAX_TRIANGLES}, and "
+                f"{_MAX_INSTANCED_TRIANGLES} in all instances, can be shown by backend 'mitsuba': 'exact' would be "
+                "right"
             )
         meshes = [asset.meshes[body.mesh] for body in self._bodies]
         starts = np.cumsum([0, *(len(mesh.corner_points) for mesh in meshes)])
@@ -66,7 +67,7 @@ class Geometry:
         self._facets = device_array(mi.Float, _unit(facets))
         self._corners = device_array(mi.UInt32, np.concatenate(corners)[has_area])
         self._slots = np.concatenate(slots)[has_area]
-        self._hands = device_array(mi.Float, np.concatenate(hands)[has_area])
+        self._handedness = device_array(mi.Float, np.concatenate(hands)[has_area])
         self._body_of_row = np.concatenate(body_of_row)[has_area]
         self._first_instance = device_array(
             mi.UInt32, np.array([body.instances[0] for body in self._bodies])[self._body_of_row]
@@ -75,7 +76,7 @@ class Geometry:
         self._position = device_array(mi.Float, position)
         self._index = device_array(mi.UInt32, index)
         # Not normalised: normals are interpolated in the space of the mesh, which its matrix may stretch.
-        self._normals = self._over_corners(
+        self._normals = self._corner_array(
             lambda body, mesh: mesh.normals.astype(np.float64) @ np.linalg.inv(body.matrix[:3, :3]), 3
         )
         self._attributes: dict[AttributeBinding, Float] = {}
@@ -132,7 +133,7 @@ class Geometry:
         """Return an attribute of all corners, 1, 2 or 3 numbers each; raises AssetError where a mesh lacks it."""
         if binding not in self._attributes:
             width = {"uv": 2, "float": 1}.get(binding.kind, 3)
-            self._attributes[binding] = self._over_corners(
+            self._attributes[binding] = self._corner_array(
                 lambda body, mesh: self._read_attribute(binding, body, mesh), width
             )
         return self._attributes[binding]
@@ -150,7 +151,7 @@ class Geometry:
             raise AssetError(f"{mesh.name}: no UV set '{binding.attribute}'; it has: {', '.join(mesh.uvs)}")
         return np.broadcast_to(np.array(binding.fallback), (len(mesh.corner_points), len(binding.fallback)))
 
-    def _over_corners(self, read: Callable[[Body, Mesh], Elements], width: int) -> Float:
+    def _corner_array(self, read: Callable[[Body, Mesh], Elements], width: int) -> Float:
         rows = [read(body, self.asset.meshes[body.mesh]) for body in self._bodies]
         return device_array(self._mi.Float, np.concatenate([row.reshape(-1, width) for row in rows]))
 
@@ -180,7 +181,7 @@ class Geometry:
         def read(body: Body, mesh: Mesh) -> Elements:
             return next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2), np.float32))
 
-        return self._over_corners(read, 2)
+        return self._corner_array(read, 2)
 
     def at(self, triangle: UInt, uv: UV, active: Bool) -> Hit:
         """Return the interpolated attributes at barycentric coordinates of triangles."""
@@ -201,11 +202,11 @@ class Hit:
     @property
     def point(self) -> Vector3f:
         geometry = self._geometry
-        return self._copies.point(self._copy, self._mean(geometry._position, geometry._index, 3))
+        return self._copies.point(self._copy, self._interpolate(geometry._position, geometry._index, 3))
 
     @property
     def normal(self) -> Vector3f:
-        mean = self._mean(self._geometry._normals, self._geometry._corners, 3)
+        mean = self._interpolate(self._geometry._normals, self._geometry._corners, 3)
         return dr.normalize(mean) if self._copy is None else self._copies.normal(self._copy, mean)
 
     @property
@@ -214,9 +215,9 @@ class Hit:
         return self._copies.facet(self._copy, facet)
 
     @property
-    def hand(self) -> Float:
-        hand = dr.gather(self._geometry._mi.Float, self._geometry._hands, self._triangle, self._active)
-        return self._copies.hand(self._copy, hand)
+    def handedness(self) -> Float:
+        handedness = dr.gather(self._geometry._mi.Float, self._geometry._handedness, self._triangle, self._active)
+        return self._copies.handedness(self._copy, handedness)
 
     @property
     def lift(self) -> Float:
@@ -226,15 +227,15 @@ class Hit:
 
     @property
     def first_uv(self) -> UV:
-        uv: UV = self._mean(self._geometry.first_uv(), self._geometry._corners, 2)
+        uv: UV = self._interpolate(self._geometry.first_uv(), self._geometry._corners, 2)
         return uv
 
     def attribute(self, binding: AttributeBinding) -> Any:
         width = {"uv": 2, "float": 1}.get(binding.kind, 3)
-        value = self._mean(self._geometry.attribute(binding), self._geometry._corners, width)
+        value = self._interpolate(self._geometry.attribute(binding), self._geometry._corners, width)
         return self._copies.vector(self._copy, value) if binding.attribute == TANGENT else value
 
-    def _mean(self, values: Float, corners: UInt, width: int) -> Any:
+    def _interpolate(self, values: Float, corners: UInt, width: int) -> Any:
         mi = self._geometry._mi
         kinds: dict[int, type[AnyArray]] = {1: mi.Float, 2: mi.Vector2f, 3: mi.Vector3f}
         numbers = dr.gather(mi.Vector3u, corners, self._triangle, self._active)

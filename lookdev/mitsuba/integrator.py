@@ -1,7 +1,7 @@
-"""The estimator: all samples of some pixels in one kernel.
+"""The path tracer: one kernel estimates the light of all samples of some pixels.
 
 At each hit, directions are drawn from the BSDF and from the light, weighted by the balance heuristic (Veach and Guibas
-1995). One of the BSDF's directions that hit the asset again continues the path, with a probability proportional to its
+1995). One of the BSDF's directions that hit the asset again continues the path; it is selected in proportion to its
 throughput, as in `lookdev/shaders/surface.osl`. The directions of all samples of a pixel are one set of low-discrepancy
 points.
 """
@@ -23,49 +23,56 @@ from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Ray3f, UInt, Vector2
 from lookdev.mitsuba.view import FramePart, KernelView
 from lookdev.scene import Sampling
 
-# Russian roulette begins below this throughput: with 1, dielectrics had five times the error in equal time.
+# Russian roulette begins below this throughput. With 1, dielectrics have five times the error in equal time.
 LOW_THROUGHPUT = 0.1
 _NEGLIGIBLE = 1e-20  # BSDF times cosine: as in the shader
 
 
 @dataclass(frozen=True)
-class Counts:
+class PathDirectionCounts:
     """The numbers of directions from the BSDF and from the light, at the first hit and at later ones."""
 
     brdf: int
     light: int
     brdf_onward: int = 1
     light_onward: int = 1
-    resampled: bool = False  # whether only one of the directions from the light is traced
+    is_resampled: bool = False  # whether only one of the directions from the light is traced
 
 
-# In recesses, a path onward adds one sample of the light from other parts, for any number of directions at its first
-# hit, as in `lookdev.codegen.osl.directions`: so glossy looks draw few directions there.
-_COUNTS, _GLOSSY_COUNTS, _RESAMPLED_COUNTS = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4), Counts(1, 4, 1, 8, resampled=True)
+# In recesses, a path adds one sample of the light from other parts, however many directions its first hit draws (as in
+# `lookdev.codegen.osl.surface`). Glossy looks therefore draw few directions at the first hit.
+_COUNTS, _GLOSSY_COUNTS, _RESAMPLED_COUNTS = (
+    PathDirectionCounts(2, 4, 1, 4),
+    PathDirectionCounts(1, 2, 1, 4),
+    PathDirectionCounts(1, 4, 1, 8, is_resampled=True),
+)
 
 
-def direction_counts(sampling: Sampling, sampled: bool, glossy: bool, resampled: bool = True) -> Counts:
+def direction_counts(
+    sampling: Sampling, is_light_sampled: bool, is_glossy: bool, can_resample: bool = True
+) -> PathDirectionCounts:
     """Return the numbers of directions: those of the job, or the defaults, which reach an error in the least time.
 
-    `resampled` says whether the estimator can trace a single one of the directions from the light.
+    `can_resample` says whether the estimator can trace a single one of the directions from the light.
     """
     default = _COUNTS
-    if glossy and sampling.bounces > 0:
-        default = _RESAMPLED_COUNTS if resampled and sampling.ibl_samples is None else _GLOSSY_COUNTS
+    if is_glossy and sampling.bounces > 0:
+        default = _RESAMPLED_COUNTS if can_resample and sampling.ibl_samples is None else _GLOSSY_COUNTS
     brdf = default.brdf if sampling.brdf_samples is None else sampling.brdf_samples
     light = default.light if sampling.ibl_samples is None else sampling.ibl_samples
-    if not sampled or light == 0:
-        return Counts(max(brdf, 1), 0, 1, 0)
+    if not is_light_sampled or light == 0:
+        return PathDirectionCounts(max(brdf, 1), 0, 1, 0)
     onward = default.light_onward if sampling.ibl_samples is None else -(-light // 2)
     # Each hit draws at least one direction from the BSDF, so that the path goes on.
-    return Counts(brdf, light, 1, onward, default.resampled)
+    return PathDirectionCounts(brdf, light, 1, onward, default.is_resampled)
 
 
 class Vertex:
     """A vertex of a path, in front of the camera: surface, lighting, throughput, and the numbers of its directions.
 
-    `straight` says where the path is straight from the camera; `shares` has the shares of the groups of lobes where it
-    is not. `index` is the number of the sample in its pixel, `seed` that of the directions' points.
+    `is_straight` is true where nothing has scattered the path since the camera; elsewhere, `shares` has the share of
+    each group of lobes in the throughput. `index` is the number of the sample in its pixel, `seed` that of the
+    directions' points.
 
     Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a vertex.
     """
@@ -80,7 +87,7 @@ class Vertex:
         seed: UInt,
     ) -> None:
         self.surface, self.lighting, self.active = surface, lighting, surface.active
-        self.throughput, self.straight, self.shares = path
+        self.throughput, self.is_straight, self.shares = path
         self.brdf_count, self.light_count = counts
         self.index, self.seed = index, seed
 
@@ -96,17 +103,17 @@ class Estimator:
     if the pass is requested, the direct light; and the light of each recorded group of lights.
     """
 
-    _resamples = True  # a single one of the directions from the light can be traced
+    _can_resample = True  # a single one of the directions from the light can be traced
 
     def __init__(self, looks: SceneLooks, light: SceneLights, sampling: Sampling, groups: Sequence[str] = ()) -> None:
         self._mi, self._geometry, self._looks, self._light = looks.mi, looks.geometry, looks, light
         glossy = all(source.glossy for source in looks.sources)
-        self._counts = direction_counts(sampling, light.sampled, glossy, self._resamples)
+        self._counts = direction_counts(sampling, light.sampled, glossy, self._can_resample)
         self._bounces = sampling.bounces
         self._shadows = any(source.shadows for source in looks.sources)
         self._groups, self._direct = groups, "direct" in sampling.passes
 
-    def pixels(
+    def render_pixels(
         self, view: KernelView, rectangle: FramePart, lane: UInt, seed: UInt, first: UInt, shift: UInt
     ) -> list[Float]:
         """Return the channels of radiance, the coverage, and the channels of each part, of samples of pixels.
@@ -115,19 +122,20 @@ class Estimator:
         the rectangle. `first`, the number of the first pixel in the rectangle, and `shift`, the logarithm of the
         samples per pixel, are inputs of the kernel. The results are not evaluated yet.
         """
-        (radiance, *parts), (cover,), visible_light = self._estimate(view, rectangle, lane, seed, first, shift)
+        (radiance, *parts), (coverage,), visible_light = self._estimate(view, rectangle, lane, seed, first, shift)
         if self._light.visible:
             # Light that the camera sees directly is not reflected by any lobe.
             lobes = len(self._groups)
             parts = [*parts[:lobes], *sum_of(parts[lobes:], [visible_light[0]] * self._direct + visible_light[1:])]
-        return [*radiance, cover, *(channel for part in parts for channel in part)]
+        return [*radiance, coverage, *(channel for part in parts for channel in part)]
 
     def _estimate(
         self, view: KernelView, rectangle: FramePart, lane: UInt, seed: UInt, first: UInt, shift: UInt
     ) -> tuple[Dual, list[Float], list[Color3f]]:
         """Return the light of samples of pixels and its parts (`_reflect`), the coverage, and the light seen directly.
 
-        Arguments are as of `pixels`. The parts have no light that is seen directly, which has no derivative.
+        Arguments are those of `render_pixels`. The parts exclude light that the camera sees directly; that light has no
+        derivative.
         """
         mi = self._mi
         number = first + (lane >> shift)
@@ -139,10 +147,10 @@ class Estimator:
         visible_light, hidden = [mi.Color3f(0.0)], mi.Bool(False)
         if self._light.visible:
             visible_light, hidden = self._light.camera_radiance(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
-        light, cover = self._trace_paths(triangle, uv, -ray.d, hit & ~hidden, view.turns, index, scramble)
+        light, coverage = self._trace_paths(triangle, uv, -ray.d, hit & ~hidden, view.turns, index, scramble)
         light[0] += visible_light[0]
-        cover[0] = dr.select(hit & hidden, 1.0, cover[0])
-        return light, cover, visible_light
+        coverage[0] = dr.select(hit & hidden, 1.0, coverage[0])
+        return light, coverage, visible_light
 
     @dr.syntax
     def _trace_paths(
@@ -153,10 +161,10 @@ class Estimator:
         Variables that loops only read are excluded from their state: otherwise Dr.Jit traces the bodies twice.
         """
         mi = self._mi
-        total, throughput = self._no_light(), self._constant(1.0)
+        total, throughput = self._no_light(), self._constant_dual(1.0)
         depth = mi.UInt32(0)
         active = mi.Bool(active)
-        whole = [dr.select(active, mi.Float(1.0), 0.0), *(mi.Float(0.0) for _ in throughput[1:])]
+        coverage = [dr.select(active, mi.Float(1.0), 0.0), *(mi.Float(0.0) for _ in throughput[1:])]
         # Where looks can be seen through: the visible share of the background, and whether a path is straight so far.
         seen_background = [mi.Float(0.0) for _ in throughput if self._looks.see_through]
         through = [mi.Bool(active)] * self._looks.see_through
@@ -170,20 +178,20 @@ class Estimator:
             light_count = dr.select(first, mi.UInt32(self._counts.light), mi.UInt32(self._counts.light_onward))
             lighting = self._light.at(surface, turns, light_count, self._looks.transmits)
             onward = depth < self._bounces
-            straight = through[0] if self._looks.see_through else first
+            is_straight = through[0] if self._looks.see_through else first
             counts = brdf_count, light_count
-            vertex = Vertex(surface, lighting, (throughput, straight, shares), counts, index, seed)
+            vertex = Vertex(surface, lighting, (throughput, is_straight, shares), counts, index, seed)
 
-            path, reflected, background = self._follow(vertex, onward)
+            path, reflected, background = self._follow_deltas(vertex, onward)
             total = sum_of(total, reflected)
             seen_background = sum_of(
                 seen_background, [dr.mean(element) for element in product(throughput, background)] if background else []
             )
-            share, next_weight, next_triangle, next_uv, next_viewer, next_through, next_shares = path
+            weight_sum, next_weight, next_triangle, next_uv, next_viewer, next_through, next_shares = path
 
             # Directions of the BSDF.
             k = mi.UInt32(0)
-            while dr.hint(active & (k < brdf_count), exclude=[index, brdf_count, seed, onward, straight, active]):
+            while dr.hint(active & (k < brdf_count), exclude=[index, brdf_count, seed, onward, is_straight, active]):
                 number = index * brdf_count + k
                 u1, u2 = sobol.points(mi.Float, number, seed)
                 wi = surface.draw(u1, u2, active)
@@ -191,47 +199,47 @@ class Estimator:
                 w = surface.to_world(wi)
                 valid = active & self._is_on_side(surface, wi, w) & _contributes(responses) & (pdf > 0.0)
                 density = mi.Float(brdf_count) * pdf
-                blocked, occluder, hit_triangle, hit_uv = self._trace(surface, w, valid)
-                occluders = self._occluders(surface, w, occluder, blocked)
+                blocked, occluder_distance, hit_triangle, hit_uv = self._trace(surface, w, valid)
+                occluders = self._occluder_distances(surface, w, occluder_distance, blocked)
                 arriving = lighting.arriving(Direction(w, density, 1.0, occluders, valid))
                 total = sum_of(total, self._reflect(vertex, responses, arriving, valid))
                 # Weighted reservoir sampling: a hit is selected with a probability proportional to its weight.
                 weight = where(valid & blocked & onward, [response.value / density for response in responses])
-                share += path_weight(weight)
+                weight_sum += path_weight(weight)
                 random = sobol.random(mi.Float, seed ^ (number + 1) * 0x3504F333)
-                accepted = (path_weight(weight) > 0.0) & (random * share < path_weight(weight))
+                accepted = (path_weight(weight) > 0.0) & (random * weight_sum < path_weight(weight))
                 next_weight = dr.select(accepted, [element / path_weight(weight) for element in weight], next_weight)
                 next_triangle = dr.select(accepted, hit_triangle, next_triangle)
                 next_uv = dr.select(accepted, hit_uv, next_uv)
                 next_viewer = dr.select(accepted, -w, next_viewer)
                 next_through = [flag & ~accepted for flag in next_through]
-                next_shares = dr.select(accepted & straight, responses[0].shares(), next_shares)
+                next_shares = dr.select(accepted & is_straight, responses[0].shares(), next_shares)
                 k += 1
 
             total = sum_of(total, self._sample_light(vertex))
 
-            throughput = product(throughput, [element * share for element in next_weight])
+            throughput = product(throughput, [element * weight_sum for element in next_weight])
             # Russian roulette: a path of low throughput ends, or goes on with a larger weight.
             survival = dr.minimum(path_weight(throughput) / LOW_THROUGHPUT, 1.0)
             survives = sobol.random(mi.Float, seed ^ index * 0x2545F491 ^ 0x1B873593) < survival
             throughput = where(survives, [element / survival for element in throughput])
-            active &= onward & survives & (share > 0.0)
+            active &= onward & survives & (weight_sum > 0.0)
             triangle, uv, viewer, through = next_triangle, next_uv, next_viewer, next_through
             shares = next_shares
             depth += 1
-        return total, difference(whole, seen_background) if seen_background else whole
+        return total, difference(coverage, seen_background) if seen_background else coverage
 
     def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> SurfacePoints:
         return SurfacePoints(self._looks, triangle, uv, viewer, active)
 
-    def _constant(self, value: float) -> Dual:
+    def _constant_dual(self, value: float) -> Dual:
         return [self._mi.Color3f(value)]
 
     def _sample_light(self, vertex: Vertex) -> Dual:
         """Return the reflected light of directions drawn from the light, as `_reflect` returns it."""
         if not self._light.sampled:
             return self._no_light()
-        return self._resample_light(vertex) if self._counts.resampled else self._sample_light_fully(vertex)
+        return self._resample_light(vertex) if self._counts.is_resampled else self._sample_light_fully(vertex)
 
     @dr.syntax
     def _sample_light_fully(self, vertex: Vertex) -> Dual:
@@ -244,10 +252,10 @@ class Estimator:
 
     @dr.syntax
     def _resample_light(self, vertex: Vertex) -> Dual:
-        """Return the light of one direction, selected in proportion to its unoccluded contribution, for all of them.
+        """Return the light of all directions, estimated from one that is selected by its unoccluded contribution.
 
-        For glossy surfaces, whose lobes most directions from the light miss (Talbot et al. 2005, "Importance Resampling
-        for Global Illumination").
+        It is for glossy surfaces: most directions from the light miss their lobes (Talbot et al. 2005, "Importance
+        Resampling for Global Illumination").
         """
         mi = self._mi
         j, selected = mi.UInt32(0), mi.UInt32(0)
@@ -281,7 +289,7 @@ class Estimator:
         w, responses, weight, distance, controls, valid, _ = sample
         specular, diffuse = self._unoccluded_shares(vertex.surface, w, distance, controls, valid)
         weight = weight * dr.select(valid, factor, 0.0)
-        arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
+        arriving = self._light.split_by_group(controls, (weight * specular, weight * diffuse))
         return self._reflect(vertex, responses, arriving, valid)
 
     def _no_light(self) -> Dual:
@@ -291,17 +299,17 @@ class Estimator:
     def _reflect(self, vertex: Vertex, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
         """Return the reflected light and its parts: by groups of lobes, direct, and by groups of lights."""
         (throughput, *_), (response, *_) = vertex.throughput, responses
-        whole, *of_lights = where(active, [throughput * response.to(light) for light in arriving])
+        reflected, *of_lights = where(active, [throughput * response.to(light) for light in arriving])
         by_lobes = [throughput * part for part in response.parts_to(arriving[0])]
         of_lobes = [
-            dr.select(active, dr.select(vertex.straight, part, share * whole), 0.0)
+            dr.select(active, dr.select(vertex.is_straight, part, share * reflected), 0.0)
             for part, share in zip(by_lobes, vertex.shares, strict=True)
         ]
-        direct = [dr.select(vertex.straight, whole, 0.0)] * self._direct
-        return [whole, *of_lobes, *direct, *of_lights]
+        direct = [dr.select(vertex.is_straight, reflected, 0.0)] * self._direct
+        return [reflected, *of_lobes, *direct, *of_lights]
 
-    def _follow(self, vertex: Vertex, onward: Bool) -> tuple[_Path, Dual, Dual]:
-        """Follow the single directions of the BSDF, which sampling the light never draws.
+    def _follow_deltas(self, vertex: Vertex, onward: Bool) -> tuple[_Path, Dual, Dual]:
+        """Follow the delta directions of the BSDF, which light sampling never draws.
 
         Where the surface is absent, a path goes straight on; from the camera, the background is black. Returns the path
         to continue (the sum of weights, its own weight over that sum, triangle, coordinates, direction back, whether it
@@ -310,52 +318,53 @@ class Estimator:
         """
         mi, see_through, surface = self._mi, self._looks.see_through, vertex.surface
         seed = vertex.seed ^ vertex.index
-        total, share = self._no_light(), mi.Float(0.0)
-        background = self._constant(0.0) if see_through else []
+        total, weight_sum = self._no_light(), mi.Float(0.0)
+        background = self._constant_dual(0.0) if see_through else []
         next_path: tuple[Dual, UInt, UV, Vector3f] = (
-            self._constant(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer)
+            self._constant_dual(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer)
         )  # fmt: skip
         next_through = [mi.Bool(False)] * see_through
         next_shares = [mi.Color3f(initial) for initial in vertex.shares]
-        for number, (w, responses, passes) in enumerate(self._single_directions(surface)):
+        for number, (w, responses, passes) in enumerate(self._delta_directions(surface)):
             weight = [response.value for response in responses]
             valid = vertex.active & (dr.max(weight[0]) > 0.0)
-            blocked, occluder, triangle, uv = self._trace(surface, w, valid)
-            occluders = self._occluders(surface, w, occluder, blocked)
-            straight_on = vertex.straight & passes
+            blocked, occluder_distance, triangle, uv = self._trace(surface, w, valid)
+            occluders = self._occluder_distances(surface, w, occluder_distance, blocked)
+            straight_on = vertex.is_straight & passes
             reflecting = valid & ~straight_on
             arriving = vertex.lighting.arriving(Direction(w, mi.Float(1.0), 0.0, occluders, reflecting, passes))
             total = sum_of(total, self._reflect(vertex, responses, arriving, reflecting))
             if see_through:
                 background = sum_of(background, where(valid & ~blocked & straight_on, weight))
-            next_size = dr.select(valid & blocked & onward, path_weight(weight), 0.0)
-            share += next_size
+            selection_weight = dr.select(valid & blocked & onward, path_weight(weight), 0.0)
+            weight_sum += selection_weight
             random = sobol.random(mi.Float, seed + (number + 1) * 0x1B873593)
-            accepted = (next_size > 0.0) & (random * share < next_size)
-            next_path = dr.select(accepted, ([element / next_size for element in weight], triangle, uv, -w), next_path)
+            accepted = (selection_weight > 0.0) & (random * weight_sum < selection_weight)
+            weight = [element / selection_weight for element in weight]
+            next_path = dr.select(accepted, (weight, triangle, uv, -w), next_path)
             next_through = [dr.select(accepted, straight_on, flag) for flag in next_through]
-            next_shares = dr.select(accepted & vertex.straight & ~straight_on, responses[0].shares(), next_shares)
-        return (share, *next_path, next_through, next_shares), total, background
+            next_shares = dr.select(accepted & vertex.is_straight & ~straight_on, responses[0].shares(), next_shares)
+        return (weight_sum, *next_path, next_through, next_shares), total, background
 
-    def _single_directions(self, surface: SurfacePoints) -> list[tuple[Vector3f, list[Response], bool]]:
-        """Return the single directions in world space, the responses to them, and whether they pass the surface."""
+    def _delta_directions(self, surface: SurfacePoints) -> list[tuple[Vector3f, list[Response], bool]]:
+        """Return the delta directions in world space, the responses to them, and whether they pass the surface."""
         black = self._mi.Color3f(0.0)
-        singles: list[tuple[Vector3f, list[Response], bool]] = []
+        deltas: list[tuple[Vector3f, list[Response], bool]] = []
         for number in range(self._looks.deltas):
             wi, value, group = surface.delta(number)
             w = surface.to_world(wi)
             value = where(self._is_on_side(surface, wi, w), value)
             groups = [group == LOBE_GROUPS.index(name) for name in self._groups]
             parts = [(part, black) for part in (dr.select(in_group, value[0], 0.0) for in_group in groups)]
-            singles.append((w, [Response((factor, black), parts, False) for factor in value], False))
+            deltas.append((w, [Response((factor, black), parts, False) for factor in value], False))
         if self._looks.see_through:
             parts = [(black, black)] * len(self._groups)
             absent = [Response((factor, black), parts, False) for factor in surface.absence()]
-            singles.append((-surface.viewer, absent, True))
-        return singles
+            deltas.append((-surface.viewer, absent, True))
+        return deltas
 
     def _is_on_side(self, surface: SurfacePoints, wi: Vector3f, w: Vector3f) -> Bool:
-        """Return where a direction is on the same side of shading normal and facet, and on one that the looks allow."""
+        """Return where a direction is on the same side of shading normal and facet: in front, unless looks transmit."""
         height = dr.dot(w, surface.facet)
         if self._looks.transmits:
             return wi.z * height > 0.0
@@ -375,25 +384,27 @@ class Estimator:
         hit = intersection.is_valid()
         return hit, dr.select(hit, intersection.t, FAR), self._geometry.triangle_of(intersection), intersection.prim_uv
 
-    def _occluders(self, surface: SurfacePoints, w: Vector3f, occluder: Float, blocked: Bool) -> list[Float]:
-        """Return the distances of occluders for each set of `shadow_excluded`; `occluder` is that of any part."""
+    def _occluder_distances(self, surface: SurfacePoints, w: Vector3f, nearest: Float, blocked: Bool) -> list[Float]:
+        """Return the occluder's distance for each set of `shadow_excluded`; for an empty set, that of the nearest."""
         distances = []
         for number, excluded in enumerate(self._light.shadow_excluded):
             far = self._mi.Float(FAR)
-            distances.append(self._occluder(number, surface, w, far, blocked) if excluded else occluder)
+            distances.append(self._occluder_distance(number, surface, w, far, blocked) if excluded else nearest)
         return distances
 
     def _unoccluded_shares(
         self, surface: SurfacePoints, w: Vector3f, distance: Float, controls: tuple[Float, ...], active: Bool
     ) -> Arriving:
-        """Return the shares of lights at a distance that occluders transmit."""
+        """Return the shares of light from a distance that pass the occluders, for specular and diffuse lobes."""
         occluders = [
-            self._occluder(number, surface, w, distance, active & self._light.excludes(controls, number))
+            self._occluder_distance(number, surface, w, distance, active & self._light.excludes(controls, number))
             for number in range(len(self._light.shadow_excluded))
         ]
         return self._light.shadow_shares(controls, distance, occluders)
 
-    def _occluder(self, number: int, surface: SurfacePoints, w: Vector3f, distance: Float, active: Bool) -> Float:
+    def _occluder_distance(
+        self, number: int, surface: SurfacePoints, w: Vector3f, distance: Float, active: Bool
+    ) -> Float:
         """Return the distance of the first occluder for a set of `shadow_excluded`; `FAR` beyond `distance`."""
         mi = self._mi
         if not self._shadows:

@@ -14,7 +14,7 @@ from lookdev.mitsuba.images import bilinear
 from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.types import AnyArray, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 
-_NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
+_FIELD_NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
 
 
 class LampRows:
@@ -32,7 +32,7 @@ class LampRows:
 
     def field(self, lamp: UInt, name: str) -> Float:
         """Return a field of lamps, by their numbers."""
-        return dr.gather(self._mi.Float, self._rows, lamp * len(_NUMBERS) + _NUMBERS[name])
+        return dr.gather(self._mi.Float, self._rows, lamp * len(_FIELD_NUMBERS) + _FIELD_NUMBERS[name])
 
     def turns(self, lamp: UInt) -> Bool:
         """Return where lamps turn with the rig."""
@@ -90,7 +90,7 @@ class Lamps(LampRows):
         self._program = Program(operations, outputs, mi.Float, (), [device_array(mi.Float, rig.tables())])
         self._image = None
         if kind == "picture":
-            (light,) = (lamp for lamp in rig.pictures if rig.pictures.index(lamp) == rows[0, _NUMBERS["picture"]])
+            (light,) = (lamp for lamp in rig.pictures if rig.pictures.index(lamp) == rows[0, _FIELD_NUMBERS["picture"]])
             assert light.texture, "a picture has a texture"
             self._image = file_array(mi.Float, light.texture, read_image)
 
@@ -98,7 +98,7 @@ class Lamps(LampRows):
         """Return `lookdev.light.lamps.estimate_irradiance` times the mean radiance."""
         return self.evaluate(self._program, lamp, "weight", p=p, n=n)[0]
 
-    def meet(self, lamp: UInt, p: Vector3f, w: Vector3f) -> tuple[Float, Float]:
+    def intersect(self, lamp: UInt, p: Vector3f, w: Vector3f) -> tuple[Float, Float]:
         """Return the distance along directions, `FAR` where they miss the lamp, and the density of its samples."""
         distance, pdf = self.evaluate(self._program, lamp, "meet", p=p, w=w)
         return distance, pdf

@@ -32,8 +32,8 @@ class Direction:
     """Directions from which light arrives at a surface, of density `own_density`.
 
     Where `weighed` is 1, the density of directions drawn from the light is added. `occluders` has the distance of the
-    first part that casts shadows, for each set of `SceneLights.shadow_excluded`. Light that is `straight` is not
-    reflected.
+    first part that casts shadows, for each set of `SceneLights.shadow_excluded`. Where `is_straight`,
+    light passes the surface without reflection.
 
     Not a dataclass, as `SurfacePoints`.
     """
@@ -45,17 +45,17 @@ class Direction:
         weighed: float,
         occluders: list[Float],
         active: Bool,
-        straight: bool = False,
+        is_straight: bool = False,
     ) -> None:
         self.w, self.own_density, self.weighed = w, own_density, weighed
-        self.occluders, self.active, self.straight = occluders, active, straight
+        self.occluders, self.active, self.is_straight = occluders, active, is_straight
 
 
 class Lighting(Protocol):
     """The light at points of a surface, from which a number of directions is drawn."""
 
     def arriving(self, direction: Direction) -> list[Arriving]:
-        """Return the sum over lights of unoccluded radiance over density, as `SceneLights.by_group`."""
+        """Return the sum over lights of unoccluded radiance over density, as `SceneLights.split_by_group`."""
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
         """Return direction `number` of sample `index`, its radiance, distance, the density of all directions, controls.
@@ -91,12 +91,12 @@ class SceneLights(ABC):
         self.groups = groups
         self.shadow_excluded = rig.shadow_excluded or ((),)
         self.shadowed, self.split = rig.needs("shadowed"), rig.needs("split")
-        self._names = (
+        self._control_names = (
             *["spares"] * bool(rig.shadow_excluded),
             *(SHADOW_FIELDS * self.shadowed),
             *(_SPLIT * self.split),
         )
-        self._names += ("group",) * bool(groups)
+        self._control_names += ("group",) * bool(groups)
         self._shadow_program = Program(*shadow_operations(), mi.Float)
 
     @abstractmethod
@@ -111,14 +111,14 @@ class SceneLights(ABC):
 
     def controls(self, rows: LampRows, lamp: UInt) -> tuple[Float, ...]:
         """Return the controls of lamps, an argument of `shadow_shares`."""
-        return tuple(rows.field(lamp, name) for name in self._names)
+        return tuple(rows.field(lamp, name) for name in self._control_names)
 
     @property
     def no_controls(self) -> tuple[Float, ...]:
         """The controls of no light."""
-        return tuple(self._mi.Float(0.0) for _ in self._names)
+        return tuple(self._mi.Float(0.0) for _ in self._control_names)
 
-    def by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
+    def split_by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
         """Return light, and the part of it from each recorded group."""
         specular, diffuse = arriving
         masks = [controls[-1] == number for number in range(self.groups)]
@@ -132,15 +132,15 @@ class SceneLights(ABC):
         return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
 
     def shadow_shares(
-        self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], straight: bool = False
+        self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], is_straight: bool = False
     ) -> Arriving:
-        """Return the shares of light that reach specular and diffuse lobes; `straight` light is not reflected.
+        """Return the shares of light that reach specular and diffuse lobes; light that `is_straight` meets no lobe.
 
         `distance` is that of the light; `occluders` has the distance of the first occluder for each set of
         `shadow_excluded`.
         """
         mi = self._mi
-        values = dict(zip(self._names, controls, strict=True))
+        values = dict(zip(self._control_names, controls, strict=True))
         occluder = occluders[0]
         for number in range(1, len(self.shadow_excluded)):
             occluder = dr.select(values["spares"] == number, occluders[number], occluder)
@@ -153,7 +153,7 @@ class SceneLights(ABC):
 
             transmitted = mi.Color3f(*Evaluation(self._shadow_program, value).values("passed"))
         share = dr.select(occluded, transmitted, mi.Color3f(1.0))
-        if straight or not self.split:
+        if is_straight or not self.split:
             return share, share
         return share * values["specular"], share * values["diffuse"]
 

@@ -8,7 +8,7 @@ from functools import cache
 
 from lookdev.errors import RenderError
 from lookdev.mitsuba.types import Mitsuba
-from lookdev.rendering.llvm import VARIABLE, check_device, find_llvm
+from lookdev.rendering.llvm import LLVM_VARIABLE, check_device, find_llvm
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 """The variants by device; colours are linear Rec.709, numbers float32."""
@@ -19,7 +19,7 @@ def load_mitsuba(device: str) -> Mitsuba:
     """Return Mitsuba in the variant of a device; raises RenderError where the device cannot be used."""
     check_device(device)
     if device == "cpu":
-        os.environ[VARIABLE] = find_llvm()
+        os.environ[LLVM_VARIABLE] = find_llvm()
     mi: Mitsuba = importlib.import_module("mitsuba")
     try:
         mi.set_variant(VARIANTS[device])

@@ -19,13 +19,13 @@ from lookdev.rendering.frame import FEATURE_SAMPLES
 from lookdev.rendering.passes import MATTES
 from lookdev.rendering.task import FrameTask
 
-CENTRAL = frozenset(("depth", "position", "normal", "uv"))
+CENTER_PASSES = frozenset(("depth", "position", "normal", "uv"))
 _NO_DEPTH = 1e10  # metres, where there is no surface
-_MOST_SAMPLES = 1 << 22  # in a launch
+_MAX_LAUNCH_SAMPLES = 1 << 22  # in a launch
 
 
 class Features:
-    """The features of the surfaces that the camera sees, in one variant's arrays."""
+    """Features of the surfaces that the camera sees, in a variant's arrays."""
 
     def __init__(self, looks: SceneLooks, bounces: int) -> None:
         self._mi, self._geometry, self._looks, self._bounces = looks.mi, looks.geometry, looks, bounces
@@ -50,9 +50,9 @@ class Features:
         pixel = dr.opaque(mi.UInt32, first) + lane // size
         return view.first_hits(mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel))[:4]
 
-    def central(self, view: KernelView, task: FrameTask) -> dict[str, Floats32]:
+    def center_passes(self, view: KernelView, task: FrameTask) -> dict[str, Floats32]:
         """Return the passes at the hits of rays through the centres of pixels, (H, W, channels) by name."""
-        mi, requested = self._mi, CENTRAL.intersection(task.scene.sampling.passes)
+        mi, requested = self._mi, CENTER_PASSES.intersection(task.scene.sampling.passes)
         pixel = dr.arange(mi.UInt32, view.width * view.height)
         row = pixel // view.width
         ray = view.rays(mi, mi.Float(pixel - row * view.width) + 0.5, mi.Float(row) + 0.5, mi.Float(0.0), mi.Float(0.0))
@@ -105,7 +105,7 @@ class Features:
         total = view.width * view.height
         for kind in names_of_kind:
             mattes[kind] = np.zeros((total, 2 * RANKS), np.float32)
-        for first in range(0, total, step := max(1, _MOST_SAMPLES // size)):
+        for first in range(0, total, step := max(1, _MAX_LAUNCH_SAMPLES // size)):
             count = min(step, total - first)
             layers = list(self._hits_in_depth(view, first, count, size))
             for kind, (names, number) in numbers.items():
@@ -157,12 +157,12 @@ def _rank_by_coverage(keys: Ints, weights: Floats, ids: NDArray[np.uint32], pixe
     unique, inverse = np.unique(keys, return_inverse=True)
     if len(unique):
         coverage = np.bincount(inverse, weights)
-        pixel, thing = unique // len(ids), unique % len(ids)
+        pixel, entry = unique // len(ids), unique % len(ids)
         order = np.lexsort((-coverage, pixel))
-        pixel, thing, coverage = pixel[order], thing[order], coverage[order]
+        pixel, entry, coverage = pixel[order], entry[order], coverage[order]
         starts = np.flatnonzero(np.r_[True, pixel[1:] != pixel[:-1]])
         rank = np.arange(len(pixel)) - np.repeat(starts, np.diff(np.r_[starts, len(pixel)]))
         within = rank < RANKS
-        ranked[pixel[within], rank[within], 0] = ids[thing[within]].view(np.float32)
+        ranked[pixel[within], rank[within], 0] = ids[entry[within]].view(np.float32)
         ranked[pixel[within], rank[within], 1] = coverage[within]
     return ranked.reshape(pixels, 2 * RANKS)

@@ -193,7 +193,7 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
             return value & valid, dr.detach(dr.select(valid, pdf, 0.0))
 
         def _evaluation(self, si: Any) -> tuple[Evaluation, Callable[[Vector3f], Vector3f]]:
-            """Return the program at points, and a function between Mitsuba's frame and the program's, its own inverse.
+            """Return the program at points, and a function, its own inverse, between Mitsuba's frame and the program's.
 
             Seen from behind, the frame is rotated by 180 degrees about its tangent.
             """

@@ -18,8 +18,8 @@ from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import collect_arrays, pause_garbage_collection
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Estimator
-from lookdev.mitsuba.passes import CENTRAL, Features
-from lookdev.mitsuba.rig import lights_of
+from lookdev.mitsuba.passes import CENTER_PASSES, Features
+from lookdev.mitsuba.rig import scene_lights
 from lookdev.mitsuba.surface import SceneLooks
 from lookdev.mitsuba.types import Mitsuba
 from lookdev.mitsuba.view import FramePart, KernelView
@@ -28,12 +28,12 @@ from lookdev.rendering.frame import Denoiser, RenderedFrame, ReportSamples, rend
 from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask, SceneTask
 
-LONGEST_LAUNCH = 0.2
+MAX_LAUNCH_SECONDS = 0.2
 """Seconds of a launch: the worker reports between launches, and kernels cannot be interrupted."""
 
-_FIRST_LAUNCH = 1 << 16  # samples, before the time of a sample is measured
-_MOST_SAMPLES = 1 << 24  # samples in a launch: four numbers of each are stored
-# Samples up to which the quick filter is used: it saves more time than samples would take to make up for its error.
+_FIRST_LAUNCH_SAMPLES = 1 << 16  # samples, before the time of a sample is measured
+_MAX_LAUNCH_SAMPLES = 1 << 24  # samples in a launch: four numbers of each are stored
+# Samples up to which the quick filter is used: it saves more time than the samples take that compensate its error.
 _QUICK_FILTER_SAMPLES = 64
 
 
@@ -43,8 +43,8 @@ class MitsubaScene:
     def __init__(self, mi: Mitsuba, task: SceneTask, previous: MitsubaScene | None = None) -> None:
         self._mi = mi
         self._task = task
-        self._samples_per_second = _FIRST_LAUNCH / LONGEST_LAUNCH
-        self._most_samples = _MOST_SAMPLES
+        self._samples_per_second = _FIRST_LAUNCH_SAMPLES / MAX_LAUNCH_SECONDS
+        self._max_launch_samples = _MAX_LAUNCH_SAMPLES
         if previous is not None and (previous._task.asset, previous._task.device) == (task.asset, task.device):
             self._geometry: Geometry = previous._geometry
         else:
@@ -53,13 +53,13 @@ class MitsubaScene:
         looks = self._looks = SceneLooks(mi, task, self._geometry)
         # The last of a set of parts is the beauty minus the others.
         self._recorded = [name for parts in task.part_sets for name in parts[:-1]]
-        light = lights_of(mi, task, self._geometry)
+        light = scene_lights(mi, task, self._geometry)
         self._features = Features(looks, task.sampling.bounces)
         groups = [name for name in self._recorded if name in LOBE_GROUPS]
         self._estimator = Estimator(looks, light, task.sampling, groups)
         # Frozen, so that it is traced once: with many looks and lights, tracing takes longer than the kernel.
         arrays = collect_arrays(self._estimator)
-        self._pixels = dr.freeze(self._estimator.pixels, state_fn=lambda *arguments: arrays)
+        self._render_pixels = dr.freeze(self._estimator.render_pixels, state_fn=lambda *arguments: arrays)
 
     def matches(self, task: SceneTask) -> bool:
         """Return whether this scene renders a task: only samples, seed, camera and resolution may differ."""
@@ -92,11 +92,11 @@ class MitsubaScene:
         def render(seed: int, region: Region) -> tuple[Floats32, Floats32, Mapping[str, Floats32]]:
             height, width = region.rows.stop - region.rows.start, region.columns.stop - region.columns.start
             sums = np.zeros((height * width, 4 + 3 * len(self._recorded)))
-            for part, pixels in self._launches(view, seed, region, height * width):
+            for part, pixels in self._render_launches(view, seed, region, height * width):
                 sums[pixels] = part
                 progress(*latest_report)
             means = (sums / region.samples).reshape(height, width, -1)
-            parts = self._parts_of_light(task.scene, means)
+            parts = self._light_parts(task.scene, means)
             return means[..., :3].astype(np.float32), means[..., 3].astype(np.float32), parts
 
         with pause_garbage_collection():
@@ -105,7 +105,7 @@ class MitsubaScene:
         passes, names = self._passes(task, view, frame)
         return frame.with_passes(passes, names, time.perf_counter() - start)
 
-    def _parts_of_light(self, task: SceneTask, means: Floats) -> dict[str, Floats32]:
+    def _light_parts(self, task: SceneTask, means: Floats) -> dict[str, Floats32]:
         """Return the parts of the light, from means (H, W, 4 + 3 n) of colour, coverage, and recorded parts."""
         recorded = {name: means[..., 4 + 3 * n : 7 + 3 * n] for n, name in enumerate(self._recorded)}
         parts = task.complete_parts(recorded, means[..., :3])
@@ -118,8 +118,8 @@ class MitsubaScene:
         requested = {*task.scene.sampling.passes}
         passes: dict[str, Floats32] = {}
         names: Mapping[str, tuple[str, ...]] = {}
-        if requested & CENTRAL:
-            passes |= self._features.central(view, task)
+        if requested & CENTER_PASSES:
+            passes |= self._features.center_passes(view, task)
         if "albedo" in requested:
             passes["albedo"], _ = self._features.guides(view)
         if "cryptomatte" in requested:
@@ -127,21 +127,23 @@ class MitsubaScene:
             passes |= mattes
         return passes, names
 
-    def _launches(self, view: KernelView, seed: int, region: Region, total: int) -> Iterator[tuple[Floats, slice]]:
+    def _render_launches(
+        self, view: KernelView, seed: int, region: Region, total: int
+    ) -> Iterator[tuple[Floats, slice]]:
         """Yield sums (n, 4 + 3 parts) over the samples of n pixels of a region, and the slice of these pixels."""
         mi, size = self._mi, region.samples
         rectangle = FramePart.of(mi, region)
         first = 0
         while first < total:
-            limit = min(self._samples_per_second * LONGEST_LAUNCH, self._most_samples) / size
-            # A power of two, so that rays are always in the same packets of Embree, which decide on the last digits.
-            # So frames do not depend on the time that launches take, or on the number of threads.
+            limit = min(self._samples_per_second * MAX_LAUNCH_SECONDS, self._max_launch_samples) / size
+            # A power of two: rays are then always in the same packets of Embree, on which the last digits depend. So
+            # frames do not depend on the time that launches take, or on the number of threads.
             count = 1 << int(math.log2(max(1.0, min(limit, total - first))))
             numbers = [dr.opaque(mi.UInt32, number) for number in (seed, first, size.bit_length() - 1)]
             try:
                 lane = dr.arange(mi.UInt32, count * size)
                 dr.eval(lane)
-                parts = self._pixels(view, rectangle, lane, *numbers)
+                parts = self._render_pixels(view, rectangle, lane, *numbers)
                 start = time.perf_counter()
                 dr.eval(*parts)
                 # Summed by NumPy, in an order that does not depend on the size of a launch.
@@ -154,7 +156,7 @@ class MitsubaScene:
                         f"out of memory, even with the {size} samples of a single pixel in a launch: fewer samples, "
                         "smaller geometry or textures, or more memory would be right"
                     ) from error
-                self._most_samples = count * size // 2
+                self._max_launch_samples = count * size // 2
                 dr.flush_malloc_cache()
                 continue
             self._samples_per_second = count * size / max(time.perf_counter() - start, 1e-6)

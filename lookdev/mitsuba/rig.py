@@ -25,7 +25,7 @@ from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, 
 from lookdev.rendering.task import SceneTask
 
 
-def lights_of(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> SceneLights:
+def scene_lights(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> SceneLights:
     """Return the lights of a task about a geometry's centre, and create the scenes of their shadows.
 
     If the task has groups of lights, the light of all but the last is recorded separately.
@@ -42,7 +42,7 @@ class RigSampler(SceneLights):
 
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.shader_lights
-        groups = [task.names_of_light.index(name) for name in task.light_groups[: len(lights)]]
+        groups = [task.light_group_names.index(name) for name in task.light_groups[: len(lights)]]
         rig = CodedRig.from_lights(lights)
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
@@ -73,22 +73,22 @@ class RigSampler(SceneLights):
         self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
     ) -> tuple[list[Color3f], Bool]:
         mi = self._mi
-        radiance, hidden = self.dark(), mi.Bool(False)
+        radiance, hidden = self.zero_light(), mi.Bool(False)
         frames = _LightFrames(mi, self, start, turns)
         for lamps in self.lamps:
             lamp = mi.UInt32(0)
             while lamp < lamps.count:
                 p, local = frames.to_frame(lamps, lamp, w)
-                hit_distance, _ = lamps.meet(lamp, p, local)
+                hit_distance, _ = lamps.intersect(lamp, p, local)
                 visible = (lamps.field(lamp, "camera") > 0.0) & (hit_distance < distance)
                 seen = dr.select(visible, lamps.radiance(lamp, p, local), 0.0)
-                radiance = _add_arriving(radiance, self.by_group(self.controls(lamps, lamp), (seen, seen)))
+                radiance = _add_arriving(radiance, self.split_by_group(self.controls(lamps, lamp), (seen, seen)))
                 hidden |= visible
                 lamp += 1
         return [light[0] for light in radiance], hidden
 
-    def dark(self) -> list[Arriving]:
-        """Return zero light, as `by_group`."""
+    def zero_light(self) -> list[Arriving]:
+        """Return zero light, as `split_by_group`."""
         return [(self._mi.Color3f(0.0), self._mi.Color3f(0.0)) for _ in range(1 + self.groups)]
 
 
@@ -129,20 +129,22 @@ class _LightFrames:
         """Return the point in the frame of lights."""
         return lights.to_local_point(lamp, dr.select(lights.turns(lamp), self._in_turning, self._in_fixed))
 
-    def into(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
+    def to_light_axes(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return world vectors in the axes of lights."""
         return lights.to_local(lamp, rotate_z(v, -self.turn(lights, lamp)))
 
-    def out_of(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
+    def from_light_axes(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
         """Return world vectors, from vectors in the axes of lights."""
         return rotate_z(lights.to_rig(lamp, v), self.turn(lights, lamp))
 
     def to_frame(self, lights: LampRows, lamp: UInt, v: Vector3f) -> tuple[Vector3f, Vector3f]:
         """Return the point, and world vectors, in the frame of lights."""
-        return self.point(lights, lamp), self.into(lights, lamp, v)
+        return self.point(lights, lamp), self.to_light_axes(lights, lamp, v)
 
 
 class _RigLighting:
+    """The light of a rig at points of a surface."""
+
     def __init__(
         self, mi: Mitsuba, rig: RigSampler, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool
     ) -> None:
@@ -164,7 +166,7 @@ class _RigLighting:
             return [dome.map.all_around] * len(self._sides)
         if not dome.map.sampled:
             return []
-        return [dome.map.bin(self._frames.into(dome, dome.first, n)) for n in self._sides]
+        return [dome.map.bin(self._frames.to_light_axes(dome, dome.first, n)) for n in self._sides]
 
     def _dome_weight(self, number: int, side: int) -> Float:
         dome = self._rig.domes[number]
@@ -221,7 +223,7 @@ class _RigLighting:
         return sum((count * pdf for count, pdf in zip(counts, pdfs, strict=True)), self._mi.Float(0.0))
 
     def arriving(self, direction: Direction) -> list[Arriving]:
-        total = self._rig.dark()
+        total = self._rig.zero_light()
         for number in range(len(self._rig.domes)):
             total = _add_arriving(total, self._arriving_from_dome(number, direction))
         for lamps in self._rig.lamps:
@@ -230,7 +232,7 @@ class _RigLighting:
 
     def _arriving_from_dome(self, number: int, direction: Direction) -> list[Arriving]:
         dome, active = self._rig.domes[number], direction.active
-        local = self._frames.into(dome, dome.first, direction.w)
+        local = self._frames.to_light_axes(dome, dome.first, direction.w)
         distance, radiance_seen, density_seen = self._along_dome(number, local, direction.w, active)
         density = direction.own_density + (density_seen if direction.weighed else 0.0)
         light = dr.select(active, radiance_seen / density, 0.0)
@@ -242,8 +244,8 @@ class _RigLighting:
         """Return the parts of the light of lamps at a distance that reach the surface."""
         light = light * lights.link_of(lamp, self._surface.source)
         controls = self._rig.controls(lights, lamp)
-        shares = self._rig.shadow_shares(controls, distance, direction.occluders, direction.straight)
-        return self._rig.by_group(controls, (light * shares[0], light * shares[1]))
+        shares = self._rig.shadow_shares(controls, distance, direction.occluders, direction.is_straight)
+        return self._rig.split_by_group(controls, (light * shares[0], light * shares[1]))
 
     def _along_dome(self, number: int, local: Vector3f, w: Vector3f, active: Bool) -> tuple[Float, Color3f, Float]:
         """Return the distance of a dome along directions, its radiance, and the density of directions drawn from it."""
@@ -260,11 +262,11 @@ class _RigLighting:
 
     @dr.syntax
     def _arriving_from_lamps(self, lamps: Lamps, direction: Direction) -> list[Arriving]:
-        total = self._rig.dark()
+        total = self._rig.zero_light()
         lamp = self._mi.UInt32(0)
         while direction.active & (lamp < lamps.count):
             p, local = self._frames.to_frame(lamps, lamp, direction.w)
-            distance, pdf = lamps.meet(lamp, p, local)
+            distance, pdf = lamps.intersect(lamp, p, local)
             density = direction.own_density + direction.weighed * self._lamp_density(lamps, lamp, pdf)
             light = dr.select(distance < FAR, lamps.radiance(lamp, p, local) / density, 0.0)
             total = _add_arriving(total, self._unoccluded_light(lamps, lamp, direction, light, distance))
@@ -296,14 +298,14 @@ class _RigLighting:
             )
             end += weight
         for lamps in self._rig.lamps:
-            lamp, start, weight, end = self._choose(lamps, target, end, back, active)
+            lamp, start, weight, end = self._select_lamp(lamps, target, end, back, active)
             selected = active & (weight > 0.0)
             position = dr.clip((target - start) / weight, 0.0, 0.99999994)
             result = dr.select(selected, self._draw_from_lamp(lamps, lamp, position, u2), result)
         return result
 
     @dr.syntax
-    def _choose(
+    def _select_lamp(
         self, lamps: Lamps, target: Float, begin: Float, back: Bool, active: Bool
     ) -> tuple[UInt, Float, Float, Float]:
         """Return the lamp whose interval contains a number, its start and length (0 for none), and the end of all."""
@@ -326,7 +328,7 @@ class _RigLighting:
         p = self._frames.point(lamps, lamp)
         local, distance, pdf = lamps.draw(lamp, p, u1, u2)
         radiance = dr.select(distance < FAR, lamps.radiance(lamp, p, local), 0.0)
-        w, density = self._frames.out_of(lamps, lamp, local), self._lamp_density(lamps, lamp, pdf)
+        w, density = self._frames.from_light_axes(lamps, lamp, local), self._lamp_density(lamps, lamp, pdf)
         return w, radiance, distance, density, self._rig.controls(lamps, lamp)
 
     def _draw_from_dome(
@@ -338,7 +340,8 @@ class _RigLighting:
             radius, (s, c) = dr.sqrt(u1), dr.sincos(2.0 * math.pi * u2)
             height = dr.safe_sqrt(1.0 - u1) * dr.select(back, -1.0, 1.0)
             w = self._surface.to_world(mi.Vector3f(radius * c, radius * s, height))
-            distance, radiance, density = self._along_dome(number, self._frames.into(dome, dome.first, w), w, active)
+            local = self._frames.to_light_axes(dome, dome.first, w)
+            distance, radiance, density = self._along_dome(number, local, w, active)
             return w, radiance, distance, density, controls
         front, behind = self._bins[number][0], self._bins[number][-1]
         map_direction, map_radiance, ratio = dr.select(
@@ -349,7 +352,7 @@ class _RigLighting:
         if dome.is_local:
             local = mi.Vector3f(*dome.ball("draw", p=self._dome_points[number], onto=map_direction))
             _, distance, density_factor = dome.ball("meet", p=self._dome_points[number], w=local)
-        w = self._frames.out_of(dome, dome.first, local)
+        w = self._frames.from_light_axes(dome, dome.first, local)
         density = self._dome_density(number, map_direction, w, map_radiance) * density_factor
         return w, ratio * map_radiance * self._shares[number] * dome.radiance_factor, distance, density, controls
 

@@ -26,7 +26,7 @@ _Result = TypeVar("_Result")
 
 
 class SceneLooks:
-    """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which serve for other values, too.
+    """The looks of a scene, in a variant's arrays; constants are inputs of kernels, which serve for other values, too.
 
     `inputs` are values of attributes that are equal everywhere, by the attributes' parameters.
     """
@@ -196,7 +196,7 @@ class SurfacePoints:
         return [self.looks.mi.Color3f(1.0 - self.presence())]
 
     def delta(self, number: int) -> tuple[Vector3f, Dual, Float]:
-        """Return a single direction (local), the factor of light from there (0 for none), and its group of lobes."""
+        """Return a delta direction (local), the factor of light from there (0 for none), and its group of lobes."""
         mi = self.looks.mi
 
         def delta(evaluation: Evaluation) -> tuple[Vector3f, Color3f, Float]:
@@ -265,7 +265,7 @@ class _Symbols:
             return dr.select(
                 dr.dot(self._hit.normal, self._hit.facet) * dr.dot(self._hit.facet, self._viewer) < 0, 1.0, 0.0
             )
-        return self._hit.hand if name == "hand" else self._vector(name)
+        return self._hit.handedness if name == "hand" else self._vector(name)
 
     def _vector(self, name: str) -> Any:
         if name not in self._values:

@@ -209,7 +209,7 @@ def _frame_skips(setup: Setup, turns: TurntableFrames) -> Iterator[tuple[str, st
     if len(distinct) < len(requested):
         yield f"{len(requested) - len(distinct)} of {len(requested)} frames", "same pose"
     if len(rendered) < len(distinct):
-        causes = ["same all around"] * setup.is_rotation_invariant + ["constant light"] * setup.task.light_stays
+        causes = ["same all around"] * setup.is_rotation_invariant + ["constant light"] * setup.task.is_light_fixed
         yield f"{len(distinct) - len(rendered)} of {len(distinct)} frames", ", ".join(causes)
 
 

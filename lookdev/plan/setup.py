@@ -37,7 +37,7 @@ class Setup:
     def poses(self, turntable: JobTurntable, azimuth: float) -> tuple[Pose, ...]:
         """Return the pose of each frame of a turntable; frames with equal poses show the same picture."""
         poses = turntable_poses(turntable, self.rotation, azimuth)
-        return tuple(canonical_pose(pose, self.is_rotation_invariant, self.task.light_stays) for pose in poses)
+        return tuple(canonical_pose(pose, self.is_rotation_invariant, self.task.is_light_fixed) for pose in poses)
 
 
 def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: SceneTasks | None = None) -> Setup:

@@ -52,7 +52,7 @@ def scene_skips(
         yield "light from behind", "nothing transmits"
     if osl_shaders:
         brdf, light = (max(counts) for counts in zip(*(shader.directions for shader in osl_shaders), strict=True))
-        if not light and scene.constant_light and requested.ibl_samples != 0:
+        if not light and scene.is_light_constant and requested.ibl_samples != 0:
             yield "light samples", "constant light"
         if not brdf:
             yield "BRDF samples", "every lobe is broad"

@@ -1,7 +1,7 @@
 """Directional albedo: the share of uniform light from each side that a surface scatters to a viewer.
 
-The two estimators share only the values of the BSDF: a quadrature, which uses neither its sampling nor its pdf, and
-importance sampling. Neither includes light that passes where the surface is absent.
+There are two estimators, which share only the values of the BSDF: importance sampling, and a quadrature that uses
+neither the BSDF's sampling nor its pdf. Neither includes light that passes where the surface is absent.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Pixels of a scene under lights, in float64: the values to which frames of Cycles converge.
+"""Estimates pixels of a scene under lights in float64: the values to which frames of Cycles converge.
 
 The integral over a pixel's area and over directions is estimated by randomised quasi-Monte Carlo: a scrambled Sobol set
 for each pixel, multiple importance sampling of BSDF and light (balance heuristic) at each depth, and several
@@ -111,13 +111,15 @@ def frame_pixels(
         As in `bsdfs` of the scene.
     """
     estimates = np.empty((len(pixels), scrambles, 3))
-    on_lens = 2 * (camera.lens is not None)
+    lens_dimensions = 2 * (camera.lens is not None)
     lamps = [_Lamp.in_pose(number, light, pose, camera.pivot) for number, light in enumerate(lights)]
     visible_lamps = [lamp for lamp, light in zip(lamps, lights, strict=True) if light.emission.camera]
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
-        u = _sobol_points(numbers, on_lens + 2 + _depth_dimensions(lights) * (bounces + 1), samples, scrambles, seed)
-        lens, u = u[:, :on_lens], u[:, on_lens:]
+        u = _sobol_points(
+            numbers, lens_dimensions + 2 + _depth_dimensions(lights) * (bounces + 1), samples, scrambles, seed
+        )
+        lens, u = u[:, :lens_dimensions], u[:, lens_dimensions:]
         corner = np.repeat(pixels[numbers], scrambles * samples, axis=0)
         x, y = corner[:, 0] + u[:, 0], corner[:, 1] + u[:, 1]
         origin, ray = camera_rays(camera, pose, resolution, x, y, lens)
@@ -184,7 +186,7 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
     total = np.zeros(ray.shape)
     path = np.arange(len(ray))  # the indices in `total` and `u` of paths that have not ended
     throughput = np.ones(ray.shape)
-    bounced = np.zeros(len(ray), np.bool_)
+    has_bounced = np.zeros(len(ray), np.bool_)
     start = scene.points(hits)  # of the ray, where it last bounced
     shadowed = np.ones((len(lamps), *ray.shape))  # the share of each light that the surfaces passed since then occlude
     dimensions = _depth_dimensions(lamps)
@@ -203,13 +205,13 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
 
         absent = 1.0 - surface.presence
         has_beyond, beyond_hits = np.zeros(len(ray), np.bool_), hits.copy()
-        if len(holes := np.flatnonzero(absent > 0.0)):
+        if len(absent_hits := np.flatnonzero(absent > 0.0)):
             if any(lamp.shadow_excluded for lamp in lamps):
                 raise EnvironmentMapError(
                     "a part that can be seen through is lit by a light whose shadow excludes some parts"
                 )
-            has_beyond[holes], beyond_hits[holes] = scene.trace_onward(hits[holes], ray[holes])
-            exits = holes[bounced[holes]]
+            has_beyond[absent_hits], beyond_hits[absent_hits] = scene.trace_onward(hits[absent_hits], ray[absent_hits])
+            exits = absent_hits[has_bounced[absent_hits]]
             point = surface.point[exits]
             travelled = np.linalg.norm(point - start[exits], axis=-1)
             beyond_points = scene.points(beyond_hits[exits])
@@ -232,7 +234,7 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
         continuing = np.flatnonzero((goes_through | onward.blocked) & (weight > 0.0).any(axis=-1))
         is_straight = goes_through[continuing]
         path, throughput = path[continuing], throughput[continuing] * weight[continuing]
-        bounced = bounced[continuing] | ~is_straight
+        has_bounced = has_bounced[continuing] | ~is_straight
         ray = np.where(is_straight[:, None], ray[continuing], onward.direction[continuing])
         start = np.where(is_straight[:, None], start[continuing], surface.point[continuing])
         shadowed = np.where(is_straight[:, None], shadowed[:, continuing], 1.0)

@@ -1,9 +1,9 @@
 """Adaptive sampling: rounds over the whole frame, then over rectangles of it, until the frame reaches a target error.
 
 The rectangles of a half follow from the other half's rounds over the whole frame, whose spread in a pixel is the
-pixel's variance, and from figures of the whole frame: its samples, its error, the target. So the number of samples of a
-pixel in one half does not depend on the colours of that half, and the mean of rounds, weighted by their samples,
-remains unbiased. (A half that planned its own rectangles would take few samples where its colours happen to be dark.)
+pixel's variance, and from figures of the whole frame: its samples, its error, the target. The samples of a pixel in one
+half therefore do not depend on the colours of that half, and the mean of rounds, weighted by their samples, remains
+unbiased. (A half that planned its own rectangles would take few samples where its colours happen to be dark.)
 
 The samples of a rectangle are a power of two, as only such blocks are stratified.
 """
@@ -38,7 +38,7 @@ class Region:
     rows: slice
     columns: slice
     samples: int
-    whole: bool = False  # part of a round over the whole frame, whose spread plans later rounds
+    is_whole_frame: bool = False  # part of a round over the whole frame, whose spread plans later rounds
 
 
 Round = tuple[tuple[Region, ...], tuple[Region, ...]]
@@ -73,7 +73,7 @@ class Half:
     ) -> None:
         """Add the mean colour (h, w, 3), the mean coverage (h, w) and the parts of the colour of a rendered region."""
         window, samples = (region.rows, region.columns), region.samples
-        if region.whole:
+        if region.is_whole_frame:
             if before := float(self.samples[0, 0]):
                 # Welford 1962, each mean weighted by its samples.
                 self.spread += before * samples / (before + samples) * (color - self.color) ** 2
@@ -109,13 +109,13 @@ def mean_samples(halves: Sequence[Half]) -> float:
     return float(np.mean(total[covered] if covered.any() else total))
 
 
-def next_round(sampling: Sampling, halves: tuple[Half, Half], number: int, error: float) -> Round:
+def next_round(sampling: Sampling, halves: tuple[Half, Half], rounds: int, error: float) -> Round:
     """Return the regions of the next round, none where the frame is done.
 
     Without a target error, the whole frame takes the fewest powers of two that sum up to the samples of the job. With
     one, rounds over the whole frame double the samples until the target is near; rounds over rectangles follow.
 
-    number : of rounds so far; error : the estimated relMSE of these, infinite before the first.
+    rounds : their number so far; error : the estimated relMSE of these, infinite before the first.
     """
     (first, second), target, limit = halves, sampling.error, sampling.samples // 2
     current = mean_samples(halves)
@@ -123,40 +123,41 @@ def next_round(sampling: Sampling, halves: tuple[Half, Half], number: int, error
         return (), ()
     if target is None:
         return _whole_frame_round(limit - current, first)
-    if number == first.whole_rounds and (number < _WHOLE_ROUNDS or error > _NEAR_TARGET * target):
+    if rounds == first.whole_rounds and (rounds < _WHOLE_ROUNDS or error > _NEAR_TARGET * target):
         return _whole_frame_round(min(max(_FIRST_ROUND, current), limit - current), first)
-    growth = _LEAST_GROWTH if number < _LAST_ROUND else 1.0
+    growth = _LEAST_GROWTH if rounds < _LAST_ROUND else 1.0
     goals = _AIM * target / error, growth * current, limit - current
     return plan_regions(first, second, *goals), plan_regions(second, first, *goals)
 
 
 def _whole_frame_round(samples: float, half: Half) -> Round:
-    return (region := _whole_frame(half, _power_of_two_below(samples), whole=True),), (region,)
+    return (region := _whole_frame(half, _power_of_two_below(samples), is_whole_frame=True),), (region,)
 
 
-def _whole_frame(half: Half, samples: int, *, whole: bool = False) -> Region:
-    return Region(slice(0, half.height), slice(0, half.width), samples, whole)
+def _whole_frame(half: Half, samples: int, *, is_whole_frame: bool = False) -> Region:
+    return Region(slice(0, half.height), slice(0, half.width), samples, is_whole_frame)
 
 
-def plan_regions(half: Half, other: Half, ratio: float, least: float, most: float) -> tuple[Region, ...]:
+def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_samples: float) -> tuple[Region, ...]:
     """Return the regions of a half that bring its error to `ratio` of the present one, at the least cost.
 
-    The error of the `other` half stands in for that of `half`. Samples have a price: each rectangle takes the number of
-    samples for which its error plus their price is least, and is split in two where the parts cost less, calls of the
+    The error of the `other` half replaces that of `half`. Samples have a price: each rectangle takes the number of
+    samples with the least sum of its error and their price. It is split in two if the parts cost less, calls of the
     renderer included. The price is the highest for which the error reaches the ratio and the mean samples per pixel of
-    the asset are at least `least`; or, if that is higher, the lowest price for which these are at most `most`.
+    the asset are at least `min_samples`. If the lowest price for which these are at most `max_samples` is higher, it
+    is that price.
     """
-    tree = _Tree(half, other, most)
-    error = tree.left[0, 0]
+    tree = _Tree(half, other, max_samples)
+    error = tree.remaining_error[0, 0]
     if error <= 0.0:
-        return (_whole_frame(half, _power_of_two_below(min(mean_samples((half,)), most))),)
+        return (_whole_frame(half, _power_of_two_below(min(mean_samples((half,)), max_samples))),)
 
     def is_too_high(price: float) -> bool:
         cut = tree.cut(2.0**price)
-        return cut.left > ratio * error or cut.samples < least
+        return cut.remaining_error > ratio * error or cut.samples < min_samples
 
     def is_affordable(price: float) -> bool:
-        return tree.cut(2.0**price).samples <= most
+        return tree.cut(2.0**price).samples <= max_samples
 
     # The fall of the whole frame's error by one more sample per pixel, over the time of that sample.
     usual_price = np.log2(error / (mean_samples((half,)) * tree.time[0]))
@@ -172,7 +173,7 @@ class _Cut:
     nodes: list[int]
     sizes: list[int]
     samples: float
-    left: float
+    remaining_error: float
 
 
 class _Tree:
@@ -185,19 +186,19 @@ class _Tree:
         error, area = self._sums_of_tiles(other.error), self._sums_of_tiles(covered)
         time = area + _BACKGROUND_COST * (self._sums_of_tiles(np.ones_like(covered)) - area)
         samples = half.samples[np.ix_(*(edges[:-1] for edges in self._edges))]
-        self._boxes, self._parts = _split_tiles(error, time)
+        self._boxes, self._children = _split_tiles(error, time)
         self._sizes = np.array([0, *(2**power for power in range(int(most).bit_length()))])
-        self.left = self._sums_of_boxes(error[..., None] / (samples[..., None] + self._sizes))
+        self.remaining_error = self._sums_of_boxes(error[..., None] / (samples[..., None] + self._sizes))
         self.time = self._sums_of_boxes(time)
         self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)
 
     def cut(self, price: float) -> _Cut:
         """Return the rectangles for which the remaining error plus the price of their time is least."""
-        costs = self.left + price * (self.time[:, None] * self._sizes + _CALL_COST * (self._sizes > 0))
+        costs = self.remaining_error + price * (self.time[:, None] * self._sizes + _CALL_COST * (self._sizes > 0))
         choice = costs.argmin(axis=1)
         least = costs[np.arange(len(choice)), choice]
         for node in reversed(range(len(least))):
-            if parts := self._parts[node]:
+            if parts := self._children[node]:
                 split_cost = least[parts[0]] + least[parts[1]]
                 if split_cost < least[node]:
                     least[node], choice[node] = split_cost, -1
@@ -205,12 +206,11 @@ class _Tree:
         while pending:
             node = pending.pop()
             if choice[node] < 0:
-                pending += self._parts[node] or ()
+                pending += self._children[node] or ()
             else:
                 nodes.append(node)
-        sizes = self._sizes[choice[nodes]]
-        samples, left = float(self._share[nodes] @ sizes), float(self.left[nodes, choice[nodes]].sum())
-        return _Cut(nodes, sizes.tolist(), samples, left)
+        sizes, errors = self._sizes[choice[nodes]], self.remaining_error[nodes, choice[nodes]]
+        return _Cut(nodes, sizes.tolist(), float(self._share[nodes] @ sizes), float(errors.sum()))
 
     def regions(self, cut: _Cut) -> tuple[Region, ...]:
         """Return the regions of a cut, without rectangles that take no samples."""

@@ -65,18 +65,20 @@ class Backend:
     generate: Callable[[Look, SourceSetting], GeneratedSource]  # raises CodegenError
     command: tuple[str, ...] = WORKER_COMMAND  # the worker's program and arguments
     devices: tuple[str, ...] = ("cpu",)  # the default first
-    cannot_show: Callable[[Look], str | None] = lambda look: None  # returns why, before a source is generated
+    look_gap: Callable[[Look], str | None] = lambda look: None  # returns why it cannot show a look, if it cannot
     exact: bool = False  # pictures agree with the published models; if not, they approximate them
     in_jobs: bool = False  # a job may name it
     any_light: bool = False  # renders lights of every kind, by OSL
-    cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # returns the gaps, without `any_light`
-    directions: bool = False  # uses `Sampling.brdf_samples` and `ibl_samples`
+    light_gaps: Callable[[Sequence[Light]], Sequence[str]] = (
+        native_gaps  # returns why it cannot render lights, if not `any_light`
+    )
+    directions: bool = False  # it uses `Sampling.brdf_samples` and `ibl_samples`
     features: bool = False  # renders the pictures that guide a denoiser
     spaces: tuple[Space, ...] = (REC709,)  # working spaces of its light
     passes: tuple[str, ...] = ("samples",)  # the names of those of `PASSES` that it renders
-    catches: bool = False  # renders shadow catchers
-    apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
-    ahead: bool = False  # its worker takes scenes ahead of their frames, as compiling them takes long
+    can_catch_shadows: bool = False  # renders shadow catchers
+    has_isolated_parts: bool = False  # parts of a convex asset neither shadow nor reflect one another
+    can_prepare: bool = False  # its worker compiles a scene ahead of the frames
     check_device: Callable[[str], None] = lambda device: None  # raises RenderError if this machine lacks the device
     version: Callable[[], str] = _cycles_version  # changes when the same task gives other pixels
 
@@ -119,7 +121,7 @@ def _generate_principled(look: Look, setting: SourceSetting) -> GeneratedSource:
 
 
 def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
-    """Return the gaps: every lamp, as directions sampled from a model pass lamps, which then count as portals."""
+    """Return the gaps: every lamp, because directions sampled from a model pass lamps, which then count as portals."""
     lamps = [
         f"{light_label(light, number)}: the rays of this backend find no lamps, only domes"
         for number, light in enumerate(lights, start=1)
@@ -163,9 +165,9 @@ BACKENDS: dict[str, Backend] = {
             features=True,
             spaces=tuple(OCIO_NAMES),
             passes=tuple(PASSES),
-            catches=True,
-            apart=True,
-            ahead=True,
+            can_catch_shadows=True,
+            has_isolated_parts=True,
+            can_prepare=True,
         ),
         Backend(
             name="nodes",
@@ -187,7 +189,7 @@ BACKENDS: dict[str, Backend] = {
             exact=True,
             in_jobs=True,
             passes=_GEOMETRY_PASSES,
-            cannot_light=_lamp_gaps,
+            light_gaps=_lamp_gaps,
         ),
         Backend(
             name="mitsuba",
@@ -199,12 +201,12 @@ BACKENDS: dict[str, Backend] = {
             devices=("cpu", "cuda"),
             exact=True,
             in_jobs=True,
-            cannot_light=rig_faults,
+            light_gaps=rig_faults,
             directions=True,
             features=True,
             passes=tuple(PASSES),
             check_device=check_device,
-            apart=True,
+            has_isolated_parts=True,
             spaces=tuple(OCIO_NAMES),
             version=_mitsuba_version,
         ),
@@ -214,7 +216,7 @@ BACKENDS: dict[str, Backend] = {
             source=PrincipledSource,
             generate=_generate_principled,
             devices=_ANY_DEVICE,
-            cannot_show=_principled_gap,
+            look_gap=_principled_gap,
             features=True,
         ),
         Backend(
@@ -223,8 +225,8 @@ BACKENDS: dict[str, Backend] = {
             command=(sys.executable, "-m", "lookdev.bench.mitsuba_worker"),
             source=PrincipledSource,
             generate=_generate_principled,
-            cannot_show=_principled_gap,
-            cannot_light=_one_dome_gaps,
+            look_gap=_principled_gap,
+            light_gaps=_one_dome_gaps,
             features=True,
             version=lambda: version("mitsuba"),
         ),

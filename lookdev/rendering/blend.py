@@ -26,7 +26,7 @@ class BlendRig:
 
 @dataclass(frozen=True)
 class BlendTurntable:
-    """A stretch of the timeline: one frame for each pose."""
+    """A range of the timeline: one frame for each pose."""
 
     name: str
     poses: tuple[Pose, ...]

@@ -6,12 +6,14 @@ ground in a scene without the asset, and g the ground's coverage. With s the lea
     colour = A + G - s B        alpha = a + (1 - s) g
 
 So s is the share of the ground's light that remains in all channels. The colour adds the rest of G: light that the
-asset reflects onto the ground, its mirror image, and the colours of the shadow. The frame over a picture of the bare
-ground is A + G, the picture of the asset on that ground, for any s: where a pixel is all ground or asset, ``1 - alpha``
-is ``s g``, and a share g of the picture below is B. Another picture is darkened by s as well.
+asset reflects onto the ground, its mirror image, and the colours of the shadow.
 
-Both halves and the frame have the same s. So the difference of the halves measures the noise of A + G, the frame over
-the ground, and of B.
+The frame over a picture of the bare ground is A + G, the picture of the asset on that ground, for any s: where a pixel
+shows only ground or asset, ``1 - alpha`` is ``s g``, and B is a share g of the picture below. The frame over another
+picture darkens that by s, too.
+
+Both halves and the frame have the same s. The difference of the halves therefore measures the noise of B and of A + G,
+the frame over the ground.
 """
 
 from __future__ import annotations
@@ -20,13 +22,13 @@ import numpy as np
 
 from lookdev.arrays import Floats
 from lookdev.rendering.adaptive import Half
-from lookdev.rendering.passes import CATCHER
+from lookdev.rendering.passes import CATCHER_ARRAYS
 
 
-def catcher_pictures(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
+def combine_catcher_halves(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
     """Return the colours of both halves, A + G - s B, and the alpha of the frame."""
     ground, bare, ground_coverage = (
-        0.5 * (_mean_part(first, name) + _mean_part(second, name)) for name in (*CATCHER, "covered")
+        0.5 * (_mean_part(first, name) + _mean_part(second, name)) for name in (*CATCHER_ARRAYS, "covered")
     )
     share = remaining_share(ground, bare)
     a, b = (half.color - share[..., None] * _mean_part(half, "bare") for half in (first, second))

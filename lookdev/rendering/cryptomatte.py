@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from lookdev.arrays import Floats32
 
 RANKS = 6
-"""Names per pixel of a matte, those of most coverage. Two ids and their coverages fill the four channels of a layer."""
+"""The number of names in a pixel of a matte. Two ids and their coverages fill the four channels of a layer."""
 
 
 def matte_samples(samples: int) -> int:
-    """Return the number of samples of a frame's mattes: half of the frame's, a power of two, 16 to 4096."""
+    """Return the samples of a frame's mattes: half of the frame's, rounded up to a power of two from 16 to 4096."""
     return min(max(16, 1 << (samples // 2 - 1).bit_length()), 4096)
 
 
@@ -64,9 +64,9 @@ def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
 
 
 def rename_ids(mattes: Floats32, names: Mapping[str, str]) -> Floats32:
-    """Return mattes whose ids are those of the new names; ids of names that are not in `names` are left out.
+    """Return mattes with the ids of the new names in place of those of the old; other ids are left out.
 
-    Several old names may have the same new one: their coverages are summed up.
+    Several old names may have the same new name: their coverages are summed up.
 
     mattes : (H, W, 2 n), the ids and coverages of each pixel. Returned as (H, W, 2 `RANKS`), largest coverage first.
     """
@@ -94,7 +94,7 @@ def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats32) -> Floats32:
     """Return ids and coverages (P, `RANKS`, 2), largest first; coverages (P, n) of equal ids are summed up."""
     order = np.argsort(ids, axis=1, kind="stable")
     ids, coverage = np.take_along_axis(ids, order, 1), np.take_along_axis(coverage, order, 1)
-    # The sum of equal ids is found at the last of them.
+    # At the last of equal ids, the difference of running sums is their total.
     sums = coverage.cumsum(axis=1, dtype=np.float64)
     last = np.concatenate([ids[:, 1:] != ids[:, :-1], np.ones((len(ids), 1), bool)], axis=1)
     before = np.maximum.accumulate(np.where(last, sums, 0.0), axis=1)

@@ -43,8 +43,8 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats
     pixel is the mixture of raw and denoised with the least error, by errors averaged over its neighbourhood.
 
     A few pixels with rare bright paths have most of the noise of the second term. For the error of the frame, residuals
-    are clipped there, relative to the colour, and the term is at least 0 over the frame. So the error misses light of
-    rare paths that the denoiser removes, as the raw halves' error misses paths that neither half has sampled.
+    are therefore clipped, relative to the colour, and the term is at least 0 over the frame. The error then misses the
+    light of rare paths that the denoiser removes, as the raw halves' error misses paths that neither half has sampled.
 
     a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count.
     """
@@ -59,8 +59,8 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats
     weight = _smooth_weight(smooth_a, smooth_b, a, b, 1.0 / (typical**2 + EPSILON), covered)
     mixed_a, mixed_b = (half + weight * (smoothed - half) for smoothed, half in ((smooth_a, a), (smooth_b, b)))
     mixed = np.maximum(0.5 * (mixed_a + mixed_b), 0.0)
-    # Errors are relative to a guess of the picture, in which an outlier would hide its own error: so a dark guess. But
-    # with glints that guess is too dark, and errors are too large: so the mixture has to win by a bright guess, too.
+    # Errors are relative to a guess of the picture. In a bright guess an outlier would hide its own error; with glints,
+    # a dark guess is too dark, and errors are too large. So the mixture has to win with both.
     dark, bright = np.minimum(typical, mixed), np.maximum(np.maximum(typical, mixed), 0.5 * (a + b))
     errors = [
         _mixed_and_raw_error(mixed_a, mixed_b, a, b, 1.0 / (guess**2 + EPSILON), covered) for guess in (dark, bright)

@@ -1,4 +1,4 @@
-"""A frame of any renderer: two independent halves, in rounds until they reach the target error, denoised on request."""
+"""A frame of any renderer: two independent halves in rounds until the target error is reached, denoised on request."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from lookdev.rendering.adaptive import Half, Region, mean_samples, next_round
 from lookdev.rendering.denoise import Denoised, denoise_halves
 from lookdev.rendering.task import FrameTask
 
-# The number of seeds of a frame's rounds and halves: those of neighbouring `seed` values never coincide.
+# The number of seeds for a frame's rounds and halves: so frames of neighbouring `seed` values never share one.
 _SEEDS_PER_FRAME = 64
 FEATURE_SAMPLES = 16
-"""Samples of the pictures that guide a denoiser: their only noise is that of edges, lenses and textures."""
+"""Samples of the pictures that guide a denoiser: only edges, lenses and textures make these noisy."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedFrame:
     """Independent halves (H, W, 3) and their coverage, rows top-down, premultiplied, without exposure.
 
-    A frame that Cycles renders in the usual way is one render: `a` and `b` are equal, and `relmse` is nan.
+    A frame of the bench's Principled backends is a single render: `a` and `b` are equal, and `relmse` is nan.
     """
 
     a: Floats32
@@ -50,14 +50,14 @@ class RenderedFrame:
 
 
 def half_of_seed(seed: int) -> int:
-    """Return which half of a frame a renderer's seed belongs to, 0 or 1."""
+    """Return the half of a frame, 0 or 1, to which a renderer's seed belongs."""
     return seed % 2
 
 
 ReportSamples = Callable[[int, int, float | None], None]
 """Called with the samples done, the samples planned, and the relMSE so far."""
 
-Renderer = Callable[[int, Region], tuple[Floats32, Floats32] | tuple[Floats32, Floats32, Mapping[str, Floats32]]]
+RenderRegion = Callable[[int, Region], tuple[Floats32, Floats32] | tuple[Floats32, Floats32, Mapping[str, Floats32]]]
 """Renders a region with a seed: returns mean colours (h, w, 3), coverage (h, w), and parts of the colours by name."""
 
 Denoiser = Callable[[Floats32], Floats32]
@@ -67,22 +67,22 @@ CombineHalves = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
 """Returns the colours of both halves, and the alpha of the frame."""
 
 
-def plain_pictures(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
+def combine_halves(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
     """Return the colours of both halves and their mean coverage."""
     return first.color, second.color, 0.5 * (first.alpha + second.alpha)
 
 
 def render_halves(
     task: FrameTask,
-    render: Renderer,
+    render: RenderRegion,
     denoiser: Callable[[], Denoiser],
     progress: ReportSamples,
-    pictures: CombineHalves = plain_pictures,
+    combine: CombineHalves = combine_halves,
 ) -> RenderedFrame:
     """Render the halves of a frame with different seeds, so that their difference measures the error of their mean.
 
-    `denoiser` returns a denoiser with the features of the frame; it is called where the task is to be denoised.
-    `pictures` returns the colours of the halves, from which the error of the frame is measured.
+    `denoiser` returns a denoiser with the features of the frame; it is called if the task is denoised. `combine`
+    returns the colours of the halves, from which the error of the frame is measured.
     """
     start = time.perf_counter()
     sampling, (width, height), gain = task.scene.sampling, task.scene.resolution, 2.0**task.exposure
@@ -90,7 +90,7 @@ def render_halves(
     a = b = alpha = np.zeros(0)
     error = raw_error = math.inf
     smooth = denoiser() if sampling.denoise != "off" else None
-    denoising = time.perf_counter() - start
+    denoising_seconds = time.perf_counter() - start
     result: Denoised | None = None
     done = number = 0
     while any(regions := next_round(sampling, halves, number, error)):
@@ -101,13 +101,13 @@ def render_halves(
             done = round(2.0 * mean_samples(halves))
             progress(done, sampling.samples, error if number else None)
         number += 1
-        a, b, alpha = pictures(*halves)
+        a, b, alpha = combine(*halves)
         error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
         if smooth is not None:
             denoise_start = time.perf_counter()
             result = denoise_halves(a * gain, b * gain, alpha, smooth)
             error = result.relmse
-            denoising += time.perf_counter() - denoise_start
+            denoising_seconds += time.perf_counter() - denoise_start
         progress(done, sampling.samples, error)
     raw = None if result is None else (0.5 * (a + b)).astype(np.float32)
     if result is not None:
@@ -121,14 +121,14 @@ def render_halves(
     seconds = time.perf_counter() - start
     if result is None:
         return RenderedFrame(*pixels, done, seconds, error, passes=passes)
-    return RenderedFrame(*pixels, done, seconds, error, raw, raw_error, seconds - denoising, passes)
+    return RenderedFrame(*pixels, done, seconds, error, raw, raw_error, seconds - denoising_seconds, passes)
 
 
 def _mean_part(name: str, halves: Sequence[Half]) -> Floats32:
     """Return a part of the light (H, W, 3), the mean of both halves, not denoised.
 
-    Where only one half has recorded the part, the part's share of that half's light, times the light of the frame, is
-    returned. Its bias is half of that of a quotient of means, and falls with the samples.
+    If only one half has recorded the part, this is the part's share of that half's light, times the light of the frame.
+    Its bias is half that of a quotient of means, and falls with the samples.
     """
     recorded = [half for half in halves if name in half.parts]
     means = [half.parts[name] / half.samples[..., None] for half in recorded]

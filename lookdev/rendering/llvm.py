@@ -10,13 +10,13 @@ from pathlib import Path
 
 from lookdev.errors import RenderError
 
-VARIABLE = "DRJIT_LIBLLVM_PATH"
+LLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
 """Environment variable with the file of the library."""
 
-OLDEST = 16
-"""The first version that supports the processors of today: older ones abort on some of them."""
+OLDEST_LLVM = 16
+"""The first version that supports current processors: older versions abort on some of them."""
 
-NEWEST_DEBIAN = 19
+NEWEST_DEBIAN_LLVM = 19
 """The newest version that both Debian 12 and 13 package, by the package's name."""
 
 _FILES = ("usr/lib/*/libLLVM*.so*", "usr/lib/llvm-*/lib/libLLVM*.so*", "usr/lib64/libLLVM*.so*")
@@ -44,23 +44,23 @@ def gpu_fault() -> str | None:
 
 
 def find_llvm(root: Path = Path("/")) -> str:
-    """Return the path of LLVM's library: `VARIABLE`, or the newest in the folders of Debian's and Fedora's packages.
+    """Return the path of LLVM's library: `LLVM_VARIABLE`, or the newest in the folders of Debian and Fedora.
 
     Dr.Jit's own search misses some of their file names. Raises RenderError where Mitsuba or LLVM is not installed.
     """
     if importlib.util.find_spec("mitsuba") is None:
         raise RenderError("Mitsuba is not installed: pip install 'lookdev[mitsuba]'")
-    if library := os.environ.get(VARIABLE):
+    if library := os.environ.get(LLVM_VARIABLE):
         return library
     libraries = {}
     for file in (path for pattern in _FILES for path in root.glob(pattern)):
         if match := _VERSION.search(file.name):
             libraries[int(match[1])] = file
-    if not libraries or max(libraries) < OLDEST:
+    if not libraries or max(libraries) < OLDEST_LLVM:
         versions = f"found: version {max(libraries)}" if libraries else "found: none"
-        package = f"libllvm{NEWEST_DEBIAN}"
+        package = f"libllvm{NEWEST_DEBIAN_LLVM}"
         raise RenderError(
-            f"Mitsuba compiles its kernels by LLVM {OLDEST} or newer, {versions}: install it (on Debian {package}), or "
-            f"name the file of its library by {VARIABLE}"
+            f"Mitsuba compiles its kernels by LLVM {OLDEST_LLVM} or newer, {versions}: install it (on Debian "
+            f"{package}), or name the file of its library by {LLVM_VARIABLE}"
         )
     return str(libraries[max(libraries)])

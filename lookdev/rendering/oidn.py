@@ -17,7 +17,7 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.errors import RenderError
-from lookdev.rendering.threads import cores
+from lookdev.rendering.threads import usable_cores
 
 _CPU, _FLOAT3, _BALANCED = 1, 3, 5
 _POINTER, _SIZE, _TEXT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
@@ -38,7 +38,7 @@ _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
 
 
 @cache
-def _library() -> tuple[ctypes.CDLL, int]:
+def _load_library() -> tuple[ctypes.CDLL, int]:
     """Return the library and its CPU device; raises RenderError where the library cannot be loaded."""
     spec = importlib.util.find_spec("bpy")  # finds the package without importing Blender
     folders = [Path(folder, "lib") for folder in (spec.submodule_search_locations or ()) if spec] if spec else []
@@ -55,8 +55,8 @@ def _library() -> tuple[ctypes.CDLL, int]:
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
     device = library.oidnNewDevice(_CPU)
-    if cores() < (os.cpu_count() or 1):
-        library.oidnSetDeviceInt(device, b"numThreads", cores())
+    if usable_cores() < (os.cpu_count() or 1):
+        library.oidnSetDeviceInt(device, b"numThreads", usable_cores())
         # Otherwise it pins its threads to the first cores of the machine, even if this process may not use these.
         library.oidnSetDeviceBool(device, b"setAffinity", False)
     library.oidnCommitDevice(device)
@@ -75,7 +75,7 @@ def make_denoiser(albedo: Floats32, normal: Floats32, *, quick: bool = False) ->
     RenderError
         The library cannot be loaded, or reports an error.
     """
-    library, device = _library()
+    library, device = _load_library()
     height, width = albedo.shape[:2]
     noisy, smooth = (np.zeros((height, width, 3), np.float32) for _ in range(2))
     images = {

@@ -24,11 +24,11 @@ class Pass:
     light: bool = False
 
 
-def _one_layer(name: str, help: str, letters: str) -> Pass:
+def _data_pass(name: str, help: str, letters: str) -> Pass:
     return Pass(name, help, {name: tuple(f"{name}.{letter}" for letter in letters)})
 
 
-def _parts_of_light(name: str, help: str, parts: Iterable[str]) -> Pass:
+def _light_pass(name: str, help: str, parts: Iterable[str]) -> Pass:
     return Pass(name, help, {part: tuple(f"{part}.{letter}" for letter in "RGB") for part in parts}, light=True)
 
 
@@ -42,17 +42,19 @@ MATTES = {kind: f"Crypto{kind.capitalize()}" for kind in ("object", "material", 
 PASSES: dict[str, Pass] = {
     record.name: record
     for record in (
-        _one_layer("depth", "distance along the camera's axis, metres", "Z"),
-        _one_layer("position", "place in the world, metres", "XYZ"),
-        _one_layer("normal", "shading normal in the world", "XYZ"),
-        _one_layer("uv", "texture coordinates of the first UV set", "UV"),
-        _one_layer("albedo", "reflectance of the look seen from the camera, premultiplied", "RGB"),
-        _one_layer("samples", "samples of each pixel", "Y"),
-        _parts_of_light("lobes", "light by the lobes that reflect it to the camera", LOBE_GROUPS),
-        _parts_of_light(
-            "direct", "light that reaches the surface from lights, and by way of the asset", ("direct", "indirect")
+        _data_pass("depth", "distance along the camera's axis, metres", "Z"),
+        _data_pass("position", "position in the world, metres", "XYZ"),
+        _data_pass("normal", "shading normal in the world", "XYZ"),
+        _data_pass("uv", "texture coordinates of the first UV set", "UV"),
+        _data_pass("albedo", "reflectance of the look seen from the camera, premultiplied", "RGB"),
+        _data_pass("samples", "samples of each pixel", "Y"),
+        _light_pass("lobes", "light by the lobes that reflect it to the camera", LOBE_GROUPS),
+        _light_pass(
+            "direct",
+            "light that reaches the surface directly from lights, and after the asset has reflected it",
+            ("direct", "indirect"),
         ),
-        _parts_of_light("lights", "light by the light, or the group of lights, that sends it", ()),
+        _light_pass("lights", "reflected light of each light, or of each group of lights", ()),
         Pass(
             "cryptomatte",
             "coverage of each prim, look and asset",
@@ -62,13 +64,13 @@ PASSES: dict[str, Pass] = {
 }
 
 
-CATCHER = _parts_of_light("catcher", "light of the ground with the asset and without", ("ground", "bare")).arrays
-"""The further arrays of a frame with a shadow catcher, as defined by `lookdev.rendering.catcher`."""
+CATCHER_ARRAYS = _light_pass("catcher", "light of the ground with the asset and without", ("ground", "bare")).arrays
+"""The additional arrays of a frame with a shadow catcher (`lookdev.rendering.catcher`)."""
 
-IN_EACH_FRAME = ("beauty", "alpha", "error")
+ALWAYS_WRITTEN = ("beauty", "alpha", "error")
 """Names that a job may list among its passes though every frame has these arrays."""
 
-LIGHTS = "lights"
+LIGHTS_PASS = "lights"
 """The pass whose arrays depend on the scene: one for each group of lights."""
 
 
@@ -88,7 +90,7 @@ def light_groups(lights: Sequence[Light]) -> tuple[str, ...]:
 def channels_of_passes(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
     """Return the channels of each array of some passes, by its name; `groups` are the groups of lights."""
     arrays = {name: channels for key in passes for name, channels in PASSES[key].arrays.items()}
-    if LIGHTS in passes:
+    if LIGHTS_PASS in passes:
         for name in map(light_layer, dict.fromkeys(groups)):
             arrays[name] = tuple(f"{name}.{letter}" for letter in "RGB")
     return arrays

@@ -22,12 +22,12 @@ from lookdev.rendering.frame import RenderedFrame
 from lookdev.rendering.task import SceneTask
 
 
-class Ready(BaseModel):
+class ReadyMessage(BaseModel):
     type: Literal["ready"]
     blender: str
 
 
-class Progress(BaseModel):
+class ProgressMessage(BaseModel):
     type: Literal["progress"]
     digest: str
     samples: int
@@ -35,7 +35,7 @@ class Progress(BaseModel):
     relmse: float | None
 
 
-class Done(BaseModel):
+class ResultMessage(BaseModel):
     type: Literal["done"]
     digest: str
     arrays: Path
@@ -48,19 +48,19 @@ class Done(BaseModel):
     raw_seconds: float | None = None
 
 
-class Failed(BaseModel):
+class FailureMessage(BaseModel):
     type: Literal["failed"]
     digest: str
     message: str
     unwritable: bool = False
 
 
-Message = Ready | Progress | Done | Failed
-MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
+WorkerMessage = ReadyMessage | ProgressMessage | ResultMessage | FailureMessage
+MESSAGES: TypeAdapter[WorkerMessage] = TypeAdapter(Annotated[WorkerMessage, Field(discriminator="type")])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Rendered(RenderedFrame):
+class WorkerFrame(RenderedFrame):
     """A frame of a worker."""
 
     blender: str
@@ -68,17 +68,17 @@ class Rendered(RenderedFrame):
     notes: tuple[str, ...] = ()  # for the user
 
 
-def load_result(done: Done, scene: SceneTask, blender: str) -> Rendered:
+def load_result(done: ResultMessage, scene: SceneTask, blender: str) -> WorkerFrame:
     """Read a result and remove its file; raises WorkerError unless the arrays are finite and of the right shapes."""
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = scene.arrays
+    passes = scene.channels_by_array
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
     arrays, names = load_arrays(done, shapes)
     pass_arrays = {name: arrays.pop(f"pass {name}") for name in passes}
     figures: dict[str, Any] = {**arrays, **done.model_dump(exclude={"type", "digest", "arrays"})}
-    return Rendered(
+    return WorkerFrame(
         **figures,
         passes=pass_arrays,
         names={matte: tuple(listed) for matte, listed in names.items()},
@@ -86,7 +86,9 @@ def load_result(done: Done, scene: SceneTask, blender: str) -> Rendered:
     )
 
 
-def load_arrays(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats32], dict[str, list[str]]]:
+def load_arrays(
+    done: ResultMessage, shapes: Mapping[str, tuple[int, ...]]
+) -> tuple[dict[str, Floats32], dict[str, list[str]]]:
     """Return the arrays of a result and the names in its mattes, and remove its file; raises as `load_result`."""
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:

@@ -16,7 +16,7 @@ from lookdev.light import Light, lights_code
 from lookdev.light.emission import MAX_SHADOW_GROUPS, WHITE
 from lookdev.material import Look
 from lookdev.rendering.backends import BACKENDS, Backend
-from lookdev.rendering.passes import LIGHTS, light_groups
+from lookdev.rendering.passes import LIGHTS_PASS, light_groups
 from lookdev.rendering.source_cache import cached_source
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -39,8 +39,8 @@ class SceneTasks:
     def task(self, scene: Scene, sampling: Sampling) -> SceneTask:
         """Generate the sources of a scene, and return its task.
 
-        A convex asset is rendered without bounces and shadow rays, as light that it reflects does not hit it again;
-        except a closed one with a look that transmits. Lights that reach nothing are left out.
+        A convex asset is rendered without bounces and shadow rays, because light that it reflects does not hit it
+        again. The exception is a closed asset with a look that transmits. Lights that reach nothing are left out.
 
         Raises
         ------
@@ -49,11 +49,11 @@ class SceneTasks:
         EnvironmentMapError
             The backend cannot render some lights; the message has a line for each.
         """
-        every_group = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
+        every_group = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()
         scene = scene.without_idle_lights()  # the pass of a light that reaches nothing is black
-        self._check(scene)
-        surfaces, surface_of_slot = _surfaces(scene)
-        groups = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
+        self._check_support(scene)
+        surfaces, surface_of_slot = _distinct_surfaces(scene)
+        groups = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()
         layers = tuple(dict.fromkeys((*groups, *every_group)))
         numbers = tuple(layers.index(group) for group in groups)
         # Surfaces are many, sets of lights are few: the code is generated once for each set.
@@ -107,15 +107,15 @@ class SceneTasks:
             device=self._device,
         )
 
-    def _check(self, scene: Scene) -> None:
+    def _check_support(self, scene: Scene) -> None:
         """Raise those errors of `task` that do not depend on generated sources."""
         backend = self._backend
-        if scene.catchers and not backend.catches:
+        if scene.catchers and not backend.can_catch_shadows:
             raise CodegenError(f"backend '{backend.name}' renders no shadow catcher: 'exact' does")
         for look in {id(look): look for look in scene.looks}.values():
-            if reason := backend.cannot_show(look):
+            if reason := backend.look_gap(look):
                 raise CodegenError(reason)
-        if not backend.any_light and (gaps := backend.cannot_light(scene.lights)):
+        if not backend.any_light and (gaps := backend.light_gaps(scene.lights)):
             lines = (f"{gap}: backend 'exact' renders it, '{backend.name}' does not" for gap in gaps)
             raise EnvironmentMapError("\n".join(lines))
         if (groups := max(scene.slot_groups)) > MAX_SHADOW_GROUPS:
@@ -142,7 +142,7 @@ class _Surface:
     catching: Catching
 
 
-def _surfaces(scene: Scene) -> tuple[list[_Surface], list[int]]:
+def _distinct_surfaces(scene: Scene) -> tuple[list[_Surface], list[int]]:
     """Return the different surfaces of a scene, and the number of each slot's surface."""
     catching_looks = {id(scene.look_of_slot[path]) for path in scene.catchers}
     surfaces: dict[tuple[int, tuple[int, ...]], _Surface] = {}

@@ -1,4 +1,4 @@
-"""A cache of sources of looks: a look with equal values and images is traced once, not in every run."""
+"""A cache of the sources of looks: equal values and images are traced once, not in every run."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lookdev.images import check_file
 from lookdev.material import Bump, Look, Primvar, Texture
 from lookdev.rendering.backends import Backend
 
-_ROOM = "sources"
+_CACHE_FOLDER = "sources"
 _SOURCE: TypeAdapter[ShaderSource] = TypeAdapter(ShaderSource)
 
 
@@ -26,9 +26,9 @@ def cached_source(
 ) -> GeneratedSource:
     """Return ``backend.generate(look, setting)``, from the cache if it is there; raises what `generate` raises.
 
-    The cache has OSL alone, of looks without expressions, measurements and sets of tiles: that depends only on the
-    look's values, the contents of its images, the setting, `light_code` (all that it depends on of the lights), and the
-    code of the package.
+    The cache has only OSL, and only of looks without expressions, measurements and sets of tiles. Such a source depends
+    on the look's values, the contents of its images, the setting, `light_code` (all that it depends on of the lights),
+    and the code of the package.
     """
     image_digests = None if backend.source is not ShaderSource or setting.resolve is not None else _image_digests(look)
     if image_digests is None:
@@ -38,7 +38,7 @@ def cached_source(
     # The code of the whole package: many rooms contribute to a source.
     text = f"{code_digest()} {backend.name} {inputs!r} {image_digests} {light_code!r}"
     key = hashlib.sha256(text.encode()).hexdigest()
-    if (value := load_cached(_ROOM, key)) is not None:
+    if (value := load_cached(_CACHE_FOLDER, key)) is not None:
         try:
             source = _SOURCE.validate_python(value)
         except ValidationError:  # not written by this version of the code
@@ -47,7 +47,7 @@ def cached_source(
             if all(file.is_whole() for file in (*(table.file for table in source.tables), *source.images)):
                 return source
     generated = backend.generate(look, setting)
-    store_cached(_ROOM, key, _SOURCE.dump_python(generated, mode="json"))  # type: ignore[arg-type]
+    store_cached(_CACHE_FOLDER, key, _SOURCE.dump_python(generated, mode="json"))  # type: ignore[arg-type]
     return generated
 
 

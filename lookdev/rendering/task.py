@@ -1,4 +1,4 @@
-"""The tasks of a worker: a scene, and frames of it. Plain data, with files named by their content."""
+"""The tasks of a worker as plain data: a scene, and frames of it; files are named by their content."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lookdev.cache import Content
 from lookdev.codegen.source import LOBE_GROUPS, GeneratedSource, ProgramSource, ShaderSource
 from lookdev.light import AnyLight, Light
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.passes import CATCHER, LIGHTS, PASSES, channels_of_passes, light_layer, light_parts
+from lookdev.rendering.passes import CATCHER_ARRAYS, LIGHTS_PASS, PASSES, channels_of_passes, light_layer, light_parts
 from lookdev.scene import Camera, Pose, Sampling
 from lookdev.space import REC709, Space
 
@@ -41,7 +41,7 @@ LookSources = Annotated[tuple[GeneratedSource, ...], PlainValidator(_read_source
 
 @dataclass(frozen=True)
 class SceneTask:
-    """All that stays the same over a sequence: geometry, sources, lights, resolution.
+    """The data that all frames of a sequence share: geometry, sources, lights, resolution.
 
     `shaders` has each source once; `slot_shaders` has the number of the source of each slot. The sources may have
     `brdf_samples` and `ibl_samples` of the sampling built in. Raises ValueError where there is no source, where one is
@@ -59,11 +59,11 @@ class SceneTask:
     device: str = "cpu"
     shader_lights: tuple[
         tuple[int, ...], ...
-    ] = ()  # the numbers of the lights of each source; (): all lights, for each
-    groups: tuple[int, ...] = ()  # the group of each slot, as in `Emission.shadow_excluded`; (): 0, for each
+    ] = ()  # the numbers of the lights that reach each source; () if all lights reach all sources
+    groups: tuple[int, ...] = ()  # the group of each slot, as in `Emission.shadow_excluded`; () if all are 0
     prims: tuple[str, ...] = ()  # the path of each instance, if a pass needs them
     space: Space = REC709  # the colour space of the light
-    # The group of each light, if a pass needs them; after these, the groups of lights that reach nothing.
+    # The group of each of `lights`, then the groups of the lights that reach nothing; () if no pass needs them.
     light_groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -86,21 +86,22 @@ class SceneTask:
                 f"found: {sorted(set(self.slot_shaders))}"
             )
 
-    def lights_of(self, shader: int) -> tuple[Light, ...]:
+    def lights_of_shader(self, shader: int) -> tuple[Light, ...]:
         """Return the lights that reach the slots of a source, by the number of the source."""
         return (
             tuple(self.lights[number] for number in self.shader_lights[shader]) if self.shader_lights else self.lights
         )
 
     @property
-    def catches(self) -> bool:
+    def has_catcher(self) -> bool:
         """Whether the scene has a shadow catcher."""
         return any(isinstance(source, ShaderSource) and bool(source.catching) for source in self.shaders)
 
     @property
-    def arrays(self) -> dict[str, tuple[str, ...]]:
-        """The further arrays of a frame besides colour and alpha: the channels of each array, by its name."""
-        return {**channels_of_passes(self.sampling.passes, self.names_of_light), **(CATCHER if self.catches else {})}
+    def channels_by_array(self) -> dict[str, tuple[str, ...]]:
+        """The channels of each array that a frame has besides colour and alpha, by the array's name."""
+        arrays = channels_of_passes(self.sampling.passes, self.light_group_names)
+        return {**arrays, **CATCHER_ARRAYS} if self.has_catcher else arrays
 
     @cached_property
     def part_sets(self) -> list[list[str]]:
@@ -110,35 +111,35 @@ class SceneTask:
         sets = {
             "lobes": [group for group in LOBE_GROUPS if group in lobes],
             "direct": [*PASSES["direct"].arrays],
-            LIGHTS: [light_layer(name) for name in dict.fromkeys(self.light_groups[: len(self.lights)])],
+            LIGHTS_PASS: [light_layer(name) for name in dict.fromkeys(self.light_groups[: len(self.lights)])],
         }
         return [parts for name, parts in sets.items() if name in self.sampling.passes and parts]
 
     def complete_parts(self, parts: Mapping[str, NDArray[_Real]], beauty: NDArray[_Real]) -> dict[str, NDArray[_Real]]:
-        """Return arrays of a frame with the last of each set, the rest of the beauty, and black for parts of nothing.
+        """Return `parts` completed by the last array of each set, and by black for parts without light.
 
-        `parts` has all others of each set. Parts of nothing are those of lobes that no look has, and of lights that
-        reach nothing.
+        `parts` has all other arrays of each set; the last is the beauty minus these. Parts without light are those of
+        lobes that no look has, and of lights that reach nothing.
         """
         complete: dict[str, NDArray[_Real]] = dict(parts)
         for *others, last in self.part_sets:
             complete[last] = beauty - sum(complete[name] for name in others)
-        for name in light_parts(self.sampling.passes, self.names_of_light) - {*complete}:
+        for name in light_parts(self.sampling.passes, self.light_group_names) - {*complete}:
             complete[name] = np.zeros_like(beauty)
         return complete
 
     @property
-    def names_of_light(self) -> tuple[str, ...]:
-        """The names of the groups of lights, each once, if a pass needs them."""
+    def light_group_names(self) -> tuple[str, ...]:
+        """The names of the groups of lights, each once; () if no pass needs them."""
         return tuple(dict.fromkeys(self.light_groups))
 
     @property
-    def constant_light(self) -> bool:
+    def is_light_constant(self) -> bool:
         """Whether the radiance of every light is the same in all directions and at all positions."""
         return all(light.constant for light in self.lights)
 
     @property
-    def light_stays(self) -> bool:
+    def is_light_fixed(self) -> bool:
         """Whether the lighting rotation changes no light."""
         return all(light.constant or not light.emission.turns for light in self.lights)
 

@@ -15,30 +15,30 @@ from contextlib import suppress
 from pydantic import TypeAdapter, ValidationError
 
 from lookdev.errors import RenderError, WorkerError
-from lookdev.rendering.slopes import SlopeTask
+from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.task import FrameTask, SceneTask
 
-Request = FrameTask | SceneTask | SlopeTask
+WorkerTask = FrameTask | SceneTask | DerivativeTask
 
-_REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
+_TASK: TypeAdapter[WorkerTask] = TypeAdapter(WorkerTask)
 
 
 _CANCEL = "cancel "
 """Begins a line that is not a task: the digest of the frame to cancel follows."""
 
-_LONGEST_WAIT = 1.0  # seconds
+_MAX_WAIT = 1.0  # seconds
 
-_TASK_NAMES = {SceneTask: "scene task", SlopeTask: "picture with derivatives"}
+_TASK_NAMES = {SceneTask: "scene task", DerivativeTask: "picture with derivatives"}
 
 
-def encode(task: Request) -> str:
+def encode_task(task: WorkerTask) -> str:
     """Return a task as one line of JSON, without the line's end; floats survive exactly."""
-    return _REQUEST.dump_json(task).decode()
+    return _TASK.dump_json(task).decode()
 
 
-def decode(line: str) -> FrameTask:
-    """Return the frame task of a line of `encode`; raises WorkerError as `decode_request`, and for another task."""
-    task = decode_request(line)
+def decode_frame_task(line: str) -> FrameTask:
+    """Return the frame task of a line of `encode_task`; raises WorkerError as `decode_task`, and for another task."""
+    task = decode_task(line)
     if not isinstance(task, FrameTask):
         raise WorkerError(
             f"the line is a {_TASK_NAMES[type(task)]}, not a frame task: the worker's backend is not sent any"
@@ -46,15 +46,15 @@ def decode(line: str) -> FrameTask:
     return task
 
 
-def decode_request(line: str) -> Request:
-    """Return the task of a line of `encode`; raises WorkerError, which lists the wrong fields, for other lines."""
+def decode_task(line: str) -> WorkerTask:
+    """Return the task of a line of `encode_task`; raises WorkerError, which lists the wrong fields, for other lines."""
     try:
-        return _REQUEST.validate_json(line)
+        return _TASK.validate_json(line)
     except ValidationError as error:
         raise WorkerError(f"the line is neither a frame task nor a scene task: {error}") from error
 
 
-class Cancelled(RenderError):
+class FrameCancelled(RenderError):
     """The frame was cancelled."""
 
 
@@ -63,7 +63,7 @@ def encode_cancel(digest: str) -> bytes:
     return f"{_CANCEL}{digest}\n".encode()
 
 
-class Requests:
+class TaskQueue:
     """The lines of a worker's input: a queue of tasks, and the frame to cancel, which is known at once."""
 
     def __init__(self) -> None:
@@ -71,19 +71,19 @@ class Requests:
         self._cancelled = ""
 
     @classmethod
-    def from_input(cls) -> Requests:
+    def from_input(cls) -> TaskQueue:
         """Return the requests of standard input, which a thread reads. The process ends at once when the input ends."""
         requests = cls()
 
         def read() -> None:
-            requests.read(sys.stdin)
+            requests.read_lines(sys.stdin)
             # There is no parent: a render in progress is dropped. Blender's own exit can hang.
             os._exit(0)
 
         threading.Thread(target=read, daemon=True).start()
         return requests
 
-    def read(self, lines: Iterable[str]) -> None:
+    def read_lines(self, lines: Iterable[str]) -> None:
         """Read all lines; runs in a thread of its own."""
         for line in lines:
             if line.startswith(_CANCEL):
@@ -91,14 +91,14 @@ class Requests:
             else:
                 self._tasks.put(line)
 
-    def next(self) -> Request:
-        """Return the next task, after waiting for it; raises as `decode_request`."""
+    def next(self) -> WorkerTask:
+        """Return the next task, after waiting for it; raises as `decode_task`."""
         # A signal that arrives just before a wait is handled only after it: so each wait is short.
         while True:
             with suppress(queue.Empty):
-                return decode_request(self._tasks.get(timeout=_LONGEST_WAIT))
+                return decode_task(self._tasks.get(timeout=_MAX_WAIT))
 
-    def check(self, digest: str) -> None:
+    def check_cancelled(self, digest: str) -> None:
         """Raise Cancelled if the frame of a digest was cancelled."""
         if digest == self._cancelled:
-            raise Cancelled("cancelled")
+            raise FrameCancelled("cancelled")

@@ -1,8 +1,8 @@
-"""Supervision of a render worker: one process, one frame at a time; every answer is checked.
+"""Supervision of a render worker: one process renders one frame at a time, and every answer is checked.
 
 The worker reads one JSON line per frame from stdin, and answers in JSON lines on stdout. While it starts, this process
-can send it the line of a scene, which it prepares without an answer. All other output, of Blender too, goes to a log
-file. The worker ends when stdin ends, also after a crash of this process.
+can send it the line of a scene: the worker prepares it without an answer. All other output, also Blender's, goes to a
+log file. The worker ends when stdin ends, also after a crash of this process.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from lookdev.arrays import Floats32
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.rendering import wire
 from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.results import (
     MESSAGES,
-    Done,
-    Failed,
-    Message,
-    Progress,
-    Ready,
-    Rendered,
+    FailureMessage,
+    ProgressMessage,
+    ReadyMessage,
+    ResultMessage,
+    WorkerFrame,
+    WorkerMessage,
     load_arrays,
     load_result,
 )
-from lookdev.rendering.slopes import SlopeTask
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.rendering.threads import pin_to_cores
 
-PATIENCE = 600.0
+ANSWER_TIMEOUT = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
 
 _FRAME_LINE = "lookdev: frame "
 """Begins the line of a log that precedes the output of a frame: the frame's digest and file follow."""
 
-LONGEST_MESSAGE = 1 << 20
-"""Bytes of a line; a longer one is an error, so that it cannot fill the memory."""
+MAX_MESSAGE_BYTES = 1 << 20
+"""Bytes of a line; a longer one is an error. Otherwise it could fill the memory."""
 
 
 class Worker:
@@ -60,7 +60,7 @@ class Worker:
         The file of its stderr, emptied here. Every start appends to it.
     scratch
         An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
-    patience
+    timeout
         Seconds without an answer after which it counts as hung.
     variables
         Variables of its environment besides those of this process.
@@ -73,7 +73,7 @@ class Worker:
         command: Sequence[str],
         log: Path,
         scratch: Path,
-        patience: float = PATIENCE,
+        timeout: float = ANSWER_TIMEOUT,
         variables: Mapping[str, str] = MappingProxyType({}),
         cores: frozenset[int] | None = None,
     ) -> None:
@@ -82,10 +82,10 @@ class Worker:
         self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
         # Blender would read its colour spaces from the studio's OCIO config, which is for viewing, not for rendering.
         self._environment.pop("OCIO", None)
-        self._patience = patience
+        self._timeout = timeout
         self._cores = cores
         self._process: subprocess.Popen[bytes] | None = None
-        self._sending: threading.Thread | None = None
+        self._scene_sender: threading.Thread | None = None
         self._ready = False
         self._blender = ""
         log.write_bytes(b"")
@@ -125,16 +125,16 @@ class Worker:
         Does nothing if the process is ready or not launched, or if a scene was sent already.
         """
         process = self._process
-        if process is None or self._ready or self._sending is not None:
+        if process is None or self._ready or self._scene_sender is not None:
             return
 
         def send() -> None:
             with suppress(WorkerError):  # the first frame reports it
-                self._send(process, wire.encode(scene))
+                self._send(process, wire.encode_task(scene))
 
         # Some shaders are larger than the pipe's buffer, so that writing waits until the process reads.
-        self._sending = threading.Thread(target=send, daemon=True)
-        self._sending.start()
+        self._scene_sender = threading.Thread(target=send, daemon=True)
+        self._scene_sender.start()
 
     def start(self) -> None:
         """Start the process unless it runs, and wait until it is ready; raises WorkerError where that fails."""
@@ -144,13 +144,13 @@ class Worker:
         assert self._process is not None
         with self._kill_on_error():
             message = self._receive(self._process)
-            if not isinstance(message, Ready):
+            if not isinstance(message, ReadyMessage):
                 raise WorkerError(f"the render worker answered '{message.type}' before it was ready")
             self._ready, self._blender = True, message.blender
-            if self._sending is not None:
-                self._sending.join()
+            if self._scene_sender is not None:
+                self._scene_sender.join()
 
-    def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
+    def render(self, task: FrameTask, progress: Callable[[ProgressMessage], None]) -> WorkerFrame:
         """Render one frame on a started worker.
 
         Raises RenderError where the worker cannot render the frame (it keeps running), WorkerError where it died, hung
@@ -171,28 +171,28 @@ class Worker:
             process.stdin.write(wire.encode_cancel(digest))
             process.stdin.flush()
 
-    def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats32:
+    def render_derivatives(self, task: DerivativeTask, progress: Callable[[ProgressMessage], None]) -> Floats32:
         """Return halves of a picture and its P derivatives, (2, 1 + P, H, W, 4), RGB and alpha; raises as `render`."""
         width, height = task.scene.resolution
         shape = (2, 1 + len(task.symbols), height, width, 4)
         with self._kill_on_error():
             return load_arrays(self._exchange(task, progress), {"slopes": shape})[0]["slopes"]
 
-    def _exchange(self, task: FrameTask | SlopeTask, progress: Callable[[Progress], None]) -> Done:
+    def _exchange(self, task: FrameTask | DerivativeTask, progress: Callable[[ProgressMessage], None]) -> ResultMessage:
         """Send a task, and return its final answer."""
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
         with self.log.open("a") as log:
             log.write(f"{_FRAME_LINE}{task.digest} {' '.join(map(str, task.files[:1]))}\n")
         with self._kill_on_error():
-            self._send(self._process, wire.encode(task))
-            while isinstance(message := self._receive(self._process), Progress):
+            self._send(self._process, wire.encode_task(task))
+            while isinstance(message := self._receive(self._process), ProgressMessage):
                 self._check_digest(message.digest, task)
                 progress(message)
-            if isinstance(message, Ready):
+            if isinstance(message, ReadyMessage):
                 raise WorkerError("the render worker answered 'ready' in the middle of a frame")
             self._check_digest(message.digest, task)
-            if isinstance(message, Failed):
+            if isinstance(message, FailureMessage):
                 raise OutputError(message.message) if message.unwritable else RenderError(message.message)
             return message
 
@@ -209,9 +209,9 @@ class Worker:
             return
         kill_group(process)
         process.wait()
-        if self._sending is not None:
-            self._sending.join()
-            self._sending = None
+        if self._scene_sender is not None:
+            self._scene_sender.join()
+            self._scene_sender = None
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
                 with suppress(BrokenPipeError):  # bytes that the dead worker never read
@@ -230,14 +230,14 @@ class Worker:
 
     @contextmanager
     def _kill_when_silent(self, process: subprocess.Popen[bytes]) -> Iterator[threading.Event]:
-        """Kill the process if the block takes longer than the patience; blocked pipe calls then return."""
+        """Kill the process if the block takes longer than the timeout; blocked pipe calls then return."""
         hung = threading.Event()
 
         def give_up() -> None:
             hung.set()
             kill_group(process)
 
-        timer = threading.Timer(self._patience, give_up)
+        timer = threading.Timer(self._timeout, give_up)
         timer.daemon = True
         timer.start()
         try:
@@ -255,11 +255,11 @@ class Worker:
             except BrokenPipeError:
                 raise WorkerError(self._end_of_process(process, hung)) from None
 
-    def _receive(self, process: subprocess.Popen[bytes]) -> Message:
+    def _receive(self, process: subprocess.Popen[bytes]) -> WorkerMessage:
         assert process.stdout is not None
         with self._kill_when_silent(process) as hung:
-            line = process.stdout.readline(LONGEST_MESSAGE)
-            if not line.endswith(b"\n") and len(line) < LONGEST_MESSAGE:
+            line = process.stdout.readline(MAX_MESSAGE_BYTES)
+            if not line.endswith(b"\n") and len(line) < MAX_MESSAGE_BYTES:
                 raise WorkerError(self._end_of_process(process, hung))
         try:
             return MESSAGES.validate_json(line)
@@ -270,7 +270,7 @@ class Worker:
     def _end_of_process(self, process: subprocess.Popen[bytes], hung: threading.Event) -> str:
         """Return a description of how the process ended."""
         if hung.is_set():
-            return f"the render worker was silent for {self._patience:g} s and was killed"
+            return f"the render worker was silent for {self._timeout:g} s and was killed"
         try:
             code = process.wait(timeout=1.0)
         except subprocess.TimeoutExpired:
@@ -281,13 +281,13 @@ class Worker:
         return f"the render worker ended with exit code {code}" + (f": {line}" if line else "")
 
     @staticmethod
-    def _check_digest(digest: str, task: FrameTask | SlopeTask) -> None:
+    def _check_digest(digest: str, task: FrameTask | DerivativeTask) -> None:
         if digest != task.digest:
             raise WorkerError(f"the render worker answered for frame {digest[:12]}, asked for {task.digest[:12]}")
 
 
 @contextmanager
-def open_renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
+def open_renderer(timeout: float = ANSWER_TIMEOUT) -> Iterator[Callable[[FrameTask], WorkerFrame]]:
     """Yield a function that renders a frame of any backend, in workers that end with the context.
 
     The function raises as `Worker.start` and `Worker.render`; a WorkerError includes the last line of the log.
@@ -295,11 +295,11 @@ def open_renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], 
     with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
         workers: dict[tuple[str, ...], Worker] = {}
 
-        def render(task: FrameTask) -> Rendered:
+        def render(task: FrameTask) -> WorkerFrame:
             command = BACKENDS[task.scene.backend].command
             if command not in workers:
                 log = Path(scratch, f"{len(workers)}.log")
-                workers[command] = stack.enter_context(Worker(command, log, Path(scratch), patience))
+                workers[command] = stack.enter_context(Worker(command, log, Path(scratch), timeout))
             worker = workers[command]
             try:
                 worker.start()
@@ -312,7 +312,7 @@ def open_renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], 
 
 
 def last_line(log: Path) -> str:
-    """Return the last line of a worker in a log file that is not blank, or an empty string."""
+    """Return the last line of a log file that the worker has written and that is not blank, or an empty string."""
     lines = log.read_text(errors="replace").split("\n")
     return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME_LINE)), "")
 

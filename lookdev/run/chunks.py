@@ -49,8 +49,8 @@ def store_measured_chunks(plan: Plan, division: Division) -> None:
     """
     if all(frame.seconds is None for frame in plan.frames):
         raise LookdevError(
-            f"{plan.output}: no frame of the job was rendered yet, whose time could be that of others; render one of "
-            "each look and light with 'lookdev render JOB --frame NAME'"
+            f"{plan.output}: no frame of the job is rendered, so no time of a frame is known; render one of each look "
+            "and light with 'lookdev render JOB --frame NAME'"
         )
     file = _division_file(plan, division)
     for run in Runs(file.parent).alive():

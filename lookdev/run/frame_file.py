@@ -1,4 +1,4 @@
-"""A rendered frame as an EXR: its layers, its header, and doubts about it."""
+"""Writes a rendered frame as an EXR with layers and a header, and reports doubts about the frame."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.output.frame_name import FrameName
 from lookdev.rendering.cryptomatte import matte_header
-from lookdev.rendering.executors.protocol import Stored
-from lookdev.rendering.passes import CATCHER, light_parts
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.executors.protocol import StoredFrame
+from lookdev.rendering.passes import CATCHER_ARRAYS, light_parts
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
-from lookdev.run.pictures import link_first
+from lookdev.run.pictures import link_to_first
 from lookdev.scene.charts.props import STRIP, Strip
 from lookdev.space import REC709
 
 
-def store(task: FrameTask, rendered: Rendered) -> Stored:
+def store_frame(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
     """Write the file of a frame; return its record, whose notes include doubts about it. Raises OutputError."""
     beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
     doubts, header = list(frame_doubts(rendered, beauty, constant_light=constant)), {}
@@ -36,13 +36,13 @@ def store(task: FrameTask, rendered: Rendered) -> Stored:
         readings = check_charts(task, strip, rendered)
         doubts += charts_doubts(readings)
         header = dict(charts_header(readings))
-    _write(task, rendered, beauty, header)
+    _write_frame_file(task, rendered, beauty, header)
     notes = (f"{FrameName.of(task.files[0])}: {doubt}" for doubt in doubts)
-    return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *notes))
+    return StoredFrame(rendered.samples, rendered.relmse, (*rendered.notes, *notes))
 
 
-def frame_doubts(rendered: Rendered, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:
-    """Yield the doubts about a frame, each as a sentence whose subject, the frame, is left out.
+def frame_doubts(rendered: WorkerFrame, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:
+    """Yield the doubts about a frame, each as a sentence without its subject, the frame.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ def frame_doubts(rendered: Rendered, beauty: ArrayLike, *, constant_light: bool 
     constant_light
         The radiance is the same from all directions: the halves may then be equal.
     """
-    bright = ~np.isfinite(beauty).all(axis=-1)
-    if bright.any():
-        y, x = np.argwhere(bright)[0]
+    overflowed = ~np.isfinite(beauty).all(axis=-1)
+    if overflowed.any():
+        y, x = np.argwhere(overflowed)[0]
         yield (
-            f"has pixels brighter than a number of 32 bits ({bright.sum()}, the first in column {x}, row {y}); a lower"
+            f"has pixels brighter than 32-bit floats ({overflowed.sum()}, the first in column {x}, row {y}); a lower"
             " exposure of its light would be right"
         )
     covered = rendered.alpha > 0.0
@@ -71,13 +71,13 @@ def frame_doubts(rendered: Rendered, beauty: ArrayLike, *, constant_light: bool 
         yield "has two equal halves: its error is unknown, though it is stated as 0"
 
 
-def exposed_beauty(task: FrameTask, rendered: Rendered) -> Floats32:
+def exposed_beauty(task: FrameTask, rendered: WorkerFrame) -> Floats32:
     """Return the mean of the halves of a frame, (H, W, 3), with the exposure of the frame applied."""
     with np.errstate(over="ignore"):
         return np.asarray((rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure))
 
 
-def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, extra: Mapping[str, str]) -> None:
+def _write_frame_file(task: FrameTask, rendered: WorkerFrame, beauty: Floats32, extra: Mapping[str, str]) -> None:
     """Write the file of a frame; `beauty` is from `exposed_beauty`, `extra` has further entries of the header.
 
     The layer ``raw`` is the picture before denoising. The layer ``error`` is the standard error, from the halves.
@@ -100,8 +100,8 @@ def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, extra: Mapping
         header["raw.relmse"] = repr(rendered.raw_relmse)
     if not math.isnan(rendered.relmse):  # it is nan where both halves are the same render
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
-    passes, groups = task.scene.sampling.passes, task.scene.names_of_light
-    arrays, light = task.scene.arrays, {*light_parts(passes, groups), *CATCHER}
+    passes, groups = task.scene.sampling.passes, task.scene.light_group_names
+    arrays, light = task.scene.channels_by_array, {*light_parts(passes, groups), *CATCHER_ARRAYS}
     planes = {
         channel: rendered.passes[name][..., i] * (exposure if name in light else np.float32(1.0))
         for name, channels in arrays.items()
@@ -116,4 +116,4 @@ def _write(task: FrameTask, rendered: Rendered, beauty: Floats32, extra: Mapping
     write_frame(
         task.files[0], beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
     )
-    link_first(task.files)
+    link_to_first(task.files)

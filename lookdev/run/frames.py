@@ -15,19 +15,19 @@ from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan
 from lookdev.plan.plan import DAMAGED
 from lookdev.rendering.executors import protocol
-from lookdev.rendering.executors.protocol import Executor, Happening, Stored
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.executors.protocol import Executor, ExecutorEvent, StoredFrame
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.run import events
 from lookdev.run.events import ReportEvent
-from lookdev.run.frame_file import exposed_beauty, store
+from lookdev.run.frame_file import exposed_beauty, store_frame
 from lookdev.run.pictures import PictureFile, PictureWriter
 from lookdev.run.runs import Run
 from lookdev.run.status import FailedFrame, record_failure
 
 _MAX_NAMES = 5  # of frames in a message
 
-_WAITS = (0.05, 2.0)  # seconds: the first and the longest wait for frames and files of other runs
+_WAIT_SECONDS = (0.05, 2.0)  # seconds: the first and the longest wait for frames and files of other runs
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class RunFrames:
         names = tuple(map(self._name, missing))
         return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted, names)
 
-    def bring_up_to_date(self, only: Sequence[str]) -> list[FrameTask]:
+    def update_files(self, only: Sequence[str]) -> list[FrameTask]:
         """Make the copies, pictures and sheets that need no rendering; return the frames to render."""
         force = self._force
         tasks = [frame.task for frame in self._plan.frames]
@@ -114,9 +114,9 @@ class RunFrames:
             if task.files in waiting:
                 continue
             try:
-                self._pictures.refresh(task, self._done)
+                self._pictures.refresh_pictures(task, self._done)
             except OutputError:
-                if _is_whole(task.files[0]):
+                if _is_readable(task.files[0]):
                     raise
                 # A version without checksums wrote the frame: its header is valid, its pixels are not.
                 damaged.append(task.files[0])
@@ -125,12 +125,12 @@ class RunFrames:
                 self._done.update(task.files)
         for path in damaged:
             self._report(events.Noted(f"{path}: was damaged, and is made again"))
-        self._refresh_sheets()
+        self._make_due_sheets()
         self._report(events.RunStarted(len(tasks), len(pending)))
         return pending
 
     def _files_named(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
-        """Return the files of the frames with these names, and of the props that are laid over them."""
+        """Return the files of the frames with these names, and of the props in front of them."""
         frames = {str(FrameName.of(path)): frame.task.files for frame in self._plan.frames for path in frame.task.files}
         for name in names:
             if name not in frames:
@@ -142,17 +142,17 @@ class RunFrames:
         return selected | {tasks[charts[file]] for files in selected for file in files if file in charts}
 
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
-        """Render frames, each claimed until it is done; the batch ends early only where no worker starts.
+        """Render frames, each claimed until it is done; raises the errors of `Executor.render`.
 
         Scenes of which no other run has claimed a frame come first. All other frames without a claim follow, from the
-        last of a scene to its first. Frames that other runs have claimed are waited for.
+        last of a scene to its first. Then the run waits for the frames that other runs have claimed.
         """
         left = self._render_unclaimed(tasks, executor, skip_scenes=True)
-        waits = _waits()
+        waits = _wait_times()
         while left:
             before = len(self._done)
             left = self._render_unclaimed(left, executor, skip_scenes=False)
-            waits = _waits() if len(self._done) > before else waits
+            waits = _wait_times() if len(self._done) > before else waits
             if left:
                 time.sleep(next(waits))
 
@@ -162,8 +162,8 @@ class RunFrames:
         """Render the frames that no other run has claimed; return the others.
 
         With `skip_scenes`, the frames of a scene that follow a claimed frame are not rendered either. Frames are
-        returned from the last of each scene to its first. The scenes are in an order that is random for
-        this run: runs that help others thus spread over the scenes, and seldom change their scene.
+        returned from the last of each scene to its first. The order of the scenes is random for this run: so runs that
+        help others spread over the scenes, and seldom change their scene.
         """
         claimed: list[FrameTask] = []
         scenes: set[int] = set()
@@ -176,7 +176,7 @@ class RunFrames:
             return not self._take_from_disk(task)
 
         for event in executor.render(tasks, should_render):
-            self._handle(event)
+            self._handle_event(event)
         generator = random.Random(self._run.info.id)
         ranks = {scene: generator.random() for scene in dict.fromkeys(id(task.scene) for task in claimed)}
         claimed.reverse()
@@ -189,15 +189,15 @@ class RunFrames:
         for path in task.files[1:]:
             if not _has_frame(path, task):
                 link_or_copy(task.files[0], path)
-        self._pictures.refresh(task, self._done)
+        self._pictures.refresh_pictures(task, self._done)
         self._mark_done(task)
         self._report(events.FrameFound(self._name(task), id=task.digest))
-        self._refresh_sheets()
+        self._make_due_sheets()
         return True
 
-    def _handle(self, event: Happening) -> None:
+    def _handle_event(self, event: ExecutorEvent) -> None:
         """Report an event of the executor, and write the frame that it finishes."""
-        if isinstance(event, protocol.Remarked):
+        if isinstance(event, protocol.ExecutorNote):
             self._report(events.Noted(event.text))
             return
         task = event.task
@@ -214,20 +214,20 @@ class RunFrames:
                 self._failures.append(record_failure(self._run, name, reason, log))
                 self._report(events.FrameFailed(name, reason, id=digest))
             case protocol.Finished(_, rendered, seconds):
-                self._finish(task, rendered, seconds)
+                self._finish_frame(task, rendered, seconds)
 
-    def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
+    def _finish_frame(self, task: FrameTask, rendered: WorkerFrame | StoredFrame, seconds: float) -> None:
         """Write a frame, unless its worker has written it, and the pictures and sheets of it."""
         self._run.check_alive()
-        stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
+        stored = rendered if isinstance(rendered, StoredFrame) else store_frame(task, rendered)
         for note in stored.notes:
             self._report(events.Noted(note))
-        pixels = None if isinstance(rendered, Stored) else (exposed_beauty(task, rendered), rendered.alpha)
-        self._pictures.refresh(task, self._done, pixels)
+        pixels = None if isinstance(rendered, StoredFrame) else (exposed_beauty(task, rendered), rendered.alpha)
+        self._pictures.refresh_pictures(task, self._done, pixels)
         self._mark_done(task)
         self._rendered += 1
         self._report(events.FrameDone(self._name(task), seconds, stored.samples, stored.relmse, id=task.digest))
-        self._refresh_sheets(task)
+        self._make_due_sheets(task)
 
     def _mark_done(self, task: FrameTask) -> None:
         """Record a frame as done, and end its claim."""
@@ -236,9 +236,9 @@ class RunFrames:
             self._pictures.refresh_frames_under(task, self._done)
         self._run.release(self._name(task))
 
-    def _refresh_sheets(self, task: FrameTask | None = None) -> None:
-        """Make the due files of several frames that are all done; with `task`, all that show this new frame."""
-        for file in self._pictures.sheets(self._done, task):
+    def _make_due_sheets(self, task: FrameTask | None = None) -> None:
+        """Make the due files of several frames that are done; with `task`, all files that show this new frame."""
+        for file in self._pictures.finished_sheets(self._done, task):
             is_due = task is not None or self._pictures.is_due(file)
             if is_due and not self._make_sheet(file, new=task is not None):
                 self._sheets_of_others.append(file)
@@ -259,7 +259,7 @@ class RunFrames:
 
     def wait_for_sheets(self) -> None:
         """Wait until other runs have made the files that they have claimed; make them where those runs end."""
-        for wait in _waits():
+        for wait in _wait_times():
             self._sheets_of_others = [file for file in self._sheets_of_others if not self._make_sheet(file)]
             if not self._sheets_of_others:
                 return
@@ -269,8 +269,8 @@ class RunFrames:
         return str(FrameName.of(task.files[0]))
 
 
-def _waits() -> Iterator[float]:
-    wait, longest = _WAITS
+def _wait_times() -> Iterator[float]:
+    wait, longest = _WAIT_SECONDS
     while True:
         yield wait
         wait = min(2.0 * wait, longest)
@@ -286,7 +286,7 @@ def _has_frame(file: Path, task: FrameTask) -> bool:
         return False
 
 
-def _is_whole(frame: Path) -> bool:
+def _is_readable(frame: Path) -> bool:
     try:
         read_frame(frame)
     except OutputError:

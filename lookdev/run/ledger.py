@@ -1,6 +1,6 @@
 """The record of the files that outputs make, on disk, while any number of runs make them.
 
-An entry states that content with this digest is the file that the key describes. That stays true, so the entries of
+An entry states that content with this digest is the file that the key describes. This remains true, so entries of
 several runs can be merged in any order. Each run appends its entries to a file of its own, one entry a line.
 ``pictures.json`` has the entries of all runs that have ended.
 """
@@ -16,7 +16,7 @@ from typing import TextIO
 from lookdev.cache import file_digest, write_file
 from lookdev.safe_text import read_json_object
 
-_LARGEST = 1 << 30  # bytes
+_MAX_LEDGER_BYTES = 1 << 30  # bytes
 
 LedgerEntry = tuple[str, str]
 """A key and a digest."""
@@ -59,12 +59,12 @@ class Ledger:
                 return file.is_file() and file_digest(file) in digests
         return False
 
-    def close(self, living: Iterable[str]) -> None:
-        """Close the file of this run, and merge the files of ended runs; `living` are the ids of the other runs."""
+    def close(self, living_runs: Iterable[str]) -> None:
+        """Close the file of this run, and merge those of ended runs; `living_runs` are the ids of the other runs."""
         if self._stream is not None:
             self._stream.close()
         self._read_runs()
-        growing = {self._run_file.with_name(f"pictures.{run}.jsonl") for run in living}
+        growing = {self._run_file.with_name(f"pictures.{run}.jsonl") for run in living_runs}
         ended = [file for file in self._offsets if file not in growing]
         if not ended:
             return
@@ -107,6 +107,6 @@ def _read_merged(file: Path) -> dict[str, LedgerEntry]:
     """Return the entries of ended runs; without the file, every picture is made again."""
     return {
         name: (entry[0], entry[1])
-        for name, entry in read_json_object(file, _LARGEST).items()
+        for name, entry in read_json_object(file, _MAX_LEDGER_BYTES).items()
         if isinstance(entry, list) and len(entry) == 2 and all(isinstance(part, str) for part in entry)
     }

@@ -12,7 +12,7 @@ from lookdev.output.frame_name import FrameName
 from lookdev.plan import Plan, PlannedFile
 from lookdev.safe_text import align_columns
 
-LINKED = "shown by another frame that is done: linked, not rendered"
+LINKED_REASON = "shown by another frame that is done: linked, not rendered"
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def plan_ranges(plan: Plan) -> Iterator[FrameRange]:
             turntables.setdefault("/".join(FrameName.of(file.path).reel), []).append(file)
 
     def state_and_reason(file: PlannedFile) -> tuple[str, str]:
-        return file.state, LINKED if file.path in linked else file.reason
+        return file.state, LINKED_REASON if file.path in linked else file.reason
 
     for turntable, files in turntables.items():
         for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=state_and_reason):

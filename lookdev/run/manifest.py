@@ -1,4 +1,4 @@
-"""The manifest of a run, and its verification."""
+"""Writes the manifest of a run, and verifies it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def record_run(job: Job, plan: Plan) -> Path:
 
     Files with unchanged size and time are not read again. Raises OSError where a file cannot be read or written.
     """
-    digests = _Digests(plan.output / _STATE)
+    digests = _FileDigests(plan.output / _STATE)
     render = f"lookdev render {shlex.quote(str(job.file))}"
     turntables = (file for reel in plan.reels for file in reel.files)
     planned = list(dict.fromkeys((*turntables, *(file for frame in plan.frames for file in frame.task.files))))
@@ -86,7 +86,7 @@ def record_run(job: Job, plan: Plan) -> Path:
     return path
 
 
-class _Digests:
+class _FileDigests:
     """The SHA-256 of files, stored with their size, their time of change and their inode."""
 
     def __init__(self, file: Path) -> None:
@@ -109,7 +109,7 @@ class _Digests:
             write_file(self._file, json.dumps(self._new))
 
 
-def verify(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, ...]]:
+def verify_manifest(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, ...]]:
     """Return the manifest of an output folder and all deviations from it; raises the errors of `read_manifest`."""
     manifest = read_manifest(folder)
     return manifest, tuple(deviations(folder.absolute(), manifest))

@@ -1,7 +1,7 @@
 """The outputs of a plan: files that are made of finished frames, and made again only where they would differ.
 
-A ledger (`lookdev.run.ledger`) records the inputs of each file, which are frame digests and options, and its digest.
-A new view, another number of frames, or a damaged file is thus detected, even where no frame was rendered.
+A ledger (`lookdev.run.ledger`) records the digest of each file, and its inputs: frame digests and options. So a new
+view, another number of frames, or a damaged file is detected even if no frame was rendered.
 """
 
 from __future__ import annotations
@@ -68,13 +68,13 @@ class PictureWriter:
         self._sheets: list[PictureFile] = []
         self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
         for output in outputs.enabled_outputs:
-            for file in _files(plan, output):
-                (self._files_of_frame[next(iter(file.frames))] if output.scope == "frame" else self._sheets).append(
-                    file
-                )
+            for file in _output_files(plan, output):
+                (self._files_of_frame[next(iter(file.frames))] if output.scope == "frame" else self._sheets).append(file)
 
-    def refresh(self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
-        """Make the files of a single frame that are missing or out of date, if the props over it are `done`.
+    def refresh_pictures(
+        self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None
+    ) -> None:
+        """Make the files of a single frame that are missing or outdated, if the props in front of it are `done`.
 
         With `pixels`, the beauty and the alpha of a new frame, all its files are made from them.
 
@@ -92,14 +92,14 @@ class PictureWriter:
                 self.write(file, due, pixels)
 
     def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
-        """Make the due files of single frames that are `done`, over which a new frame of props is laid."""
+        """Make the due files of the single frames that are `done` and that show the props of a new frame in front."""
         frames = {self._tasks[frame].files for frame, props in self._plan.charts.items() if props in task.files}
         for files in frames:
             if files[0] in done:
-                self.refresh(self._tasks[files[0]], done)
+                self.refresh_pictures(self._tasks[files[0]], done)
 
-    def sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
-        """Yield the files of several frames that are all done; with `task`, only those that show its frame."""
+    def finished_sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
+        """Yield the files of several frames whose frames are all done; with `task`, only those that show its frame."""
         for file in self._sheets:
             inputs = file.frames.keys() | self._props_over(file)
             if inputs <= done and not (task is not None and inputs.isdisjoint(task.files)):
@@ -110,7 +110,7 @@ class PictureWriter:
         return not self._is_current(file.paths[0], self._key(file))
 
     def write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
-        """Write a file to some paths, from beauty and alpha of its only frame, or from its frames on disk."""
+        """Write a file to some paths: from `pixels`, the beauty and alpha of its only frame, or from frames on disk."""
 
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
             props = self._plan.charts.get(frame)
@@ -127,14 +127,14 @@ class PictureWriter:
             tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
         )
         file.output.write(paths[0], frames)
-        link_first(paths)
+        link_to_first(paths)
         key = self._key(file)
         digest = file_digest(paths[0])
         for path in paths:
             self._ledger.add(self._name(path), key, digest)
 
     def _props_over(self, file: PictureFile) -> set[Path]:
-        """Return the frames of props that are laid over the frames of a file."""
+        """Return the frames of props that are shown in front of the frames of a file."""
         return {self._plan.charts[frame] for frame in file.frames if frame in self._plan.charts}
 
     def _key(self, file: PictureFile) -> str:
@@ -157,13 +157,13 @@ class PictureWriter:
         return path.relative_to(self._plan.output).as_posix()
 
 
-def link_first(paths: Sequence[Path]) -> None:
+def link_to_first(paths: Sequence[Path]) -> None:
     """Link or copy the file of the first path to the others."""
     for path in paths[1:]:
         link_or_copy(paths[0], path)
 
 
-def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
+def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
     """Yield the files of an output."""
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
 

@@ -31,11 +31,11 @@ _LEVELS: dict[type[Event], str] = {events.FrameFailed: "error", events.FrameRetr
 
 
 @contextmanager
-def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[ReportEvent]:
+def show_progress(stream: TextIO, log_format: LogFormat = LogFormat.TEXT) -> Iterator[ReportEvent]:
     """Yield a report that writes to `stream`: as text, a live display in a terminal, else a line for each event."""
-    if form is LogFormat.JSON:
+    if log_format is LogFormat.JSON:
         yield JsonReport(stream)
-    elif form is LogFormat.OPENJD:
+    elif log_format is LogFormat.OPENJD:
         yield _OpenJdReport(stream)
     elif stream.isatty():
         name, note = (TextColumn(text, markup=False) for text in ("{task.description}", "{task.fields[note]}"))

@@ -1,4 +1,4 @@
-"""Rendering a job or a plan to frames on disk: workers may fail, files are written whole, and a run can be resumed."""
+"""Renders a job or a plan to frames on disk: workers may fail, files are written whole, and a run can be resumed."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, TurntableFrames, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.executors.choice import LOCAL, ExecutorOptions, open_executor
+from lookdev.rendering.executors.choice import LOCAL_OPTIONS, ExecutorOptions, open_executor
 from lookdev.rendering.executors.protocol import Executor, WorkerFiles
 from lookdev.rendering.task import SceneTask
-from lookdev.rendering.worker import PATIENCE
+from lookdev.rendering.worker import ANSWER_TIMEOUT
 from lookdev.run.chunks import plan_of_chunk, remove_divisions
 from lookdev.run.events import Noted, ReportEvent, RunJoined
-from lookdev.run.frame_file import store
+from lookdev.run.frame_file import store_frame
 from lookdev.run.frames import RunFrames, RunResult
 from lookdev.run.ledger import Ledger
 from lookdev.run.pictures import PictureWriter, RenderBackground
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 Backdrop = str | tuple[float, float, float]
 
-Prepare = Callable[[Job, Callable[[SceneTask], None] | None], "PlannedJob"]
+PrepareJob = Callable[[Job, Callable[[SceneTask], None] | None], "PlannedJob"]
 
 
 def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> PlannedJob:
@@ -48,14 +48,14 @@ def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> PlannedJob
 def render_job(
     path: Path,
     *,
-    prepare: Prepare = _plan_job,
+    prepare: PrepareJob = _plan_job,
     rules: PathRules = (),
     output: Path | None = None,
     force: bool = False,
     only: Sequence[str] = (),
     chunk: Chunk | None = None,
     outputs_only: bool = False,
-    choice: ExecutorOptions = LOCAL,
+    executor_options: ExecutorOptions = LOCAL_OPTIONS,
     report: ReportEvent = lambda event: None,
 ) -> RunResult:
     """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
@@ -84,24 +84,24 @@ def render_job(
     OutputError, RenderError, WorkerError
         As `run_plan`.
     """
-    job = load_mapped_job(path, rules, output, choice.device)
+    job = load_mapped_job(path, rules, output, executor_options.device)
     backend = BACKENDS[job.render.backend]
     with (
         mapped_files(rules),
         _output_errors(job.output),
         Run(job.output, str(chunk or "")) as run,
-        _open_executor(choice, run, backend.command) as executor,
+        _open_executor(executor_options, run, backend.command) as executor,
     ):
         if not outputs_only and (force or _lacks_frames(job)):
-            if choice.here:
+            if executor_options.is_local:
                 backend.check_device(job.render.device)
             # Blender starts while files are read.
             executor.launch()
-        prepared = prepare(job, executor.prepare if backend.ahead else None)
+        prepared = prepare(job, executor.prepare if backend.can_prepare else None)
         for note in prepared.notes:
             report(Noted(note))
         job, plan = prepared.job, prepared.plan
-        _join(run, plan, report)
+        _join_runs(run, plan, report)
         record_plan(run, job.file, plan)
         if chunk is not None:
             plan = plan_of_chunk(plan, chunk)
@@ -157,7 +157,7 @@ def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = Non
 
 
 def _lacks_frames(job: Job) -> bool:
-    """Return whether frames of a job are missing, as far as their names follow from the job file alone."""
+    """Return whether frames of a job are missing; only frames whose names follow from the job file are considered."""
     turns = TurntableFrames(job.turntable, job.output)
     for look in job.look:
         wild = "*" in look.variants.values()
@@ -168,7 +168,7 @@ def _lacks_frames(job: Job) -> bool:
     return False
 
 
-def _join(run: Run, plan: Plan, report: ReportEvent) -> None:
+def _join_runs(run: Run, plan: Plan, report: ReportEvent) -> None:
     """Announce the plan of a run, and report other runs of the plan; raises OutputError where a run has another."""
     others = run.announce_plan(plan.digest)
     report(RunJoined(run.info.id, run.info.part, plan.digest))
@@ -194,12 +194,14 @@ def _output_errors(output: Path) -> Iterator[None]:
 
 @contextmanager
 def _open_executor(
-    choice: ExecutorOptions, run: Run, command: Sequence[str], patience: float = PATIENCE
+    executor_options: ExecutorOptions, run: Run, command: Sequence[str], timeout: float = ANSWER_TIMEOUT
 ) -> Iterator[Executor]:
     """Yield an executor for a run, with its logs and temporary files in the state folder, and close it."""
     with (
         run.scratch_folder() as scratch,
-        open_executor(choice, WorkerFiles(scratch, run.log_file, tuple(command), patience), store) as executor,
+        open_executor(
+            executor_options, WorkerFiles(scratch, run.log_file, tuple(command), timeout), store_frame
+        ) as executor,
     ):
         yield executor
 
@@ -215,7 +217,7 @@ def render_setups(
     """Render scenes in memory: join the runs of the output, plan, run the plan. Raises the errors of `render_job`."""
     with Run(turns.output) as run:
         plan = build_plan(setups, turns, read_header, frame_suffixes=outputs.frame_suffixes)
-        _join(run, plan, report)
+        _join_runs(run, plan, report)
         return plan, run_plan(plan, outputs, background, run=run, report=report)
 
 
@@ -227,11 +229,11 @@ def run_plan(
     force: bool = False,
     only: Sequence[str] = (),
     outputs_only: bool = False,
-    behind: RenderBackground | None = None,
+    render_background: RenderBackground | None = None,
     run: Run | None = None,
     executor: Executor | None = None,
     worker_command: Sequence[str] | None = None,
-    patience: float = PATIENCE,
+    timeout: float = ANSWER_TIMEOUT,
     report: ReportEvent = lambda event: None,
 ) -> RunResult:
     """Render pending frames, and make the pictures and sheets that are missing or out of date.
@@ -257,7 +259,7 @@ def run_plan(
         A run that the caller has entered; None starts a new run.
     executor
         The executor that renders, which the caller closes; None opens one worker on this machine.
-    worker_command, patience
+    worker_command, timeout
         The command of that worker, by default the backend's, and the seconds without an answer after which it fails.
     report
         A function that is called with every event.
@@ -276,12 +278,12 @@ def run_plan(
     with _output_errors(plan.output), ExitStack() as stack:
         if run is None:
             run = stack.enter_context(Run(plan.output))
-            _join(run, plan, report)
+            _join_runs(run, plan, report)
         ledger = stack.enter_context(_open_ledger(run))
-        pictures = PictureWriter(plan, outputs, background, behind or background_light(background), ledger)
+        pictures = PictureWriter(plan, outputs, background, render_background or background_light(background), ledger)
         frames = RunFrames(plan, pictures, run, report, force)
         try:
-            tasks = frames.bring_up_to_date(only)
+            tasks = frames.update_files(only)
             if tasks and not outputs_only:
                 if executor is None:
                     scene = tasks[0].scene
@@ -289,7 +291,7 @@ def run_plan(
                     if worker_command is None:
                         backend.check_device(scene.device)
                     command = worker_command or backend.command
-                    executor = stack.enter_context(_open_executor(ExecutorOptions(workers=1), run, command, patience))
+                    executor = stack.enter_context(_open_executor(ExecutorOptions(workers=1), run, command, timeout))
                 frames.render(tasks, executor)
             frames.wait_for_sheets()
         except KeyboardInterrupt:

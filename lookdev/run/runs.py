@@ -1,9 +1,9 @@
 """The runs that write to one output folder, on any number of machines that share it.
 
-Each run has a file in ``.lookdev/runs`` and sets its time again and again: the heartbeat of the run. A run is dead if
-its process has ended, or if its heartbeat stops for the time of a lease. Another run then removes its file, and the
-dead run stops should it go on. Clocks of two machines are never compared: each change of the file's time is a
-heartbeat, to whatever time, and the observer measures the time between heartbeats by its own clock.
+Each run has a file in ``.lookdev/runs`` and sets its time repeatedly: the heartbeat of the run. A run is dead if its
+process has ended, or if its heartbeat stops for the time of a lease. Another run then removes its file; if the dead run
+continues after all, it stops. Clocks of two machines are never compared: any change of the file's time is a heartbeat,
+and the observer measures the time between heartbeats by its own clock.
 
 A run claims a file before it makes it, by a hard link to its own file: one run alone can create the link. Claims of
 dead runs are void. Claims only save work: files are written whole, and their content does not depend on the run.
@@ -39,7 +39,7 @@ LEASE_VARIABLE = "LOOKDEV_LEASE"
 
 DEFAULT_LEASE = 60
 
-_BEATS = 6  # heartbeats in the time of a lease
+_BEATS_PER_LEASE = 6  # heartbeats in the time of a lease
 _SCRATCH = "scratch-"
 # The temporary names of lookdev.cache.atomic_path.
 _TEMPORARY_NAME = re.compile(r"\..+\.([0-9a-f]+)-[0-9a-f]{8}(?:\.[a-z0-9]+)?")
@@ -79,7 +79,7 @@ class Runs:
 
     def __init__(self, state: Path) -> None:
         self._folder = state / "runs"
-        self._lease = lease()
+        self._lease = lease_seconds()
         self._heartbeats: dict[str, tuple[int, float]] = {}  # the last of each run, and when it was observed
 
     def all(self) -> list[RunInfo]:
@@ -118,7 +118,7 @@ class Runs:
         while self.is_alive(run):
             if run.machine == _machine() or self._heartbeats.get(run.id, (first,))[0] != first:
                 return True
-            time.sleep(self._lease / _BEATS / 4)
+            time.sleep(self._lease / _BEATS_PER_LEASE / 4)
         return False
 
 
@@ -129,7 +129,7 @@ class Run:
         self.state = output / STATE_FOLDER
         self.info = RunInfo.of_this_process(part)
         self.runs = Runs(self.state)
-        self._lease = lease()
+        self._lease = lease_seconds()
         self._output = output
         self._file = self.state / "runs" / self.info.id
         self._claims_folder = self.state / "claims"
@@ -148,13 +148,13 @@ class Run:
         self._ended.set()
         self._heartbeat.join()
         try:
-            # Others remove the temporary files of a run that they take for dead, which causes such errors.
+            # Other runs remove the temporary files of a run that counts as dead, which causes such errors.
             if isinstance(error, OutputError | WorkerError | FileNotFoundError):
                 self.check_alive()
         finally:
-            self._leave()
+            self._remove_own_files()
 
-    def _leave(self) -> None:
+    def _remove_own_files(self) -> None:
         """Remove the files of this run from the state folder, and the folders of runs where it is the last run."""
         with suppress(OSError):  # remaining files are void, since the process ends
             for key in list(self._claim_files):
@@ -174,7 +174,7 @@ class Run:
         Raises OutputError where a living run has another plan: each would replace the frames of the other.
         """
         self.info = replace(self.info, plan=plan)
-        self._write()
+        self._write_info()
         for run in self.others():
             if run.plan not in ("", plan) and self.runs.wait_for_heartbeat(run):
                 raise OutputError(
@@ -184,7 +184,7 @@ class Run:
         return self.others()
 
     def check_alive(self) -> None:
-        """Raise OutputError where this run stood still for so long that others took it for dead."""
+        """Raise OutputError where this run had no heartbeat for a lease, so that it counts as dead."""
         self._beat()
         if self._is_lost:
             raise OutputError(
@@ -199,7 +199,7 @@ class Run:
         number = 0
         while True:
             file = self._claims_folder / f"{key}.{number}"
-            if self._link(file):
+            if self._link_claim(file):
                 self._claim_files[key] = file
                 return True
             owner = _read_run(file)
@@ -253,7 +253,7 @@ class Run:
             if process not in {*processes, process_name()}:
                 path.unlink(missing_ok=True)
 
-    def _link(self, file: Path) -> bool:
+    def _link_claim(self, file: Path) -> bool:
         """Create the file of a claim; return False where it exists."""
         try:
             os.link(self._file, file)
@@ -262,18 +262,18 @@ class Run:
         except FileNotFoundError:
             self._claims_folder.mkdir(parents=True, exist_ok=True)
             self.check_alive()
-            return self._link(file)
+            return self._link_claim(file)
         except OSError as error:
             if error.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK):
                 raise
-            return self._create(file)
+            return self._create_claim(file)
         return True
 
-    def _create(self, file: Path) -> bool:
+    def _create_claim(self, file: Path) -> bool:
         """Create the file of a claim on a file system without hard links; return False where it exists."""
         try:
             with file.open("x") as stream:
-                stream.write(self._text())
+                stream.write(self._info_text())
         except FileExistsError:
             # Between its creation and its content, the owner of a claim is unknown.
             with suppress(FileNotFoundError):
@@ -284,25 +284,25 @@ class Run:
             return False
         return True
 
-    def _text(self) -> str:
+    def _info_text(self) -> str:
         return json.dumps(asdict(self.info))
 
     def _register(self) -> None:
         for tries in range(5):
             self._claims_folder.mkdir(parents=True, exist_ok=True)
             try:
-                self._write()
+                self._write_info()
             except FileNotFoundError:  # the last run ends at this moment and removes the folders
                 if tries == 4:
                     raise
             else:
                 return
 
-    def _write(self) -> None:
-        write_file(self._file, self._text())
+    def _write_info(self) -> None:
+        write_file(self._file, self._info_text())
 
     def _beat_until_end(self) -> None:
-        while not self._ended.wait(self._lease / _BEATS):
+        while not self._ended.wait(self._lease / _BEATS_PER_LEASE):
             self._beat()
 
     def _beat(self) -> None:
@@ -330,7 +330,7 @@ class Run:
                 folder.rmdir()
 
 
-def lease() -> float:
+def lease_seconds() -> float:
     """Return the seconds in `LEASE_VARIABLE`, or the default; raises OutputError where it is not a number."""
     return float(environment_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
 

@@ -26,12 +26,12 @@ from lookdev.output.frame_name import FrameName
 from lookdev.output.manifest import STATE_FOLDER
 from lookdev.plan import Plan
 from lookdev.plan.costs import estimate_costs
-from lookdev.run.runs import Run, RunInfo, Runs, claim_key, lease, read_claims
+from lookdev.run.runs import Run, RunInfo, Runs, claim_key, lease_seconds, read_claims
 from lookdev.safe_text import align_columns, read_json_object
 
 _PLAN, _FAILED = "plan.json", "failed"
-_LARGEST = 1 << 28  # bytes of a plan
-_MAX_FAILURES = 10  # in the text
+_MAX_PLAN_BYTES = 1 << 28  # bytes of a plan
+_MAX_LISTED_FAILURES = 10  # in the text
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def read_status(output: Path) -> Status:
     state = output / STATE_FOLDER
     plan = _read_plan(state / _PLAN)
     if not plan:
-        raise OutputError(f"{output}: no run of 'lookdev render' has left its plan there; is it the output of a job?")
+        raise OutputError(f"{output}: no run of 'lookdev render' has recorded a plan there; is it the output of a job?")
     left: dict[str, tuple[str, float]] = {}
     times: dict[str, list[float]] = {}
     for name, (digest, cost) in plan["frames"].items():
@@ -118,14 +118,14 @@ def read_status(output: Path) -> Status:
             header = read_header(output / f"{name}.exr", check=False)
         if header.get("digest") == digest:
             with suppress(KeyError, ValueError):
-                times.setdefault(_scene(name), []).append(float(header["seconds"]))
+                times.setdefault(_scene_name(name), []).append(float(header["seconds"]))
         else:
             left[name] = digest, cost
     names = {claim_key(name): name for name in left}
     claimed = {run: [names[key] for key in keys if key in names] for run, keys in read_claims(state).items()}
     runs = tuple(_active_runs(state, claimed))
     rendering = {name for run in runs if run.state == "working" for name in run.frames}
-    failed = tuple(frame for frame in _failures(state) if frame.name in left and frame.name not in rendering)
+    failed = tuple(frame for frame in _read_failures(state) if frame.name in left and frame.name not in rendering)
     return Status(
         output,
         plan["job"],
@@ -155,7 +155,7 @@ def status_text(status: Status) -> str:
             name, sign = f"{active.run.host} {active.run.process}", f"{max(active.silent, 0.0):.0f} s ago"
             rows.append([name, active.run.part or "-", active.state, sign, frames or "-"])
         lines += align_columns(rows)
-    failed, more = status.failed[:_MAX_FAILURES], len(status.failed) - _MAX_FAILURES
+    failed, more = status.failed[:_MAX_LISTED_FAILURES], len(status.failed) - _MAX_LISTED_FAILURES
     lines += [f"failed: {frame.name}: {frame.reason} ({frame.host}, log: {frame.log})" for frame in failed]
     lines += [f"and {more} more failed"] if more > 0 else []
     if status.seconds is not None:
@@ -199,7 +199,7 @@ def _active_runs(state: Path, frames: Mapping[str, list[str]]) -> Iterator[Activ
     now = _file_system_time(state)
     for run in Runs(state).all():
         silent = now - (state / "runs" / run.id).stat().st_mtime
-        activity = "dead" if run.has_ended else "stalled" if silent > lease() else "working"
+        activity = "dead" if run.has_ended else "stalled" if silent > lease_seconds() else "working"
         yield ActiveRun(run, activity, silent, tuple(frames.get(run.id, ())))
 
 
@@ -226,21 +226,23 @@ def _time_left(
     if not at_once:
         return None
     means = {scene: fmean(seconds) for scene, seconds in times.items()}
-    ratios = [means[_scene(name)] / cost for name, (_, cost) in planned.items() if _scene(name) in means and cost]
+    ratios = [
+        means[_scene_name(name)] / cost for name, (_, cost) in planned.items() if _scene_name(name) in means and cost
+    ]
     ratio = fmean(ratios) if ratios else 1.0
-    return sum(means.get(_scene(name), ratio * cost) for name, cost in left.items()) / at_once
+    return sum(means.get(_scene_name(name), ratio * cost) for name, cost in left.items()) / at_once
 
 
-def _scene(name: str) -> str:
+def _scene_name(name: str) -> str:
     return name.rpartition("/")[0]
 
 
-def _failures(state: Path) -> Iterator[FailedFrame]:
+def _read_failures(state: Path) -> Iterator[FailedFrame]:
     for file in sorted((state / _FAILED).glob("*.json")):
         with suppress(TypeError):
             yield FailedFrame(**read_json_object(file))
 
 
 def _read_plan(file: Path) -> dict[str, Any]:
-    plan = read_json_object(file, _LARGEST)
+    plan = read_json_object(file, _MAX_PLAN_BYTES)
     return plan if plan.keys() >= {"plan", "job", "frames"} else {}

@@ -12,10 +12,10 @@ from lookdev.asset import Asset
 from lookdev.bench.matrix import MatrixBenchmark
 from lookdev.bench.measure import Candidate
 from lookdev.bench.options import BenchOptions, Cell
-from lookdev.bench.reference import Shot
+from lookdev.bench.reference import TimedPicture
 from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 
 SIDE = 64
@@ -67,7 +67,7 @@ class FakeRenderer:
     ends_after: int | None = None
     fails_after: int | None = None
 
-    def __call__(self, samples: int, seed: int, *, denoise: str = "off", error: float | None = None) -> Shot:
+    def __call__(self, samples: int, seed: int, *, denoise: str = "off", error: float | None = None) -> TimedPicture:
         if self.ends_after is not None and len(self.calls) >= self.ends_after:
             raise KeyboardInterrupt
         if self.fails_after is not None and len(self.calls) >= self.fails_after:
@@ -81,10 +81,10 @@ class FakeRenderer:
         noise *= self.scale / np.sqrt(samples)
         seconds = self.fixed + self.rate * samples
 
-        def shot(gain: float, seconds: float, raw: Shot | None = None) -> Shot:
+        def shot(gain: float, seconds: float, raw: TimedPicture | None = None) -> TimedPicture:
             picture = (self.gain * image + gain * noise).astype(np.float32)
             figures = 1_000_000, f"fake {self.name}", samples, gain**2 * self.relmse(samples)
-            return Shot(picture, alpha.astype(np.float32), seconds, *figures, raw)
+            return TimedPicture(picture, alpha.astype(np.float32), seconds, *figures, raw)
 
         return shot(1.0, seconds) if gain == 1.0 else shot(gain, seconds + 0.1, shot(1.0, seconds))
 
@@ -149,11 +149,11 @@ class FakeProcesses:
     tasks: list[FrameTask] = field(default_factory=list)
 
     @contextmanager
-    def __call__(self) -> Iterator[Callable[[FrameTask], Rendered]]:
+    def __call__(self) -> Iterator[Callable[[FrameTask], WorkerFrame]]:
         self.open += 1
         done = 0
 
-        def render(task: FrameTask) -> Rendered:
+        def render(task: FrameTask) -> WorkerFrame:
             nonlocal done
             done += 1
             if len(self.tasks) == self.ends_after:
@@ -165,7 +165,7 @@ class FakeProcesses:
             black = np.zeros((height, width, 3), np.float32)
             samples = task.scene.sampling.samples
             seconds = self.seconds(task)
-            return Rendered(black, black, black[..., 0], samples, seconds, 0.0, blender="fake", memory=100 + done)
+            return WorkerFrame(black, black, black[..., 0], samples, seconds, 0.0, blender="fake", memory=100 + done)
 
         yield render
         self.open -= 1

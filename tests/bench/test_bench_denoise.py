@@ -24,7 +24,7 @@ from lookdev.bench.options import BenchOptions
 from lookdev.bench.reference import FIRST_SEED
 from lookdev.cli import app
 from lookdev.metrics import EPSILON
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 
 NOISE = 0.5
@@ -39,10 +39,10 @@ class Renderer:
         self._ends_after = ends_after
 
     @contextmanager
-    def __call__(self) -> Iterator[Callable[[FrameTask], Rendered]]:
+    def __call__(self) -> Iterator[Callable[[FrameTask], WorkerFrame]]:
         yield self.render
 
-    def render(self, task: FrameTask) -> Rendered:
+    def render(self, task: FrameTask) -> WorkerFrame:
         if len(self.tasks) == self._ends_after:
             raise KeyboardInterrupt
         self.tasks.append(task)
@@ -54,7 +54,7 @@ class Renderer:
         frame = raw if sampling.denoise == "off" else image + BIAS * covered
         arrays = {"a": frame, "b": frame, "alpha": alpha}
         halves = {name: array.astype(np.float32) for name, array in arrays.items()}
-        rendered = Rendered(**halves, samples=sampling.samples, seconds=1.0, relmse=2.0, blender="", memory=0)
+        rendered = WorkerFrame(**halves, samples=sampling.samples, seconds=1.0, relmse=2.0, blender="", memory=0)
         return rendered if sampling.denoise == "off" else replace(rendered, raw=raw.astype(np.float32), raw_relmse=3.0)
 
 

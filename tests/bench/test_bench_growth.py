@@ -90,7 +90,7 @@ def test_the_looks_differ_in_more_than_colours() -> None:
     looks = [varied_look(number) for number in range(32)]
     assert len({repr(look.layers[0].inputs) for look in looks}) == 32
     for backend in ("principled", "mitsuba-principled"):
-        assert all(BACKENDS[backend].cannot_show(look) is None for look in looks)
+        assert all(BACKENDS[backend].look_gap(look) is None for look in looks)
 
 
 @pytest.mark.usefixtures("small")

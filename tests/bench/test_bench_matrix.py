@@ -12,7 +12,7 @@ from lookdev.bench.options import BenchOptions, Cell, list_names, parse_options,
 from lookdev.bench.subjects import (
     IBLS,
     LOOKS,
-    MOST_LAYERS,
+    MAX_LAYERS,
     RIGS,
     SCENES,
     bench_light,
@@ -75,8 +75,8 @@ def test_skips_are_those_of_the_scene() -> None:
 
 
 def test_every_layer_adds_to_the_shader() -> None:
-    assert len(layered_look(MOST_LAYERS).layers) == MOST_LAYERS
-    assert len({layer.mask.file for layer in layered_look(MOST_LAYERS).layers[1:]}) == MOST_LAYERS - 1
+    assert len(layered_look(MAX_LAYERS).layers) == MAX_LAYERS
+    assert len({layer.mask.file for layer in layered_look(MAX_LAYERS).layers[1:]}) == MAX_LAYERS - 1
 
 
 def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:
@@ -102,7 +102,7 @@ def test_rigs_light_the_asset_as_they_light_a_ball_of_radius_1() -> None:
             direction = light.sample(points, np.full((50, 2), 0.4))
             moved = np.array(asset.center) + asset.radius * points
             np.testing.assert_allclose(larger.radiance(moved, direction), light.radiance(points, direction), rtol=1e-6)
-        assert BACKENDS["principled"].cannot_light(around) == ()
+        assert BACKENDS["principled"].light_gaps(around) == ()
 
 
 def test_cells_and_their_backends() -> None:

@@ -10,8 +10,8 @@ from bench_fakes import FakeBackends, FakeRenderer, measured, quiet, run_matrix
 
 from lookdev.bench import matrix
 from lookdev.bench.measure import Candidate, CellRun, Series, schedule
-from lookdev.bench.options import MOST_REPEATS, SEEDS, BenchOptions, Cell
-from lookdev.bench.reference import FIRST_SEED, Shot
+from lookdev.bench.options import MAX_REPEATS, SEEDS, BenchOptions, Cell
+from lookdev.bench.reference import FIRST_SEED, TimedPicture
 from lookdev.errors import LookdevError, RenderError
 
 CELL = Cell("sphere", "city", "plastic")
@@ -41,9 +41,9 @@ def test_backends_take_turns_and_are_warm_before_the_first_measurement() -> None
 
 def test_no_two_renders_share_a_seed_and_none_is_a_references() -> None:
     samples = tuple(1 << exponent for exponent in range(1, 15))
-    options = [BenchOptions(samples=samples, repeats=MOST_REPEATS, seed=seed) for seed in (0, 1, SEEDS - 1)]
+    options = [BenchOptions(samples=samples, repeats=MAX_REPEATS, seed=seed) for seed in (0, 1, SEEDS - 1)]
     seeds = [seed for choice in options for _, _, seed in schedule(choice)]
-    assert len(set(seeds)) == len(seeds) == 3 * MOST_REPEATS * len(samples)
+    assert len(set(seeds)) == len(seeds) == 3 * MAX_REPEATS * len(samples)
     assert max(seeds) < FIRST_SEED
 
 
@@ -68,7 +68,7 @@ def test_times_and_ratios_of_known_curves() -> None:
 
 def test_a_times_median_and_an_errors_mean_make_a_point() -> None:
     class Irregular(FakeRenderer):
-        def __call__(self, samples: int, seed: int, **sampling: object) -> Shot:
+        def __call__(self, samples: int, seed: int, **sampling: object) -> TimedPicture:
             shot = super().__call__(samples, seed)
             slow = len(measured(self.calls, FIRST_SEED)) == 1
             return replace(shot, seconds=100.0) if slow else shot
@@ -126,7 +126,7 @@ def test_a_backend_that_is_not_here_is_left_out_by_name(monkeypatch: pytest.Monk
     def missing() -> None:
         raise RenderError("no LLVM")
 
-    monkeypatch.setitem(matrix.NEEDS, "mitsuba-principled", missing)
+    monkeypatch.setitem(matrix.BACKEND_CHECKS, "mitsuba-principled", missing)
     options = replace(SMALL, backends=("exact", "mitsuba-principled"))
     results = run_matrix(options, tmp_path, FakeBackends())
     assert results.missing == {"mitsuba-principled": "no LLVM"}
@@ -162,11 +162,11 @@ def test_frames_end_at_a_target_error() -> None:
     exact = FakeRenderer("exact", 0.1)
     aim = 1.01 * exact.relmse(32)
     result = run_cell(replace(DENOISED, aim=aim), exact)
-    aimed, denoised = (result.of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
+    aimed, denoised = (result.measurements_of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
     assert [row.samples for row in aimed] == [32, 32]
     assert [row.samples for row in denoised] == [8, 8]
     # What the most samples do not reach is tried once.
-    assert len(run_cell(replace(SMALL, aim=1e-9), exact).of(Series("exact", "aimed"))) == 1
+    assert len(run_cell(replace(SMALL, aim=1e-9), exact).measurements_of(Series("exact", "aimed"))) == 1
 
 
 def test_beyond_its_samples_a_curve_falls_as_that_of_independent_samples() -> None:
@@ -180,7 +180,7 @@ def test_beyond_its_samples_a_curve_falls_as_that_of_independent_samples() -> No
 
 def test_by_samples_leaves_out_what_slowed_one_render() -> None:
     class Slow(FakeRenderer):
-        def __call__(self, samples: int, seed: int, **sampling: object) -> Shot:
+        def __call__(self, samples: int, seed: int, **sampling: object) -> TimedPicture:
             shot = super().__call__(samples, seed)
             return replace(shot, seconds=10.0 * shot.seconds) if seed % 16 < 2 else shot
 

@@ -13,7 +13,7 @@ from lookdev.codegen.principled import generate_principled
 from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS
 
-unlike_principled = BACKENDS["mitsuba-principled"].cannot_show
+unlike_principled = BACKENDS["mitsuba-principled"].look_gap
 
 
 @pytest.mark.parametrize("look", [name for name, entry in LOOKS.items() if not unlike_principled(entry.make())])
@@ -60,5 +60,5 @@ def test_a_mesh_without_uvs_has_those_of_the_origin() -> None:
 def test_an_llvm_that_does_not_fit_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mitsuba_worker, "find_llvm", lambda: "/lib/libLLVM-99.so")
     monkeypatch.setattr(mitsuba_worker.sys, "executable", "false")
-    with pytest.raises(RenderError, match=r"not render with /lib/libLLVM-99\.so, which DRJIT_LIBLLVM_PATH"):
+    with pytest.raises(RenderError, match=r"not render with /lib/libLLVM-99\.so; set DRJIT_LIBLLVM_PATH"):
         check_mitsuba()

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from bench_fakes import FakeProcesses, quiet
 
-from lookdev.bench.benchmark import END, marker
+from lookdev.bench.benchmark import SECTION_END, section_marker
 from lookdev.bench.options import BenchOptions, Cell, parse_options
-from lookdev.bench.profile import FEW, PARTS, ProfileBenchmark, stages_of
-from lookdev.bench.reference import shot_of
+from lookdev.bench.profile import FEW_SAMPLES, PARTS, ProfileBenchmark, stages_of
+from lookdev.bench.reference import timed_picture
 from lookdev.bench.subjects import POSE
 from lookdev.errors import LookdevError
 from lookdev.rendering.task import FrameTask, frame_task
@@ -35,7 +35,7 @@ def options(**lists: str) -> BenchOptions:
 @pytest.fixture
 def document(tmp_path: Path) -> Path:
     file = tmp_path / "bench.md"
-    file.write_text(f"before\n{marker('profile')}\nold\n{END}\nafter\n")
+    file.write_text(f"before\n{section_marker('profile')}\nold\n{SECTION_END}\nafter\n")
     return file
 
 
@@ -60,8 +60,8 @@ def test_the_shares_add_up_and_are_those_of_what_was_left_out(document: Path, tm
     # Each of the other parts is some text of the shader.
     assert all(value > 0.0 for value in seconds.values())
     text = document.read_text()
-    assert text.startswith(f"before\n{marker('profile')}")
-    assert text.endswith(f"{END}\nafter\n")
+    assert text.startswith(f"before\n{section_marker('profile')}")
+    assert text.endswith(f"{SECTION_END}\nafter\n")
     assert "A part of the profile: scenes, looks, repeats are not the defaults." in text
     for name, (middle, _, _) in cell.parts.items():
         assert f"| {name} | {1000.0 * middle:.0f} |" in text
@@ -79,7 +79,7 @@ def test_every_stage_lacks_what_the_one_before_it_has() -> None:
     stages = stages_of(Cell("shaderball", "studio", "copper"), 16)
     sources = [stage.scene.shaders[0] for stage in stages]
     assert [stage.part for stage in stages] == ["all", *PARTS[:-1]]
-    assert [stage.few for stage in stages] == [False] * (len(stages) - 1) + [True]
+    assert [stage.has_few_samples for stage in stages] == [False] * (len(stages) - 1) + [True]
     assert [source.shadows for source in sources[:3]] == [True, True, False]
     # The numbers of directions are those of the whole.
     assert len({source.directions for source in sources[:-2]}) == 1
@@ -110,7 +110,7 @@ def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
     shots, every = [], stages_of(Cell("shaderball", "studio", look), 24)
     for number, stage in enumerate(every if between else every[:3] + every[-1:]):
         task = frame_task(stage.scene, POSE, f"{number}", samples=16)
-        shots.append(shot_of(cycles_worker.render(task, lambda progress: None)))
+        shots.append(timed_picture(cycles_worker.render(task, lambda progress: None)))
     whole = shots[0]
     covered = whole.alpha > 0.99
     for shot in shots:
@@ -130,7 +130,7 @@ def test_stages_render(look: str, between: bool, cycles_worker: Worker) -> None:
     [
         ({"ibls": "studio+3"}, "not of rigs: studio+3"),
         ({"samples": "16,64"}, "one number of samples"),
-        ({"samples": str(FEW)}, f"more than {FEW}"),
+        ({"samples": str(FEW_SAMPLES)}, f"more than {FEW_SAMPLES}"),
     ],
 )
 def test_wrong_options_are_refused(lists: dict[str, str], message: str, document: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 from bench_fakes import quiet
 
 from lookdev.bench import growth, sequence
-from lookdev.bench.benchmark import END, marker
+from lookdev.bench.benchmark import SECTION_END, section_marker
 from lookdev.bench.matrix import MatrixBenchmark, TableBenchmark, open_candidates
 from lookdev.bench.measure import PICTURES, Series
 from lookdev.bench.options import BenchOptions, Cell, parse_options
@@ -85,7 +85,7 @@ def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name, value in (sizes | {"_REPEATS": 1}).items():
         monkeypatch.setattr(growth, name, value)
     document = tmp_path / "bench.md"
-    document.write_text(f"{marker('table')}\n{END}\n")
+    document.write_text(f"{section_marker('table')}\n{SECTION_END}\n")
     lists = {"scenes": "shaderball", "looks": "copper", "ibls": "city", "samples": "4,16"}
     options = parse_options(lists, defaults=TableBenchmark.DEFAULTS, resolution=48, repeats=2, frames=4)
     results = TableBenchmark(options=options, report=quiet)
@@ -112,7 +112,7 @@ def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def test_a_small_profile(tmp_path: Path) -> None:
     document = tmp_path / "bench.md"
-    document.write_text(f"{marker('profile')}\n{END}\n")
+    document.write_text(f"{section_marker('profile')}\n{SECTION_END}\n")
     lists = {"scenes": "sphere", "looks": "plastic", "samples": "16"}
     options = parse_options(lists, defaults=ProfileBenchmark.DEFAULTS, resolution=32, repeats=2)
     profile = ProfileBenchmark(options=options, report=quiet)

@@ -23,7 +23,7 @@ def test_the_references_own_error_is_taken_away() -> None:
     render = FakeRenderer()
     reference = make_reference(render)
     shots = [render(SAMPLES, seed) for seed in range(8)]
-    verdict = reference.judge(*shots)
+    verdict = reference.measure_error(*shots)
     # 43 x 64 x 3 values of chi squared, of which the weights 1 / (ref^2 + 0.01) leave about a tenth; the reference's
     # noise is common to all renders: one standard error is about 1.5 %, a missing subtraction would be 25 %.
     assert verdict.relmse == pytest.approx(render.relmse(SAMPLES), rel=0.06)
@@ -33,11 +33,11 @@ def test_the_references_own_error_is_taken_away() -> None:
 def test_what_the_references_own_noise_leaves_uncertain_is_not_reported() -> None:
     render = FakeRenderer()
     reference = make_reference(render)
-    assert reference.judge(render(2 * SAMPLES, 1)).relmse is not None
+    assert reference.measure_error(render(2 * SAMPLES, 1)).relmse is not None
     # Of half its own error, over some thousand pixels, its noise is a sixth.
-    below = [reference.judge(render(8 * SAMPLES, seed)).relmse for seed in range(3)]
+    below = [reference.measure_error(render(8 * SAMPLES, seed)).relmse for seed in range(3)]
     assert below == [pytest.approx(render.relmse(8 * SAMPLES), rel=0.5)] * 3
-    assert reference.judge(render(512 * SAMPLES, 1)).relmse is None
+    assert reference.measure_error(render(512 * SAMPLES, 1)).relmse is None
 
 
 def test_the_noise_of_a_reference_is_what_it_is_estimated_to_be() -> None:
@@ -68,18 +68,18 @@ def test_bias_and_its_standard_error() -> None:
     # brightness differs, the bias does.
     spread = np.sqrt(scale**2 / 3.0 * (1.0 / SAMPLES + 1.0 / (4 * SAMPLES)) + (0.05 * image[covered].mean(-1)).var())
     expected = spread / np.sqrt(covered.sum()) / image[covered].mean()
-    verdict = reference.judge(brighter(SAMPLES, 1))
+    verdict = reference.measure_error(brighter(SAMPLES, 1))
     assert verdict.bias_error == pytest.approx(expected, rel=0.1)
     assert abs(verdict.bias - 0.05) < 5.0 * verdict.bias_error
     assert verdict.bias > 5.0 * verdict.bias_error
-    unbiased = reference.judge(*(FakeRenderer()(SAMPLES, seed) for seed in range(40)))
+    unbiased = reference.measure_error(*(FakeRenderer()(SAMPLES, seed) for seed in range(40)))
     assert abs(unbiased.bias) < 5.0 * unbiased.bias_error
 
 
 def test_a_bias_is_part_of_relmse() -> None:
     reference = make_reference(FakeRenderer())
     brighter = FakeRenderer(gain=1.2)
-    assert reference.judge(brighter(SAMPLES, 1)).relmse == pytest.approx(brighter.relmse(SAMPLES), rel=0.1)
+    assert reference.measure_error(brighter(SAMPLES, 1)).relmse == pytest.approx(brighter.relmse(SAMPLES), rel=0.1)
 
 
 def test_pixels_without_coverage_do_not_count() -> None:
@@ -88,7 +88,7 @@ def test_pixels_without_coverage_do_not_count() -> None:
     shot = render(SAMPLES, 3)
     image = shot.image.copy()
     image[: SIDE // 3] = 100.0
-    assert reference.judge(replace(shot, image=image)) == reference.judge(shot)
+    assert reference.measure_error(replace(shot, image=image)) == reference.measure_error(shot)
 
 
 def test_a_second_run_finds_the_reference() -> None:

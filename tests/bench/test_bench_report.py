@@ -11,7 +11,7 @@ from bench_fakes import FakeRenderer, quiet, run_matrix, store_references
 from lookdev.bench import report
 from lookdev.bench.growth import Growth, GrowthRow
 from lookdev.bench.matrix import MatrixBenchmark
-from lookdev.bench.measure import Candidate, CellRun, Measurement, Ratio, Reached, Series
+from lookdev.bench.measure import Candidate, CellRun, CurveEffort, Measurement, Ratio, Series
 from lookdev.bench.options import BenchOptions, Cell
 from lookdev.bench.sequence import SequenceBenchmark, SequenceResult, SequenceRun, SequenceSubject
 
@@ -100,15 +100,20 @@ def test_the_tables(results: MatrixBenchmark) -> None:
 
 
 def test_text_of_times_and_ratios() -> None:
-    values = Reached(9.0, "~"), Reached(0.75, "<"), None
+    values = CurveEffort(9.0, "~"), CurveEffort(0.75, "<"), None
     ratios = [Ratio(value, 0.7, 0.8124, "principled", "raw", 1e-3, value) for value in values]
     assert [report._ratio_texts(ratio) for ratio in ratios] == [
         ("~9.00 (0.700..0.812)", "~9.00"),
         ("<0.75 (0.700..0.812)", "<0.75"),
         ("-", "-"),
     ]
-    assert report._mean(values) == "9.00 (1 of 3)"
-    assert [report._short(value) for value in (0.01234, 1.234, 123.4, 1234.5)] == ["0.0123", "1.23", "123", "1234"]
+    assert report._mean_text(values) == "9.00 (1 of 3)"
+    assert [report.format_short(value) for value in (0.01234, 1.234, 123.4, 1234.5)] == [
+        "0.0123",
+        "1.23",
+        "123",
+        "1234",
+    ]
 
 
 def test_skips_are_printed_once_for_all_cells_that_have_them(results: MatrixBenchmark) -> None:

@@ -11,7 +11,7 @@ from bench_fakes import quiet
 from lookdev.asset import load_asset
 from lookdev.bench import scale
 from lookdev.bench.options import BenchOptions
-from lookdev.bench.scale import ScaleBenchmark, Start, write_instances, write_meshes, write_quads
+from lookdev.bench.scale import ScaleBenchmark, StartTimes, write_instances, write_meshes, write_quads
 from lookdev.errors import RenderError
 from lookdev.plan.prepare import prepare_job
 
@@ -84,8 +84,8 @@ def test_a_process_that_fails_is_named(processes: list[list[str]], tmp_path: Pat
 def test_the_table_has_the_ratio_of_the_medians() -> None:
     results = benchmark()
     for sample in (1.0, 3.0, 8.0):
-        results.starts.append(Start("quads", "lookdev", 0.5, sample, (100_000_000, 200_000_000)))
-        results.starts.append(Start("quads", "blender", 0.5, 2.0 * sample, (600_000_000,)))
+        results.starts.append(StartTimes("quads", "lookdev", 0.5, sample, (100_000_000, 200_000_000)))
+        results.starts.append(StartTimes("quads", "blender", 0.5, 2.0 * sample, (600_000_000,)))
     text = results.summary()
     assert "x0.50" in text
     assert text.count("3.00") == 1

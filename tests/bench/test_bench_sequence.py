@@ -17,12 +17,12 @@ from lookdev.bench import sequence
 from lookdev.bench.measure import CurvePoint
 from lookdev.bench.options import BenchOptions
 from lookdev.bench.sequence import (
-    Produce,
+    ProduceFrames,
     SequenceBenchmark,
     SequenceResult,
     SequenceSubject,
     choose_samples,
-    meet_error,
+    match_error,
     producers_of,
 )  # fmt: skip
 from lookdev.errors import LookdevError, RenderError
@@ -59,7 +59,7 @@ class FakeProducer:
         return self.cost * samples * frames, self.skips
 
 
-def time_producers(fakes: dict[str, Produce], samples: int, guess: int, **options: int) -> SequenceResult:
+def time_producers(fakes: dict[str, ProduceFrames], samples: int, guess: int, **options: int) -> SequenceResult:
     subject = {"scenes": (SUBJECT.scene,), "ibls": SUBJECT.ibls, "resolution": SUBJECT.resolution}
     benchmark = SequenceBenchmark(options=BenchOptions(**subject, **options), report=quiet, producers=fakes)
     benchmark.check()
@@ -91,13 +91,13 @@ def test_insufficient_curves_are_refused(exact: list[list[CurvePoint]], message:
 def test_the_plain_scripts_samples_are_corrected_by_its_measured_error(exponent: float) -> None:
     error = Mock(side_effect=lambda count: float(0.5 * count**-exponent))
     right = (0.5 / 1e-3) ** (1.0 / exponent)
-    assert error(meet_error(1e-3, max(1, round(right / 3.0)), error)) == pytest.approx(1e-3, rel=0.1)
+    assert error(match_error(1e-3, max(1, round(right / 3.0)), error)) == pytest.approx(1e-3, rel=0.1)
     assert error.call_count <= 5
 
 
 def test_an_error_that_samples_do_not_change_ends_the_search() -> None:
     error = Mock(return_value=1e-2)
-    assert call(meet_error(1e-3, 100, error)) in error.mock_calls
+    assert call(match_error(1e-3, 100, error)) in error.mock_calls
     assert error.call_count <= 4
 
 
@@ -132,7 +132,7 @@ def test_the_measured_error_is_that_of_one_frame(monkeypatch: pytest.MonkeyPatch
 
 
 def test_what_the_script_cannot_show_is_refused() -> None:
-    with pytest.raises(LookdevError, match="no plain script of pixar on suzanne"):
+    with pytest.raises(LookdevError, match="the plain script cannot render pixar on suzanne"):
         SequenceSubject("suzanne", "pixar", ("city",), 64)
 
 

@@ -10,7 +10,7 @@ from bench_fakes import FakeBackends, FakeRenderer, quiet, store_references
 from test_bench_growth import processes
 
 from lookdev.bench import growth, matrix
-from lookdev.bench.benchmark import END, marker, split_document, write_section
+from lookdev.bench.benchmark import SECTION_END, section_marker, split_document, write_section
 from lookdev.bench.matrix import TableBenchmark
 from lookdev.bench.measure import Series
 from lookdev.bench.options import BenchOptions, parse_options
@@ -19,6 +19,7 @@ from lookdev.errors import LookdevError, RenderError
 DEFAULTS = TableBenchmark.DEFAULTS
 BEFORE, AFTER = "# Speed\n\nText before.\n\n", "\n\nText after.\n"
 LOOKS = ("plastic", "metal")
+TABLE = section_marker("table")
 
 
 def small(**fields: object) -> BenchOptions:
@@ -48,12 +49,12 @@ def measure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Me
 def measuring(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Measured]:
     document = folder / "docs" / "bench.md"
     document.parent.mkdir()
-    document.write_text(f"{BEFORE}{marker('table')}\nold\n{END}{AFTER}")
+    document.write_text(f"{BEFORE}{section_marker('table')}\nold\n{SECTION_END}{AFTER}")
     monkeypatch.setattr(matrix, "QUANTITIES", {of: growth.QUANTITIES[of] for of in ("pixels", "frames")})
     monkeypatch.setattr(growth, "PIXELS", (16, 32))
     monkeypatch.setattr(bench_fakes, "SIDE", 32)
-    for backend in matrix.NEEDS:
-        monkeypatch.setitem(matrix.NEEDS, backend, lambda: None)
+    for backend in matrix.BACKEND_CHECKS:
+        monkeypatch.setitem(matrix.BACKEND_CHECKS, backend, lambda: None)
 
     def measure(options: BenchOptions | None = None, backends: FakeBackends | None = None) -> Measured:
         fakes = {"open_candidates": backends or FakeBackends(), "open_process": processes()}
@@ -75,7 +76,7 @@ def test_the_document_has_the_table_and_keeps_the_rest(whole: Measured) -> None:
     results, text = whole[0], whole[1].read_text()
     assert results.complete
     assert text.startswith(BEFORE)
-    assert text.endswith(f"{END}{AFTER}")
+    assert text.endswith(f"{SECTION_END}{AFTER}")
     assert "old" not in text
     for heading in ("Raw, to 0.01", "Raw, to 0.001", "Denoised, to 0.01", "Denoised, to 0.001"):
         names = [row[0] for row in rows_below(text, heading)]
@@ -104,7 +105,7 @@ def test_estimates_stand_beside_what_they_estimate(whole: Measured) -> None:
             assert float(seconds.split()[0]) > 0.0
             assert int(samples) in {1 << power for power in range(10)}
             assert float(error) < 1.1e-3
-        assert len(cell.of(Series("exact", "aimed"))) == 2
+        assert len(cell.measurements_of(Series("exact", "aimed"))) == 2
 
 
 def test_only_options_make_it_a_part(whole: Measured) -> None:
@@ -147,7 +148,7 @@ def test_backends_that_fail_or_are_not_here_are_in_the_document_by_name(
     def no_llvm() -> None:
         raise RenderError("no LLVM")
 
-    monkeypatch.setitem(matrix.NEEDS, "mitsuba", no_llvm)
+    monkeypatch.setitem(matrix.BACKEND_CHECKS, "mitsuba", no_llvm)
     results, document = measure(small(looks=("plastic",)), FakeBackends(principled=60))
     text = document.read_text()
     assert results.complete
@@ -158,8 +159,16 @@ def test_backends_that_fail_or_are_not_here_are_in_the_document_by_name(
     assert "backends" not in text.partition("A part of the table: ")[2].partition(" are not")[0]
 
 
-@pytest.mark.parametrize("text", ["", f"{marker('table')}\n", f"{marker('table')}\n{END}\n" * 2, END,
-                                  f"{marker('table')}\n{marker('profile')}\n{END}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        f"{TABLE}\n",
+        f"{TABLE}\n{SECTION_END}\n" * 2,
+        SECTION_END,
+        f"{TABLE}\n{section_marker('profile')}\n{SECTION_END}",
+    ],
+)
 def test_a_document_without_a_place_is_refused_before_anything_is_measured(text: str, tmp_path: Path) -> None:
     file = tmp_path / "bench.md"
     file.write_text(text)
@@ -172,9 +181,10 @@ def test_a_document_without_a_place_is_refused_before_anything_is_measured(text:
 
 def test_a_section_is_replaced_and_no_other(tmp_path: Path) -> None:
     file = tmp_path / "bench.md"
-    file.write_text(f"a\n{marker('one')}\n1\n{END}\nb\n{marker('two')}\n{END}\nc\n")
+    one, two = section_marker("one"), section_marker("two")
+    file.write_text(f"a\n{one}\n1\n{SECTION_END}\nb\n{two}\n{SECTION_END}\nc\n")
     write_section(file, "two", "new\n")
     write_section(file, "two", "newer\n")
     write_section(file, "one", "first")
-    assert file.read_text() == f"a\n{marker('one')}\n\nfirst\n{END}\nb\n{marker('two')}\n\nnewer\n{END}\nc\n"
+    assert file.read_text() == f"a\n{one}\n\nfirst\n{SECTION_END}\nb\n{two}\n\nnewer\n{SECTION_END}\nc\n"
     split_document(file, "one")

@@ -12,7 +12,7 @@ from statistics import median
 import batches
 import pytest
 
-from lookdev.rendering.threads import cores
+from lookdev.rendering.threads import usable_cores
 
 PAIRS = 3
 STARTS = 12
@@ -45,7 +45,7 @@ def render(folder: Path, workers: int) -> Run:
 
 @pytest.mark.bench
 @pytest.mark.cycles
-@pytest.mark.skipif(cores() < 2, reason="one core has nothing to divide")
+@pytest.mark.skipif(usable_cores() < 2, reason="one core has nothing to divide")
 def test_two_workers_render_small_frames_as_fast_as_one_or_faster(tmp_path: Path) -> None:
     batches.write_job(
         tmp_path,

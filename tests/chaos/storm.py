@@ -97,7 +97,7 @@ def render(job: Path, chunk: Chunk | None, frame_seconds: float, clock: str = ""
 
     command = (sys.executable, "-S", "-E", str(Path(__file__).with_name("quick_worker.py")), str(frame_seconds))
     BACKENDS["exact"] = replace(BACKENDS["exact"], command=command)
-    batch._open_executor = partial(batch._open_executor, patience=PATIENCE)  # type: ignore[assignment]
+    batch._open_executor = partial(batch._open_executor, timeout=PATIENCE)  # type: ignore[assignment]
     try:
         result = batch.render_job(job, prepare=prepare, chunk=chunk)
     except LookdevError as error:

@@ -111,11 +111,11 @@ def test_a_pose_without_light_is_passed_over(job: Path, rendered: list[FrameTask
 def test_stability_is_of_the_models_or_of_the_looks(
     job: Path, rendered: list[FrameTask], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stress(subjects: list[str | Look], render: object, **options: object) -> Iterator[CheckFinding]:
+    def check_stability(subjects: list[str | Look], render: object, **options: object) -> Iterator[CheckFinding]:
         for subject in subjects:
             yield CheckFinding("stability", subject.name if isinstance(subject, Look) else subject, True, "")
 
-    monkeypatch.setattr(check, "stress", stress)
+    monkeypatch.setattr(check, "check_stability", check_stability)
     assert run_checks(None, only=["stability"]) == [("stability", model) for model in CONTINUOUS]
     assert run_checks(job, only=["stability"]) == [("stability", "leaf"), ("stability", "gold")]
 

@@ -11,7 +11,7 @@ from lookdev.checks.albedo import check_albedo
 from lookdev.checks.frames import RenderHalves
 from lookdev.material import Layer, Look, Primvar
 from lookdev.rendering.backends import job_backends
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 
 GLOSSY = Look("glossy", (Layer("Base", "disney", {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.3}),))
@@ -23,9 +23,9 @@ QUICK = [(look, backend) for look, backend in CELLS if (look is TRANSLATED) == (
 ANGLES = (0.0, 50.0, 80.0)
 
 
-def uniform_frame(value: float) -> Rendered:
+def uniform_frame(value: float) -> WorkerFrame:
     image = np.full((4, 4, 3), value, np.float32)
-    return Rendered(image, image, np.ones((4, 4), np.float32), 2, 0.0, 0.0, blender="4.5", memory=0)
+    return WorkerFrame(image, image, np.ones((4, 4), np.float32), 2, 0.0, 0.0, blender="4.5", memory=0)
 
 
 def test_another_albedo_fails() -> None:
@@ -40,7 +40,7 @@ def test_another_albedo_fails() -> None:
 def test_the_card_is_seen_from_every_angle_in_light_that_stays() -> None:
     tasks: list[FrameTask] = []
 
-    def render(task: FrameTask) -> Rendered:
+    def render(task: FrameTask) -> WorkerFrame:
         tasks.append(task)
         return uniform_frame(0.0)
 

@@ -8,7 +8,7 @@ import pytest
 from lookdev.checks.charts import charts_doubts, charts_header, check_charts
 from lookdev.light import load_environment, prepare_light
 from lookdev.plan import make_setup
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.scene import Pose, Sampling, frame_camera
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
@@ -27,7 +27,7 @@ def task() -> FrameTask:
     return replace(frame_task(setup.task, Pose(0.0, 0.0), "charts"), exposure=1.0)
 
 
-def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.ndarray | None = None) -> Rendered:
+def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.ndarray | None = None) -> WorkerFrame:
     """Return a frame under white light as a renderer would return it, without exposure, times `gain`."""
     rng = np.random.default_rng(5)
     picture = np.zeros((SIZE[1], SIZE[0], 3))
@@ -36,7 +36,7 @@ def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.nda
         rows = slice(int(box.top) - 1, int(box.top + box.height) + 2)
         picture[rows, int(box.left) - 1 : int(box.left + box.width) + 2] = radiances[name]
     halves = [(gain * picture * (1.0 + noise * rng.standard_normal(picture.shape))).astype(np.float32) for _ in "ab"]
-    return Rendered(*halves, np.ones(SIZE[::-1], np.float32), 8, 0.1, 0.0, blender="fake", memory=0)
+    return WorkerFrame(*halves, np.ones(SIZE[::-1], np.float32), 8, 0.1, 0.0, blender="fake", memory=0)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.3])

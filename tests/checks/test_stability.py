@@ -15,11 +15,11 @@ from lookdev.brdf.pixar import partition
 from lookdev.brdf.vectors import mix_color
 from lookdev.checks import stability
 from lookdev.checks.evaluate import Batch, evaluate_lines, evaluate_numpy
-from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
+from lookdev.checks.extremes import SceneCase, extreme_cases, moderate_numbers, random_normal_scenes, scene_cases
 from lookdev.checks.finding import CheckFinding
 from lookdev.checks.frames import RenderHalves
 from lookdev.checks.samples import case_line
-from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
+from lookdev.checks.stability import check_scenes, check_stability, check_stack, look_stack, model_stacks
 from lookdev.codegen.points import PointLayer
 from lookdev.errors import WorkerError
 from lookdev.light import make_environment
@@ -216,7 +216,7 @@ def test_far_and_tiny_is_like_near_and_usual(render: RenderHalves) -> None:
 
 @pytest.mark.cycles
 def test_another_picture_is_found(render: RenderHalves) -> None:
-    other = replace(CASES["10 km"], asset=hostile_scenes()[0].asset)
+    other = replace(CASES["10 km"], asset=random_normal_scenes()[0].asset)
     findings = list(check_scenes(GREY, [CASES["usual"], other], render))
     assert [finding.passed for finding in findings] == [True, False]
 
@@ -225,12 +225,12 @@ def test_another_picture_is_found(render: RenderHalves) -> None:
 @pytest.mark.usefixtures("warm_points")
 @pytest.mark.parametrize("scenes", [1, pytest.param(2, marks=pytest.mark.proof)])  # the sun's tables take seconds
 def test_a_look_of_constants_passes(scenes: int, render: RenderHalves, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stability, "hostile_scenes", lambda: hostile_scenes()[:scenes])
+    monkeypatch.setattr(stability, "random_normal_scenes", lambda: random_normal_scenes()[:scenes])
     look = Look("lacquer", (Layer("Lacquer", "pixar", {"roughness": 0.0, "clear": 1.0, "energy": "conserving"}),))
-    findings = list(stress([look], render, depth="quick"))
+    findings = list(check_stability([look], render, depth="quick"))
     subjects = ["lacquer", "lacquer, normals anywhere", "lacquer, normals anywhere, sun of 1e6"]
     assert [finding.subject for finding in findings] == subjects[: 1 + scenes]
-    assert len(hostile_scenes()) == len(subjects) - 1
+    assert len(random_normal_scenes()) == len(subjects) - 1
     assert [finding.summary for finding in findings if not finding.passed] == []
 
 

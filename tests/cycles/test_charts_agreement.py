@@ -14,7 +14,7 @@ from lookdev.light import Dome
 from lookdev.light.rig import load_rig
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import make_setup
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.run.events import Event, Noted
@@ -30,7 +30,7 @@ SIZE = (192, 144)
 STRIP = Strip("bottom", 0.3, SIZE)
 
 
-def render_charts(worker: Worker, lights: list[object], samples: int) -> tuple[FrameTask, Rendered]:
+def render_charts(worker: Worker, lights: list[object], samples: int) -> tuple[FrameTask, WorkerFrame]:
     camera = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
     scene = props_scene(STRIP, camera, lights)  # type: ignore[arg-type]
     task = make_setup("charts", "light", scene, Sampling(samples=samples, bounces=3)).task

@@ -22,7 +22,7 @@ from lookdev.light import Dome
 from lookdev.material import Layer
 from lookdev.material.usd import read_look
 from lookdev.metrics import relmse
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling
@@ -30,7 +30,7 @@ from lookdev.scene import Pose, Sampling
 pytestmark = pytest.mark.cycles
 
 GREY = (0.5, 0.4, 0.3)
-RenderSource = Callable[..., Rendered]
+RenderSource = Callable[..., WorkerFrame]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,7 @@ def shoot(worker: Worker) -> RenderSource:
 
     def render_one(
         name: str, source: GeneratedSource, light: Dome, *, pose: Pose = POSE, device: str = "cpu", **options: Any
-    ) -> Rendered:
+    ) -> WorkerFrame:
         asset, file = load_stored(name)
         sampling = Sampling(**{"samples": 64, "bounces": 0} | options)
         camera = orbit_camera(asset.center, asset.radius)
@@ -58,11 +58,11 @@ def shoot(worker: Worker) -> RenderSource:
     return render_one
 
 
-def halves(frame: Rendered) -> Any:
+def halves(frame: WorkerFrame) -> Any:
     return frame.a.astype(np.float64), frame.b.astype(np.float64)
 
 
-def mean(frame: Rendered) -> Any:
+def mean(frame: WorkerFrame) -> Any:
     return sum(halves(frame)) / 2.0
 
 
@@ -221,7 +221,7 @@ SHEEN = (Layer("sheen", "disney", {"baseColor": (0.0, 0.0, 0.0), "sheen": 1.0, "
 MATERIALS = Path(__file__).parents[2] / "materials"
 
 
-def mean_color(frame: Rendered) -> Any:
+def mean_color(frame: WorkerFrame) -> Any:
     return mean(frame)[frame.alpha > 0.5].mean(axis=0)
 
 

@@ -18,7 +18,7 @@ from lookdev.checks.finding import CheckFinding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.light import Emission, Light, PosedLight, RectLight
 from lookdev.material import Layer, Look, Primvar
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Scene, camera_rays
 
@@ -33,7 +33,9 @@ GLASS = Look("glass", (Layer("l", "glass", {"eta": 1.5, "tint": TINT}),))
 PLASTIC = Layer("base", "disney", {"baseColor": (0.6, 0.2, 0.1), "roughness": 0.4})
 
 
-def frames_of(worker: Worker, scene: Scene, bounces: int, alter: Callable[[str], str] | None = None) -> list[Rendered]:
+def frames_of(
+    worker: Worker, scene: Scene, bounces: int, alter: Callable[[str], str] | None = None
+) -> list[WorkerFrame]:
     return render_seeds(worker, scene, range(SEEDS), alter=alter, bounces=bounces, samples=SAMPLES, error=None)
 
 
@@ -92,7 +94,7 @@ CLOSED_FORMS = {"mirror": mirror_sphere, "glass": glass_sphere}
 
 
 def check_sphere(
-    stored: StoredReference, frames: list[Rendered], model: str, scene: Scene, bounces: int
+    stored: StoredReference, frames: list[WorkerFrame], model: str, scene: Scene, bounces: int
 ) -> CheckFinding:
     """Compare frames with the closed form of light that is reflected inside up to `bounces` times."""
     name = f"{model} sphere {bounces}"

@@ -17,7 +17,7 @@ from lookdev.arrays import Reals
 from lookdev.light import Dome
 from lookdev.material import Layer
 from lookdev.metrics import relmse
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 
 pytestmark = pytest.mark.cycles
 
@@ -36,12 +36,12 @@ ALL = [
 ]
 
 
-def mean(frame: Rendered) -> Reals:
+def mean(frame: WorkerFrame) -> Reals:
     return (frame.a + frame.b) / 2
 
 
 @pytest.fixture(scope="module")
-def truth_of(render: RenderScene, light_of: Callable[[str], Dome]) -> Callable[..., Rendered]:
+def truth_of(render: RenderScene, light_of: Callable[[str], Dome]) -> Callable[..., WorkerFrame]:
     """Return a function that renders a frame of many samples, of a seed of its own, once for all tests."""
     return cache(
         lambda asset, ibl, look, samples: render(asset, LOOKS[look], light_of(ibl), samples=samples, seed=1000)
@@ -50,7 +50,7 @@ def truth_of(render: RenderScene, light_of: Callable[[str], Dome]) -> Callable[.
 
 @pytest.mark.parametrize(("asset", "ibl", "look", "samples"), quick_among(ALL, QUICK))
 def test_estimate_is_honest(
-    asset: str, ibl: str, look: str, samples: int, render: RenderScene, light_of, truth_of: Callable[..., Rendered]
+    asset: str, ibl: str, look: str, samples: int, render: RenderScene, light_of, truth_of: Callable[..., WorkerFrame]
 ) -> None:
     truth = truth_of(asset, ibl, look, 16 * samples)
     ratios = []
@@ -63,7 +63,7 @@ def test_estimate_is_honest(
 
 
 def test_error_target_adds_samples_until_it_is_reached(
-    render: RenderScene, light_of, truth_of: Callable[..., Rendered]
+    render: RenderScene, light_of, truth_of: Callable[..., WorkerFrame]
 ) -> None:
     coarse, fine = (
         render("sphere", LOOKS["coated"], light_of("city"), samples=4096, error=error) for error in (5e-3, 5e-4)
@@ -84,7 +84,7 @@ COPPER = Layer("copper", "disney", {"metallic": 1.0, "roughness": 0.35, "baseCol
 
 
 def test_a_denoised_frame_is_nearer_and_its_error_is_measured(render: RenderScene, light_of: Callable[[str], Dome]):
-    def frame(**options: Any) -> Rendered:
+    def frame(**options: Any) -> WorkerFrame:
         return render("sphere", [COPPER], light_of("city"), **options)
 
     truth = mean(frame(samples=256, seed=7))

@@ -17,7 +17,7 @@ from lookdev.asset import load_asset
 from lookdev.export.blend import export_blend
 from lookdev.plan import turntable_poses
 from lookdev.plan.prepare import PlannedJob, prepare_job
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker
 from lookdev.scene import camera_rays
@@ -78,7 +78,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
     return Case(prepare_job(job, backend="nodes"), json.loads(facts.read_text()), pictures)
 
 
-def render_direct(worker: Worker, task: FrameTask) -> Rendered:
+def render_direct(worker: Worker, task: FrameTask) -> WorkerFrame:
     worker.start()
     return worker.render(task, lambda progress: None)
 

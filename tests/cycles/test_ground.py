@@ -22,7 +22,7 @@ from lookdev.material.translate.preview_surface import PREVIEW_SURFACE
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.rendering.catcher import remaining_share
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
@@ -50,7 +50,7 @@ def scene_of(
     return Scene(both, look_of_part, tuple(lights), camera, Film(SIZE), catchers=catchers)
 
 
-def frames_of(worker: Worker, scene: Scene, count: int, **sampling: int) -> list[Rendered]:
+def frames_of(worker: Worker, scene: Scene, count: int, **sampling: int) -> list[WorkerFrame]:
     return render_seeds(worker, scene, range(count), pose=POSE, **sampling)
 
 
@@ -64,7 +64,7 @@ def ground_pixels(scene: Scene) -> Arrays:
     return {"pixels": pixels, "value": estimate.value, "error": estimate.error}
 
 
-def composite_on_ground(frame: Rendered) -> np.ndarray:
+def composite_on_ground(frame: WorkerFrame) -> np.ndarray:
     """Composite a frame with a catcher over the ground of its render."""
     transmittance = remaining_share(frame.passes["ground"].astype(float), frame.passes["bare"].astype(float))
     return (frame.a.astype(float) + frame.b) / 2.0 + transmittance[..., None] * frame.passes["bare"]
@@ -203,4 +203,4 @@ def test_a_catcher_needs_a_backend_that_has_it(light_of: Callable[[str], Dome]) 
     with pytest.raises(CodegenError, match="'nodes' renders no shadow catcher"):
         scene_task(scene_of([light_of("white")], RED, GREY, catcher=True), Sampling(), "nodes")
     task = scene_task(scene_of([light_of("white")], RED, GREY, catcher=False), Sampling(), "nodes")
-    assert replace(task, device="cpu").arrays == {}
+    assert replace(task, device="cpu").channels_by_array == {}

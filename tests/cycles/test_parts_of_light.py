@@ -10,7 +10,7 @@ from test_passes import CENTER, COATED, SIZE, balls, covered, render_task, task_
 from lookdev.light import Emission, Light, RectLight, SphereLight, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.rendering.passes import channels_of_passes, light_layer
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.worker import Worker
 
 pytestmark = pytest.mark.cycles
@@ -34,13 +34,13 @@ def rig() -> tuple[Light, ...]:
 
 def frame_of(
     worker: Worker, look: Look, lights: tuple[Light, ...], passes: tuple[str, ...], **options: Any
-) -> Rendered:
+) -> WorkerFrame:
     return render_task(
         worker, task_of(balls(), passes, ball=look, others=look, lights=lights, **{"samples": 64} | options)
     )
 
 
-def assert_sums(frame: Rendered, groups: tuple[str, ...]) -> None:
+def assert_sums(frame: WorkerFrame, groups: tuple[str, ...]) -> None:
     """Check that each set of parts sums up to the beauty, and that no part is negative beyond rounding."""
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
     for name in ("lobes", "direct", "lights"):

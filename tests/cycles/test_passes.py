@@ -16,11 +16,11 @@ from lookdev.material import Layer, Look
 from lookdev.metrics import standard_error
 from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.passes import PASSES
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
-from lookdev.run.frame_file import store
+from lookdev.run.frame_file import store_frame
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.cycles
@@ -63,7 +63,7 @@ def task_of(
     return frame_task(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {options}")
 
 
-def render_task(worker: Worker, task: FrameTask) -> Rendered:
+def render_task(worker: Worker, task: FrameTask) -> WorkerFrame:
     worker.start()
     return worker.render(task, lambda progress: None)
 
@@ -197,7 +197,7 @@ def test_mattes_are_the_coverage_of_each_part(backend: str, worker: Worker, tmp_
     task = task_of(balls(), ("cryptomatte",), backend, size, RED, samples=4096, bounces=0)
     task = replace(task, files=(tmp_path / "frame.exr",))
     frame = render_task(worker, task)
-    store(task, frame)
+    store_frame(task, frame)
     expected = stored_reference("coverage of balls", covered, names=tuple(PARTS), size=size, side=96)
     objects, looks, assets = (decode_matte(task.files[0], f"Crypto{kind}") for kind in ("Object", "Material", "Asset"))
     assert {*objects} == {*PARTS}

@@ -12,11 +12,11 @@ from test_passes import CAMERA, GREY, POSE, SIZE, balls, render_task
 from lookdev.light import Dome, Emission, load_environment, make_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.output.exr import frame_space, read_frame, read_header, read_rec709
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
-from lookdev.run.frame_file import store
+from lookdev.run.frame_file import store_frame
 from lookdev.scene import Film, Sampling, Scene
 from lookdev.space import CHROMATICITIES, Space, to_rec709, to_space
 
@@ -40,7 +40,7 @@ def task(
     return frame_task(scene_task(scene, Sampling(samples=samples, bounces=bounces)), POSE, f"{look.name} {space}")
 
 
-def beauty(frame: Rendered) -> np.ndarray:
+def beauty(frame: WorkerFrame) -> np.ndarray:
     return 0.5 * (frame.a + frame.b)
 
 
@@ -85,7 +85,7 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
     )
     for variant in (plain, other):
         frame = render_task(worker, variant)
-        store(variant, frame)
+        store_frame(variant, frame)
     with OpenEXR.File(str(other.files[0]), header_only=True) as exr:
         header = dict(exr.header())
     np.testing.assert_allclose(header["chromaticities"], CHROMATICITIES["acescg"], rtol=1e-6)

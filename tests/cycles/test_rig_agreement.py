@@ -15,7 +15,7 @@ from lookdev.asset import load_asset
 from lookdev.light import Emission, Light, RectLight
 from lookdev.light.emission import LightLink
 from lookdev.material import Look
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose, Sampling, Scene
@@ -43,7 +43,7 @@ def lights_of(rig: str, folder: Path) -> tuple[Light, ...]:
     return tuple(light for name in (CONTROLS if rig == "controls" else (rig,)) for light in RIGS[name](folder))
 
 
-def frames_of(worker: Worker, scene: Scene, alter: Callable[[str], str] | None = None) -> list[Rendered]:
+def frames_of(worker: Worker, scene: Scene, alter: Callable[[str], str] | None = None) -> list[WorkerFrame]:
     return render_seeds(worker, scene, range(SEEDS), pose=POSE, alter=alter, bounces=1, samples=SAMPLES, error=None)
 
 

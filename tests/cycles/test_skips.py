@@ -16,7 +16,7 @@ from lookdev.material import Layer, Look, Texture
 from lookdev.plan.poses import canonical_pose
 from lookdev.plan.setup import make_setup
 from lookdev.plan.skips import scene_skips
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker
@@ -42,12 +42,12 @@ def assert_skips_keep_picture(worker: Worker, short: Scene, full: Scene, skips: 
     assert_equal_means(*(render_task(worker, task, seed=str(number)) for number, task in enumerate(tasks)))
 
 
-def render_task(worker: Worker, task: SceneTask, pose: Pose = POSE, seed: str = "a") -> Rendered:
+def render_task(worker: Worker, task: SceneTask, pose: Pose = POSE, seed: str = "a") -> WorkerFrame:
     worker.start()
     return worker.render(frame_task(task, pose, seed), lambda progress: None)
 
 
-def assert_equal_means(a: Rendered, b: Rendered) -> None:
+def assert_equal_means(a: WorkerFrame, b: WorkerFrame) -> None:
     """Check that the mean relative difference is within the noise of both, which is at most 1e-3."""
     inside = (a.alpha == 1.0) & (b.alpha == 1.0)
     mean_a, mean_b = ((frame.a + frame.b)[inside].astype(float) / 2 for frame in (a, b))
@@ -124,7 +124,7 @@ def test_frames_of_other_poses_are_the_one_that_is_rendered(
     scene = scene_of(sphere, COAT, light_of(ibl))
     setup = make_setup("look", ibl, scene, SAMPLING)
     requested_pose = Pose(20.0, 100.0) if causes == "constant light" else Pose(75.0, 40.0)
-    rendered_pose = canonical_pose(requested_pose, setup.around, setup.task.light_stays)
+    rendered_pose = canonical_pose(requested_pose, setup.around, setup.task.is_light_fixed)
     assert rendered_pose == Pose(0.0, 0.0 if causes == "constant light" else 40.0)
     assert_equal_means(
         render_task(worker, setup.task, rendered_pose), render_task(worker, setup.task, requested_pose, "asked")

@@ -18,7 +18,7 @@ from lookdev.codegen.source import shared_programs
 from lookdev.light import Dome
 from lookdev.material import Layer, Look, Texture
 from lookdev.rendering.backends import WORKER_COMMAND, job_backends
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, SceneTask, files_of_task, frame_task
 from lookdev.rendering.worker import Worker, open_renderer
@@ -57,12 +57,12 @@ def scenes(light_of: Callable[[str], Dome]) -> dict[str, SceneTask]:
     }
 
 
-def render(worker: Worker, scene: SceneTask) -> Rendered:
+def render(worker: Worker, scene: SceneTask) -> WorkerFrame:
     worker.start()
     return worker.render(frame_task(scene, POSE, "frame"), lambda progress: None)
 
 
-def assert_same(one: Rendered, other: Rendered, label: str) -> None:
+def assert_same(one: WorkerFrame, other: WorkerFrame, label: str) -> None:
     for name in ("a", "b", "alpha"):
         assert np.array_equal(getattr(one, name), getattr(other, name)), (label, name)
     assert one.alpha.any()
@@ -167,7 +167,7 @@ def test_a_task_needs_only_its_contents(
     scene = Scene.of_look(load_asset(builtin="suzanne"), look, light_of("slopes"), (24, 24))
     tasks = [frame_task(scene_task(scene, Sampling(samples=4), backend), POSE, backend) for backend in backends]
 
-    def render_here(task: FrameTask) -> Rendered:
+    def render_here(task: FrameTask) -> WorkerFrame:
         worker: Worker = request.getfixturevalue(f"{'mitsuba' if task.scene.backend == 'mitsuba' else 'cycles'}_worker")
         worker.start()
         return worker.render(task, lambda progress: None)

@@ -17,7 +17,7 @@ from lookdev.checks.images import measure_gap
 from lookdev.light import load_environment, prepare_light
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import preset_look
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import open_renderer
@@ -42,7 +42,7 @@ class Gap:
     albedo: float
 
 
-def measure(preset: Path, render: Callable[[FrameTask], Rendered]) -> Gap:
+def measure(preset: Path, render: Callable[[FrameTask], WorkerFrame]) -> Gap:
     """Render a preset by both backends until noise is no longer seen, or 1024 samples, and check its albedo."""
     look = preset_look(read_preset(preset), preset.stem)
     light = prepare_light(load_environment(builtin="studio"))

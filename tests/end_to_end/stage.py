@@ -6,7 +6,7 @@ from typing import Any
 from lookdev.asset import Asset
 from lookdev.light import EnvironmentMap, prepare_light
 from lookdev.material import Look
-from lookdev.rendering.results import Progress, Rendered
+from lookdev.rendering.results import ProgressMessage, WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
@@ -23,8 +23,8 @@ class Stage:
         self.worker = worker
 
     def render(
-        self, *given: Any, progress: Callable[[Progress], None] = lambda progress: None, **more: Any
-    ) -> Rendered:
+        self, *given: Any, progress: Callable[[ProgressMessage], None] = lambda progress: None, **more: Any
+    ) -> WorkerFrame:
         """Render the frame of `task`."""
         self.worker.start()
         return self.worker.render(self.task(*given, **more), progress)
@@ -47,7 +47,7 @@ class Stage:
         return frame_task(scene_task(scene, sampling), pose, "d1ge57")
 
 
-def difference(one: Rendered, other: Rendered) -> float:
+def difference(one: WorkerFrame, other: WorkerFrame) -> float:
     """Return the squared difference of two pictures over the noise of their halves: near 1 for equal scenes."""
     squares = ((one.a + one.b) - (other.a + other.b)) ** 2 / 4.0
     noise = ((one.a - one.b) ** 2 + (other.a - other.b) ** 2) / 4.0

@@ -75,7 +75,7 @@ def test_job_renders(tiny: Path) -> None:
         assert beauty.shape == (16, 24, 3)
         assert np.isfinite(beauty).all()
         # Light that a shadow catcher takes away is a difference, which is rounded.
-        assert (beauty >= (-1e-6 if frame.task.scene.catches else 0.0)).all()
+        assert (beauty >= (-1e-6 if frame.task.scene.has_catcher else 0.0)).all()
         assert (0.01 if frame.task.labels["look"] == "charts" else 0.05) < alpha.mean() < 0.95
         assert beauty[alpha == 1.0].mean() > 0.01
         assert read_header(frame.task.files[0])["digest"] == frame.task.digest

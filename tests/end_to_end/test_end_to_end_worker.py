@@ -13,7 +13,7 @@ from lookdev.errors import OutputError
 from lookdev.light import load_environment
 from lookdev.material import Layer, Look
 from lookdev.rendering.backends import WORKER_COMMAND
-from lookdev.rendering.results import Progress, Rendered
+from lookdev.rendering.results import ProgressMessage, WorkerFrame
 from lookdev.scene import Camera
 
 pytestmark = pytest.mark.cycles
@@ -27,13 +27,13 @@ def ball() -> Asset:
     return make_sphere(segments=32, rings=16)
 
 
-def render(stage: Stage, ball: Asset, reported: list[Progress], samples: int = 16) -> Rendered:
+def render(stage: Stage, ball: Asset, reported: list[ProgressMessage], samples: int = 16) -> WorkerFrame:
     light = load_environment(builtin="white")
     return stage.render(ball, LOOK, light, CAMERA, samples=samples, progress=reported.append)
 
 
 def test_progress_is_reported_within_the_halves_too(stage: Stage, ball: Asset) -> None:
-    reported: list[Progress] = []
+    reported: list[ProgressMessage] = []
     render(stage, ball, reported)
     samples = [progress.samples for progress in reported]
     assert samples == sorted(samples)

@@ -72,7 +72,7 @@ def done(*processes: subprocess.Popen[str]) -> None:
 
 
 def by_workers(job: Path, out: Path, workers: int) -> None:
-    assert render_job(job, output=out, choice=ExecutorOptions(workers=workers)).exit_code == 0
+    assert render_job(job, output=out, executor_options=ExecutorOptions(workers=workers)).exit_code == 0
 
 
 def by_dask(job: Path, out: Path, workers: int, *options: str) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gaps import PRESETS, ROOT, measure, read
 
-from lookdev.checks.images import MOST_FLIP
+from lookdev.checks.images import MAX_FLIP
 from lookdev.rendering.worker import Worker
 
 
@@ -12,14 +12,14 @@ def test_every_preset_is_recorded_and_near() -> None:
     gaps = read()
     assert sorted(gap.preset for gap in gaps) == [preset.stem for preset in PRESETS]
     assert max(gap.albedo for gap in gaps) < 0.01
-    assert np.mean([gap.flip for gap in gaps]) < MOST_FLIP
+    assert np.mean([gap.flip for gap in gaps]) < MAX_FLIP
 
 
 def test_those_that_are_further_away_are_named_with_the_reason() -> None:
     page = (ROOT / "docs" / "nodes.md").read_text(encoding="utf-8")
     text = page[: page.index("<!-- table: nodes.gaps -->")] + page[page.index("<!-- end -->") :]
     for gap in read():
-        assert (gap.flip > MOST_FLIP) == (f"`{gap.preset}`" in text), gap
+        assert (gap.flip > MAX_FLIP) == (f"`{gap.preset}`" in text), gap
 
 
 @pytest.mark.cycles

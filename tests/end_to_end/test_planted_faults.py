@@ -187,7 +187,7 @@ def agrees(looks: Path, fault: Fault, check: str, work: int | None = None, seed:
     with pytest.MonkeyPatch.context() as patch:
         if work:
             angles = ANGLES[:: max(1, len(ANGLES) // work)]
-            less = replace(DEPTHS["default"], cases=work, places=1, angles=angles, pixels=work)
+            less = replace(DEPTHS["default"], cases=work, points=1, angles=angles, pixels=work)
             patch.setitem(DEPTHS, "default", less)
         fault.plant(patch)
         (finding,) = check_file(looks / f"{fault.look}.usda", only=[check], seed=seed, alter=fault.alter)

@@ -173,7 +173,7 @@ def test_a_failure_leaves_what_was_there(
 def test_an_exporter_that_hangs_is_killed(export: Export, tmp_path: Path) -> None:
     started = time.monotonic()
     with pytest.raises(WorkerError, match="silent for 1 s"):
-        export(HANG.format(tmp_path), patience=1.0)
+        export(HANG.format(tmp_path), timeout=1.0)
     assert time.monotonic() - started < 20.0
     assert not Path("/proc", (tmp_path / "pid").read_text()).exists()
     assert names(tmp_path / "show") == []

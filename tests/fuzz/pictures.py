@@ -20,7 +20,7 @@ from lookdev.arrays import Floats32
 from lookdev.errors import LookdevError
 from lookdev.job import load_job
 from lookdev.plan.prepare import plan_job
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 
 CLOSE = 2e-5
@@ -55,7 +55,7 @@ class Compared:
 class Painter:
     """Renders folders of jobs in a warm worker; the pictures of right inputs once for each digest."""
 
-    def __init__(self, render: Callable[[FrameTask], Rendered]) -> None:
+    def __init__(self, render: Callable[[FrameTask], WorkerFrame]) -> None:
         self._render = render
         self._right: dict[str, Floats32] = {}
 

@@ -19,7 +19,7 @@ from lookdev.arrays import Floats32
 from lookdev.asset.usd import read_usd
 from lookdev.job import load_job
 from lookdev.plan.prepare import plan_job
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker, open_renderer
 from lookdev.stage import Composition, compose
@@ -37,7 +37,7 @@ _PICTURES = [*_QUICK, *((*many, "exact") for many in _MANY), *_IN_NODES]
 
 @pytest.fixture
 def paint(cycles_worker: Worker) -> Painter:
-    def render(task: FrameTask) -> Rendered:
+    def render(task: FrameTask) -> WorkerFrame:
         cycles_worker.start()
         return cycles_worker.render(task, lambda progress: None)
 

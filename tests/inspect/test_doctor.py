@@ -7,7 +7,7 @@ import pytest
 from lookdev.errors import RenderError
 from lookdev.inspect import doctor
 from lookdev.inspect.doctor import BLENDER_PYTHONS, DoctorFinding, examine_machine, findings_text
-from lookdev.rendering.llvm import OLDEST, VARIABLE, find_llvm
+from lookdev.rendering.llvm import LLVM_VARIABLE, OLDEST_LLVM, find_llvm
 
 VERSION = BLENDER_PYTHONS[sys.version_info[:2]]
 BPY = (sys.executable, "-c", f"print('a word of a library'); print('{VERSION}.7 LTS')")
@@ -19,7 +19,7 @@ SELF_TEST = (sys.executable, "-c", "print('{\"osl\": true}')")
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setenv(VARIABLE, "libLLVM.so")
+    monkeypatch.setenv(LLVM_VARIABLE, "libLLVM.so")
     return tmp_path / "cache"
 
 
@@ -114,9 +114,9 @@ def test_a_description_has_a_line_for_each_remedy() -> None:
 
 def test_the_newest_llvm_is_taken_and_an_old_one_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
-    monkeypatch.setenv(VARIABLE, "/opt/libLLVM.so")
+    monkeypatch.setenv(LLVM_VARIABLE, "/opt/libLLVM.so")
     assert find_llvm(tmp_path) == "/opt/libLLVM.so"
-    monkeypatch.delenv(VARIABLE)
+    monkeypatch.delenv(LLVM_VARIABLE)
 
     def newest(*names: str) -> str:
         """Return the newest library where further ones are installed."""
@@ -128,8 +128,8 @@ def test_the_newest_llvm_is_taken_and_an_old_one_is_refused(tmp_path: Path, monk
 
     with pytest.raises(RenderError, match=r"found: none: install it \(on Debian libllvm19\)"):
         newest()
-    with pytest.raises(RenderError, match=f"found: version {OLDEST - 1}"):
-        newest(f"x86_64-linux-gnu/libLLVM-{OLDEST - 1}.so.1")
+    with pytest.raises(RenderError, match=f"found: version {OLDEST_LLVM - 1}"):
+        newest(f"x86_64-linux-gnu/libLLVM-{OLDEST_LLVM - 1}.so.1")
     assert newest("x86_64-linux-gnu/libLLVM-16.so.1", "llvm-17/lib/libLLVM-17.so") == "llvm-17/lib/libLLVM-17.so"
     assert newest("x86_64-linux-gnu/libLLVM.so.19.1") == "x86_64-linux-gnu/libLLVM.so.19.1"
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)

@@ -14,7 +14,7 @@ from lookdev.light import DiskLight, DistantLight, Emission, Light, SphereLight
 from lookdev.light.emission import Falloff
 from lookdev.light.placement import checked_axes, vector
 from lookdev.material import Layer, Look
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
@@ -22,7 +22,7 @@ from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
-Render = Callable[[FrameTask], Rendered]
+Render = Callable[[FrameTask], WorkerFrame]
 
 FAR = 1000.0  # of the plane's size: the light is the same all over it
 

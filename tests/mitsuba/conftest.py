@@ -3,7 +3,7 @@
 import pytest
 from mitsuba_scenes import RenderSeeds
 
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker
@@ -19,7 +19,7 @@ def worker(mitsuba_worker: Worker) -> Worker:
 def render_seeds(mitsuba_worker: Worker) -> RenderSeeds:
     """Return a function that renders frames of a scene, of seeds from 0 on."""
 
-    def render(scene: Scene | SceneTask, pose: Pose, seeds: int, **sampling: object) -> list[Rendered]:
+    def render(scene: Scene | SceneTask, pose: Pose, seeds: int, **sampling: object) -> list[WorkerFrame]:
         task = scene if isinstance(scene, SceneTask) else scene_task(scene, Sampling(**sampling), "mitsuba")  # type: ignore[arg-type]
         mitsuba_worker.start()
         frames = (frame_task(task, pose, f"{seed}", seed=seed) for seed in range(seeds))

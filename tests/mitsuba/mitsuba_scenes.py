@@ -15,11 +15,11 @@ from lookdev.light import Light
 from lookdev.light.emission import LightLink
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.scene import Film, Pose, Scene, camera_rays
 from lookdev.scene.scene import link_lights
 
-RenderSeeds = Callable[..., list[Rendered]]
+RenderSeeds = Callable[..., list[WorkerFrame]]
 """Renders a scene, from a pose, a number of seeds, and those fields of the sampling that differ from the defaults."""
 
 LIGHTS_OF_HEADS = {
@@ -75,7 +75,7 @@ def heads_under_lights(folder: Path, size: int, names: Sequence[str] = tuple(LIG
 
 def assert_parts_agree(
     name: str,
-    frames: Sequence[Rendered],
+    frames: Sequence[WorkerFrame],
     scene: Scene,
     pose: Pose,
     per_frame: int,

@@ -14,7 +14,7 @@ from lookdev.light.emission import LightLink
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.scene import Film, Pose, Scene, camera_rays
 from lookdev.scene.scene import link_lights
 
@@ -47,7 +47,7 @@ def row(*, instances: bool) -> Asset:
 
 
 @pytest.fixture(scope="module")
-def frames(render_seeds: RenderSeeds) -> tuple[Rendered, Rendered]:
+def frames(render_seeds: RenderSeeds) -> tuple[WorkerFrame, WorkerFrame]:
     """Return the frame of instances and that of meshes, under a light whose shadow excludes the ball."""
     without_ball = LightLink((("/", "expandPrims"), ("/ball", "exclude")))
     rect = near("rect")
@@ -61,7 +61,7 @@ def frames(render_seeds: RenderSeeds) -> tuple[Rendered, Rendered]:
     return frames_of_both[0], frames_of_both[1]
 
 
-def test_instances_show_what_meshes_show(frames: tuple[Rendered, Rendered]) -> None:
+def test_instances_show_what_meshes_show(frames: tuple[WorkerFrame, WorkerFrame]) -> None:
     first, second = frames
     np.testing.assert_allclose(first.alpha, second.alpha, atol=1 / 64)
     same = (first.passes["depth"] < 1e9)[..., 0] & (second.passes["depth"] < 1e9)[..., 0]
@@ -82,7 +82,7 @@ def test_instances_show_what_meshes_show(frames: tuple[Rendered, Rendered]) -> N
 
 
 @pytest.mark.parametrize("instances", [True, False])
-def test_normals_are_those_of_the_reference(frames: tuple[Rendered, Rendered], instances: bool) -> None:
+def test_normals_are_those_of_the_reference(frames: tuple[WorkerFrame, WorkerFrame], instances: bool) -> None:
     """They are interpolated in the space of the mesh: in a stretched space, their mean has another direction."""
     asset, frame = row(instances=instances), frames[not instances]
     camera, scene = orbit_camera(asset.center, asset.radius), MeshScene(asset, [BRUSHED] * len(asset.slots))

@@ -51,7 +51,7 @@ def ask(process: subprocess.Popen[str], task: FrameTask, answer: str) -> None:
     """Send a task, and wait for an answer."""
     assert process.stdin
     assert process.stdout
-    print(wire.encode(task), file=process.stdin, flush=True)
+    print(wire.encode_task(task), file=process.stdin, flush=True)
     while answer not in (line := process.stdout.readline()):
         assert line, "the worker died"
 
@@ -64,7 +64,7 @@ def test_launches_shrink_where_memory_ends_until_nothing_is_left(drjit: Any, lig
     task = task_of(light_of("city"))
     scene = MitsubaScene(load_mitsuba("cpu"), task.scene)
     whole = scene.render(task, lambda *progress: None)
-    all_pixels, widths = scene._pixels, []
+    all_pixels, widths = scene._render_pixels, []
 
     def limited_to(limit: int) -> Callable[..., Any]:
         def pixels(view: Any, rectangle: Any, lane: Any, *numbers: Any) -> Any:
@@ -75,16 +75,16 @@ def test_launches_shrink_where_memory_ends_until_nothing_is_left(drjit: Any, lig
 
         return pixels
 
-    scene._pixels = limited_to(64)
+    scene._render_pixels = limited_to(64)
     limited = scene.render(task, lambda *progress: None)
     assert max(widths) > 64
     np.testing.assert_array_equal(limited.a, whole.a)
     np.testing.assert_array_equal(limited.b, whole.b)
-    scene._pixels = limited_to(0)
+    scene._render_pixels = limited_to(0)
     with pytest.raises(RenderError, match="out of memory, even with the 16 samples of a single pixel"):
         scene.render(task, lambda *progress: None)
 
-    scene._pixels = Mock(side_effect=RuntimeError("something else"))
+    scene._render_pixels = Mock(side_effect=RuntimeError("something else"))
     with pytest.raises(RuntimeError, match="something else"):
         scene.render(task, lambda *progress: None)
 

@@ -20,8 +20,8 @@ from lookdev.light.emission import Falloff
 from lookdev.material import Look
 from lookdev.material.change import constant_named, look_with_live_inputs
 from lookdev.rendering.adaptive import Region
+from lookdev.rendering.derivatives import DerivativeTask, live_inputs
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.slopes import SlopeTask, live_inputs
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.mitsuba
@@ -88,9 +88,9 @@ def test_pictures_with_derivatives_are_lit_as_frames(
     drjit: Any, tmp_path: Path, make_scene: Callable[[Path], Scene]
 ) -> None:
     """Both follow the same paths, except for a few that rounding separates."""
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.load import load_mitsuba
     from lookdev.mitsuba.render import MitsubaScene
-    from lookdev.mitsuba.slopes import SlopeScene
     from lookdev.mitsuba.view import FramePart, KernelView
 
     mi, scene, samples = load_mitsuba("cpu"), make_scene(tmp_path), 16
@@ -101,14 +101,16 @@ def test_pictures_with_derivatives_are_lit_as_frames(
     )
     binding = live_inputs(task)["0"]
     values = {binding.parameter: constant_named(plain, "roughness").value}
-    slope_task = SlopeTask(task, ALIKE, values, binding.symbols, samples, (7, 8), "")
-    halves = SlopeScene(mi, task).render(slope_task, lambda done, planned: None)[0]
+    slope_task = DerivativeTask(task, ALIKE, values, binding.symbols, samples, (7, 8), "")
+    halves = DerivativeScene(mi, task).render(slope_task, lambda done, planned: None)[0]
     frames = MitsubaScene(mi, task)
     width, height = task.resolution
     view = KernelView.of(mi, task.camera, ALIKE, task.resolution, frames._geometry.center)
     rectangle = FramePart.of(mi, Region(slice(0, height), slice(0, width), samples))
     numbers = (mi.UInt32(number) for number in (7, 0, samples.bit_length() - 1))
-    channels = frames._estimator.pixels(view, rectangle, drjit.arange(mi.UInt32, width * height * samples), *numbers)
+    channels = frames._estimator.render_pixels(
+        view, rectangle, drjit.arange(mi.UInt32, width * height * samples), *numbers
+    )
     means = [np.array(channel).reshape(height, width, samples).mean(axis=-1) for channel in channels]
     expected = np.stack(means, axis=-1)
     np.testing.assert_array_equal(halves[0, ..., 3], expected[..., 3])

@@ -15,11 +15,11 @@ from lookdev.light import Emission, Light, RectLight, SphereLight
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.rendering.cryptomatte import matte_id
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.rendering.worker import Worker
-from lookdev.run.frame_file import store
+from lookdev.run.frame_file import store_frame
 from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 
 pytestmark = pytest.mark.mitsuba
@@ -80,19 +80,19 @@ def rig() -> tuple[Light, ...]:
     )
 
 
-def render(worker: Worker, task: FrameTask) -> Rendered:
+def render(worker: Worker, task: FrameTask) -> WorkerFrame:
     worker.start()
     return worker.render(task, lambda progress: None)
 
 
 @pytest.fixture(scope="module")
-def solid(worker: Worker) -> Rendered:
+def solid(worker: Worker) -> WorkerFrame:
     """Return a frame of two opaque looks, with all passes of geometry and all mattes."""
     passes = ("depth", "position", "normal", "uv", "albedo", "samples", "cryptomatte")
     return render(worker, task_of((COATED, COATED), passes, samples=2048))
 
 
-def test_places_are_those_that_rays_meet(solid: Rendered) -> None:
+def test_places_are_those_that_rays_meet(solid: WorkerFrame) -> None:
     passes = solid.passes
     assert {*passes} > {"depth", "position", "normal", "uv", "albedo", "samples"}
     asset = pair()
@@ -159,7 +159,7 @@ def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker)
     """
     lights = rig()
 
-    def frames(lights_on: tuple[Light, ...], passes: tuple[str, ...]) -> list[Rendered]:
+    def frames(lights_on: tuple[Light, ...], passes: tuple[str, ...]) -> list[WorkerFrame]:
         return [render(worker, task_of((COATED, NET), passes, lights=lights_on, samples=256, seed=n)) for n in range(4)]
 
     together = frames(lights, ("lights",))
@@ -184,7 +184,7 @@ def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) ->
     """The comparison includes indirect light from the other look, which does not change."""
     inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0}
 
-    def frames(**changed: object) -> list[Rendered]:
+    def frames(**changed: object) -> list[WorkerFrame]:
         looks = [
             Look("look", (Layer("p", "modified-phong", layer_inputs),)) for layer_inputs in (inputs, inputs | changed)
         ]
@@ -200,18 +200,18 @@ def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) ->
     assert_same_light([frame.passes["diffuse"][alone].mean(axis=0) for frame in both], single, 0.02)
 
 
-def coverage(frame: Rendered, name: str) -> np.ndarray:
+def coverage(frame: WorkerFrame, name: str) -> np.ndarray:
     """Return the coverage (H, W) of a prim."""
     ids = frame.passes["CryptoObject"]
     prim_id = np.array(matte_id(name), np.uint32).view(np.float32)
     return np.where(ids[..., 0::2] == prim_id, ids[..., 1::2], 0.0).sum(axis=-1)
 
 
-def test_mattes_are_the_coverage_of_each_part(worker: Worker, solid: Rendered, tmp_path: Path) -> None:
+def test_mattes_are_the_coverage_of_each_part(worker: Worker, solid: WorkerFrame, tmp_path: Path) -> None:
     task = task_of((COATED, NET), ("cryptomatte",), samples=2048, bounces=3)
     task = replace(task, files=(tmp_path / "frame.exr",))
     frame = render(worker, task)
-    store(task, frame)
+    store_frame(task, frame)
     buffer = oiio.ImageBuf(str(task.files[0]))
     entries = {
         attribute.name: attribute.value

@@ -97,7 +97,7 @@ def test_a_frame_does_not_depend_on_the_speed_of_launches(task_of: Callable[...,
     frames, launches = [], []
     # Each launch takes a tenth of the longest, so that the next is larger, or twice the longest.
     for part in (0.1, 2.0):
-        clock = itertools.count(0.0, part * render.LONGEST_LAUNCH)
+        clock = itertools.count(0.0, part * render.MAX_LAUNCH_SECONDS)
         monkeypatch.setattr(render, "time", SimpleNamespace(perf_counter=clock.__next__))
         report = Mock()
         frames.append(render.MitsubaScene(mi, task).render(frame_task(task, POSE, "frame"), report))

@@ -17,9 +17,9 @@ from lookdev.light import DiskLight, Light, RectLight
 from lookdev.material import Formula, Layer, Look, ViewCosine
 from lookdev.material.change import constant_named, look_with_live_inputs
 from lookdev.material.expression import parse
+from lookdev.rendering.derivatives import DerivativeTask, live_inputs
 from lookdev.rendering.scene import scene_task
-from lookdev.rendering.slopes import SlopeTask, live_inputs
-from lookdev.rendering.wire import decode_request, encode
+from lookdev.rendering.wire import decode_task, encode_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Sampling
 
@@ -95,20 +95,20 @@ def task_of(case: Case, look: Look, light: tuple[Light, ...], asset: Asset) -> A
 
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.proof) for n in CASES])
 def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: Any, tmp_path: Path) -> None:
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.load import load_mitsuba
-    from lookdev.mitsuba.slopes import SlopeScene
 
     case = CASES[name]
     look = Look("look", case.layers(tmp_path))
     task = task_of(case, look, lights(case.light, light_of, tmp_path), load_asset(builtin=case.asset))
-    scene, bindings = SlopeScene(load_mitsuba("cpu"), task), live_inputs(task)
+    scene, bindings = DerivativeScene(load_mitsuba("cpu"), task), live_inputs(task)
     constants = {str(n): constant_named(look, name) for n, name in enumerate(case.names)}
 
     def pictures(values: Mapping[str, tuple[float, ...]], symbols: tuple[str, ...]) -> np.ndarray:
         """Return the means (2 PAIRS, 1 + P, 4) of the pixels of halves."""
         inputs = {bindings[key].parameter: value for key, value in values.items()}
         seeds = [(2 * n, 2 * n + 1) for n in range(PAIRS)]
-        slope_tasks = [SlopeTask(task, POSE, inputs, symbols, case.samples, pair, "") for pair in seeds]
+        slope_tasks = [DerivativeTask(task, POSE, inputs, symbols, case.samples, pair, "") for pair in seeds]
         halves = [scene.render(slope_task, lambda done, planned: None) for slope_task in slope_tasks]
         return np.concatenate(halves).astype(float).mean(axis=(2, 3))
 
@@ -141,8 +141,8 @@ def test_parts_of_two_looks_are_derived_and_a_worker_answers_the_same(
     drjit: Any, worker: Worker, light_of: Any, tmp_path: Path
 ) -> None:
     """Each triangle selects the program of its look; the task is the same after encoding and decoding."""
+    from lookdev.mitsuba.derivatives import DerivativeScene
     from lookdev.mitsuba.load import load_mitsuba
-    from lookdev.mitsuba.slopes import SlopeScene
 
     ball = load_asset(builtin="shaderball")
     look = Look("look", (COPPER,))
@@ -151,10 +151,12 @@ def test_parts_of_two_looks_are_derived_and_a_worker_answers_the_same(
     scene = replace(scene, look_of_slot={**scene.look_of_slot, ball.slots[0].path: live})
     task = scene_task(scene, Sampling(bounces=1), "mitsuba")
     binding = live_inputs(task)["0"]
-    slope_task = SlopeTask(task, POSE, {binding.parameter: (0.35,)}, binding.symbols, 8, (0, 1), "one")
-    halves = SlopeScene(load_mitsuba("cpu"), task).render(slope_task, lambda done, planned: None)
+    slope_task = DerivativeTask(task, POSE, {binding.parameter: (0.35,)}, binding.symbols, 8, (0, 1), "one")
+    halves = DerivativeScene(load_mitsuba("cpu"), task).render(slope_task, lambda done, planned: None)
     assert halves.shape == (2, 2, SIZE, SIZE, 4)
     assert np.abs(halves[:, 1]).max() > 0.0
-    assert decode_request(encode(slope_task)) == slope_task
+    assert decode_task(encode_task(slope_task)) == slope_task
     worker.start()
-    np.testing.assert_allclose(worker.slopes(slope_task, lambda progress: None), halves, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(
+        worker.render_derivatives(slope_task, lambda progress: None), halves, rtol=1e-4, atol=1e-5
+    )

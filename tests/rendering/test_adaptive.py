@@ -52,7 +52,7 @@ class Simulated:
 
 
 def whole(samples: int) -> Round:
-    region = Region(slice(0, SIDE), slice(0, SIDE), samples, whole=True)
+    region = Region(slice(0, SIDE), slice(0, SIDE), samples, is_whole_frame=True)
     return (region,), (region,)
 
 
@@ -86,7 +86,7 @@ def test_a_half_plans_by_what_the_other_half_saw() -> None:
         return next_round(Sampling(samples=65536, error=3e-2), frame.halves, 2, 3.1e-2)
 
     first, second = plans(None)
-    assert not any(region.whole for region in (*first, *second))
+    assert not any(region.is_whole_frame for region in (*first, *second))
     for seen in (0, 1):
         changed = plans(seen)
         assert changed[seen] == (first, second)[seen]
@@ -119,7 +119,7 @@ def test_no_pixel_drifts_unless_a_half_chooses_for_itself(self_planned: bool, mo
 def test_regions_are_where_the_error_is() -> None:
     frame = Simulated(np.random.default_rng(3))
     plans = list(frame.run(samples=65536, error=2e-2))
-    split = [plan for plan in plans if not plan[0][0].whole]
+    split = [plan for plan in plans if not plan[0][0].is_whole_frame]
     assert split
     assert plans[: -len(split)] == [whole(8), whole(8), *(whole(8 << n) for n in range(1, len(plans) - len(split) - 1))]
     for plan in split:
@@ -163,8 +163,8 @@ def test_a_frame_whose_rounds_agree_is_rendered_whole() -> None:
 def test_weights_are_samples() -> None:
     half = Half(8, 8)
     ones = np.ones((8, 8, 3), np.float32)
-    half.add(Region(slice(0, 8), slice(0, 8), 8, whole=True), ones, ones[..., 0])
-    half.add(Region(slice(0, 8), slice(0, 8), 8, whole=True), 3.0 * ones, 0.5 * ones[..., 0])
+    half.add(Region(slice(0, 8), slice(0, 8), 8, is_whole_frame=True), ones, ones[..., 0])
+    half.add(Region(slice(0, 8), slice(0, 8), 8, is_whole_frame=True), 3.0 * ones, 0.5 * ones[..., 0])
     half.add(Region(slice(0, 4), slice(4, 8), 16), 4.0 * ones[:4, 4:], 0.0 * ones[:4, 4:, 0])
     assert (half.color[0, 0, 0], half.color[0, 7, 0]) == (2.0, 3.0)
     assert (half.alpha[0, 0], half.alpha[0, 7]) == (0.75, 0.375)
@@ -176,7 +176,7 @@ def test_the_error_of_a_sample_is_its_variance_over_the_square_of_what_is_shown(
     half = Half(8, 8, gain=0.5)
     ones = np.ones((8, 8, 3), np.float32)
     for value in (1.0, 3.0, 2.0):
-        half.add(Region(slice(0, 8), slice(0, 8), 8, whole=True), value * ones, ones[..., 0])
+        half.add(Region(slice(0, 8), slice(0, 8), 8, is_whole_frame=True), value * ones, ones[..., 0])
     half.coverage[0, 0] = 0.0
     # Of three means of 8 samples the variance is 1, so that of a sample is 8; shown is half of the mean, 2.
     expected = np.full((8, 8), 0.25 * 8.0 / (1.0 + EPSILON))
@@ -214,5 +214,5 @@ def test_a_round_over_rectangles_adds_a_part_and_late_ones_double(number: int, g
     added = np.zeros((SIDE, SIDE))
     for region in first:
         added[region.rows, region.columns] += region.samples
-    assert not first[0].whole
+    assert not first[0].is_whole_frame
     assert growth * 128 <= added[ALPHA > 0.0].mean() < 4.0 * growth * 128

@@ -21,7 +21,7 @@ from lookdev.material import Layer, Look, Primvar
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, files_of_task, frame_task
-from lookdev.rendering.wire import decode, encode
+from lookdev.rendering.wire import decode_frame_task, encode_task
 from lookdev.rendering.worker import open_renderer
 from lookdev.scene import Pose, Sampling, Scene
 
@@ -37,7 +37,7 @@ import numpy as np
 from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.backends import BACKENDS, Backend
 from lookdev.rendering.frame import RenderedFrame
-from lookdev.rendering.wire import decode
+from lookdev.rendering.wire import decode_frame_task
 
 @dataclass(frozen=True)
 class FlatSource:
@@ -66,7 +66,7 @@ if __name__ == "__main__":
     answers = AnswerStream()
     answers.send_ready("flat 1")
     for line in sys.stdin:
-        task = decode(line)
+        task = decode_frame_task(line)
         width, height = task.scene.resolution
         image = np.full((height, width, 3), task.scene.shaders[0].level, np.float32)
         answers.send_frame(task.digest, RenderedFrame(image, image, image[..., 0], 2, 0.0, 0.0))
@@ -82,15 +82,15 @@ def test_an_entry_is_whole_and_its_tasks_travel(backend: Backend) -> None:
     assert BACKENDS[backend.name] is backend
     assert backend.help
     assert "cpu" in backend.devices
-    assert backend.cannot_show(LOOK) is None
+    assert backend.look_gap(LOOK) is None
     task = frame_task(scene_task(scene_of(), Sampling(), backend.name), Pose(0.1, 0.2), "frame", seed=3)
     assert {type(source) for source in task.scene.shaders} == {backend.source}
-    assert decode(encode(task)) == task
+    assert decode_frame_task(encode_task(task)) == task
 
 
 @pytest.mark.parametrize("backend", BACKENDS.values(), ids=BACKENDS)
 def test_a_look_is_shown_or_the_reason_is_given(backend: Backend) -> None:
-    if reason := backend.cannot_show(LEAF):
+    if reason := backend.look_gap(LEAF):
         with pytest.raises(CodegenError, match="one Disney layer") as caught:
             scene_task(scene_of(LEAF), Sampling(), backend.name)
         assert str(caught.value) == reason

@@ -3,7 +3,7 @@
 import numpy as np
 
 from lookdev.rendering.adaptive import Half, Region
-from lookdev.rendering.catcher import catcher_pictures, remaining_share
+from lookdev.rendering.catcher import combine_catcher_halves, remaining_share
 
 SIZE = (6, 5)
 
@@ -28,7 +28,7 @@ def halves(rng: np.random.Generator) -> list[Half]:
 
 def test_laid_over_its_ground_a_frame_is_asset_and_ground() -> None:
     first, second = halves(np.random.default_rng(2))
-    a, b, alpha = catcher_pictures(first, second)
+    a, b, alpha = combine_catcher_halves(first, second)
     covered = first.parts["covered"][..., 0] / first.samples
     bare = 0.5 * (first.parts["bare"] / first.samples[..., None] + second.parts["bare"] / second.samples[..., None])
     # Asset and ground fill each pixel, of which the picture of the ground has its colour everywhere.

@@ -14,9 +14,9 @@ import pytest
 from lookdev.codegen.source import NodeLink, NodeSource
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.rendering.answers import save_arrays
-from lookdev.rendering.results import Progress
+from lookdev.rendering.results import ProgressMessage
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
-from lookdev.rendering.wire import Cancelled, Requests, decode, decode_request, encode, encode_cancel
+from lookdev.rendering.wire import FrameCancelled, TaskQueue, decode_frame_task, decode_task, encode_cancel, encode_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Pose
 
@@ -27,14 +27,14 @@ import numpy as np
 from lookdev.errors import OutputError, RenderError
 from lookdev.rendering.answers import AnswerStream
 from lookdev.rendering.frame import RenderedFrame
-from lookdev.rendering.wire import decode
+from lookdev.rendering.wire import decode_frame_task
 
 answers = AnswerStream()
 print("chatter of Python", flush=True)
 os.write(1, b"chatter of C\\n")
 answers.send_ready("none 1.0")
 for line in sys.stdin:
-    task = decode(line)
+    task = decode_frame_task(line)
     if task.exposure:
         answers.send_failure(task.digest, (RenderError if task.exposure < 0 else OutputError)("too dark"))
         continue
@@ -53,15 +53,15 @@ def task(scene: SceneTask) -> FrameTask:
 
 
 def test_a_task_is_one_line_and_comes_back_equal(task: FrameTask) -> None:
-    line = encode(task)
+    line = encode_task(task)
     assert {"\n", "\r"} & {*line} == set()
-    assert decode(line) == decode(line + "\n") == task
+    assert decode_frame_task(line) == decode_frame_task(line + "\n") == task
 
 
 def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeSource) -> None:
     shaders = node_source, replace(node_source, digest="1")
     scene = replace(task.scene, backend="nodes", shaders=shaders, slot_shaders=(0, 1, 0))
-    back = decode(encode(replace(task, scene=scene))).scene
+    back = decode_frame_task(encode_task(replace(task, scene=scene))).scene
     assert back == scene
     for source in back.shaders:
         assert isinstance(source, NodeSource)
@@ -71,10 +71,10 @@ def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeS
 
 
 def test_a_scene_is_told_from_a_frame(task: FrameTask) -> None:
-    assert decode_request(encode(task)) == task
-    assert decode_request(encode(task.scene)) == task.scene
+    assert decode_task(encode_task(task)) == task
+    assert decode_task(encode_task(task.scene)) == task.scene
     with pytest.raises(WorkerError, match="a scene task, not a frame task"):
-        decode(encode(task.scene))
+        decode_frame_task(encode_task(task.scene))
 
 
 def test_floats_survive_exactly(task: FrameTask) -> None:
@@ -82,30 +82,30 @@ def test_floats_survive_exactly(task: FrameTask) -> None:
     bits = np.random.default_rng(7).integers(0, 2**64, 500, dtype=np.uint64)
     values = [value for value in bits.view(np.float64).tolist() if np.isfinite(value)]
     for value in [*values, 5e-324, 1.7976931348623157e308, -0.0]:
-        back = decode(encode(replace(task, exposure=value))).exposure
+        back = decode_frame_task(encode_task(replace(task, exposure=value))).exposure
         assert struct.pack("d", back) == struct.pack("d", value)
 
 
 @pytest.mark.parametrize("line", ["", "{}", "[1]", '{"scene": 3}', '{"scene": {"backend": "x", "shaders": []}}'])
 def test_another_line_is_refused(line: str) -> None:
     with pytest.raises(WorkerError, match="frame task"):
-        decode(line)
+        decode_frame_task(line)
 
 
 def test_a_frame_that_is_cancelled_is_known_before_the_tasks_ahead_of_it(task: FrameTask) -> None:
-    requests = Requests()
-    requests.read([encode(task), encode_cancel("d16e57").decode()])
-    with pytest.raises(Cancelled):
-        requests.check("d16e57")
-    requests.check("another")
+    requests = TaskQueue()
+    requests.read_lines([encode_task(task), encode_cancel("d16e57").decode()])
+    with pytest.raises(FrameCancelled):
+        requests.check_cancelled("d16e57")
+    requests.check_cancelled("another")
     assert requests.next() == task
 
 
 @pytest.mark.both_pythons
 def test_a_signal_that_does_not_end_a_wait_is_seen_soon(task: FrameTask) -> None:
     """`interrupt_main` does not wake a wait, as a signal that arrives just before the wait."""
-    requests = Requests()
-    late = threading.Timer(20.0, lambda: requests.read([encode(task)]))
+    requests = TaskQueue()
+    late = threading.Timer(20.0, lambda: requests.read_lines([encode_task(task)]))
     soon = threading.Timer(0.2, _thread.interrupt_main)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -121,7 +121,7 @@ def test_a_signal_that_does_not_end_a_wait_is_seen_soon(task: FrameTask) -> None
 
 def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
     task = frame_task(scene, Pose(0.0, 0.0), "d16e57")
-    reported: list[Progress] = []
+    reported: list[ProgressMessage] = []
     log, scratch = tmp_path / "worker.log", tmp_path / "scratch"
     scratch.mkdir()
     with Worker((sys.executable, "-c", WORKER), log, scratch, 60.0) as worker:
@@ -132,7 +132,7 @@ def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
             worker.render(replace(task, exposure=1.0), reported.append)
         assert reported == []
         rendered = worker.render(task, reported.append)
-    assert reported == [Progress(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
+    assert reported == [ProgressMessage(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
     image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
     for array, expected in ((rendered.a, image), (rendered.b, 2 * image), (rendered.alpha, image[..., 0])):
         np.testing.assert_array_equal(array, expected)

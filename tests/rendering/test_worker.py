@@ -128,7 +128,7 @@ def test_a_misbehaving_worker_is_killed_and_can_start_again(
 def test_a_silent_worker_is_killed_with_its_children(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
     misbehave(tmp_path, **{FRAME: ["child"]})
     worker.start()
-    worker._patience = 1.0  # now: a start may take longer
+    worker._timeout = 1.0  # now: a start may take longer
     with pytest.raises(WorkerError, match="silent for 1 s"):
         worker.render(task, ignore)
     child = int((tmp_path / "child.txt").read_text())
@@ -139,7 +139,7 @@ def test_a_worker_that_takes_no_request_is_killed(task: FrameTask, tmp_path: Pat
     deaf = 'import time; print(\'{"type": "ready", "blender": "4"}\', flush=True); time.sleep(60)'
     with Worker((sys.executable, "-c", deaf), tmp_path / "worker.log", tmp_path) as worker:
         worker.start()
-        worker._patience = 0.3
+        worker._timeout = 0.3
         with pytest.raises(WorkerError, match=r"silent for 0\.3 s"):
             worker.render(replace(task, scene=long_scene(task)), ignore)
 

@@ -4,7 +4,7 @@ from pathlib import Path
 import batch_case as case
 
 from lookdev.plan.skips import Skip
-from lookdev.run.listing import LINKED, FrameRange, plan_data, plan_ranges, plan_text
+from lookdev.run.listing import LINKED_REASON, FrameRange, plan_data, plan_ranges, plan_text
 
 
 def test_states_and_reasons_split_a_range(finished: Path) -> None:
@@ -16,7 +16,7 @@ def test_states_and_reasons_split_a_range(finished: Path) -> None:
         "gold/city/element   0001       done",
         "gold/city/element   0002       new    no file",
         "gold/city/element   0003-0004  done",
-        f"gold/city/lighting  0001       new    {LINKED}",
+        f"gold/city/lighting  0001       new    {LINKED_REASON}",
         "gold/city/lighting  0002-0003  done",
         "1 of 6 frames to render (files: 5 done, 0 stale, 2 new)",
         "2 pictures to make from frames that are done",

@@ -16,7 +16,7 @@ from lookdev.errors import LookdevError, OutputError
 from lookdev.job import load_job, parse_job
 from lookdev.output.exr import read_header
 from lookdev.output.manifest import read_manifest
-from lookdev.run.manifest import input_files, record_run, verify
+from lookdev.run.manifest import input_files, record_run, verify_manifest
 from lookdev.shipped import shipped_folder
 
 
@@ -85,12 +85,12 @@ def test_a_run_that_was_interrupted_lists_what_is_there(tmp_path: Path) -> None:
 
 
 def test_verification_names_what_is_missing_changed_and_not_listed(out: Path, tmp_path: Path) -> None:
-    assert verify(out)[1] == ()
+    assert verify_manifest(out)[1] == ()
     frame, picture = out / "gold" / "city" / "element.0001.exr", out / "gold" / "city" / "element.0002.png"
     frame.rename(frame.with_name("other.0001.exr"))
     os.truncate(picture, 20)
     (tmp_path / "gold.usda").write_text("# another look")
-    assert {(inputs.state, inputs.kind, inputs.file.name, inputs.is_failure) for inputs in verify(out)[1]} == {
+    assert {(inputs.state, inputs.kind, inputs.file.name, inputs.is_failure) for inputs in verify_manifest(out)[1]} == {
         ("missing", "frame", "element.0001.exr", True),
         ("changed", "picture", "element.0002.png", True),
         ("changed", "input", "gold.usda", True),
@@ -105,7 +105,7 @@ def test_a_manifest_that_is_missing_or_spoilt_is_an_error(out: Path, text: str |
     if text is not None:
         file.write_text(text)
     with pytest.raises(OutputError, match=r"lookdev render"):
-        verify(out)
+        verify_manifest(out)
 
 
 def test_the_command_of_a_frame_renders_it_alone(out: Path, tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_the_command_of_a_frame_renders_it_alone(out: Path, tmp_path: Path) -> N
     assert case.requests(tmp_path)[requests:] == ["lighting.0002.exr"]
     after = {path.name: path.stat().st_mtime_ns for path in out.rglob("[!.]*.exr")}
     assert {name for name in after if after[name] != before[name]} == {"lighting.0002.exr"}
-    assert verify(out)[1] == ()
+    assert verify_manifest(out)[1] == ()
     for name in ("element.0003", "lighting.0003"):
         (out / "gold" / "city" / f"{name}.exr").unlink()
     case.run(tmp_path, only=["gold/city/lighting.0003"])

@@ -109,7 +109,7 @@ def test_a_movie_needs_pyav_and_options_need_a_movie(tmp_path: Path, monkeypatch
 def test_turns_double_no_frame_and_a_slate_precedes_them_once(tmp_path: Path) -> None:
     job = case.make_job(tmp_path, render=case.RENDER + "movie = true\nmovie_turns = 3\nslate = 0.5\n")
     # Each pose has another grey background, so that frames differ.
-    case.run(tmp_path, job, behind=lambda task: np.full(3, 0.1 + task.pose.element / 500.0))
+    case.run(tmp_path, job, render_background=lambda task: np.full(3, 0.1 + task.pose.element / 500.0))
     with av.open(str(tmp_path / "out" / "gold" / "city" / "element.mp4")) as container:
         frames = [np.frombuffer(bytes(frame.planes[0]), np.uint8) for frame in container.decode(video=0)]
     luma = [float(frame.reshape(6, -1)[:, :8].mean()) for frame in frames]

@@ -13,7 +13,7 @@ import pytest
 from lookdev.build.wedges import WedgeSheet
 from lookdev.cache import link_or_copy
 from lookdev.output.sheet import write_sheet
-from lookdev.run.pictures import link_first
+from lookdev.run.pictures import link_to_first
 from lookdev.run.render import RunResult, run_plan
 
 COLORS = {"gold": (0.9, 0.6, 0.1), "tin": (0.4, 0.4, 0.4), "copper": (0.8, 0.3, 0.1)}
@@ -30,7 +30,7 @@ Written = list[tuple[str, list[str], list[list[int]], str, int | None]]
 def test_files_are_shared_as_links_or_as_copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second, third = (tmp_path / name for name in ("a", "b", "deep/c"))
     first.write_text("pixels")
-    link_first([first, second, third])
+    link_to_first([first, second, third])
     assert first.samefile(second)
     assert first.samefile(third)
 
@@ -68,7 +68,7 @@ def test_large_frames_are_averaged_for_the_sheet(finished: Path, monkeypatch: py
     monkeypatch.setattr("lookdev.output.sheet.write_sheet", note_frames)
     behind = np.zeros((case.HEIGHT, case.WIDTH, 3))
     behind[:, ::2] = 1.0
-    case.run(finished, behind=lambda task: behind, force=True)
+    case.run(finished, render_background=lambda task: behind, force=True)
     assert len(seen) == 7
     assert seen[0].shape == (3, 4, 3)
     assert (seen[0] == 128).all()  # the mean of 0.25 and 0.25 + 0.5 * 1, in the Raw view
@@ -103,7 +103,7 @@ def run(
         job.outputs,
         job.render.background,
         worker_command=case.command(folder),
-        behind=lambda task: np.array(COLORS[task.labels["look"]]),
+        render_background=lambda task: np.array(COLORS[task.labels["look"]]),
     )
 
 

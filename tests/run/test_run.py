@@ -214,7 +214,7 @@ def test_a_worker_that_cannot_write_ends_the_batch(tmp_path: Path) -> None:
 def test_a_frame_whose_worker_crashes_or_hangs_is_retried_and_the_batch_completes(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0002=["die", "garbage", "ok"], element_0003=["hang", "ok"])
     events: list[Event] = []
-    result = case.run(tmp_path, patience=1.0, report=events.append)
+    result = case.run(tmp_path, timeout=1.0, report=events.append)
     assert (result.done, result.exit_code) == (6, 0)
     assert case.requests(tmp_path).count("element.0002.exr") == 3
     assert len(case.worker_pids(tmp_path)) == 4
@@ -356,7 +356,7 @@ def test_pictures_lie_over_the_given_background_and_a_doubtful_frame_is_kept_and
     behind[0] = 1.0
     case.misbehave(tmp_path, element_0003=["empty"])
     events: list[Event] = []
-    assert case.run(tmp_path, behind=lambda task: behind, report=events.append).exit_code == 0
+    assert case.run(tmp_path, render_background=lambda task: behind, report=events.append).exit_code == 0
     assert background_light("black")(case.make_plan(case.make_job(tmp_path)).frames[0].task).tolist() == [0, 0, 0]
     picture = pixels(frames_folder(tmp_path) / "element.0002.png")
     assert (picture[0] == 191).all()  # 0.25 + 0.5 * 1

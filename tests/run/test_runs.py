@@ -57,7 +57,7 @@ def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
 def _short_lease(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let other processes have six heartbeats a second, and count as dead here after half a second without one."""
     monkeypatch.setenv("LOOKDEV_LEASE", "1")
-    monkeypatch.setattr("lookdev.run.runs.lease", lambda: 0.5)
+    monkeypatch.setattr("lookdev.run.runs.lease_seconds", lambda: 0.5)
 
 
 @contextmanager

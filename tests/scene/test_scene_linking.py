@@ -102,7 +102,7 @@ def test_a_source_is_made_for_each_set_of_lights() -> None:
     lights = (light(("/a", "expandPrims")), light(linked=False))
     task = scene_task(replace(link(lights), groups={}), Sampling())
     assert task.shader_lights == ((0, 1), (1,))
-    assert [task.lights_of(number) for number in task.slot_shaders] == [lights, lights[1:]]
+    assert [task.lights_of_shader(number) for number in task.slot_shaders] == [lights, lights[1:]]
     other = replace(task, shader_lights=((0, 1), (0,)))
     one, two = (part_digests(variant, Pose(0.0, 0.0), 0.0) for variant in (task, other))
     assert [part for part in one if one[part] != two[part]] == ["ibl"]

@@ -22,8 +22,8 @@ from lookdev.material.change import look_with_live_inputs
 from lookdev.output.frame_name import FrameName
 from lookdev.plan import Setup, make_setup
 from lookdev.rendering.backends import BACKENDS
+from lookdev.rendering.derivatives import DerivativeTask, live_inputs
 from lookdev.rendering.scene import SceneTasks
-from lookdev.rendering.slopes import SlopeTask, live_inputs
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import Worker, last_line
 from lookdev.scene import Pose, Scene
@@ -103,9 +103,9 @@ class LiveFrame:
         live_values = {binding.parameter: values[self._unknowns[key].name] for key, binding in bindings.items()}
         symbols = [symbol for binding in bindings.values() for symbol in binding.symbols] if with_derivatives else []
         digest = f"picture {next(self._numbers)}"
-        task = SlopeTask(scene, self._pose, live_values, tuple(symbols), samples, seeds, digest)
+        task = DerivativeTask(scene, self._pose, live_values, tuple(symbols), samples, seeds, digest)
         try:
-            halves = self._worker.slopes(task, lambda progress: None).astype(np.float64)
+            halves = self._worker.render_derivatives(task, lambda progress: None).astype(np.float64)
         except WorkerError as error:
             raise WorkerError(f"{error}\n{last_line(self._worker.log)}") from error
         if not with_derivatives or len(bindings) == len(self._unknowns):

@@ -1,4 +1,4 @@
-"""The cores and the memory of this machine that its workers leave unused, by proc(5) and cgroups(7)."""
+"""The cores and the memory of this machine that workers do not use, by proc(5) and cgroups(7)."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.rendering.threads import cores
+from lookdev.rendering.threads import usable_cores
 
 _TICKS = os.sysconf("SC_CLK_TCK")
 _RESERVE = 0.1  # of the memory: left to other processes
-_LEAST_GAIN = 0.5  # idle cores over those that a worker uses: with fewer, another worker gains little
-_START = 30.0  # seconds of remaining work: starting a worker and compiling take some
+_MIN_GAIN = 0.5  # idle cores over those that a worker uses: with fewer, another worker gains little
+_START_SECONDS = 30.0  # seconds of remaining work: starting a worker and compiling take some
 _GROWTH = 1.5  # times the peak memory of a worker so far
 
 
 @dataclass(frozen=True)
-class Use:
+class CpuUse:
     """The seconds of a clock, and the core seconds used until then: by some `processes`, and by the whole `machine`."""
 
     clock: float
@@ -27,7 +27,7 @@ class Use:
     machine: float
 
     @classmethod
-    def of(cls, processes: Iterable[int]) -> Use:
+    def of(cls, processes: Iterable[int]) -> CpuUse:
         """Return the use of some running processes and of this one."""
         used = sum(map(_cpu_seconds, {os.getpid(), *processes}))
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
@@ -37,21 +37,21 @@ class Use:
         return cls(time.monotonic(), used, busy / _TICKS)
 
 
-def idle_cores(before: Use, now: Use) -> float:
+def idle_cores(before: CpuUse, now: CpuUse) -> float:
     """Return the mean number of idle cores between two measurements."""
     seconds = now.clock - before.clock
     used = max(now.processes - before.processes, now.machine - before.machine)
-    return max(cores() - used / seconds, 0.0) if seconds > 0.0 else 0.0
+    return max(usable_cores() - used / seconds, 0.0) if seconds > 0.0 else 0.0
 
 
-def is_worth_another(workers: int, idle: float, left: float, memory: int, free: int) -> bool:
+def is_worker_worthwhile(workers: int, idle: float, left: float, memory: int, free: int) -> bool:
     """Return whether one more worker gains more than it costs.
 
     workers : running now; idle : unused cores; left : remaining seconds of work for each worker; memory : bytes that a
     worker takes; free : bytes that are free.
     """
-    used = (cores() - idle) / workers
-    return idle > 0.0 and idle >= _LEAST_GAIN * used and left > _START and free > _GROWTH * memory
+    used = (usable_cores() - idle) / workers
+    return idle > 0.0 and idle >= _MIN_GAIN * used and left > _START_SECONDS and free > _GROWTH * memory
 
 
 def free_memory() -> int:

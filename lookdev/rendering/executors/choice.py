@@ -10,7 +10,7 @@ from pathlib import Path
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.executors.local import LocalExecutor
-from lookdev.rendering.executors.protocol import Executor, Store, WorkerFiles
+from lookdev.rendering.executors.protocol import Executor, StoreFrame, WorkerFiles
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class ExecutorOptions:
     workers
         The number of workers. None leaves it to the executor.
     device
-        The kind of device, which overrides that of the job.
+        The kind of device, in place of the job's. None leaves it to the job.
     numbers
         The numbers of the devices of that kind to use, as the vendor's tools count them; () means all.
     stored
@@ -35,16 +35,16 @@ class ExecutorOptions:
     address: str = ""
     workers: int | None = None
     device: str | None = None
-    numbers: tuple[int, ...] = ()
-    stored: bool = False
+    device_numbers: tuple[int, ...] = ()
+    shared_output: bool = False
 
     @property
-    def here(self) -> bool:
-        """Whether workers start on this machine. Those at an address run already, with devices of their own."""
+    def is_local(self) -> bool:
+        """Whether workers start on this machine. At an address, workers run already, with devices of their own."""
         return not self.address
 
 
-LOCAL = ExecutorOptions()
+LOCAL_OPTIONS = ExecutorOptions()
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,10 @@ class ExecutorKind:
 
     help: str
     address: str
-    open: Callable[[ExecutorOptions, WorkerFiles, Store], Executor]
+    open: Callable[[ExecutorOptions, WorkerFiles, StoreFrame], Executor]
     needs_address: bool = False
-    counts: bool = False  # whether the user sets the number of its workers
-    storing: bool = False  # whether its workers can write the files of frames
+    has_worker_count: bool = False  # whether the user sets the number of its workers
+    can_store: bool = False  # whether its workers can write the files of frames
 
 
 # Environment variables that restrict a process to some devices of this machine, by kind of device.
@@ -68,32 +68,32 @@ _VISIBLE_DEVICES = {
 }
 
 
-def _open_local(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
-    return LocalExecutor(files, choice.workers, devices_of(choice))
+def _open_local(choice: ExecutorOptions, files: WorkerFiles, store: StoreFrame) -> Executor:
+    return LocalExecutor(files, choice.workers, device_environments(choice))
 
 
-def _open_dask(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
+def _open_dask(choice: ExecutorOptions, files: WorkerFiles, store: StoreFrame) -> Executor:
     from lookdev.rendering.executors.dask import DaskExecutor
 
     if choice.address and choice.workers is not None:
         raise LookdevError("--workers: the scheduler of Dask has workers of its own; leave it out")
-    return DaskExecutor(files, choice.address, choice.workers, store if choice.stored else None)
+    return DaskExecutor(files, choice.address, choice.workers, store if choice.shared_output else None)
 
 
-def _open_warm(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
+def _open_warm(choice: ExecutorOptions, files: WorkerFiles, store: StoreFrame) -> Executor:
     from lookdev.rendering.executors.warm import WarmExecutor
 
     return WarmExecutor(files, Path(choice.address))
 
 
 EXECUTORS: dict[str, ExecutorKind] = {
-    "local": ExecutorKind("workers of this machine", "", _open_local, counts=True),
+    "local": ExecutorKind("workers of this machine", "", _open_local, has_worker_count=True),
     "dask": ExecutorKind(
         "workers of Dask, on a cluster that is started here, or on that of a scheduler",
         "tcp://HOST:8786",
         _open_dask,
-        counts=True,
-        storing=True,
+        has_worker_count=True,
+        can_store=True,
     ),
     "warm": ExecutorKind(
         "the worker that 'lookdev warm start' keeps at a socket", "SOCKET", _open_warm, needs_address=True
@@ -101,12 +101,12 @@ EXECUTORS: dict[str, ExecutorKind] = {
 }
 
 
-def open_executor(choice: ExecutorOptions, files: WorkerFiles, store: Store) -> Executor:
+def open_executor(choice: ExecutorOptions, files: WorkerFiles, store: StoreFrame) -> Executor:
     """Return the executor of a choice, a context manager; raises LookdevError where the options contradict it."""
     return EXECUTORS[choice.kind].open(choice, files, store)
 
 
-def choose(executor: str, *, workers: int | None, device: str | None, stored: bool) -> ExecutorOptions:
+def choose_executor(executor: str, *, workers: int | None, device: str | None, shared_output: bool) -> ExecutorOptions:
     """Return the choice of options of the command line, such as ``dask:tcp://host:8786`` and ``cuda:0,1``.
 
     Raises LookdevError where an option is wrong, or does not fit the executor.
@@ -119,16 +119,16 @@ def choose(executor: str, *, workers: int | None, device: str | None, stored: bo
         raise LookdevError(f"--executor: '{kind}' has no address: write --executor {kind}")
     if record.needs_address and not address:
         raise LookdevError(f"--executor: '{kind}' needs an address: write --executor {kind}:{record.address}")
-    if workers is not None and not record.counts:
+    if workers is not None and not record.has_worker_count:
         raise LookdevError(f"--workers: executor '{kind}' has workers of its own")
-    if stored and not record.storing:
+    if shared_output and not record.can_store:
         raise LookdevError(
             f"--shared: workers of executor '{kind}' are on this machine, whose output they need not share"
         )
     name, numbers = _parse_device(device) if device is not None else (None, ())
     if numbers and kind != "local":
         raise LookdevError(f"--device: executor '{kind}' has devices of its own: write --device {name}")
-    return ExecutorOptions(kind, address, workers, name, numbers, stored)
+    return ExecutorOptions(kind, address, workers, name, numbers, shared_output)
 
 
 def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
@@ -146,15 +146,15 @@ def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
     return kind, tuple(dict.fromkeys(map(int, numbers.split(","))))
 
 
-def devices_of(choice: ExecutorOptions) -> tuple[Mapping[str, str], ...]:
+def device_environments(choice: ExecutorOptions) -> tuple[Mapping[str, str], ...]:
     """Return the environment variables that give workers their devices; workers take turns with the entries.
 
     With several devices and workers, an entry has one device; a single worker has all of them.
     """
-    if choice.device is None or not choice.numbers:
+    if choice.device is None or not choice.device_numbers:
         return ({},)
     variable, prefix = _VISIBLE_DEVICES[choice.device], "level_zero:" if choice.device == "oneapi" else ""
-    names = [f"{prefix}{number}" for number in choice.numbers]
+    names = [f"{prefix}{number}" for number in choice.device_numbers]
     if choice.workers is None or choice.workers == 1:
-        return ({variable: prefix + ",".join(map(str, choice.numbers))},)
+        return ({variable: prefix + ",".join(map(str, choice.device_numbers))},)
     return tuple({variable: name} for name in names)

@@ -2,9 +2,9 @@
 
 - Rocklin 2015, "Dask: Parallel Computation with Blocked algorithms and Task Scheduling"; https://distributed.dask.org
 
-A task of Dask is a chunk: frames of one scene, for about 15 seconds (`shares`). Each worker has two chunks of the scene
-that it renders; so an adaptive scheduler sees more work than its workers can do, and starts more. The chunks of a lost
-worker go to others. A worker that lacks files is sent them, once.
+A task of Dask is a chunk: frames of one scene, for about 15 seconds (`frame_queue`). Each worker has two chunks of the
+scene that it renders. An adaptive scheduler therefore has more work than its workers can do, and starts more. The
+chunks of a lost worker go to others. A worker that lacks files is sent them, once.
 """
 
 from __future__ import annotations
@@ -29,39 +29,39 @@ from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.rendering.executors.capacity import free_memory
 from lookdev.rendering.executors.dask_worker import (
     ChunkAnswers,
+    ChunkRequest,
     ChunkResult,
     MissingFiles,
-    Order,
     UnfitWorker,
-    Unwritable,
+    UnwritableOutput,
     WorkerEvent,
-    receive,
-    render_order,
+    receive_file_part,
+    render_chunk,
 )
+from lookdev.rendering.executors.frame_queue import ChunkQueue
 from lookdev.rendering.executors.protocol import (
     CRASH_TRIES,
+    ExecutorEvent,
+    ExecutorNote,
     Finished,
     FrameFilter,
     GivenUp,
-    Happening,
     Progressed,
-    Remarked,
     Retried,
     Started,
-    Store,
+    StoreFrame,
     WorkerFiles,
 )
-from lookdev.rendering.executors.shares import ChunkShares
-from lookdev.rendering.executors.versions import mismatch, versions
-from lookdev.rendering.results import Progress
+from lookdev.rendering.executors.versions import package_versions, version_mismatch
+from lookdev.rendering.results import ProgressMessage
 from lookdev.rendering.task import FrameTask, SceneTask
-from lookdev.rendering.threads import cores
+from lookdev.rendering.threads import usable_cores
 
 if TYPE_CHECKING:
     from distributed import Future
 
-_CONNECT = 10.0  # seconds
-_PIECE = 32 << 20  # bytes of a file in a message
+_CONNECT_TIMEOUT = 10.0  # seconds
+_PART_BYTES = 32 << 20  # bytes of a file in a message
 _CHUNKS_PER_WORKER = 2  # a worker renders one while the next is on its way
 _POLL = 1.0  # seconds between checks of the cluster
 _NO_WORKER_NOTE = 15.0  # seconds without a worker until a note says so
@@ -86,7 +86,7 @@ class DaskExecutor:
     Parameters
     ----------
     files
-        The scratch folder, in the output folder, and the patience of workers. Its command is not used: see `command`.
+        The scratch folder, in the output folder, and the timeout of workers. Its command is not used: see `command`.
     address
         That of the scheduler; "" starts a cluster on this machine.
     workers
@@ -102,19 +102,19 @@ class DaskExecutor:
         files: WorkerFiles,
         address: str = "",
         workers: int | None = None,
-        store: Store | None = None,
+        store: StoreFrame | None = None,
         command: tuple[str, ...] | None = None,
     ) -> None:
         self._files, self._address, self._count = files, address, workers
         self._store, self._command = store, command
         self._run = secrets.token_hex(4)
         self._stack = ExitStack()
-        self._incoming: queue.SimpleQueue[_Chunk | Happening] = queue.SimpleQueue()
-        self._by_digest: dict[str, FrameTask] = {}
+        self._incoming: queue.SimpleQueue[_Chunk | ExecutorEvent] = queue.SimpleQueue()
+        self._task_of_digest: dict[str, FrameTask] = {}
         self._started: set[str] = set()  # digests of the frames that a renderer has started
         self._in_flight: set[_Chunk] = set()
         self._unfit: dict[str, str] = {}
-        self._sharing = 1  # the number of workers that share the cores of this machine
+        self._workers_per_machine = 1  # the number of workers that share the cores of this machine
         self._workers: set[str] = set()
         self._number = 0
 
@@ -130,8 +130,10 @@ class DaskExecutor:
             warnings.simplefilter("ignore")  # on versions, which this executor compares, and on ports
             target: LocalCluster | str = self._address
             if not self._address:
-                count = self._count or max(min(cores() // _CORES_PER_WORKER, free_memory() // _MEMORY_PER_WORKER), 1)
-                self._sharing = count
+                count = self._count or max(
+                    min(usable_cores() // _CORES_PER_WORKER, free_memory() // _MEMORY_PER_WORKER), 1
+                )
+                self._workers_per_machine = count
                 cluster = LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
@@ -141,24 +143,24 @@ class DaskExecutor:
                 )
                 target = stack.enter_context(cluster)
             try:
-                # A client that cannot connect is closed when it is garbage-collected, and hangs in that where another
-                # client starts meanwhile: so the connection is tried first.
+                # The connection is tried first: a client that cannot connect closes when it is garbage-collected, and
+                # hangs then if another client starts meanwhile.
                 if self._address:
                     asyncio.run(_connect_once(self._address))
-                client = Client(target, timeout=_CONNECT, set_as_default=False, name="lookdev")
+                client = Client(target, timeout=_CONNECT_TIMEOUT, set_as_default=False, name="lookdev")
             except ValueError as error:
                 raise LookdevError(
-                    f"--executor: '{self._address}' is no address of a scheduler of Dask ({error}): write "
+                    f"--executor: '{self._address}' is not an address of a scheduler of Dask ({error}): write "
                     "dask:tcp://HOST:8786"
                 ) from None
             except OSError as error:
                 raise WorkerError(
-                    f"no scheduler of Dask answers at {self._address}: {_brief(error)}; start one with 'dask scheduler'"
-                    ", and workers with 'dask worker ADDRESS --nthreads 1', or check address and firewall"
+                    f"no scheduler of Dask answers at {self._address}: {_error_line(error)}; start one with 'dask "
+                    "scheduler', and workers with 'dask worker ADDRESS --nthreads 1', or check address and firewall"
                 ) from None
             self._client = stack.enter_context(client)
             self._client.subscribe_topic(self._topic, self._on_event)
-            stack.callback(self._cancel)
+            stack.callback(self._cancel_chunks)
             self._stack = stack.pop_all()
         return self
 
@@ -172,22 +174,22 @@ class DaskExecutor:
     def prepare(self, scene: SceneTask) -> None:
         """Do nothing: the worker of the scene is not known yet."""
 
-    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
         """Render tasks, as `Executor.render`."""
         backend = tasks[0].scene.backend
         self._check_versions(backend)
-        self._waiting = ChunkShares(tasks, is_needed, answered=self._store is None)
-        self._by_digest.update({task.digest: task for task in tasks})
-        self._order = Order(
+        self._queue = ChunkQueue(tasks, is_needed, returns_pixels=self._store is None)
+        self._task_of_digest.update({task.digest: task for task in tasks})
+        self._request = ChunkRequest(
             b"",
             backend,
-            versions(backend),
+            package_versions(backend),
             self._topic,
-            self._files.patience,
+            self._files.timeout,
             self._store,
-            self._shared_mark(),
+            self._create_shared_marker(),
             self._command,
-            self._sharing,
+            self._workers_per_machine,
         )
         last_worker, last_poll = time.monotonic(), -math.inf
         while True:
@@ -197,16 +199,16 @@ class DaskExecutor:
                 last_worker = last_poll if workers else last_worker
                 if last_poll > last_worker + _NO_WORKER_NOTE:
                     last_worker = last_poll
-                    yield Remarked(f"{self._cluster} has no worker: frames wait for one")
+                    yield ExecutorNote(f"{self._cluster} has no worker: frames wait for one")
                 lost, self._workers = self._workers - set(workers), set(workers)
                 for worker in lost:
-                    self._waiting.remove_worker(worker)
-                # If no other worker is there, the scheduler would keep them for a worker with the same address.
+                    self._queue.remove_worker(worker)
+                # Without another worker, the scheduler would keep the chunks for a worker with the same address.
                 for chunk in [chunk for chunk in self._in_flight if chunk.worker in lost]:
                     self._in_flight.discard(chunk)
                     chunk.future.cancel(force=True)
                     yield from self._render_again(chunk, f"worker {chunk.worker} was lost")
-            self._fill(workers)
+            self._submit_chunks(workers)
             if not self._in_flight:
                 return
             try:
@@ -219,24 +221,24 @@ class DaskExecutor:
                 self._in_flight.discard(item)
                 yield from self._handle_result(item)
 
-    def _fill(self, workers: Sequence[str]) -> None:
+    def _submit_chunks(self, workers: Sequence[str]) -> None:
         """Submit chunks for each worker until it has enough; without workers, submit one for the first that comes."""
         chunk_counts = Counter(chunk.worker for chunk in self._in_flight)
         for worker in workers:
             while chunk_counts[worker] < _CHUNKS_PER_WORKER and (
-                frames := self._waiting.next_chunk(worker, len(workers))
+                frames := self._queue.next_chunk(worker, len(workers))
             ):
-                self._submit(_Chunk(frames, worker))
+                self._submit_chunk(_Chunk(frames, worker))
                 chunk_counts[worker] += 1
-        if not workers and not self._in_flight and (frames := self._waiting.next_chunk("", 1)):
-            self._waiting.remove_worker("")
-            self._submit(_Chunk(frames))
+        if not workers and not self._in_flight and (frames := self._queue.next_chunk("", 1)):
+            self._queue.remove_worker("")
+            self._submit_chunk(_Chunk(frames))
 
     @property
     def _topic(self) -> str:
         return f"lookdev-{self._run}"
 
-    def _shared_mark(self) -> Path | None:
+    def _create_shared_marker(self) -> Path | None:
         """Create and return a file in the output folder: workers that see it see the same folder."""
         if self._store is None:
             return None
@@ -244,11 +246,11 @@ class DaskExecutor:
         mark.touch()
         return mark
 
-    def _submit(self, chunk: _Chunk) -> None:
+    def _submit_chunk(self, chunk: _Chunk) -> None:
         self._number += 1
         chunk.future = self._client.submit(
-            render_order,
-            replace(self._order, frames=pickle.dumps(chunk.tasks)),
+            render_chunk,
+            replace(self._request, frames=pickle.dumps(chunk.tasks)),
             key=f"lookdev-{self._run}-{self._number}",
             workers=[chunk.worker] if chunk.worker else None,
             priority=-self._number,
@@ -257,7 +259,7 @@ class DaskExecutor:
         self._in_flight.add(chunk)
         chunk.future.add_done_callback(lambda _: self._incoming.put(chunk))
 
-    def _handle_result(self, chunk: _Chunk) -> Iterator[Happening]:
+    def _handle_result(self, chunk: _Chunk) -> Iterator[ExecutorEvent]:
         """Handle the result of a chunk, and yield the events of its frames."""
         if chunk.future.status in ("cancelled", "lost"):
             raise WorkerError(f"{self._cluster} has dropped the run; run the same command again to continue")
@@ -265,38 +267,38 @@ class DaskExecutor:
         try:
             result = self._result_of(chunk)
         except Exception as error:  # noqa: BLE001  whatever the worker raised, or Dask of lost workers
-            yield from self._render_again(chunk, _brief(error))
+            yield from self._render_again(chunk, _error_line(error))
             return
         match result:
             case MissingFiles(worker, files):
                 if worker in chunk.sent:
                     raise WorkerError(f"worker {worker} lacks {files[0].digest}{files[0].suffix}, which it was sent")
-                self._send(worker, files)
+                self._send_files(worker, files)
                 chunk.sent.add(worker)
                 chunk.worker = worker
-                self._submit(chunk)
+                self._submit_chunk(chunk)
             case UnfitWorker(worker, reason):
-                yield from self._leave_out(worker, reason)
+                yield from self._exclude_worker(worker, reason)
                 fit = sorted(set(self._addresses()) - self._unfit.keys())
                 if not fit:
                     raise WorkerError(f"no worker of {self._cluster} can render: {reason}")
                 chunk.worker = fit[self._number % len(fit)]
-                self._submit(chunk)
-            case Unwritable(reason):
+                self._submit_chunk(chunk)
+            case UnwritableOutput(reason):
                 raise OutputError(reason)
             case ChunkAnswers(worker, answers):
-                self._fill(sorted(self._workers - self._unfit.keys()))
+                self._submit_chunks(sorted(self._workers - self._unfit.keys()))
                 for answer in answers:
                     task = chunk.tasks[answer.number]
                     if isinstance(answer.result, str):
                         yield GivenUp(task, answer.result, None)
                     else:
-                        self._waiting.record_time(task, answer.seconds, worker)
+                        self._queue.record_time(task, answer.seconds, worker)
                         yield Finished(task, answer.result, answer.seconds)
 
     def _result_of(self, chunk: _Chunk) -> ChunkResult:
         """Return the result of a chunk; raises TimeoutError where it does not arrive, soon if its worker is lost."""
-        deadline = time.monotonic() + _CONNECT
+        deadline = time.monotonic() + _CONNECT_TIMEOUT
         while True:
             try:
                 result: ChunkResult = chunk.future.result(timeout=_POLL)
@@ -308,10 +310,10 @@ class DaskExecutor:
                 if time.monotonic() > deadline:
                     raise TimeoutError(f"{chunk.worker or self._cluster} does not send a result") from None
 
-    def _render_again(self, chunk: _Chunk, reason: str) -> Iterator[Happening]:
+    def _render_again(self, chunk: _Chunk, reason: str) -> Iterator[ExecutorEvent]:
         """Submit the frames of a lost chunk again, singly if one was started; give up any lost `CRASH_TRIES` times."""
         started = any(task.digest in self._started for task in chunk.tasks)
-        yield Remarked(f"{len(chunk.tasks)} frames go to another worker: {reason}")
+        yield ExecutorNote(f"{len(chunk.tasks)} frames go to another worker: {reason}")
         groups = [[task] for task in chunk.tasks] if started else [chunk.tasks]
         for tasks in groups:
             losses = chunk.losses + any(task.digest in self._started for task in tasks)
@@ -319,40 +321,40 @@ class DaskExecutor:
             if losses >= CRASH_TRIES:
                 yield GivenUp(tasks[0], f"{reason}, {losses} times", None)
             else:
-                self._submit(_Chunk(tasks, losses=losses))
+                self._submit_chunk(_Chunk(tasks, losses=losses))
 
-    def _leave_out(self, worker: str, reason: str) -> Iterator[Happening]:
+    def _exclude_worker(self, worker: str, reason: str) -> Iterator[ExecutorEvent]:
         """Assign nothing more to a worker."""
         if worker not in self._unfit:
             self._unfit[worker] = reason
-            yield Remarked(f"left out: {reason}")
+            yield ExecutorNote(f"left out: {reason}")
 
-    def _send(self, worker: str, files: Sequence[Content]) -> None:
-        """Send files to the content store of a worker, in pieces; raises OutputError where it cannot store them."""
+    def _send_files(self, worker: str, files: Sequence[Content]) -> None:
+        """Send files to the content store of a worker, in parts; raises OutputError where it cannot store them."""
         for file in files:
             size = file.path.stat().st_size
             with file.path.open("rb") as stream:
-                for offset in range(0, max(size, 1), _PIECE):
-                    piece, last = stream.read(_PIECE), offset + _PIECE >= size
-                    name = f"{file.digest}{file.suffix}"
-                    answers = self._client.run(receive, name, file.digest, offset, piece, last, workers=[worker])
+                for offset in range(0, max(size, 1), _PART_BYTES):
+                    data, is_last = stream.read(_PART_BYTES), offset + _PART_BYTES >= size
+                    part = f"{file.digest}{file.suffix}", file.digest, offset, data, is_last
+                    answers = self._client.run(receive_file_part, *part, workers=[worker])
                     if any(answers.values()):
                         raise OutputError(f"worker {worker} cannot keep a file: {answers[worker]}")
 
     def _check_versions(self, backend: str) -> None:
         """Raise WorkerError where the versions of a connected worker differ from those of this process."""
         try:
-            by_worker = self._client.run(versions, backend, on_error="return")
+            by_worker = self._client.run(package_versions, backend, on_error="return")
         except Exception as error:
-            raise WorkerError(f"{self._cluster} does not answer: {_brief(error)}") from error
+            raise WorkerError(f"{self._cluster} does not answer: {_error_line(error)}") from error
         problems = []
         for worker, remote in by_worker.items():
             if isinstance(remote, Exception):
                 problems.append(
-                    f"worker {worker} has no lookdev of this version: {_brief(remote)}; install it in the environment "
-                    "of all workers: pip install 'lookdev[farm]'"
+                    f"worker {worker} has no lookdev of this version: {_error_line(remote)}; install it in the "
+                    "environment of all workers: pip install 'lookdev[farm]'"
                 )
-            elif problem := mismatch(versions(backend), remote, f"worker {worker}"):
+            elif problem := version_mismatch(package_versions(backend), remote, f"worker {worker}"):
                 problems.append(problem)
         if problems:
             raise WorkerError("\n".join(problems))
@@ -370,7 +372,7 @@ class DaskExecutor:
             return list(self._client.nthreads())
         except Exception as error:
             raise WorkerError(
-                f"{self._cluster} does not answer: {_brief(error)}; run the same command again"
+                f"{self._cluster} does not answer: {_error_line(error)}; run the same command again"
             ) from error
 
     @property
@@ -380,7 +382,7 @@ class DaskExecutor:
     def _on_event(self, event: tuple[float, WorkerEvent]) -> None:
         """Queue an event that a worker logs while it renders."""
         fields = event[1]
-        task = self._by_digest.get(fields.get("digest", ""))
+        task = self._task_of_digest.get(fields.get("digest", ""))
         if task is None:
             return
         if "started" in fields:
@@ -390,10 +392,10 @@ class DaskExecutor:
             self._incoming.put(Retried(task, fields["reason"], fields["attempt"], fields["attempts"]))
         else:
             samples, of, relmse = fields["samples"], fields["of"], fields["relmse"]
-            progress = Progress(type="progress", digest=task.digest, samples=samples, of=of, relmse=relmse)
+            progress = ProgressMessage(type="progress", digest=task.digest, samples=samples, of=of, relmse=relmse)
             self._incoming.put(Progressed(task, progress))
 
-    def _cancel(self) -> None:
+    def _cancel_chunks(self) -> None:
         """Cancel the chunks in flight; workers then stop their renderers."""
         futures = [chunk.future for chunk in self._in_flight]
         self._in_flight.clear()
@@ -407,10 +409,10 @@ async def _connect_once(address: str) -> None:
     from distributed.comm import connect
     from distributed.security import Security
 
-    comm = await connect(address, timeout=_CONNECT, **Security().get_connection_args("client"))
+    comm = await connect(address, timeout=_CONNECT_TIMEOUT, **Security().get_connection_args("client"))
     await comm.close()
 
 
-def _brief(error: BaseException) -> str:
+def _error_line(error: BaseException) -> str:
     lines = str(error).strip().splitlines()
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__

@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, TypedDict, Unpack
 from lookdev.cache import Content, cache_dir
 from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.executors.protocol import GivenUp, Retried, Store, Stored
+from lookdev.rendering.executors.protocol import GivenUp, Retried, StoredFrame, StoreFrame
 from lookdev.rendering.executors.tries import render_with_retries
-from lookdev.rendering.executors.versions import mismatch, versions
-from lookdev.rendering.results import Progress, Rendered
+from lookdev.rendering.executors.versions import package_versions, version_mismatch
+from lookdev.rendering.results import ProgressMessage, WorkerFrame
 from lookdev.rendering.task import FrameTask, files_of_task
 from lookdev.rendering.threads import share_of_cores
 from lookdev.rendering.worker import Worker
@@ -32,7 +32,7 @@ from lookdev.rendering.worker import Worker
 if TYPE_CHECKING:
     from distributed import Worker as DaskWorker
 
-IDLE = 300.0
+IDLE_SECONDS = 300.0
 """Seconds without a chunk after which a renderer is ended, so that others can use its memory."""
 
 _POLL = 0.5  # seconds between checks that the chunk is not cancelled, and between progress reports
@@ -40,22 +40,23 @@ _APPEARANCE_TIMEOUT = 5.0  # seconds until a new file is visible on a shared fil
 
 
 @dataclass(frozen=True)
-class Order:
+class ChunkRequest:
     """A chunk of frames of one scene, pickled, and how to render it.
 
-    `store` writes frames to the shared output, in which the file `shared` is a mark; without it, answers have pixels.
-    `command` replaces that of the backend, in tests. `sharing` workers, named by numbers, share the cores of a machine.
+    `store` writes frames to the shared output folder, which contains the file `shared_marker`. Without `store`, answers
+    have pixels. `command` replaces that of the backend, in tests. `workers_per_machine` workers share the cores of a
+    machine; the name of each is its number.
     """
 
     frames: bytes
     backend: str
     versions: Mapping[str, str]
     topic: str
-    patience: float
-    store: Store | None = None
-    shared: Path | None = None
+    timeout: float
+    store: StoreFrame | None = None
+    shared_marker: Path | None = None
     command: tuple[str, ...] | None = None
-    sharing: int = 1
+    workers_per_machine: int = 1
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ class FrameAnswer:
     """The result of a frame, by its number in the chunk, and its seconds."""
 
     number: int
-    result: Rendered | Stored | str  # a reason if the frame failed
+    result: WorkerFrame | StoredFrame | str  # a reason if the frame failed
     seconds: float
 
 
@@ -77,7 +78,7 @@ class ChunkAnswers:
 
 @dataclass(frozen=True)
 class MissingFiles:
-    """A worker renders nothing until it is sent these files."""
+    """A worker needs these files before it can render."""
 
     worker: str
     files: tuple[Content, ...]
@@ -92,13 +93,13 @@ class UnfitWorker:
 
 
 @dataclass(frozen=True)
-class Unwritable:
+class UnwritableOutput:
     """A worker cannot write a file, for this reason."""
 
     reason: str
 
 
-ChunkResult = ChunkAnswers | MissingFiles | UnfitWorker | Unwritable
+ChunkResult = ChunkAnswers | MissingFiles | UnfitWorker | UnwritableOutput
 
 
 class WorkerEvent(TypedDict, total=False):
@@ -114,42 +115,44 @@ class WorkerEvent(TypedDict, total=False):
     relmse: float | None
 
 
-def render_order(order: Order) -> ChunkResult:
+def render_chunk(request: ChunkRequest) -> ChunkResult:
     """Render a chunk on this worker of Dask."""
     from distributed import get_worker
 
-    host = get_worker()
-    if problem := mismatch(order.versions, versions(order.backend), f"worker {host.address}"):
-        return UnfitWorker(host.address, problem)
-    tasks: list[FrameTask] = pickle.loads(order.frames)
-    if order.shared is not None and not _wait_for_file(order.shared):
+    dask_worker = get_worker()
+    address = dask_worker.address
+    if problem := version_mismatch(request.versions, package_versions(request.backend), f"worker {address}"):
+        return UnfitWorker(address, problem)
+    tasks: list[FrameTask] = pickle.loads(request.frames)
+    if request.shared_marker is not None and not _wait_for_file(request.shared_marker):
         return UnfitWorker(
-            host.address,
-            f"worker {host.address} does not see {order.shared.parent}: mount the output folder there under the same "
-            "path, or leave out --shared",
+            address,
+            f"worker {address} does not see {request.shared_marker.parent}: mount the output folder there under the "
+            "same path, or leave out --shared",
         )
     try:
         if missing := tuple(file for file in sorted(files_of_task(tasks[0].scene), key=str) if not file.is_whole()):
-            return MissingFiles(host.address, missing)
-        with _RENDERER.borrow(order, host) as worker, _stop_if_cancelled(host, worker) as is_cancelled:
+            return MissingFiles(address, missing)
+        with _RENDERER.borrow(request, dask_worker) as worker, _stop_if_cancelled(dask_worker, worker) as is_cancelled:
             frames = [
-                _render_frame(order, number, task, worker, host, is_cancelled) for number, task in enumerate(tasks)
+                _render_frame(request, number, task, worker, dask_worker, is_cancelled)
+                for number, task in enumerate(tasks)
             ]
-            return ChunkAnswers(host.address, frames)
+            return ChunkAnswers(address, frames)
     except OutputError as error:
-        return Unwritable(f"worker {host.address}: {error}")
+        return UnwritableOutput(f"worker {address}: {error}")
     except WorkerError as error:
-        return UnfitWorker(host.address, f"worker {host.address}: {error}")
+        return UnfitWorker(address, f"worker {address}: {error}")
 
 
-def receive(name: str, digest: str, offset: int, data: bytes, last: bool) -> str:
-    """Append a part to a file of the content store, and check it after the `last`. Return what is wrong, or ""."""
+def receive_file_part(name: str, digest: str, offset: int, data: bytes, is_last: bool) -> str:
+    """Append a part to a file of the content store, and check the file after the last. Return the error, or ""."""
     part = cache_dir("content") / f".{name}.{os.getpid()}.part"  # workers of one machine share the folder
     try:
         with part.open("r+b" if offset else "wb") as stream:
             stream.seek(offset)
             stream.write(data)
-        if not last:
+        if not is_last:
             return ""
         suffix = Path(name).suffix
         try:
@@ -158,7 +161,7 @@ def receive(name: str, digest: str, offset: int, data: bytes, last: bool) -> str
             part.unlink(missing_ok=True)
     except (OSError, LookdevError) as error:
         return str(error)
-    return "" if content.digest == digest else f"{name}: what arrived has another content"
+    return "" if content.digest == digest else f"{name}: the received content does not have the digest {digest}"
 
 
 def _wait_for_file(file: Path) -> bool:
@@ -171,14 +174,19 @@ def _wait_for_file(file: Path) -> bool:
 
 
 def _render_frame(
-    order: Order, number: int, task: FrameTask, worker: Worker, host: DaskWorker, is_cancelled: Callable[[], bool]
+    request: ChunkRequest,
+    number: int,
+    task: FrameTask,
+    worker: Worker,
+    dask_worker: DaskWorker,
+    is_cancelled: Callable[[], bool],
 ) -> FrameAnswer:
     started, last_report = time.monotonic(), [0.0]
 
     def log_event(**fields: Unpack[WorkerEvent]) -> None:
-        host.log_event(order.topic, {"digest": task.digest, **fields})
+        dask_worker.log_event(request.topic, {"digest": task.digest, **fields})
 
-    def on_progress(progress: Progress) -> None:
+    def on_progress(progress: ProgressMessage) -> None:
         if time.monotonic() > last_report[0] + _POLL:
             last_report[0] = time.monotonic()
             log_event(samples=progress.samples, of=progress.of, relmse=progress.relmse)
@@ -192,18 +200,18 @@ def _render_frame(
     rendered = render_with_retries(worker, task, on_progress, on_retry, is_cancelled)
     seconds = time.monotonic() - started
     if isinstance(rendered, GivenUp):
-        return FrameAnswer(number, f"{rendered.reason} (on {host.address}, log: {rendered.log})", seconds)
-    return FrameAnswer(number, rendered if order.store is None else order.store(task, rendered), seconds)
+        return FrameAnswer(number, f"{rendered.reason} (on {dask_worker.address}, log: {rendered.log})", seconds)
+    return FrameAnswer(number, rendered if request.store is None else request.store(task, rendered), seconds)
 
 
 @contextmanager
-def _stop_if_cancelled(host: DaskWorker, worker: Worker) -> Iterator[Callable[[], bool]]:
+def _stop_if_cancelled(dask_worker: DaskWorker, worker: Worker) -> Iterator[Callable[[], bool]]:
     """Yield a function that tells whether this thread's chunk was cancelled; stop the renderer when it is."""
-    key, over, cancelled = host.get_current_task(), threading.Event(), threading.Event()
+    key, is_over, cancelled = dask_worker.get_current_task(), threading.Event(), threading.Event()
 
     def poll() -> None:
-        while not over.wait(_POLL):
-            task = host.state.tasks.get(key)
+        while not is_over.wait(_POLL):
+            task = dask_worker.state.tasks.get(key)
             if task is None or task.state not in ("executing", "long-running"):
                 cancelled.set()
                 worker.stop()
@@ -213,12 +221,12 @@ def _stop_if_cancelled(host: DaskWorker, worker: Worker) -> Iterator[Callable[[]
     try:
         yield cancelled.is_set
     finally:
-        over.set()
+        is_over.set()
         thread.join()
 
 
 class _Renderer:
-    """The one renderer of this process, which ends after `IDLE` seconds without use."""
+    """The one renderer of this process, which ends after `IDLE_SECONDS` seconds without use."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -227,25 +235,26 @@ class _Renderer:
         self._idle: threading.Timer | None = None
 
     @contextmanager
-    def borrow(self, order: Order, host: DaskWorker) -> Iterator[Worker]:
+    def borrow(self, request: ChunkRequest, dask_worker: DaskWorker) -> Iterator[Worker]:
         """Yield the renderer, to one thread at a time."""
-        command = order.command or BACKENDS[order.backend].command
+        command = request.command or BACKENDS[request.backend].command
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
-            cores = share_of_cores(int(host.name), order.sharing) if order.sharing > 1 else None
-            settings = (command, cores, order.patience)
+            count = request.workers_per_machine
+            cores = share_of_cores(int(dask_worker.name), count) if count > 1 else None
+            settings = (command, cores, request.timeout)
             if self._worker is None or self._settings != settings:
                 self._end_renderer()
-                # Dask removes the folder when its worker ends, even long after a kill.
-                scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=host.local_directory))
+                # Dask removes the folder when its worker ends. After a kill, a later worker removes it.
+                scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=dask_worker.local_directory))
                 log = scratch / "worker.log"
-                self._worker = Worker(command, log, scratch, order.patience, cores=cores)
+                self._worker = Worker(command, log, scratch, request.timeout, cores=cores)
                 self._settings = settings
             try:
                 yield self._worker
             finally:
-                self._idle = threading.Timer(IDLE, self._end_if_idle)
+                self._idle = threading.Timer(IDLE_SECONDS, self._end_if_idle)
                 self._idle.daemon = True
                 self._idle.start()
 

@@ -1,7 +1,7 @@
 """Workers on this machine: one, or several that render different frames at the same time.
 
-Each worker has a thread, which tries a frame again where the process dies. The thread of the run assigns frames; short
-ones are assigned one ahead, so that no worker waits until a frame is written.
+Each worker has a thread, which tries a frame again where the process dies. The thread of the run assigns frames. A
+worker of short frames gets its next frame ahead, so that it does not wait until a frame is written.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from lookdev.errors import WorkerError
-from lookdev.rendering.executors.capacity import Use, free_memory, idle_cores, is_worth_another
+from lookdev.rendering.executors.capacity import CpuUse, free_memory, idle_cores, is_worker_worthwhile
+from lookdev.rendering.executors.frame_queue import FrameQueue
 from lookdev.rendering.executors.protocol import (
+    ExecutorEvent,
     Finished,
     FrameFilter,
     GivenUp,
-    Happening,
     Progressed,
     Started,
     WorkerFiles,
 )
-from lookdev.rendering.executors.shares import Shares
 from lookdev.rendering.executors.tries import render_with_retries
-from lookdev.rendering.results import Progress, Rendered
+from lookdev.rendering.results import ProgressMessage, WorkerFrame
 from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.rendering.threads import share_of_cores
 from lookdev.rendering.worker import Worker
@@ -38,16 +38,18 @@ _SHORT_FRAME = 5.0
 
 
 @dataclass(frozen=True)
-class _Ended:
+class _ThreadError:
     """The thread of a worker raised an error that ends the run."""
 
     error: BaseException
 
 
-class _Slot:
-    """A worker and its thread, which renders the assigned frames and reports to a queue that all slots share."""
+class _WorkerThread:
+    """A worker and its thread, which renders the assigned frames and reports to a queue that all threads share."""
 
-    def __init__(self, worker: Worker, reports: queue.Queue[tuple[_Slot, Happening | _Ended]]) -> None:
+    def __init__(
+        self, worker: Worker, reports: queue.Queue[tuple[_WorkerThread, ExecutorEvent | _ThreadError]]
+    ) -> None:
         self.worker = worker
         self.assigned = 0  # frames that are not finished
         self.seconds: float | None = None  # of its last frame
@@ -79,21 +81,21 @@ class _Slot:
             try:
                 self._render(task)
             except BaseException as error:  # noqa: BLE001  the thread of the run raises it
-                self._report(_Ended(error))
+                self._report(_ThreadError(error))
                 return
 
     def _render(self, task: FrameTask) -> None:
         start = time.monotonic()
         self._report(Started(task))
 
-        def on_progress(progress: Progress) -> None:
+        def on_progress(progress: ProgressMessage) -> None:
             self._report(Progressed(task, progress))
 
         result = render_with_retries(self.worker, task, on_progress, self._report, lambda: self._closing)
         seconds = time.monotonic() - start
         self._report(result if isinstance(result, GivenUp) else Finished(task, result, seconds))
 
-    def _report(self, event: Happening | _Ended) -> None:
+    def _report(self, event: ExecutorEvent | _ThreadError) -> None:
         if not self._closing:
             self._reports.put((self, event))
 
@@ -104,7 +106,7 @@ class LocalExecutor:
     Parameters
     ----------
     files
-        The files of logs and scratch, and the workers' command and patience.
+        The files of logs and scratch, and the workers' command and timeout.
     workers
         Their number. None starts one, and others while cores and memory are idle.
     devices
@@ -117,85 +119,89 @@ class LocalExecutor:
         self._files = files
         self._workers = workers
         self._devices = devices
-        self._slots: list[_Slot] = []
-        self._use_before: Use | None = None
-        self._reports: queue.Queue[tuple[_Slot, Happening | _Ended]] = queue.Queue()
+        self._threads: list[_WorkerThread] = []
+        self._use_before: CpuUse | None = None
+        self._reports: queue.Queue[tuple[_WorkerThread, ExecutorEvent | _ThreadError]] = queue.Queue()
 
     def __enter__(self) -> LocalExecutor:
-        self._slots.append(self._new_slot())
+        self._threads.append(self._new_thread())
         return self
 
     def __exit__(self, *exception: object) -> None:
-        for slot in self._slots:
-            slot.close()
+        for thread in self._threads:
+            thread.close()
 
     def launch(self) -> None:
         """Start the first worker without waiting for it; the first frame raises the error if that fails."""
         try:
-            self._slots[0].worker.launch()
+            self._threads[0].worker.launch()
         except WorkerError:
             return
 
     def prepare(self, scene: SceneTask) -> None:
         """Send a scene to the first worker while that is starting."""
-        self._slots[0].worker.prepare(scene)
+        self._threads[0].worker.prepare(scene)
 
-    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
         """Render tasks, as `Executor.render`."""
-        shares = Shares(tasks)
+        shares = FrameQueue(tasks)
         self._use_before = None
-        scene_of: dict[_Slot, object] = {}
-        while len(self._slots) < min(self._workers or 1, len(tasks)):
-            self._slots.append(self._new_slot())
-        for slot in self._slots:
-            self._fill(slot, shares, is_needed)
-        while any(slot.assigned for slot in self._slots):
-            slot, event = self._reports.get()
+        scene_of: dict[_WorkerThread, object] = {}
+        while len(self._threads) < min(self._workers or 1, len(tasks)):
+            self._threads.append(self._new_thread())
+        for thread in self._threads:
+            self._assign_frames(thread, shares, is_needed)
+        while any(thread.assigned for thread in self._threads):
+            thread, event = self._reports.get()
             match event:
-                case _Ended(error):
+                case _ThreadError(error):
                     raise error
                 case Finished(task, rendered, seconds):
-                    first = scene_of.get(slot) is not task.scene
-                    scene_of[slot] = task.scene
+                    first = scene_of.get(thread) is not task.scene
+                    scene_of[thread] = task.scene
                     shares.record_time(task, seconds, first=first)
-                    slot.seconds = seconds
-                    assert isinstance(rendered, Rendered)  # workers of this machine do not write frames
-                    if self._workers is None and not first and self._is_worth_another(shares, rendered.memory, seconds):
-                        self._slots.append(self._new_slot())
-                        self._fill(self._slots[-1], shares, is_needed)
+                    thread.seconds = seconds
+                    assert isinstance(rendered, WorkerFrame)  # workers of this machine do not write frames
+                    if (
+                        self._workers is None
+                        and not first
+                        and self._is_worker_worthwhile(shares, rendered.memory, seconds)
+                    ):
+                        self._threads.append(self._new_thread())
+                        self._assign_frames(self._threads[-1], shares, is_needed)
             if isinstance(event, Finished | GivenUp):
-                slot.assigned -= 1
-                self._fill(slot, shares, is_needed)
+                thread.assigned -= 1
+                self._assign_frames(thread, shares, is_needed)
             yield event
 
-    def _is_worth_another(self, shares: Shares, memory: int, seconds: float) -> bool:
-        """Return whether another worker is worth it, by the cores and the memory that the last seconds left idle."""
-        now = Use.of(pid for slot in self._slots if (pid := slot.worker.pid) is not None)
+    def _is_worker_worthwhile(self, shares: FrameQueue, memory: int, seconds: float) -> bool:
+        """Return whether another worker is worth it, by the cores and the memory that were idle in the last seconds."""
+        now = CpuUse.of(pid for thread in self._threads if (pid := thread.worker.pid) is not None)
         before = self._use_before
         if before is None or now.clock < before.clock + _MEASURED_SECONDS:
             self._use_before = before or now
             return False
         self._use_before = now
-        idle, count = idle_cores(before, now), len(self._slots)
-        is_worth_it = is_worth_another(count, idle, len(shares) * seconds / count, memory, free_memory())
+        idle, count = idle_cores(before, now), len(self._threads)
+        is_worth_it = is_worker_worthwhile(count, idle, len(shares) * seconds / count, memory, free_memory())
         self._use_before = None if is_worth_it else now  # measured anew when the next worker renders
         return is_worth_it
 
-    def _fill(self, slot: _Slot, shares: Shares, is_needed: FrameFilter) -> None:
+    def _assign_frames(self, thread: _WorkerThread, shares: FrameQueue, is_needed: FrameFilter) -> None:
         """Assign frames to a worker until it has enough."""
-        limit = 2 if slot.seconds is not None and slot.seconds < _SHORT_FRAME else 1
-        while slot.assigned < limit and (task := shares.next_for(slot)) is not None:
+        limit = 2 if thread.seconds is not None and thread.seconds < _SHORT_FRAME else 1
+        while thread.assigned < limit and (task := shares.next_frame(thread)) is not None:
             if is_needed(task):
-                slot.assign(task)
-        if not slot.assigned:
-            shares.remove_worker(slot)
+                thread.assign(task)
+        if not thread.assigned:
+            shares.remove_worker(thread)
 
-    def _new_slot(self) -> _Slot:
-        number = len(self._slots)
+    def _new_thread(self) -> _WorkerThread:
+        number = len(self._threads)
         name = f"worker-{number + 1}" if number else "worker"
         # The pixels do not depend on the cores: each pixel is one sum, in the order of its samples.
         count = self._workers or 1
         cores = share_of_cores(number, count) if count > 1 else None
         files, variables = self._files, self._devices[number % len(self._devices)]
-        worker = Worker(files.command, files.log(name), files.scratch, files.patience, variables, cores)
-        return _Slot(worker, self._reports)
+        worker = Worker(files.command, files.log(name), files.scratch, files.timeout, variables, cores)
+        return _WorkerThread(worker, self._reports)

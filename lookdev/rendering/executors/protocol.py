@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from lookdev.rendering.results import Progress, Rendered
+from lookdev.rendering.results import ProgressMessage, WorkerFrame
 from lookdev.rendering.task import FrameTask, SceneTask
-from lookdev.rendering.worker import PATIENCE
+from lookdev.rendering.worker import ANSWER_TIMEOUT
 
 CRASH_TRIES = 3
 """Tries of a frame whose worker dies, hangs or sends an invalid answer: the previous frame may be the cause."""
@@ -31,7 +31,7 @@ class Progressed:
     """A worker reports samples of a frame."""
 
     task: FrameTask
-    progress: Progress
+    progress: ProgressMessage
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Retried:
 
 
 @dataclass(frozen=True)
-class Stored:
+class StoredFrame:
     """The figures of a frame whose file its worker has written."""
 
     samples: int
@@ -55,10 +55,13 @@ class Stored:
 
 @dataclass(frozen=True)
 class Finished:
-    """A frame is rendered, `seconds` of wall time after it first went to a worker: pixels, or figures of a file."""
+    """A frame is rendered.
+
+    `rendered` has its pixels, or the figures of its file; `seconds` is the wall time since it first went to a worker.
+    """
 
     task: FrameTask
-    rendered: Rendered | Stored
+    rendered: WorkerFrame | StoredFrame
     seconds: float
 
 
@@ -72,15 +75,15 @@ class GivenUp:
 
 
 @dataclass(frozen=True)
-class Remarked:
+class ExecutorNote:
     """A note for the user on the execution, such as the loss of a worker."""
 
     text: str
 
 
-Happening = Started | Progressed | Retried | Finished | GivenUp | Remarked
+ExecutorEvent = Started | Progressed | Retried | Finished | GivenUp | ExecutorNote
 FrameFilter = Callable[[FrameTask], bool]
-Store = Callable[[FrameTask, Rendered], Stored]
+StoreFrame = Callable[[FrameTask, WorkerFrame], StoredFrame]
 """Writes the file of a frame. A function of a module, so that it can be pickled to other machines."""
 
 
@@ -93,7 +96,7 @@ class Executor(AbstractContextManager["Executor"], Protocol):
     def prepare(self, scene: SceneTask) -> None:
         """Take a scene ahead of its frames, so that frames of its looks start sooner, if the executor can."""
 
-    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[Happening]:
+    def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
         """Render tasks of one backend, in any order, and yield events.
 
         `is_needed` is called in this thread just before a frame goes to a worker; a frame for which it returns false is
@@ -105,9 +108,9 @@ class Executor(AbstractContextManager["Executor"], Protocol):
 
 @dataclass(frozen=True)
 class WorkerFiles:
-    """The files of an executor on this machine, and the command and the patience of its workers."""
+    """The files of an executor on this machine, and the command and the timeout of its workers."""
 
     scratch: Path  # an existing folder; the caller removes it
     log: Callable[[str], Path]  # returns the file of a log, by its name
     command: tuple[str, ...]
-    patience: float = PATIENCE
+    timeout: float = ANSWER_TIMEOUT

@@ -1,4 +1,4 @@
-"""A worker process that passes its input on to a running worker at a socket: ``relay SOCKET COMMAND``."""
+"""A worker process that sends its input to a running worker at a socket: ``relay SOCKET COMMAND``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A frame on a worker, in several tries."""
+"""Renders a frame on a worker, in several tries."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from lookdev.errors import RenderError, WorkerError
 from lookdev.rendering.executors.protocol import CLEAN_TRIES, CRASH_TRIES, GivenUp, Retried
-from lookdev.rendering.results import Progress, Rendered
+from lookdev.rendering.results import ProgressMessage, WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker, last_line
 
@@ -14,28 +14,28 @@ from lookdev.rendering.worker import Worker, last_line
 def render_with_retries(
     worker: Worker,
     task: FrameTask,
-    progressed: Callable[[Progress], None],
-    retried: Callable[[Retried], None],
-    ended: Callable[[], bool] = lambda: False,
-) -> Rendered | GivenUp:
-    """Render a frame, with further tries where its worker dies or fails, unless `ended` says that the run has ended.
+    on_progress: Callable[[ProgressMessage], None],
+    on_retry: Callable[[Retried], None],
+    is_ended: Callable[[], bool] = lambda: False,
+) -> WorkerFrame | GivenUp:
+    """Render a frame; try again if its worker dies or fails, unless `is_ended` returns that the run has ended.
 
     Raises WorkerError where the worker does not start, OutputError where it cannot write.
     """
     attempt = 1
     while True:
-        start(worker)
+        start_worker(worker)
         try:
-            return worker.render(task, progressed)
+            return worker.render(task, on_progress)
         except (WorkerError, RenderError) as error:
             tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
             attempt += 1
-            if attempt > tries or ended():
+            if attempt > tries or is_ended():
                 return GivenUp(task, str(error), worker.log)
-            retried(Retried(task, str(error), attempt, tries))
+            on_retry(Retried(task, str(error), attempt, tries))
 
 
-def start(worker: Worker) -> None:
+def start_worker(worker: Worker) -> None:
     """Start a worker, with `CRASH_TRIES` tries; raises WorkerError."""
     for attempt in range(CRASH_TRIES):
         try:

@@ -1,4 +1,4 @@
-"""The versions that have to be equal on all machines of a run, so that a frame is the same on each."""
+"""The versions of packages, which are equal on all machines of a run, so that a frame is the same on each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lookdev.errors import RenderError
 from lookdev.rendering.backends import BACKENDS
 
 
-def versions(backend: str) -> dict[str, str]:
+def package_versions(backend: str) -> dict[str, str]:
     """Return the versions of the packages that render frames of a backend on this machine, by name."""
     try:
         renderer = BACKENDS[backend].version()
@@ -28,7 +28,7 @@ def versions(backend: str) -> dict[str, str]:
     }
 
 
-def mismatch(local: Mapping[str, str], remote: Mapping[str, str], worker: str) -> str:
+def version_mismatch(local: Mapping[str, str], remote: Mapping[str, str], worker: str) -> str:
     """Return how a worker's `remote` versions differ from the `local` ones, and the remedy; "" if they are equal."""
     differences = [
         f"{name} {remote.get(name, 'none')}, here {value}" for name, value in local.items() if remote.get(name) != value

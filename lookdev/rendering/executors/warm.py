@@ -27,12 +27,12 @@ from lookdev.rendering.executors.local import LocalExecutor
 from lookdev.rendering.executors.protocol import WorkerFiles
 from lookdev.rendering.task import SceneTask
 
-IDLE = 900
+IDLE_SECONDS = 900
 """Seconds without a run after which the server ends."""
 
 _POLL = 2.0  # seconds between checks that the socket's file exists
 _START_TIMEOUT = 30.0  # seconds in which the server has to answer
-_LONGEST_PATH = 100  # bytes of a socket's path (sockaddr_un)
+_MAX_PATH_BYTES = 100  # bytes of a socket's path (sockaddr_un)
 
 
 class WarmExecutor(LocalExecutor):
@@ -43,7 +43,7 @@ class WarmExecutor(LocalExecutor):
         super().__init__(replace(files, command=relay_command(path, files.command)))
 
     def prepare(self, scene: SceneTask) -> None:
-        """Do nothing: the worker may have compiled the scene of a run before, which another scene would replace."""
+        """Do nothing: the worker may have the compiled scene of an earlier run, which another scene would replace."""
 
 
 def relay_command(path: Path, command: tuple[str, ...]) -> tuple[str, ...]:
@@ -51,15 +51,15 @@ def relay_command(path: Path, command: tuple[str, ...]) -> tuple[str, ...]:
     return (sys.executable, "-m", "lookdev.rendering.executors.relay", str(path), json.dumps(command))
 
 
-def start(path: Path, backend: str, idle: int = IDLE) -> None:
+def start(path: Path, backend: str, idle: int = IDLE_SECONDS) -> None:
     """Start a server and its renderer at a socket, and return when it answers.
 
     Raises LookdevError where a server is there already or the path is too long, WorkerError where it does not start.
     """
     if backend not in BACKENDS:
         raise LookdevError(f"unknown backend '{backend}'; known: {', '.join(BACKENDS)}")
-    if len(os.fsencode(path.absolute())) > _LONGEST_PATH:
-        raise LookdevError(f"{path}: a socket's path has at most {_LONGEST_PATH} bytes: choose a shorter one")
+    if len(os.fsencode(path.absolute())) > _MAX_PATH_BYTES:
+        raise LookdevError(f"{path}: a socket's path has at most {_MAX_PATH_BYTES} bytes: choose a shorter one")
     with suppress(WorkerError):
         _send_question(path, {"ping": True})
         raise LookdevError(f"{path}: a worker is kept there already; 'lookdev warm stop {path}' ends it")
@@ -116,7 +116,7 @@ def _send_question(path: Path, question: dict[str, bool]) -> None:
         ) from error
 
 
-class Server:
+class WarmServer:
     """A renderer, and the socket through which runs use it, one after the other."""
 
     def __init__(self, path: Path, command: tuple[str, ...], idle: float, scratch: Path) -> None:
@@ -124,7 +124,7 @@ class Server:
         self._environment = os.environ | {"TMPDIR": str(scratch)}
         self._environment.pop("OCIO", None)  # as `Worker` does
         self._process: subprocess.Popen[bytes] | None = None
-        self._ready = b""  # the first line that the renderer writes
+        self._ready_line = b""  # the first line that the renderer writes
 
     def serve(self) -> None:
         """Serve runs until a connection asks to stop, no run comes for the idle time, or the socket's file is gone."""
@@ -170,13 +170,13 @@ class Server:
         return "" if code == package_digest() else f"the worker kept at {self._path} is of another version: {again}"
 
     def _relay(self, connection: socket.socket) -> None:
-        """Copy lines between a run and the renderer until either ends; replace a renderer whose answer is still due."""
+        """Copy lines between a run and the renderer until either ends; then replace a renderer that owes an answer."""
         process = self._start_renderer()
         assert process.stdin is not None
         assert process.stdout is not None
         answer_due, tails = False, {connection.fileno(): b"", process.stdout.fileno(): b""}
         try:
-            connection.sendall(self._ready)
+            connection.sendall(self._ready_line)
             with selectors.DefaultSelector() as selector:
                 for descriptor in tails:
                     selector.register(descriptor, selectors.EVENT_READ)
@@ -210,7 +210,7 @@ class Server:
                 self._command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=self._environment
             )
             assert self._process.stdout is not None
-            self._ready = self._process.stdout.readline()
+            self._ready_line = self._process.stdout.readline()
         return self._process
 
     def _end_renderer(self) -> None:
@@ -245,7 +245,7 @@ def main() -> None:
     """Run a server; the arguments are the path of its socket, a backend, and the idle seconds after which it ends."""
     path, backend, idle = sys.argv[1:]
     with tempfile.TemporaryDirectory(prefix="lookdev-warm-") as scratch:
-        Server(Path(path), BACKENDS[backend].command, float(idle), Path(scratch)).serve()
+        WarmServer(Path(path), BACKENDS[backend].command, float(idle), Path(scratch)).serve()
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from lookdev.arrays import Floats
 from lookdev.errors import LookdevError, RenderError, WorkerError
 from lookdev.metrics import relmse_of_halves
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.results import Rendered
+from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker, explain_error
@@ -59,7 +59,7 @@ class _RoundSum:
     samples: int = 0
     rounds: int = 0
 
-    def add(self, rendered: Rendered) -> None:
+    def add(self, rendered: WorkerFrame) -> None:
         # A frame without this pass has no indirect light.
         direct = rendered.passes.get("direct", 0.5 * (rendered.a + rendered.b))
         for name, picture in {"a": rendered.a, "b": rendered.b, "alpha": rendered.alpha, "direct": direct}.items():
@@ -152,7 +152,7 @@ class ExactRenderer:
 
     def _render_round(
         self, task: SceneTask, view: RequestedView, samples: int, number: int, ticket: Ticket, deliver: Deliver
-    ) -> Rendered:
+    ) -> WorkerFrame:
         worker = self._start_worker(task.backend, deliver)
         self._count += 1
         self._digest = f"exact-{self._count}"

@@ -14,7 +14,7 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.plotting.figure import PlotValues
 from lookdev.rendering.backends import BACKENDS
-from lookdev.rendering.results import Progress
+from lookdev.rendering.results import ProgressMessage
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import frame_task
 from lookdev.rendering.worker import Worker, explain_error
@@ -78,7 +78,7 @@ class ExactFrames:
         ticket.check()
         worker.start()
 
-        def forward_progress(state: Progress) -> None:
+        def forward_progress(state: ProgressMessage) -> None:
             ticket.check()
             report({"state": "rendering", "samples": state.samples, "of": state.of, "relmse": state.relmse})
 

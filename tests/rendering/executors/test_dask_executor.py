@@ -18,9 +18,9 @@ from lookdev.output.exr import read_frame
 from lookdev.plan import Plan
 from lookdev.rendering.executors.choice import ExecutorOptions, open_executor
 from lookdev.rendering.executors.dask import DaskExecutor, _Chunk
-from lookdev.rendering.executors.protocol import Finished, GivenUp, Remarked, Retried, WorkerFiles
+from lookdev.rendering.executors.protocol import ExecutorNote, Finished, GivenUp, Retried, WorkerFiles
 from lookdev.rendering.task import files_of_task
-from lookdev.run.frame_file import store
+from lookdev.run.frame_file import store_frame
 from lookdev.run.render import run_plan
 
 pytestmark = [
@@ -142,7 +142,7 @@ def test_a_late_result_is_waited_for(executor: DaskExecutor, monkeypatch: pytest
     executor._unfit[unfit] = "its versions differ"
     for worker in ("", unfit, executor._addresses()[1]):  # "": where Dask chooses one
         assert executor._result_of(_Chunk([], worker, Late(3))) == "a result"
-    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT", 0.0)
+    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT_TIMEOUT", 0.0)
     with pytest.raises(TimeoutError, match="does not send a result"):
         executor._result_of(_Chunk([], "", Late(float("inf"))))
 
@@ -158,7 +158,7 @@ def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Pla
 def test_a_renderer_that_nobody_asks_for_ends_and_the_next_run_starts_another(
     executor: DaskExecutor, plan: Plan, tmp_path: Path
 ) -> None:
-    idle = "from lookdev.rendering.executors import dask_worker; dask_worker.IDLE = "
+    idle = "from lookdev.rendering.executors import dask_worker; dask_worker.IDLE_SECONDS = "
     executor._client.run(exec, f"{idle}0.1", {})
     try:
         assert stems(render(executor, plan), Finished) == ALL
@@ -172,7 +172,7 @@ def test_a_renderer_that_nobody_asks_for_ends_and_the_next_run_starts_another(
 
 def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Plan, tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
-    with make_executor(cluster.scheduler_address, tmp_path, store=store) as executor:
+    with make_executor(cluster.scheduler_address, tmp_path, store=store_frame) as executor:
         result = run_plan(plan, job.outputs, job.render.background, executor=executor)
     assert (result.done, result.rendered, result.exit_code) == (6, 6, 0)
     output = tmp_path / "out" / "gold" / "city"
@@ -183,8 +183,8 @@ def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Pl
 def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
     cluster: Any, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with make_executor(cluster.scheduler_address, tmp_path, store=store) as executor:
-        monkeypatch.setattr(executor, "_shared_mark", lambda: Path("/nowhere/mark"))
+    with make_executor(cluster.scheduler_address, tmp_path, store=store_frame) as executor:
+        monkeypatch.setattr(executor, "_create_shared_marker", lambda: Path("/nowhere/mark"))
         # A worker waits five seconds for a file to appear, and its next chunk, of the test after this one, for that.
         executor._client.run(
             exec, "from lookdev.rendering.executors import dask_worker; dask_worker._APPEARANCE_TIMEOUT = 0.2", {}
@@ -230,8 +230,8 @@ def test_other_versions_are_an_error_that_says_what_to_install(
 ) -> None:
     from lookdev.rendering.executors import dask
 
-    ours = dask.versions("exact")
-    monkeypatch.setattr(dask, "versions", lambda backend: ours | {"NumPy": "0.1", "lookdev": "9.9"})
+    ours = dask.package_versions("exact")
+    monkeypatch.setattr(dask, "package_versions", lambda backend: ours | {"NumPy": "0.1", "lookdev": "9.9"})
     with pytest.raises(
         WorkerError, match=r"tcp://.* has lookdev 0.1.0, here 9.9; NumPy .*, here 0.1.*Install the same"
     ):
@@ -241,7 +241,7 @@ def test_other_versions_are_an_error_that_says_what_to_install(
 def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT", 0.5)
+    monkeypatch.setattr("lookdev.rendering.executors.dask._CONNECT_TIMEOUT", 0.5)
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
@@ -252,7 +252,7 @@ def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
             make_executor(address, tmp_path).__enter__()
     files = WorkerFiles(tmp_path, lambda name: tmp_path / name, ())
     with pytest.raises(LookdevError, match="has workers of its own"):
-        open_executor(ExecutorOptions("dask", address, workers=2), files, store)
+        open_executor(ExecutorOptions("dask", address, workers=2), files, store_frame)
 
 
 def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -267,7 +267,7 @@ def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkey
         events = []
         for event in render(executor, plan):
             events.append(event)
-            if isinstance(event, Remarked) and not cluster.workers:
+            if isinstance(event, ExecutorNote) and not cluster.workers:
                 assert "has no worker: frames wait for one" in event.text
                 cluster.adapt(minimum=0, maximum=1, interval="100ms")
         assert stems(events, Finished) == ALL

@@ -7,11 +7,11 @@ import batch_case as case
 import pytest
 
 from lookdev.errors import LookdevError, OutputError, WorkerError
-from lookdev.rendering.executors.choice import ExecutorOptions, choose, devices_of
+from lookdev.rendering.executors.choice import ExecutorOptions, choose_executor, device_environments
 from lookdev.rendering.executors.local import LocalExecutor
 from lookdev.rendering.executors.protocol import Finished, GivenUp, Retried, WorkerFiles
 from lookdev.rendering.task import FrameTask
-from lookdev.rendering.threads import cores, share_of_cores
+from lookdev.rendering.threads import share_of_cores, usable_cores
 
 pytestmark = pytest.mark.both_pythons
 
@@ -98,27 +98,29 @@ def test_without_a_number_workers_are_added_while_cores_are_idle(
     tmp_path: Path, tasks: Tasks, monkeypatch: pytest.MonkeyPatch, idle: float, workers: int
 ) -> None:
     module = "lookdev.rendering.executors"
-    monkeypatch.setattr(f"{module}.local.idle_cores", lambda before, now: idle if len(executor._slots) == 1 else 0.0)
+    monkeypatch.setattr(f"{module}.local.idle_cores", lambda before, now: idle if len(executor._threads) == 1 else 0.0)
     monkeypatch.setattr(f"{module}.local._MEASURED_SECONDS", 0.0)
-    monkeypatch.setattr(f"{module}.capacity._START", 0.0)
-    monkeypatch.setattr(f"{module}.capacity.cores", lambda: 2)
+    monkeypatch.setattr(f"{module}.capacity._START_SECONDS", 0.0)
+    monkeypatch.setattr(f"{module}.capacity.usable_cores", lambda: 2)
     slow_down(tmp_path, tasks)
     with LocalExecutor(executor_files(tmp_path), None) as executor:
         events = list(executor.render(tasks, lambda task: True))
     assert sum(isinstance(event, Finished) for event in events) == len(tasks)
-    assert len(executor._slots) == workers
+    assert len(executor._threads) == workers
 
 
 def test_workers_divide_cores_and_take_turns_with_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(8)))
-    devices = devices_of(ExecutorOptions(workers=3, device="cuda", numbers=(0, 2)))
+    devices = device_environments(ExecutorOptions(workers=3, device="cuda", device_numbers=(0, 2)))
     with LocalExecutor(executor_files(tmp_path), 3, devices) as executor:
         for _ in range(2):
-            executor._slots.append(executor._new_slot())
-        workers = [slot.worker for slot in executor._slots]
+            executor._threads.append(executor._new_thread())
+        workers = [slot.worker for slot in executor._threads]
     assert [worker._environment["CUDA_VISIBLE_DEVICES"] for worker in workers] == ["0", "2", "0"]
     assert [sorted(worker._cores or ()) for worker in workers] == [[0, 1], [2, 3, 4], [5, 6, 7]]
-    assert devices_of(ExecutorOptions(device="optix", numbers=(1, 3))) == ({"CUDA_VISIBLE_DEVICES": "1,3"},)
+    assert device_environments(ExecutorOptions(device="optix", device_numbers=(1, 3))) == (
+        {"CUDA_VISIBLE_DEVICES": "1,3"},
+    )
 
 
 @pytest.mark.parametrize("expected", [[4], [2, 2], [1, 1, 2], [1] * 4, [1] * 6])
@@ -130,13 +132,13 @@ def test_cores_are_divided_whole(expected: list[int], monkeypatch: pytest.Monkey
 
 
 def test_a_worker_starts_on_its_cores(tmp_path: Path) -> None:
-    before = cores()
+    before = usable_cores()
     with LocalExecutor(executor_files(tmp_path), before) as executor:
         executor.launch()
-        pid = executor._slots[0].worker.pid
+        pid = executor._threads[0].worker.pid
         assert pid is not None
         assert os.sched_getaffinity(pid) == (share_of_cores(0, before) if before > 1 else os.sched_getaffinity(0))
-    assert cores() == before
+    assert usable_cores() == before
 
 
 def test_a_wrong_choice_states_what_would_be_right() -> None:
@@ -145,7 +147,7 @@ def test_a_wrong_choice_states_what_would_be_right() -> None:
         ({"executor": "local:here"}, "has no address"),
         ({"executor": "warm"}, "warm:SOCKET"),
         ({"executor": "warm:x", "workers": 2}, "--workers: executor 'warm' has workers of its own"),
-        ({"stored": True}, "--shared"),
+        ({"shared_output": True}, "--shared"),
         ({"device": "cdua"}, "did you mean 'cuda'"),
         ({"device": "cpu:0"}, "cannot be chosen by number"),
         ({"device": "cuda:"}, "should be as cuda:0"),
@@ -153,4 +155,4 @@ def test_a_wrong_choice_states_what_would_be_right() -> None:
         ({"executor": "dask", "device": "cuda:1"}, "write --device cuda"),
     ):
         with pytest.raises(LookdevError, match=message):
-            choose(**{"executor": "local", "workers": None, "device": None, "stored": False, **options})  # type: ignore[arg-type]
+            choose_executor(**{"executor": "local", "workers": None, "device": None, "shared_output": False, **options})  # type: ignore[arg-type]

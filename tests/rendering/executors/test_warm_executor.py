@@ -7,7 +7,7 @@ import pytest
 
 from lookdev.errors import LookdevError, WorkerError
 from lookdev.rendering.executors.protocol import Finished, WorkerFiles
-from lookdev.rendering.executors.warm import Server, WarmExecutor, start, stop
+from lookdev.rendering.executors.warm import WarmExecutor, WarmServer, start, stop
 from lookdev.rendering.task import FrameTask
 
 pytestmark = pytest.mark.both_pythons
@@ -23,7 +23,7 @@ def warm_socket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Pat
     """Serve a fake renderer at a socket, in a thread, until it is asked to stop or the socket is removed."""
     monkeypatch.setattr("lookdev.rendering.executors.warm._POLL", 0.05)
     (tmp_path / "scratch").mkdir()
-    server = Server(tmp_path / "s", case.command(tmp_path), 60.0, tmp_path / "scratch")
+    server = WarmServer(tmp_path / "s", case.command(tmp_path), 60.0, tmp_path / "scratch")
     thread = threading.Thread(target=server.serve, daemon=True)
     thread.start()
     case.wait_until(lambda: len(case.worker_pids(tmp_path)) == 1)

@@ -24,19 +24,19 @@ from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Estimator, Vertex
 from lookdev.mitsuba.lights import SceneLights
 from lookdev.mitsuba.programs import Evaluation
-from lookdev.mitsuba.rig import lights_of
+from lookdev.mitsuba.rig import scene_lights
 from lookdev.mitsuba.surface import Arriving, Response, SceneLooks, SurfacePoints
 from lookdev.mitsuba.types import UV, Bool, Color3f, Float, Mitsuba, UInt, Vector3f
 from lookdev.mitsuba.view import FramePart, KernelView
 from lookdev.rendering.adaptive import Region
-from lookdev.rendering.slopes import SlopeTask
+from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
-_LAUNCH = 1 << 21  # samples, each with four numbers and their derivatives
+_LAUNCH_SAMPLES = 1 << 21  # samples, each with four numbers and their derivatives
 
 
-class SlopeScene:
+class DerivativeScene:
     """A scene task whose looks have live inputs."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask) -> None:
@@ -44,20 +44,20 @@ class SlopeScene:
         self._mi = mi
         self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.assign_looks(task.slot_shaders, task.groups)
-        self._light = lights_of(mi, task, self._geometry)
+        self._light = scene_lights(mi, task, self._geometry)
 
-    def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> Floats32:
+    def render(self, task: DerivativeTask, progress: Callable[[int, int], None]) -> Floats32:
         """Return halves (2, 1 + P, H, W, 4): radiance and coverage, and their derivatives by the P `task.symbols`."""
         mi, geometry = self._mi, self._geometry
         inputs = {name: (mi.Vector3f if len(value) == 3 else mi.Float)(*value) for name, value in task.values.items()}
         dr.make_opaque(inputs)
         looks = SceneLooks(mi, task.scene, geometry, inputs)
-        estimator = SlopeEstimator(looks, self._light, task.scene.sampling, task.symbols)
+        estimator = DerivativeEstimator(looks, self._light, task.scene.sampling, task.symbols)
         width, height = task.scene.resolution
         view = KernelView.of(mi, task.scene.camera, task.pose, (width, height), geometry.center)
         rectangle = FramePart.of(mi, Region(slice(0, height), slice(0, width), task.samples))
         rows: list[list[Floats32]] = []
-        step = max(1, _LAUNCH // (task.samples * (1 + len(task.symbols))))
+        step = max(1, _LAUNCH_SAMPLES // (task.samples * (1 + len(task.symbols))))
         starts = range(0, width * height, step)
         for seed in task.seeds:
             for first in starts:
@@ -129,10 +129,10 @@ class LiveSurface(SurfacePoints):
         return [kind(*evaluation.values(output, **inputs)), *slopes]
 
 
-class SlopeEstimator(Estimator):
+class DerivativeEstimator(Estimator):
     """Estimates pictures of a scene, and their derivatives by symbols of its looks' programs."""
 
-    _resamples = False
+    _can_resample = False
 
     def __init__(self, looks: SceneLooks, light: SceneLights, sampling: Sampling, symbols: Sequence[str]) -> None:
         super().__init__(looks, light, sampling)
@@ -144,18 +144,18 @@ class SlopeEstimator(Estimator):
         """Return radiance and coverage, then the derivatives of these four channels by each symbol; as `pixels`."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
-        radiance, cover, _ = self._estimate(view, rectangle, lane, seed, first, shift)
-        whole = dr.zeros(mi.Float, count)  # makes arrays of channels that are 0 everywhere, which are single numbers
-        return [part + whole for color, alpha in zip(radiance, cover, strict=True) for part in (*color, alpha)]
+        radiance, coverage, _ = self._estimate(view, rectangle, lane, seed, first, shift)
+        zeros = dr.zeros(mi.Float, count)  # makes arrays of channels that are 0 everywhere, which are single numbers
+        return [part + zeros for color, alpha in zip(radiance, coverage, strict=True) for part in (*color, alpha)]
 
     def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> SurfacePoints:
         return LiveSurface(self._looks, self._symbols, self._light.split, triangle, uv, viewer, active)
 
-    def _constant(self, value: float) -> Dual:
+    def _constant_dual(self, value: float) -> Dual:
         return [self._mi.Color3f(value), *(self._mi.Color3f(0.0) for _ in self._symbols)]
 
     def _no_light(self) -> Dual:
-        return self._constant(0.0)
+        return self._constant_dual(0.0)
 
     def _reflect(self, vertex: Vertex, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
         """Return the reflected light; the arriving light does not depend on the inputs."""

@@ -13,12 +13,12 @@ from lookdev.scene import Pose
 
 
 @dataclass(frozen=True)
-class SlopeTask:
+class DerivativeTask:
     """Two independent halves of a picture, and of its derivatives.
 
-    `values` has the numbers of the live inputs of the scene's looks, by the parameters of their attributes; `symbols`
-    names the numbers with respect to which the picture is differentiated. A pixel of a half takes `samples` samples, a
-    power of two.
+    `values` has the value of each live input of the scene's looks, by `AttributeBinding.parameter`; `symbols` names the
+    numbers with respect to which the picture is differentiated. A pixel of a half takes `samples` samples, a power of
+    two.
     """
 
     scene: SceneTask
@@ -37,6 +37,6 @@ class SlopeTask:
 
 def live_inputs(scene: SceneTask) -> dict[str, AttributeBinding]:
     """Return the live inputs that the looks of a scene read, by their keys."""
-    prefix = len(live_primvar(""))
+    prefix_length = len(live_primvar(""))
     bindings = (binding for source in scene.shaders for binding in source.attributes if is_live(binding.attribute))
-    return {binding.attribute[prefix:]: binding for binding in bindings}
+    return {binding.attribute[prefix_length:]: binding for binding in bindings}
