@@ -110,7 +110,9 @@ def check_file(
     names = [name for name in CHECKS if name in (only or DEFAULT_CHECKS)]
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; all checks but that of stability need a job or a look")
-    setups, turns = _read_setups(file, prim, variants or {}, backend) if file else ((), TurntableFrames((_TURNTABLE,), Path()))
+    setups, turns = (
+        _read_setups(file, prim, variants or {}, backend) if file else ((), TurntableFrames((_TURNTABLE,), Path()))
+    )
     with open_renderer() as render:
         subject = _CheckArguments(setups, turns, render, depth, seed, alter)
         for name in names:

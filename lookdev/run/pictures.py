@@ -69,7 +69,9 @@ class PictureWriter:
         self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
         for output in outputs.enabled_outputs:
             for file in _output_files(plan, output):
-                (self._files_of_frame[next(iter(file.frames))] if output.scope == "frame" else self._sheets).append(file)
+                (self._files_of_frame[next(iter(file.frames))] if output.scope == "frame" else self._sheets).append(
+                    file
+                )
 
     def refresh_pictures(
         self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None

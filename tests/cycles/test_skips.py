@@ -124,7 +124,7 @@ def test_frames_of_other_poses_are_the_one_that_is_rendered(
     scene = scene_of(sphere, COAT, light_of(ibl))
     setup = make_setup("look", ibl, scene, SAMPLING)
     requested_pose = Pose(20.0, 100.0) if causes == "constant light" else Pose(75.0, 40.0)
-    rendered_pose = canonical_pose(requested_pose, setup.around, setup.task.is_light_fixed)
+    rendered_pose = canonical_pose(requested_pose, setup.is_rotation_invariant, setup.task.is_light_fixed)
     assert rendered_pose == Pose(0.0, 0.0 if causes == "constant light" else 40.0)
     assert_equal_means(
         render_task(worker, setup.task, rendered_pose), render_task(worker, setup.task, requested_pose, "asked")

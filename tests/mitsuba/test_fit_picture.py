@@ -125,7 +125,7 @@ def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_pa
 
 TINY = Case("sphere", "city", look_text("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})
 LITTLE = SearchSettings(
-    start_count=2, followed_count=1, start_samples=4, samples=8, final_samples=16, slopes=4, rounds=2
+    start_count=2, followed_count=1, start_samples=4, samples=8, final_samples=16, derivative_samples=4, rounds=2
 )
 
 

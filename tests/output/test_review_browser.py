@@ -27,7 +27,7 @@ from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
 LOAD_SECONDS = 2.0
-DRAWN = "typeof review === 'object' && review.drawnKeys && document.body.dataset.drawn === review.wanted"
+DRAWN = "typeof review === 'object' && review.drawnKeys && document.body.dataset.drawn === review.stateText"
 
 
 @pytest.fixture(scope="module")
@@ -293,7 +293,7 @@ def test_everything_that_can_be_used_has_a_name(open_page: OpenPage) -> None:
 def test_the_page_fits_a_phone(open_page: OpenPage, width: int) -> None:
     viewer = open_page("#mode=wipe", (width, 844))
     assert viewer.js("return document.documentElement.scrollWidth") <= width
-    for css in ("#stage", "#play", "#number", "#exposure", "#modes", "#split"):
+    for css in ("#stage", "#play", "#frame-slider", "#exposure", "#modes", "#split"):
         box = viewer.find(css).rect
         assert box["x"] >= 0, css
         assert box["x"] + box["width"] <= width, css
@@ -367,4 +367,4 @@ def test_frames_are_in_step_where_some_are_missing(open_page: OpenPage, tmp_path
     viewer.press(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)  # the third of gold, which has no second, is tin's fourth
     Select(viewer.find("[aria-label='look of A']")).select_by_visible_text("tin")
     assert viewer.frame().name == "element.0004.exr"
-    assert "number 4" not in viewer.find("#place").text
+    assert "number 4" not in viewer.find("#frame-text").text

@@ -40,7 +40,7 @@ def plan_of(folder: Path, source: str = "props") -> Plan:
     sampling = job.render.sampling
     scene = Scene.of_look(load_asset(builtin="plane"), Look("gold", ()), task.lights[0], task.resolution)
     look = Setup("gold", "city", scene, task, sampling, exposure=-1.0)
-    charts = Setup("charts", "city", scene, props, sampling, around=True, exposure=-1.0)
+    charts = Setup("charts", "city", scene, props, sampling, is_rotation_invariant=True, exposure=-1.0)
     turns = TurntableFrames(job.turntable, job.output, job.camera.azimuth)
     return build_plan([look], turns, read_header, frame_suffixes=(".png",), charts=Charts((charts,), STRIP))
 
@@ -114,12 +114,12 @@ def test_a_review_shows_props_and_what_is_wrong_with_them(tmp_path: Path) -> Non
     reels = {reel.key: reel for reel in version.reels}
     assert {look for look, _, _ in reels} == {"charts", "gold"}
     frame = reels["gold", "city", "element"].frames[0]
-    assert frame.over == tmp_path / "out/charts/city/element.0001.exr"
-    assert reels["charts", "city", "element"].frames[0].over is None
+    assert frame.props_file == tmp_path / "out/charts/city/element.0001.exr"
+    assert reels["charts", "city", "element"].frames[0].props_file is None
     # Each picture of props is listed once, under one of its names.
     assert len(version.problems) == 3
     assert version.problems[0].endswith("charts/city/element.0001.exr: grey ball -50 %")
-    pixels, alone = read_pixels(frame.file, frame.over), read_pixels(frame.file)
+    pixels, alone = read_pixels(frame.file, frame.props_file), read_pixels(frame.file)
     np.testing.assert_allclose(pixels.alpha, 0.75)
     np.testing.assert_allclose(pixels.beauty, 0.25 + 0.5 * 0.25)
     assert pixels.error is not None

@@ -109,13 +109,13 @@ def test_each_view_draws_and_nothing_overflows(explorer: Open) -> None:
     drawn = (
         "const c = at('plot'), data = () => c.getContext('2d').getImageData(0, 0, c.width, c.height).data;"
         "const ink = () => data().filter((value, i) => i % 4 === 3 && value > 0).length;"
-        "await until(() => explorer.plots.drawn > given[0] && ink() > 500);"
+        "await until(() => explorer.plots.paintCount > given[0] && ink() > 500);"
         "return [at('notice').textContent, document.documentElement.scrollWidth]"
     )
-    kinds = page.js("return Object.keys(explorer.state.offered.kinds)")
+    kinds = page.js("return Object.keys(explorer.state.catalogue.kinds)")
     steps = [(partial(page.js, "at(`kind-${given[0]}`).click()", kind), 390) for kind in kinds]
     for step, width in [*steps, *((partial(page.resize, width, 900), width) for width in (800, 1440))]:
-        before = page.js("return explorer.plots.drawn")
+        before = page.js("return explorer.plots.paintCount")
         step()
         notice, wide = page.js(drawn, before)
         assert (notice, wide <= width) == ("", True), step
@@ -285,14 +285,14 @@ def test_a_plot_follows_the_hand(kind: str, limit: float, model: str, explorer: 
     move = f"""{SLIDER}
     const s = slider('roughness');
     await pause(2000);
-    explorer.latencies.length = explorer.shown.length = 0;
+    explorer.drawLatencies.length = explorer.frameLatencies.length = 0;
     for (let i = 0; i < given[0]; i++) {{
       s.value = 0.15 + 0.7 * (i % 97) / 97;
       {HELD}
       await pause(40);
     }}
     await pause(500);
-    return [explorer.latencies, explorer.shown];"""
+    return [explorer.drawLatencies, explorer.frameLatencies];"""
     taken, framed = map(np.array, page.js(move, 200))
     load = Path("/proc/loadavg").read_text().split()[0]
     report = f"median {np.median(taken):.1f} ms, 95 % {np.quantile(taken, 0.95):.1f} ms of {len(taken)} moves"

@@ -1,25 +1,26 @@
 // @ts-check
-// Pictures, wipes and differences on a canvas by WebGL 2, through the view of OpenColorIO.
+// Draws pictures, wipes and differences on a canvas by WebGL 2, through the view of OpenColorIO.
 "use strict";
 
 review.MODES = { picture: 0, wipe: 1, difference: 2, noise: 3 };
 
-review.drawer = (canvas, view) => {
+// Return the functions that draw on a canvas, or null if the browser has no WebGL 2.
+review.createRenderer = (canvas, view) => {
   const gl = canvas.getContext("webgl2", {
     alpha: false,
     antialias: false,
     preserveDrawingBuffer: true,
   });
   if (!gl) return null;
-  const KEPT = 12; // textures of frames
-  const floats = gl.getExtension("OES_texture_float_linear");
+  const MOST_FRAMES = 12; // with textures on the GPU
+  const floatFiltering = gl.getExtension("OES_texture_float_linear");
   const textures = new Map();
 
   const vertex = `#version 300 es
     in vec2 corner;
-    out vec2 place;
+    out vec2 uv;
     void main() {
-      place = vec2(corner.x, 1.0 - corner.y);
+      uv = vec2(corner.x, 1.0 - corner.y);
       gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0);
     }`;
   const fragment = `#version 300 es
@@ -29,51 +30,52 @@ review.drawer = (canvas, view) => {
     precision highp sampler3D;
     ${view.glsl}
     uniform sampler2D pixelsA, errorA, pixelsB, errorB;
-    uniform int mode, reach;
+    uniform int mode, radius;
     uniform float exposure, split, amplify, behind;
-    in vec2 place;
+    in vec2 uv;
     out vec4 color;
 
-    vec3 shown(sampler2D pixels) {
-      vec4 texel = texture(pixels, place);
+    vec3 displayColor(sampler2D pixels) {
+      vec4 texel = texture(pixels, uv);
       vec3 light = exposure * (texel.rgb + (1.0 - texel.a) * behind);
       return clamp(view(vec4(light, 1.0)).rgb, 0.0, 1.0);
     }
 
-    // As lookdev.metrics.noise_ratio.
+    // The ratio z of a pixel, as in lookdev.metrics.noise_ratio.
     float noiseRatio() {
-      ivec2 size = textureSize(pixelsA, 0), here = ivec2(place * vec2(size));
-      vec3 apart = vec3(0.0);
+      ivec2 size = textureSize(pixelsA, 0), center = ivec2(uv * vec2(size));
+      vec3 difference = vec3(0.0);
       float noise = 0.0;
-      for (int y = max(here.y - reach, 0); y <= min(here.y + reach, size.y - 1); y++) {
-        for (int x = max(here.x - reach, 0); x <= min(here.x + reach, size.x - 1); x++) {
-          ivec2 at = ivec2(x, y);
-          vec3 a = texelFetch(pixelsA, at, 0).rgb, b = texelFetch(pixelsB, at, 0).rgb;
-          float errorOfA = texelFetch(errorA, at, 0).r, errorOfB = texelFetch(errorB, at, 0).r;
-          apart += a - b;
-          noise += errorOfA * errorOfA + errorOfB * errorOfB;
+      for (int y = max(center.y - radius, 0); y <= min(center.y + radius, size.y - 1); y++) {
+        for (int x = max(center.x - radius, 0); x <= min(center.x + radius, size.x - 1); x++) {
+          ivec2 texel = ivec2(x, y);
+          vec3 a = texelFetch(pixelsA, texel, 0).rgb, b = texelFetch(pixelsB, texel, 0).rgb;
+          float sigmaA = texelFetch(errorA, texel, 0).r, sigmaB = texelFetch(errorB, texel, 0).r;
+          difference += a - b;
+          noise += sigmaA * sigmaA + sigmaB * sigmaB;
           noise += (dot(a, a) + dot(b, b)) * exp2(-22.0);
         }
       }
-      return noise > 0.0 ? sqrt(dot(apart, apart) / noise) : 0.0;
+      return noise > 0.0 ? sqrt(dot(difference, difference) / noise) : 0.0;
     }
 
-    // Grey for what noise explains; from 3 on, orange to white.
-    vec3 ramp(float z) {
+    // The colour of z: grey up to 3, where noise explains the difference; orange to white beyond.
+    vec3 noiseColor(float z) {
       if (z <= 3.0) return vec3(0.08 + 0.06 * z);
       float t = clamp((z - 3.0) / 9.0, 0.0, 1.0);
       return mix(vec3(0.85, 0.33, 0.0), mix(vec3(1.0, 0.80, 0.2), vec3(1.0), t), sqrt(t));
     }
 
     void main() {
-      if (mode == 1) color = vec4(place.x < split ? shown(pixelsA) : shown(pixelsB), 1.0);
+      if (mode == 1)
+        color = vec4(uv.x < split ? displayColor(pixelsA) : displayColor(pixelsB), 1.0);
       else if (mode == 2)
-        color = vec4(0.5 + 0.5 * amplify * (shown(pixelsA) - shown(pixelsB)), 1.0);
-      else if (mode == 3) color = vec4(ramp(noiseRatio()), 1.0);
-      else color = vec4(shown(pixelsA), 1.0);
+        color = vec4(0.5 + 0.5 * amplify * (displayColor(pixelsA) - displayColor(pixelsB)), 1.0);
+      else if (mode == 3) color = vec4(noiseColor(noiseRatio()), 1.0);
+      else color = vec4(displayColor(pixelsA), 1.0);
     }`;
 
-  function compiled(type, source) {
+  function compileShader(type, source) {
     const shader = gl.createShader(type);
     gl.shaderSource(shader, source);
     gl.compileShader(shader);
@@ -82,8 +84,8 @@ review.drawer = (canvas, view) => {
     return shader;
   }
   const program = gl.createProgram();
-  gl.attachShader(program, compiled(gl.VERTEX_SHADER, vertex));
-  gl.attachShader(program, compiled(gl.FRAGMENT_SHADER, fragment));
+  gl.attachShader(program, compileShader(gl.VERTEX_SHADER, vertex));
+  gl.attachShader(program, compileShader(gl.FRAGMENT_SHADER, fragment));
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS))
     throw new Error(gl.getProgramInfoLog(program));
@@ -99,15 +101,16 @@ review.drawer = (canvas, view) => {
     gl.uniform1i(uniform(name), unit),
   );
 
-  function filtered(target, filter) {
-    for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
-      gl.texParameteri(target, which, filter);
+  function setFilter(target, filter) {
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+      gl.texParameteri(target, name, filter);
     for (const axis of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T, gl.TEXTURE_WRAP_R]) {
       gl.texParameteri(target, axis, gl.CLAMP_TO_EDGE);
     }
   }
 
-  // Tables of the view, in units from 4 on. Without float filtering, half floats serve.
+  // The tables of the view use the texture units from 4 on. They are half floats where the browser
+  // does not filter floats.
   view.textures.forEach((table, number) => {
     const bytes = Uint8Array.from(atob(table.texels), (c) => c.charCodeAt(0));
     const texels = new Float32Array(bytes.buffer);
@@ -116,61 +119,62 @@ review.drawer = (canvas, view) => {
     const [single, half] = table.components === 1 ? [gl.R32F, gl.R16F] : [gl.RGB32F, gl.RGB16F];
     gl.activeTexture(gl.TEXTURE0 + 4 + number);
     gl.bindTexture(target, gl.createTexture());
-    const internal = floats ? single : half;
+    const internal = floatFiltering ? single : half;
     if (target === gl.TEXTURE_3D)
       gl.texImage3D(target, 0, internal, ...table.size, 0, format, gl.FLOAT, texels);
     else
       gl.texImage2D(target, 0, internal, table.size[0], table.size[1], 0, format, gl.FLOAT, texels);
-    filtered(target, table.smooth ? gl.LINEAR : gl.NEAREST);
+    setFilter(target, table.smooth ? gl.LINEAR : gl.NEAREST);
     gl.uniform1i(uniform(table.sampler), 4 + number);
   });
 
-  function textured(frame) {
+  // Return the textures of a frame's colour and error; upload them if they are not on the GPU.
+  function uploadFrame(frame) {
     let pair = textures.get(frame.key);
     if (pair) {
       textures.delete(frame.key);
     } else {
-      const make = (internal, format, width, height, data) => {
+      const createTexture = (internal, format, width, height, data) => {
         const texture = gl.createTexture();
         gl.activeTexture(gl.TEXTURE0);
         gl.bindTexture(gl.TEXTURE_2D, texture);
         gl.texImage2D(gl.TEXTURE_2D, 0, internal, width, height, 0, format, gl.HALF_FLOAT, data);
-        filtered(gl.TEXTURE_2D, gl.NEAREST);
+        setFilter(gl.TEXTURE_2D, gl.NEAREST);
         return texture;
       };
       pair = [
-        make(gl.RGBA16F, gl.RGBA, frame.width, frame.height, frame.rgba),
+        createTexture(gl.RGBA16F, gl.RGBA, frame.width, frame.height, frame.rgba),
         frame.error
-          ? make(gl.R16F, gl.RED, frame.width, frame.height, frame.error)
-          : make(gl.R16F, gl.RED, 1, 1, new Uint16Array(1)),
+          ? createTexture(gl.R16F, gl.RED, frame.width, frame.height, frame.error)
+          : createTexture(gl.R16F, gl.RED, 1, 1, new Uint16Array(1)),
       ];
     }
     textures.set(frame.key, pair);
-    while (textures.size > KEPT) {
-      const [oldest, old] = textures.entries().next().value;
-      old.forEach((texture) => gl.deleteTexture(texture));
-      textures.delete(oldest);
+    while (textures.size > MOST_FRAMES) {
+      const [oldestKey, oldestPair] = textures.entries().next().value;
+      oldestPair.forEach((texture) => gl.deleteTexture(texture));
+      textures.delete(oldestKey);
     }
     return pair;
   }
 
-  // Draw numbers of A, and of B unless it is null; options are mode, stops, split, amplify, behind,
-  // square.
+  // Draw the pixels of A, and those of B unless it is null. `options` are mode, stops, split,
+  // amplify, behind, square.
   function draw(a, b, options) {
     if (canvas.width !== a.width || canvas.height !== a.height)
       [canvas.width, canvas.height] = [a.width, a.height];
     gl.viewport(0, 0, a.width, a.height);
-    [...textured(a), ...textured(b || a)].forEach((texture, unit) => {
+    [...uploadFrame(a), ...uploadFrame(b || a)].forEach((texture, unit) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, texture);
     });
-    const same = b && b.width === a.width && b.height === a.height;
-    const measured = same && a.error && b.error;
+    const sameSize = b && b.width === a.width && b.height === a.height;
+    const hasErrors = sameSize && a.error && b.error;
     gl.uniform1i(
       uniform("mode"),
-      options.mode === "noise" ? (measured ? 3 : 0) : b ? review.MODES[options.mode] : 0,
+      options.mode === "noise" ? (hasErrors ? 3 : 0) : b ? review.MODES[options.mode] : 0,
     );
-    gl.uniform1i(uniform("reach"), (options.square - 1) / 2);
+    gl.uniform1i(uniform("radius"), (options.square - 1) / 2);
     gl.uniform1f(uniform("exposure"), 2 ** options.stops);
     gl.uniform1f(uniform("split"), options.split);
     gl.uniform1f(uniform("amplify"), options.amplify);
@@ -178,7 +182,7 @@ review.drawer = (canvas, view) => {
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
-  // Return what the canvas shows at a pixel, three code values from 0 to 255.
+  // Return the three code values, from 0 to 255, of a pixel of the canvas.
   function codeValues(x, y) {
     const texel = new Uint8Array(4);
     gl.readPixels(x, canvas.height - 1 - y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, texel);

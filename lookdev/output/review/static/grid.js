@@ -1,76 +1,79 @@
 // @ts-check
-// The grid of looks and rigs, and the table of changes.
+// The grid of looks and rigs, and the table of changes. `open` shows a cell, or a change, in the
+// viewer.
 "use strict";
 
-// Show one sprite of a reel in an element.
+// Show one frame of a reel's sprite sheet in an element.
 review.showSprite = (element, reel, number) => {
   const rows = Math.ceil(reel.count / reel.columns);
   const x = number % reel.columns,
     y = Math.floor(number / reel.columns);
-  const at = (index, count) => (count > 1 ? (100 * index) / (count - 1) : 0);
+  const percent = (index, count) => (count > 1 ? (100 * index) / (count - 1) : 0);
   element.style.backgroundSize = `${100 * reel.columns}% ${100 * rows}%`;
-  element.style.backgroundPosition = `${at(x, reel.columns)}% ${at(y, rows)}%`;
+  element.style.backgroundPosition = `${percent(x, reel.columns)}% ${percent(y, rows)}%`;
   element.dataset.number = number;
 };
 
-review.grid = (target, index, names, open) => {
-  const { make } = review;
+// Fill an element with a cell for each look and rig; return the function that updates the cells.
+// `open` is called with look, rig, and whether shift is held.
+review.createGrid = (target, names, open) => {
+  const { makeElement } = review;
   const cells = []; // { button, look, rig, reel }
-  const seen = new IntersectionObserver(
+  const observer = new IntersectionObserver(
     (entries) => {
       for (const entry of entries) {
         const cell = cells[/** @type {HTMLElement} */ (entry.target).dataset.cell];
         cell.visible = entry.isIntersecting;
-        load(cell);
+        loadSprite(cell);
       }
     },
     { rootMargin: "200px" },
   );
 
-  function load(cell) {
+  function loadSprite(cell) {
     if (!cell.visible || !cell.reel || cell.loaded === cell.reel.sprite) return;
     cell.loaded = cell.reel.sprite;
     cell.button.style.backgroundImage = `url("${cell.reel.sprite}")`;
   }
 
-  function scrub(cell, event) {
+  function scrubCell(cell, event) {
     if (!cell.reel) return;
     const box = cell.button.getBoundingClientRect();
-    const part = (event.clientX - box.left) / box.width;
-    const number = Math.min(cell.reel.count - 1, Math.max(0, Math.floor(part * cell.reel.count)));
+    const share = (event.clientX - box.left) / box.width;
+    const number = Math.min(cell.reel.count - 1, Math.max(0, Math.floor(share * cell.reel.count)));
     review.showSprite(cell.button, cell.reel, number);
   }
 
   const rows = names.looks.map((look) =>
-    make(
+    makeElement(
       "tr",
       {},
-      make("th", { scope: "row" }, look),
+      makeElement("th", { scope: "row" }, look),
       ...names.rigs.map((rig) => {
         const cell = { look, rig, reel: undefined, visible: false, loaded: "" };
-        cell.button = make("button", {
+        cell.button = makeElement("button", {
           type: "button",
           class: "cell",
           "data-cell": cells.push(cell) - 1,
           on: {
-            pointermove: (event) => scrub(cell, event),
+            pointermove: (event) => scrubCell(cell, event),
             pointerleave: () => cell.reel && review.showSprite(cell.button, cell.reel, cell.number),
             click: (event) => open(look, rig, event.shiftKey),
           },
         });
-        seen.observe(cell.button);
-        return make("td", {}, cell.button);
+        observer.observe(cell.button);
+        return makeElement("td", {}, cell.button);
       }),
     ),
   );
-  target.replaceChildren(review.table(["", ...names.rigs], rows, { class: "grid" }));
+  target.replaceChildren(review.makeTable(["", ...names.rigs], rows, { class: "grid" }));
 
-  // Show a turntable at a frame in all cells, which `find` returns reels for; mark the cells of A
-  // and B.
-  return (find, number, a, b) => {
+  // Show the frame of a number in all cells, and mark the cells of A and B. `findReel` returns the
+  // reel of a look and a rig.
+  return (findReel, number, a, b) => {
     for (const cell of cells) {
       const { button } = cell;
-      const reel = find(cell.look, cell.rig);
+      const reel = findReel(cell.look, cell.rig);
       if (reel !== cell.reel) {
         cell.reel = reel;
         button.disabled = !reel;
@@ -78,26 +81,28 @@ review.grid = (target, index, names, open) => {
         button.replaceChildren(reel ? "" : "no frames");
         if (!reel) button.style.backgroundImage = "";
       }
-      const marks = [a, b].map((side) => side && side.look === cell.look && side.rig === cell.rig);
-      button.className = `cell${marks[0] ? " a" : ""}${marks[1] ? " b" : ""}`;
+      const isMarked = [a, b].map(
+        (side) => side && side.look === cell.look && side.rig === cell.rig,
+      );
+      button.className = `cell${isMarked[0] ? " a" : ""}${isMarked[1] ? " b" : ""}`;
       button.setAttribute(
         "aria-label",
         `${cell.look} under ${cell.rig}${reel ? "" : ": no frames"}`,
       );
-      button.toggleAttribute("aria-current", Boolean(marks[0]));
+      button.toggleAttribute("aria-current", Boolean(isMarked[0]));
       if (!reel) continue;
-      // The last frame up to the number: another one may be missing here.
+      // The reel may lack a frame of this number: the last one before it is shown.
       cell.number = Math.max(
         0,
         reel.numbers.findLastIndex((other) => other <= number),
       );
       review.showSprite(button, reel, cell.number);
-      load(cell);
+      loadSprite(cell);
     }
   };
 };
 
-const STATES = {
+const STATE_TEXTS = {
   changed: "changed",
   "same picture": "same but for noise",
   same: "identical",
@@ -107,20 +112,22 @@ const STATES = {
 };
 
 review.showChanges = (target, changes, open) => {
-  const { make, number } = review;
-  const order = Object.keys(STATES);
-  const sorted = [...changes].sort(
-    (p, q) => order.indexOf(p.state) - order.indexOf(q.state) || (q.beyond || 0) - (p.beyond || 0),
+  const { makeElement, formatNumber } = review;
+  const stateOrder = Object.keys(STATE_TEXTS);
+  const sortedChanges = [...changes].sort(
+    (p, q) =>
+      stateOrder.indexOf(p.state) - stateOrder.indexOf(q.state) ||
+      (q.beyond || 0) - (p.beyond || 0),
   );
-  const headers = changes.some((change) => (change.headers || []).length);
-  const rows = sorted.map((change) =>
-    make(
+  const hasHeaders = changes.some((change) => (change.headers || []).length);
+  const rows = sortedChanges.map((change) =>
+    makeElement(
       "tr",
       { class: change.state.replace(" ", "-") },
-      make(
+      makeElement(
         "th",
         { scope: "row" },
-        make(
+        makeElement(
           "button",
           {
             type: "button",
@@ -131,33 +138,33 @@ review.showChanges = (target, changes, open) => {
           `${change.look} / ${change.rig} / ${change.turntable}`,
         ),
       ),
-      make("td", {}, make("span", { class: "state" }, STATES[change.state])),
-      make("td", {}, (change.changed || []).join(", ")),
-      make(
+      makeElement("td", {}, makeElement("span", { class: "state" }, STATE_TEXTS[change.state])),
+      makeElement("td", {}, (change.changed || []).join(", ")),
+      makeElement(
         "td",
         {},
         change.beyond === null || change.beyond === undefined
           ? ""
           : `${(100 * change.beyond).toFixed(2)} %`,
       ),
-      make(
+      makeElement(
         "td",
         {},
-        change.relmse === null || change.relmse === undefined ? "" : number(change.relmse, 2),
+        change.relmse === null || change.relmse === undefined ? "" : formatNumber(change.relmse, 2),
       ),
-      make("td", {}, change.frame ? `${change.frame} (${change.frames})` : ""),
-      headers &&
-        make(
+      makeElement("td", {}, change.frame ? `${change.frame} (${change.frames})` : ""),
+      hasHeaders &&
+        makeElement(
           "td",
           {},
           (change.headers || [])
-            .map(([name, old, now]) => `${name}: ${old || "–"} → ${now || "–"}`)
+            .map(([name, before, after]) => `${name}: ${before || "–"} → ${after || "–"}`)
             .join("; "),
         ),
     ),
   );
   target.replaceChildren(
-    review.table(
+    review.makeTable(
       [
         "turntable",
         "",
@@ -165,7 +172,7 @@ review.showChanges = (target, changes, open) => {
         "asset beyond z = 3",
         "relMSE of the two",
         "worst frame",
-        ...(headers ? ["header"] : []),
+        ...(hasHeaders ? ["header"] : []),
       ],
       rows,
       { class: "changes" },

@@ -1,17 +1,17 @@
 // @ts-check
-// What the page reads from disk: scripts that call review.put(), each once, and the numbers in
-// them.
+// Loads the page's data from disk: each script calls review.put() once, and the pixels in it are
+// decoded.
 "use strict";
 
 window.review = (() => {
-  const waiting = new Map();
+  const resolvers = new Map(); // of the promises in `scripts`, by name
   const scripts = new Map();
-  const decoded = new Map(); // the least recently used first
+  const frameCache = new Map(); // { promise, value, bytes } by key, the least recently used first
   const CACHE_BYTES = (navigator.deviceMemory || 4) >= 4 ? 512e6 : 128e6;
   let cachedBytes = 0;
 
-  // Half floats as numbers; made once.
-  const HALF = new Float32Array(65536);
+  // The number of each bit pattern of a half float.
+  const HALF_TO_FLOAT = new Float32Array(65536);
   for (let h = 0; h < 65536; h++) {
     const exponent = (h >> 10) & 31,
       fraction = h & 1023;
@@ -23,22 +23,22 @@ window.review = (() => {
             ? NaN
             : Infinity
           : (1 + fraction / 1024) * 2 ** (exponent - 15);
-    HALF[h] = h >> 15 ? -value : value;
+    HALF_TO_FLOAT[h] = h >> 15 ? -value : value;
   }
 
   function put(name, value) {
-    const resolve = waiting.get(name);
-    waiting.delete(name);
+    const resolve = resolvers.get(name);
+    resolvers.delete(name);
     if (resolve) resolve(value);
   }
 
-  // Return what a script puts under a name.
-  function read(name, source) {
+  // Return the value that a script puts under a name, as a promise.
+  function loadScript(name, source) {
     if (!scripts.has(name)) {
       scripts.set(
         name,
         new Promise((resolve, reject) => {
-          waiting.set(name, resolve);
+          resolvers.set(name, resolve);
           const element = document.createElement("script");
           element.src = source;
           element.onload = () => element.remove();
@@ -55,73 +55,79 @@ window.review = (() => {
   }
 
   async function inflate(text) {
-    const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+    const compressed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+    const stream = new Blob([compressed]).stream().pipeThrough(new DecompressionStream("deflate"));
     return new Uint8Array(await new Response(stream).arrayBuffer());
   }
 
-  // Planes R, G, B, A and, where it is known, E; the high bytes of each before its low bytes.
-  async function decode(key) {
-    const entry = await read(key, `data/frames/${key}.js`);
-    scripts.delete(key); // what is decoded is kept instead
+  // A script has the planes R, G, B, A and, if the error is known, E. The high bytes of a plane
+  // precede its low bytes.
+  async function decodeFrame(key) {
+    const entry = await loadScript(key, `data/frames/${key}.js`);
+    scripts.delete(key); // the cache stores the decoded pixels instead
     const bytes = await inflate(entry.data);
     const count = entry.width * entry.height;
-    const plane = (number, target, offset, step) => {
+    const copyPlane = (number, target, offset, step) => {
       const high = 2 * number * count,
         low = high + count;
       for (let i = 0, j = offset; i < count; i++, j += step)
         target[j] = (bytes[high + i] << 8) | bytes[low + i];
     };
     const rgba = new Uint16Array(4 * count);
-    for (let channel = 0; channel < 4; channel++) plane(channel, rgba, channel, 4);
+    for (let channel = 0; channel < 4; channel++) copyPlane(channel, rgba, channel, 4);
     let error = null;
-    if (entry.planes > 4) plane(4, (error = new Uint16Array(count)), 0, 1);
+    if (entry.planes > 4) copyPlane(4, (error = new Uint16Array(count)), 0, 1);
     return { key, width: entry.width, height: entry.height, rgba, error };
   }
 
-  // Return the numbers of a frame, as a promise.
-  function pixels(key) {
-    if (decoded.has(key)) {
-      const entry = decoded.get(key);
-      decoded.delete(key);
-      decoded.set(key, entry);
-      return entry.promise;
+  // Return the pixels of a frame, as a promise.
+  function loadPixels(key) {
+    if (frameCache.has(key)) {
+      const cached = frameCache.get(key);
+      frameCache.delete(key);
+      frameCache.set(key, cached);
+      return cached.promise;
     }
-    const slot = { promise: null, value: null, bytes: 0 };
-    slot.promise = decode(key).then(
+    const entry = { promise: null, value: null, bytes: 0 };
+    entry.promise = decodeFrame(key).then(
       (value) => {
-        slot.value = value;
-        slot.bytes = value.rgba.byteLength + (value.error ? value.error.byteLength : 0);
-        cachedBytes += slot.bytes;
-        for (const [old, other] of decoded) {
-          if (cachedBytes <= CACHE_BYTES || decoded.size <= 4) break;
-          if (!other.value || other === slot) continue;
-          decoded.delete(old);
+        entry.value = value;
+        entry.bytes = value.rgba.byteLength + (value.error ? value.error.byteLength : 0);
+        cachedBytes += entry.bytes;
+        for (const [otherKey, other] of frameCache) {
+          if (cachedBytes <= CACHE_BYTES || frameCache.size <= 4) break;
+          if (!other.value || other === entry) continue;
+          frameCache.delete(otherKey);
           cachedBytes -= other.bytes;
         }
         return value;
       },
       (error) => {
-        decoded.delete(key);
+        frameCache.delete(key);
         throw error;
       },
     );
-    decoded.set(key, slot);
-    return slot.promise;
+    frameCache.set(key, entry);
+    return entry.promise;
   }
 
-  // Return the numbers of a frame if they are there already.
-  function ready(key) {
-    const slot = decoded.get(key);
-    return slot ? slot.value : null;
+  // Return the pixels of a frame, or null if they are not in the cache.
+  function cachedPixels(key) {
+    const entry = frameCache.get(key);
+    return entry ? entry.value : null;
+  }
+
+  // Return how many frames of this size are loaded ahead: half the cache.
+  function frameCapacity(bytes) {
+    return Math.max(2, Math.floor(CACHE_BYTES / 2 / bytes));
   }
 
   return {
-    HALF,
+    HALF_TO_FLOAT,
     put,
-    read,
-    pixels,
-    ready,
-    roomFor: (bytes) => Math.max(2, Math.floor(CACHE_BYTES / 2 / bytes)),
+    loadScript,
+    loadPixels,
+    cachedPixels,
+    frameCapacity,
   };
 })();

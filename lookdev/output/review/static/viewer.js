@@ -1,16 +1,16 @@
 // @ts-check
-// The page: its state, which the address keeps, and what changes it.
+// The page: its state, which the URL stores, and the functions that change it.
 "use strict";
 
 review.start = (index) => {
-  const { make } = review;
+  const { makeElement } = review;
   const $ = (id) => document.getElementById(id);
-  const unique = (list) => [...new Set(list)];
+  const uniqueValues = (list) => [...new Set(list)];
   const versions = index.versions;
   const names = Object.fromEntries(
     ["look", "rig", "turntable"].map((key) => [
       `${key}s`,
-      unique(index.reels.map((reel) => reel[key])),
+      uniqueValues(index.reels.map((reel) => reel[key])),
     ]),
   );
   const reels = new Map(
@@ -19,19 +19,19 @@ review.start = (index) => {
       reel,
     ]),
   );
-  const find = (side, turntable = state.turntable) =>
+  const findReel = (side, turntable = state.turntable) =>
     reels.get([side.version, side.look, side.rig, turntable].join("\n")) || null;
 
-  const first = index.reels[0];
+  const firstReel = index.reels[0];
   const state = {
-    a: { version: 0, look: first.look, rig: first.rig },
-    // Of an old version, the same look and rig as A; otherwise another look, if there is one.
+    a: { version: 0, look: firstReel.look, rig: firstReel.rig },
+    // B is an old version, in A's look and rig; without one, B is another look, if there is one.
     b: {
       version: versions.length - 1,
       look: versions.length > 1 ? null : names.looks[1] || names.looks[0],
       rig: null,
     },
-    turntable: first.turntable,
+    turntable: firstReel.turntable,
     frame: 0,
     mode: "picture",
     split: 0.5,
@@ -48,22 +48,22 @@ review.start = (index) => {
     look: state.b.look || state.a.look,
     rig: state.b.rig || state.a.rig,
   });
-  const comparing = () => state.mode !== "picture";
+  const isComparing = () => state.mode !== "picture";
   const { clamp, wrap } = review;
   const canvas = $("canvas"),
     picture = $("picture"),
     stage = $("stage"),
-    box = $("frame");
+    frameBox = $("frame");
 
-  let drawer = null;
+  let renderer = null;
   try {
-    drawer = review.drawer(canvas, index.view);
+    renderer = review.createRenderer(canvas, index.view);
   } catch (error) {
     console.error(error);
   }
-  if (!drawer) {
+  if (!renderer) {
     $("problems").append(
-      make(
+      makeElement(
         "li",
         {},
         "This browser has no WebGL 2: pictures turn, but exposure, wipes and differences need it.",
@@ -71,131 +71,131 @@ review.start = (index) => {
     );
   }
 
-  // The pixels of the frames that are drawn.
-  let images = { a: null, b: null };
-  let turn = 0;
+  // The pixels of the frames on the canvas.
+  let pixels = { a: null, b: null };
+  let updateCount = 0;
 
-  // Frames are in step by the numbers in their names, as some may be missing: that of the state is
-  // an index in A's reel.
+  // Reels may lack frames: A and B show the frame of the same number. `state.frame` is an index in
+  // A's reel.
   const frameNumber = () => {
-    const reel = find(state.a);
+    const reel = findReel(state.a);
     return reel ? reel.numbers[clamp(state.frame, 0, reel.count - 1)] : 1;
   };
-  async function frameOf(side) {
-    const reel = find(side),
+  async function loadFrame(side) {
+    const reel = findReel(side),
       position = reel ? reel.numbers.indexOf(frameNumber()) : -1;
     if (position < 0) return null;
-    const frames = await review.read(reel.script, reel.script);
+    const frames = await review.loadScript(reel.script, reel.script);
     return frames[position];
   }
 
-  // The state as text; the page has it in data-drawn once it is drawn.
+  // The state as text. The body's data-drawn is the text of the state on the canvas.
   const stateText = () =>
-    KEPT.map((key) => state[key])
+    URL_KEYS.map((key) => state[key])
       .concat(Object.values(state.a), Object.values(sideB()))
       .join(" ");
-  Object.defineProperty(review, "wanted", { get: stateText });
+  Object.defineProperty(review, "stateText", { get: stateText });
 
-  // Show the state: at once what is there, then what must be read.
+  // Show the state: first what is in memory, then what must be read.
   async function update() {
-    const mine = ++turn;
-    controls();
+    const updateNumber = ++updateCount;
+    updateControls();
     const [a, b] = await Promise.all([
-      frameOf(state.a),
-      comparing() ? frameOf(sideB()) : null,
+      loadFrame(state.a),
+      isComparing() ? loadFrame(sideB()) : null,
     ]).catch((error) => {
-      failed(error, mine);
+      reportError(error, updateNumber);
       return [null, null];
     });
-    if (mine !== turn) return;
+    if (updateNumber !== updateCount) return;
     if (!a) {
       picture.hidden = true;
-      return notice("no frames of this look, rig and turntable");
+      return showNotice("no frames of this look, rig and turntable");
     }
     review.showProvenance($("provenance"), a, b);
-    const there = drawer && review.ready(a.key) && (!b || review.ready(b.key));
-    if (there) return draw(a, b);
+    const isCached = renderer && review.cachedPixels(a.key) && (!b || review.cachedPixels(b.key));
+    if (isCached) return draw(a, b);
     const source = `data/frames/${a.key}.jpg`;
-    if (!drawer || (state.mode === "picture" && state.stops === 0 && state.behind === 0)) {
+    if (!renderer || (state.mode === "picture" && state.stops === 0 && state.behind === 0)) {
       if (picture.getAttribute("src") !== source) picture.src = source;
       picture.hidden = false;
     }
-    resizeStage(find(state.a));
-    if (!drawer) return;
-    clearTimeout(late);
-    late = setTimeout(() => notice("reading …"), 400);
-    // a hand that passes by reads nothing
+    resizeStage(findReel(state.a));
+    if (!renderer) return;
+    clearTimeout(noticeTimer);
+    noticeTimer = setTimeout(() => showNotice("reading …"), 400);
+    // While the pointer moves on, nothing is read.
     await new Promise((resolve) => setTimeout(resolve, state.playing ? 0 : 60));
-    if (mine !== turn) return;
+    if (updateNumber !== updateCount) return;
     try {
-      await Promise.all([a, b].filter(Boolean).map((frame) => review.pixels(frame.key)));
-      if (mine === turn) draw(a, b);
+      await Promise.all([a, b].filter(Boolean).map((frame) => review.loadPixels(frame.key)));
+      if (updateNumber === updateCount) draw(a, b);
     } catch (error) {
-      failed(error, mine);
+      reportError(error, updateNumber);
     }
   }
 
   let ratios = null,
-    ratiosOf = "";
+    ratiosKey = "";
   function draw(a, b) {
-    const numbers = [a, b].map((frame) => frame && review.ready(frame.key));
-    images = { a: numbers[0], b: numbers[1] };
+    const [pixelsA, pixelsB] = [a, b].map((frame) => frame && review.cachedPixels(frame.key));
+    pixels = { a: pixelsA, b: pixelsB };
     const pairKey = b && state.mode === "noise" ? `${a.key} ${b.key} ${state.square}` : "";
-    if (pairKey !== ratiosOf) {
-      ratios = pairKey && review.noiseRatios(images.a, images.b, state.square);
-      ratiosOf = pairKey;
+    if (pairKey !== ratiosKey) {
+      ratios = pairKey && review.noiseRatios(pixels.a, pixels.b, state.square);
+      ratiosKey = pairKey;
     }
-    drawer.draw(images.a, images.b, { ...state, amplify: 2 ** state.amplify });
+    renderer.draw(pixels.a, pixels.b, { ...state, amplify: 2 ** state.amplify });
     picture.hidden = true;
-    notice("");
-    resizeStage(images.a);
-    legend(b);
-    values();
-    ahead();
+    showNotice("");
+    resizeStage(pixels.a);
+    showLegend(b);
+    showCursorValues();
+    prefetchFrames();
     document.body.dataset.drawn = stateText();
     review.drawnKeys = [a.key, b ? b.key : ""];
   }
 
-  // Read the other frames of the turntable while nothing else is to do, as far as they fit into
-  // memory.
-  let reading = "";
-  async function ahead() {
-    const reel = find(state.a);
-    if (!reel || reading === reel.script) return;
-    reading = reel.script;
-    const frames = await review.read(reel.script, reel.script);
-    const most = Math.min(frames.length, review.roomFor(10 * reel.width * reel.height));
-    for (let step = 1; step < most && reading === reel.script; step++) {
-      await review.pixels(frames[wrap(state.frame + step, frames.length)].key).catch(() => null);
+  // Read the other frames of the turntable, as many as fit into the cache.
+  let prefetchedScript = "";
+  async function prefetchFrames() {
+    const reel = findReel(state.a);
+    if (!reel || prefetchedScript === reel.script) return;
+    prefetchedScript = reel.script;
+    const frames = await review.loadScript(reel.script, reel.script);
+    const count = Math.min(frames.length, review.frameCapacity(10 * reel.width * reel.height));
+    for (let offset = 1; offset < count && prefetchedScript === reel.script; offset++) {
+      const { key } = frames[wrap(state.frame + offset, frames.length)];
+      await review.loadPixels(key).catch(() => null);
     }
   }
 
-  let late = 0;
-  function notice(text) {
-    clearTimeout(late);
-    $("busy").textContent = text;
-    $("busy").hidden = !text;
+  let noticeTimer = 0;
+  function showNotice(text) {
+    clearTimeout(noticeTimer);
+    $("notice").textContent = text;
+    $("notice").hidden = !text;
   }
 
-  function failed(error, mine) {
-    if (mine === turn) notice(error.message);
+  function reportError(error, updateNumber) {
+    if (updateNumber === updateCount) showNotice(error.message);
   }
 
-  function legend(b) {
+  function showLegend(b) {
     const target = $("legend");
     target.hidden = state.mode === "picture" || (state.mode === "wipe" && Boolean(b));
     if (target.hidden) return;
     delete target.dataset.share;
     if (!b)
-      target.textContent = find(sideB())
+      target.textContent = findReel(sideB())
         ? `B has no frame ${frameNumber()}`
         : "B has no frames here";
-    else if (images.a.width !== images.b.width || images.a.height !== images.b.height)
+    else if (pixels.a.width !== pixels.b.width || pixels.a.height !== pixels.b.height)
       target.textContent = "A and B differ in size";
     else if (state.mode === "difference")
       target.textContent = `(A − B) × ${2 ** state.amplify}, grey where equal`;
     else {
-      const share = ratios && review.shareBeyond(images.a, images.b, ratios, 3);
+      const share = ratios && review.shareBeyond(pixels.a, pixels.b, ratios, 3);
       target.textContent = ratios
         ? `${(100 * share).toFixed(2)} % of the asset beyond z = 3; noise alone: at most 0.3 %`
         : "the error of a frame is not known: it was rendered without, or by another version";
@@ -204,13 +204,13 @@ review.start = (index) => {
   }
 
   function resizeStage({ width, height }) {
-    const room =
+    const scale =
       state.zoom === "fit"
         ? Math.min(stage.clientWidth / width, Math.max(200, 0.68 * innerHeight) / height)
         : Number(state.zoom) / devicePixelRatio;
-    box.style.width = `${Math.round(width * room)}px`;
-    box.style.height = `${Math.round(height * room)}px`;
-    box.classList.toggle("pixelated", state.zoom !== "fit");
+    frameBox.style.width = `${Math.round(width * scale)}px`;
+    frameBox.style.height = `${Math.round(height * scale)}px`;
+    frameBox.classList.toggle("pixelated", state.zoom !== "fit");
     $("handle").hidden = state.mode !== "wipe";
     $("handle").style.left = `${100 * state.split}%`;
     $("cursor").hidden = !state.cursor || !state.cursor.pinned;
@@ -220,25 +220,25 @@ review.start = (index) => {
     }
   }
 
-  function values() {
-    if (!state.cursor || !images.a) return;
-    const x = clamp(state.cursor.x, 0, images.a.width - 1),
-      y = clamp(state.cursor.y, 0, images.a.height - 1);
-    review.showValues($("values"), x, y, images.a, images.b, drawer.codeValues(x, y), ratios);
+  function showCursorValues() {
+    if (!state.cursor || !pixels.a) return;
+    const x = clamp(state.cursor.x, 0, pixels.a.width - 1),
+      y = clamp(state.cursor.y, 0, pixels.a.height - 1);
+    review.showValues($("values"), x, y, pixels.a, pixels.b, renderer.codeValues(x, y), ratios);
   }
 
-  // Controls, and the address, as the state has them.
-  const label = (side) =>
+  const sideLabel = (side) =>
     `${side.look} / ${side.rig}${versions.length > 1 ? ` (${versions[side.version].name})` : ""}`;
-  function controls() {
-    const reel = find(state.a),
+  // Set the controls, the cells and the URL to the state.
+  function updateControls() {
+    const reel = findReel(state.a),
       count = reel ? reel.count : 1;
     state.frame = clamp(state.frame, 0, count - 1);
-    $("number").max = count - 1;
-    $("number").value = state.frame;
+    $("frame-slider").max = count - 1;
+    $("frame-slider").value = state.frame;
     const missing = reel && reel.numbers[count - 1] !== count;
-    $("number").setAttribute("aria-valuetext", `frame ${state.frame + 1} of ${count}`);
-    $("place").textContent =
+    $("frame-slider").setAttribute("aria-valuetext", `frame ${state.frame + 1} of ${count}`);
+    $("frame-text").textContent =
       `${state.frame + 1} / ${count}${missing ? `, number ${frameNumber()}` : ""}`;
     $("play").setAttribute("aria-pressed", state.playing);
     $("play").textContent = state.playing ? "Pause" : "Play";
@@ -258,29 +258,29 @@ review.start = (index) => {
       radio.setAttribute("aria-checked", state[key] === value);
       radio.tabIndex = state[key] === value ? 0 : -1;
     }
-    for (const [side, selects] of Object.entries(choices)) {
+    for (const [side, selects] of Object.entries(sideSelects)) {
       for (const [key, select] of Object.entries(selects))
         select.value = state[side][key] === null ? "" : String(state[side][key]);
     }
     const other = sideB();
-    $("tag-a").textContent = `A  ${label(state.a)}`;
-    $("tag-b").textContent = `B  ${label(other)}`;
-    $("tag-b").hidden = !comparing();
+    $("tag-a").textContent = `A  ${sideLabel(state.a)}`;
+    $("tag-b").textContent = `B  ${sideLabel(other)}`;
+    $("tag-b").hidden = !isComparing();
     stage.setAttribute(
       "aria-label",
-      `${label(state.a)}, ${state.turntable}, frame ${state.frame + 1} of ${count}` +
-        (comparing() ? `, ${state.mode} against ${label(other)}` : ""),
+      `${sideLabel(state.a)}, ${state.turntable}, frame ${state.frame + 1} of ${count}` +
+        (isComparing() ? `, ${state.mode} against ${sideLabel(other)}` : ""),
     );
-    cells(
-      (look, rig) => find({ ...state.a, look, rig }),
+    updateGrid(
+      (look, rig) => findReel({ ...state.a, look, rig }),
       frameNumber(),
       state.a,
-      comparing() ? other : null,
+      isComparing() ? other : null,
     );
-    keep();
+    writeUrl();
   }
 
-  const KEPT = [
+  const URL_KEYS = [
     "turntable",
     "frame",
     "mode",
@@ -291,23 +291,23 @@ review.start = (index) => {
     "zoom",
     "square",
   ];
-  function keep() {
-    const parts = new URLSearchParams();
-    for (const side of ["a", "b"]) parts.set(side, JSON.stringify(Object.values(state[side])));
-    for (const key of KEPT) parts.set(key, state[key]);
+  function writeUrl() {
+    const parameters = new URLSearchParams();
+    for (const side of ["a", "b"]) parameters.set(side, JSON.stringify(Object.values(state[side])));
+    for (const key of URL_KEYS) parameters.set(key, state[key]);
     try {
-      history.replaceState(null, "", `#${parts}`);
+      history.replaceState(null, "", `#${parameters}`);
     } catch {
-      // some browsers keep the address of a file as it is
+      // Some browsers refuse to change the URL of a file.
     }
   }
 
-  function recall() {
-    const parts = new URLSearchParams(location.hash.slice(1));
+  function readUrl() {
+    const parameters = new URLSearchParams(location.hash.slice(1));
     try {
       for (const side of ["a", "b"]) {
-        if (!parts.has(side)) continue;
-        const [version, look, rig] = JSON.parse(parts.get(side));
+        if (!parameters.has(side)) continue;
+        const [version, look, rig] = JSON.parse(parameters.get(side));
         const isVersion =
           versions[version] &&
           (names.looks.includes(look) || (side === "b" && look === null)) &&
@@ -315,23 +315,24 @@ review.start = (index) => {
         if (isVersion) state[side] = { version, look, rig };
       }
     } catch {
-      // not an address of this page
+      // The URL is not one of this page.
     }
-    for (const key of KEPT) {
-      if (!parts.has(key)) continue;
-      const value = typeof state[key] === "number" ? Number(parts.get(key)) : parts.get(key);
+    for (const key of URL_KEYS) {
+      if (!parameters.has(key)) continue;
+      const value =
+        typeof state[key] === "number" ? Number(parameters.get(key)) : parameters.get(key);
       if (typeof value === "number" ? Number.isFinite(value) : value) state[key] = value;
     }
-    if (!names.turntables.includes(state.turntable)) state.turntable = first.turntable;
+    if (!names.turntables.includes(state.turntable)) state.turntable = firstReel.turntable;
     if (!(state.mode in review.MODES)) state.mode = "picture";
     state.frame = Math.max(0, Math.floor(state.frame));
   }
 
-  const set = (changes) => {
+  const setState = (changes) => {
     const number = frameNumber();
     Object.assign(state, changes);
-    // Another look stays at the number of the frame, or at the last before it.
-    const reel = find(state.a);
+    // Another look shows the frame of the same number, or the last one before it.
+    const reel = findReel(state.a);
     if (reel && !("frame" in changes))
       state.frame = Math.max(
         0,
@@ -339,94 +340,91 @@ review.start = (index) => {
       );
     update();
   };
-  const setSide = (side, changes) => set({ [side]: { ...state[side], ...changes } });
-  const step = (by) => {
-    const reel = find(state.a);
-    if (reel) set({ frame: wrap(state.frame + by, reel.count) });
+  const setSide = (side, changes) => setState({ [side]: { ...state[side], ...changes } });
+  const stepIn = (list, value, step) => list[wrap(list.indexOf(value) + step, list.length)];
+  const stepFrame = (step) => {
+    const reel = findReel(state.a);
+    if (reel) setState({ frame: wrap(state.frame + step, reel.count) });
   };
-  const stepName = (key, by) => {
-    const list = names[`${key}s`];
-    setSide("a", { [key]: list[wrap(list.indexOf(state.a[key]) + by, list.length)] });
-  };
-  const stepTurntable = (by = 1) => {
-    const list = names.turntables;
-    set({ turntable: list[wrap(list.indexOf(state.turntable) + by, list.length)] });
-  };
-  const toggleMode = (mode) => set({ mode: state.mode === mode ? "picture" : mode });
-  const swap = () => set({ a: sideB(), b: { ...state.a } });
-  const expose = (by) => set({ stops: clamp(state.stops + by, -8, 8) });
+  const stepLook = (step) => setSide("a", { look: stepIn(names.looks, state.a.look, step) });
+  const stepRig = (step) => setSide("a", { rig: stepIn(names.rigs, state.a.rig, step) });
+  const stepTurntable = () => setState({ turntable: stepIn(names.turntables, state.turntable, 1) });
+  const toggleMode = (mode) => setState({ mode: state.mode === mode ? "picture" : mode });
+  const swapSides = () => setState({ a: sideB(), b: { ...state.a } });
+  const changeExposure = (step) => setState({ stops: clamp(state.stops + step, -8, 8) });
 
-  let timer = 0;
-  function play(on) {
-    clearInterval(timer);
-    if (on) timer = setInterval(() => step(1), 1000 / 12);
-    set({ playing: on });
+  let playTimer = 0;
+  function setPlaying(playing) {
+    clearInterval(playTimer);
+    if (playing) playTimer = setInterval(() => stepFrame(1), 1000 / 12);
+    setState({ playing });
   }
 
   function setCursor(x, y, pinned) {
     state.cursor = { x, y, pinned };
-    if (images.a) resizeStage(images.a);
-    values();
+    if (pixels.a) resizeStage(pixels.a);
+    showCursorValues();
   }
   function moveCursor(dx, dy) {
-    if (!images.a) return;
-    const { x, y } = state.cursor || { x: images.a.width >> 1, y: images.a.height >> 1 };
-    setCursor(clamp(x + dx, 0, images.a.width - 1), clamp(y + dy, 0, images.a.height - 1), true);
+    if (!pixels.a) return;
+    const { x, y } = state.cursor || { x: pixels.a.width >> 1, y: pixels.a.height >> 1 };
+    setCursor(clamp(x + dx, 0, pixels.a.width - 1), clamp(y + dy, 0, pixels.a.height - 1), true);
   }
 
-  // Radio buttons and lists.
-  function radios(target, key, entries) {
+  // Fill an element with radio buttons of a key of the state; `entries` are values with texts.
+  function fillRadios(target, key, entries) {
     target.replaceChildren(
       ...entries.map(([value, text]) =>
-        make(
+        makeElement(
           "button",
           {
             type: "button",
             role: "radio",
             "data-radio": `${key}=${value}`,
-            on: { click: () => set({ [key]: value }) },
+            on: { click: () => setState({ [key]: value }) },
           },
           text,
         ),
       ),
     );
     target.addEventListener("keydown", (event) => {
-      const by = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
-      if (!by) return;
+      const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+      if (!step) return;
       event.preventDefault();
       event.stopPropagation();
-      const at = entries.findIndex(([value]) => value === state[key]);
-      set({ [key]: entries[wrap(at + by, entries.length)][0] });
+      const values = entries.map(([value]) => value);
+      setState({ [key]: stepIn(values, state[key], step) });
       target.querySelector('[aria-checked="true"]').focus();
     });
   }
-  radios(
-    $("tables"),
+  fillRadios(
+    $("turntables"),
     "turntable",
     names.turntables.map((name) => [name, name]),
   );
-  $("tables").hidden = names.turntables.length < 2;
-  radios($("modes"), "mode", [
+  $("turntables").hidden = names.turntables.length < 2;
+  fillRadios($("modes"), "mode", [
     ["picture", "Picture"],
     ["wipe", "Wipe"],
     ["difference", "Difference"],
     ["noise", "z (noise)"],
   ]);
 
-  function choosers(side) {
-    const follow = side === "b" ? [["", "as A"]] : [];
+  // Add the selects of version, look and rig of a side; return them by these keys.
+  function addSelects(side) {
+    const sameAsA = side === "b" ? [["", "as A"]] : [];
     const lists = {
       version:
         versions.length > 1
           ? versions.map((version, number) => [String(number), version.name])
           : null,
-      look: [...follow, ...names.looks.map((name) => [name, name])],
-      rig: [...follow, ...names.rigs.map((name) => [name, name])],
+      look: [...sameAsA, ...names.looks.map((name) => [name, name])],
+      rig: [...sameAsA, ...names.rigs.map((name) => [name, name])],
     };
     const selects = {};
     for (const [key, entries] of Object.entries(lists)) {
       if (!entries) continue;
-      selects[key] = make(
+      selects[key] = makeElement(
         "select",
         {
           "aria-label": `${key} of ${side.toUpperCase()}`,
@@ -437,18 +435,18 @@ review.start = (index) => {
               }),
           },
         },
-        ...entries.map(([value, text]) => make("option", { value }, text)),
+        ...entries.map(([value, text]) => makeElement("option", { value }, text)),
       );
       $(`choose-${side}`).append(selects[key]);
     }
     return selects;
   }
-  const choices = { a: choosers("a"), b: choosers("b") };
+  const sideSelects = { a: addSelects("a"), b: addSelects("b") };
 
-  const cells = review.grid($("cells"), index, names, (look, rig, asB) => {
+  const updateGrid = review.createGrid($("cells"), names, (look, rig, asB) => {
     const changes = asB ? { b: { ...state.b, look, rig } } : { a: { ...state.a, look, rig } };
-    if (asB && !comparing()) changes.mode = "wipe";
-    set(changes);
+    if (asB && !isComparing()) changes.mode = "wipe";
+    setState(changes);
     if (!asB) $("viewer").scrollIntoView({ block: "nearest" });
   });
   if (index.changes) {
@@ -458,7 +456,7 @@ review.start = (index) => {
       `Changes since ${versions[1].name}: ${counts} of ${index.changes.length} turntables`;
     review.showChanges($("changes-table"), index.changes, (change) => {
       const reel = reels.get([0, change.look, change.rig, change.turntable].join("\n"));
-      set({
+      setState({
         a: { version: 0, look: change.look, rig: change.rig },
         b: { version: 1, look: null, rig: null },
         turntable: change.turntable,
@@ -469,63 +467,67 @@ review.start = (index) => {
     });
   }
 
-  const bound = {
-    number: "frame",
+  // Keys of the state, by the ids of their inputs.
+  const INPUTS = {
+    "frame-slider": "frame",
     split: "split",
     amplify: "amplify",
     exposure: "stops",
     behind: "behind",
     square: "square",
   };
-  for (const [id, key] of Object.entries(bound))
-    $(id).addEventListener("input", (event) => set({ [key]: Number(event.target.value) }));
-  $("zoom").addEventListener("change", (event) => set({ zoom: event.target.value }));
-  $("play").addEventListener("click", () => play(!state.playing));
-  $("swap").addEventListener("click", swap);
+  for (const [id, key] of Object.entries(INPUTS))
+    $(id).addEventListener("input", (event) => setState({ [key]: Number(event.target.value) }));
+  $("zoom").addEventListener("change", (event) => setState({ zoom: event.target.value }));
+  $("play").addEventListener("click", () => setPlaying(!state.playing));
+  $("swap").addEventListener("click", swapSides);
   $("open-help").addEventListener("click", () => $("help").showModal());
 
   const page = {
     state,
     names,
     stage,
-    box,
-    size: () => images.a || find(state.a),
-    reel: () => find(state.a),
-    set,
+    frameBox,
+    size: () => pixels.a || findReel(state.a),
+    reel: () => findReel(state.a),
+    setState,
     setSide,
-    step,
-    stepName,
+    stepFrame,
+    stepLook,
+    stepRig,
     stepTurntable,
     toggleMode,
-    swap,
-    expose,
-    play,
+    swapSides,
+    changeExposure,
+    setPlaying,
     setCursor,
     moveCursor,
   };
   review.followPointer(page);
   review.followKeys(page);
-  addEventListener("resize", () => images.a && resizeStage(images.a));
+  addEventListener("resize", () => pixels.a && resizeStage(pixels.a));
   addEventListener("hashchange", () => {
-    recall();
+    readUrl();
     update();
   });
 
   document.title = `${index.title}: review`;
   $("title").textContent = index.title;
-  const count = (list, noun) => `${list.length} ${noun}${list.length === 1 ? "" : "s"}`;
+  const formatCount = (list, noun) => `${list.length} ${noun}${list.length === 1 ? "" : "s"}`;
   $("summary").textContent = [
-    count(names.looks, "look"),
-    count(names.rigs, "rig"),
-    count(names.turntables, "turntable"),
+    formatCount(names.looks, "look"),
+    formatCount(names.rigs, "rig"),
+    formatCount(names.turntables, "turntable"),
     `view ${index.view.name}`,
     ...(versions.length > 1 ? [`against ${versions[1].name}`] : []),
   ].join(" · ");
   $("problems").append(
-    ...versions.flatMap((version) => version.problems).map((problem) => make("li", {}, problem)),
+    ...versions
+      .flatMap((version) => version.problems)
+      .map((problem) => makeElement("li", {}, problem)),
   );
   $("problems").hidden = !$("problems").childElementCount;
   review.state = state;
-  recall();
+  readUrl();
   update();
 };

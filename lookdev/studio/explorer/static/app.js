@@ -1,12 +1,13 @@
 // @ts-check
-// The page: what is where, what happens when something changes, keys, copying and saving.
-import { Balls } from "./ball.js";
-import { Exact } from "./exact.js";
-import { gl, Shaders, whenDrawn, works } from "./gl.js";
+// The page: its tabs and options, the selected surface, keys, copying and saving.
+import { SphereRenderer } from "./ball.js";
+import { byId, makeElement } from "./elements.js";
+import { ExactFrame } from "./exact.js";
+import { gl, isSupported, Shaders } from "./gl.js";
 import { Link } from "./link.js";
-import { Lobes } from "./lobe.js";
-import { showOffers, showSurfaces, watchDrops, watchOffers } from "./offers.js";
-import { latencies, Plots, shown, turnLight } from "./plots.js";
+import { LobeRenderer } from "./lobe.js";
+import { showOffers, showSurfaces, watchFiles, watchSearch } from "./offers.js";
+import { drawLatencies, frameLatencies, Plots, turnLight } from "./plots.js";
 import { Sliders } from "./sliders.js";
 import {
   addSurface,
@@ -16,31 +17,32 @@ import {
   nameOf,
   onChange,
   option,
+  pageUrl,
   readUrl,
+  removeSurface,
   selectedSurface,
   setOption,
   visibleSurfaces,
   state,
-  urlOf,
   wordsOf,
 } from "./state.js";
-import { verdict, verify } from "./verify.js";
+import { makeReport, verifySurfaces } from "./verify.js";
+import { waitForGpu } from "./viewport/gl.js";
 
-const $ = (id) => document.getElementById(id);
-const status = $("status"),
-  dialog = $("dialog");
-let fading = 0;
-const say = (text, good = false) => {
+const status = byId("status"),
+  dialog = byId("dialog");
+let statusTimer = 0;
+const say = (text, isGood = false) => {
   status.textContent = text;
-  status.className = text && !good ? "bad" : "";
-  clearTimeout(fading);
-  if (good)
-    fading = setTimeout(() => {
+  status.className = text && !isGood ? "bad" : "";
+  clearTimeout(statusTimer);
+  if (isGood)
+    statusTimer = setTimeout(() => {
       status.textContent = "";
     }, 4000);
 };
 
-const NAMES = {
+const KIND_TITLES = {
   slice: "Slice",
   polar: "Polar",
   lobe3d: "Lobe",
@@ -52,6 +54,7 @@ const NAMES = {
   difference: "Difference",
   sampling: "Sampling",
 };
+// The title of an option, and the choices of its select, or the range, step and unit of its slider.
 const OPTIONS = {
   axis: ["Over", { theta_h: "θh", theta_d: "θd", theta_i: "θi" }],
   theta: ["θ", 0, 89.9, 0.5, "°"],
@@ -65,15 +68,15 @@ const OPTIONS = {
   chroma: ["Chroma only"],
 };
 
-const link = new Link((text, good) => say(text, good));
-let shaders, balls, plots, sliders, exact;
+const link = new Link(say);
+let shaders, spheres, plots, sliders, exactFrame;
 
 const showKinds = () => {
-  $("kinds").replaceChildren(
-    ...Object.entries(state.offered.kinds).map(([name, { text }]) => {
-      const tab = Object.assign(document.createElement("button"), {
+  byId("kinds").replaceChildren(
+    ...Object.entries(state.catalogue.kinds).map(([name, { text }]) => {
+      const tab = makeElement("button", {
         type: "button",
-        textContent: NAMES[name] ?? name,
+        textContent: KIND_TITLES[name] ?? name,
         title: text,
         id: `kind-${name}`,
         tabIndex: name === state.kind ? 0 : -1,
@@ -88,25 +91,22 @@ const showKinds = () => {
       return tab;
     }),
   );
-  $("stage").setAttribute("aria-labelledby", `kind-${state.kind}`);
-  const tabs = $("kinds"),
-    tab = $(`kind-${state.kind}`);
+  byId("stage").setAttribute("aria-labelledby", `kind-${state.kind}`);
+  const tabs = byId("kinds"),
+    tab = byId(`kind-${state.kind}`);
   tabs.scrollLeft = tab.offsetLeft - tabs.offsetLeft - (tabs.clientWidth - tab.offsetWidth) / 2;
 };
 
-$("kinds").addEventListener("keydown", (event) => {
-  const names = Object.keys(state.offered.kinds),
+byId("kinds").addEventListener("keydown", (event) => {
+  const names = Object.keys(state.catalogue.kinds),
     step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (!step) return;
   state.kind = names[(names.indexOf(state.kind) + step + names.length) % names.length];
   notify("kind");
-  $(`kind-${state.kind}`).focus();
+  byId(`kind-${state.kind}`).focus();
 });
 
-const makeElement = (tag, properties = {}) =>
-  Object.assign(document.createElement(tag), properties);
-
-/** The name of an option, which may be of the kind of the plot. */
+/** Return the title of an option, which may depend on the kind of plot. */
 const optionTitle = (name) => {
   if (name !== "theta") return OPTIONS[name][0];
   if (state.kind === "cartesian")
@@ -134,24 +134,24 @@ const optionSelect = (name, choices) => {
   return select;
 };
 
-/** Return the slider of an option, and the output of its value. */
+/** Return the slider of an option, and the output that shows its value. */
 const optionSlider = (name, [min, max, step, unit]) => {
   const slider = makeElement("input", { type: "range", min, max, step }),
     output = document.createElement("output");
-  const put = () => {
+  const showValue = () => {
     const value = Number(slider.value);
     output.textContent = `${value}${unit}`;
     slider.setAttribute("aria-valuetext", output.textContent);
     slider.style.setProperty("--at", `${(100 * (value - min)) / (max - min)}%`);
   };
-  const move = (held) => (event) => {
-    put();
+  const change = (event, held) => {
+    showValue();
     changeOption(name, Number(slider.value), event, held);
   };
   slider.value = option(name);
-  put();
-  slider.addEventListener("input", move(true));
-  slider.addEventListener("change", move(false));
+  showValue();
+  slider.addEventListener("input", (event) => change(event, true));
+  slider.addEventListener("change", (event) => change(event, false));
   return [slider, output];
 };
 
@@ -166,32 +166,32 @@ const optionField = (name) => {
 };
 
 const showOptions = () => {
-  const { uses } = state.offered.kinds[state.kind];
+  const { uses } = state.catalogue.kinds[state.kind];
   const names = Object.keys(OPTIONS).filter((name) => uses.includes(name));
-  $("options").replaceChildren(...names.map(optionField));
+  byId("options").replaceChildren(...names.map(optionField));
 };
 
-const showSubject = () => {
+const showSelected = () => {
   const surface = selectedSurface(),
-    right = $("right");
-  for (const id of ["viewport", "parameters"]) $(id).hidden = !surface;
-  $("label").parentElement.hidden = !surface;
+    right = byId("right");
+  for (const id of ["viewport", "parameters"]) byId(id).hidden = !surface;
+  byId("label").parentElement.hidden = !surface;
   right.style.setProperty("--accent", surface ? colorOf(surface) : "var(--quiet)");
   right.style.setProperty("--own", surface ? colorOf(surface) : "var(--quiet)");
-  $("name").textContent = surface ? nameOf(surface) : "Nothing selected";
-  $("about").textContent = surface ? about(surface) : "";
+  byId("name").textContent = surface ? nameOf(surface) : "Nothing selected";
+  byId("about").textContent = surface ? describeSurface(surface) : "";
   if (!surface) return;
-  $("label").value = surface.label;
-  $("label").placeholder = nameOf({ ...surface, label: "" });
+  byId("label").value = surface.label;
+  byId("label").placeholder = nameOf({ ...surface, label: "" });
   sliders.show(surface);
   showLight();
 };
 
-const about = (surface) => {
-  const model = state.offered.models[surface.model],
-    preset = state.offered.presets.find(({ name }) => name === surface.base);
+const describeSurface = (surface) => {
+  const model = state.catalogue.models[surface.model],
+    preset = state.catalogue.presets.find(({ name }) => name === surface.base);
   return [
-    preset ? `${preset.doc.replace(/\.?$/, ".")}` : "",
+    preset ? preset.doc.replace(/\.?$/, ".") : "",
     model?.text ?? (surface.look ? `A look: ${surface.title}.` : ""),
   ]
     .filter(Boolean)
@@ -200,7 +200,7 @@ const about = (surface) => {
 
 let visibleLight = "";
 const showLight = () => {
-  const frame = exact.of(selectedSurface());
+  const frame = exactFrame.frameOf(selectedSurface());
   visibleLight = frame && state.exact ? "exact" : state.light;
   for (const button of document.querySelectorAll("[data-light]")) {
     if (button.dataset.light === "exact") button.hidden = !frame;
@@ -210,23 +210,23 @@ const showLight = () => {
   drawBall();
 };
 
-const ball = $("ball");
-const SLOW = 12,
-  REST = 100; // milliseconds of a draw that is slow; and without a move, after which a hand rests
+const ball = byId("ball");
+const SLOW_DRAW = 12; // milliseconds
+const REST = 100; // milliseconds without a move, after which the pointer rests
 let ballFrame = 0,
-  ballBusy = false,
-  ballLater = 0,
-  handMoved = -Infinity;
-// of the last draws: the least is free of compilation and of other programs' work
-const ballCosts = [];
+  isDrawingBall = false,
+  ballTimer = 0,
+  lastMove = -Infinity; // time of the pointer's last move
+// Milliseconds of the last draws. Compilations and other programs do not lengthen the shortest one.
+const ballTimes = [];
 const drawBall = () => {
-  // Of a slow graphics driver the sphere waits until the hand rests: the plot is computed and shown
-  // by the same cores.
-  const left =
-    Math.min(...ballCosts) > SLOW && ballCosts.length ? handMoved + REST - performance.now() : 0;
-  clearTimeout(ballLater);
-  if (left > 0) {
-    ballLater = setTimeout(drawBall, left);
+  // With a slow graphics driver, the sphere waits until the pointer rests: the plot needs the same
+  // processors.
+  const isSlow = ballTimes.length && Math.min(...ballTimes) > SLOW_DRAW;
+  const delay = isSlow ? lastMove + REST - performance.now() : 0;
+  clearTimeout(ballTimer);
+  if (delay > 0) {
+    ballTimer = setTimeout(drawBall, delay);
     return;
   }
   ballFrame ||= requestAnimationFrame(async () => {
@@ -237,60 +237,60 @@ const drawBall = () => {
       Math.round(side * ratio),
     );
     if (!surface || !width || document.hidden) return;
-    if (ballBusy) {
+    if (isDrawingBall) {
       drawBall();
       return;
     }
     if (ball.width !== width || ball.height !== height) [ball.width, ball.height] = [width, height];
     const context = ball.getContext("2d");
     if (visibleLight === "exact") {
-      exact.draw(context, width, height);
+      exactFrame.draw(context, width, height);
       return;
     }
-    ballBusy = true;
+    isDrawingBall = true;
     try {
       let began = 0;
-      const more = await balls.draw(
+      const lacksPasses = await spheres.draw(
         "ball",
         surface,
         visibleLight,
         width,
         height,
         option("exposure"),
-        (from, x, y) => {
+        (source, x, y) => {
           began = performance.now();
           context.clearRect(0, 0, width, height);
-          context.drawImage(from, x, y, width, height, 0, 0, width, height);
+          context.drawImage(source, x, y, width, height, 0, 0, width, height);
         },
       );
-      await whenDrawn();
-      ballCosts.push(performance.now() - began);
-      ballCosts.splice(0, ballCosts.length - 3);
-      if (more) drawBall();
-      if ($("facts").dataset.of === "ball") $("facts").textContent = $("facts").dataset.of = "";
+      await waitForGpu(gl);
+      ballTimes.push(performance.now() - began);
+      ballTimes.splice(0, ballTimes.length - 3);
+      if (lacksPasses) drawBall();
+      if (byId("facts").dataset.of === "ball")
+        byId("facts").textContent = byId("facts").dataset.of = "";
     } catch (error) {
       context.clearRect(0, 0, width, height);
-      $("facts").textContent = error.message;
-      $("facts").dataset.of = "ball";
+      byId("facts").textContent = error.message;
+      byId("facts").dataset.of = "ball";
     }
-    ballBusy = false;
+    isDrawingBall = false;
   });
 };
 
-const add = async (words, { select = true, hidden = false } = {}) => {
+/** Add a surface by its words, and select it. */
+const add = async (words) => {
   try {
-    const surface = addSurface({ ...(await link.ask({ do: "describe", surface: words })) }, hidden);
-    if (select) state.selected = state.surfaces.indexOf(surface);
-    if (select) notify("surfaces");
-    return surface;
+    const surface = addSurface(await link.ask({ do: "describe", surface: words }));
+    state.selected = state.surfaces.indexOf(surface);
+    notify("surfaces");
   } catch (error) {
     say(error.message);
-    return null;
   }
 };
 
-// Of a surface whose form has notify, values follow: a metal's name stands for others.
-const reform = async (surface) => {
+/** Update the values of a surface whose form has changed: a metal's name sets other parameters. */
+const updateValues = async (surface) => {
   try {
     const { values, words } = await link.ask({ do: "describe", surface: wordsOf(surface) });
     Object.assign(surface, { values, words, problem: "" });
@@ -298,8 +298,8 @@ const reform = async (surface) => {
     surface.problem = error.message;
     say(error.message);
   }
-  showSubject();
-  plots.ask(surface, {});
+  showSelected();
+  plots.requestNumbers(surface, {});
   drawBall();
 };
 
@@ -309,28 +309,25 @@ onChange((change, detail) => {
     return;
   }
   if (change === "form") {
-    reform(detail.surface);
+    updateValues(detail.surface);
     return;
   }
   if (change === "kind") {
     showKinds();
     showOptions();
   }
-  if (change === "surfaces" || change === "selected") {
+  if (["surfaces", "selected", "theme"].includes(change)) {
     showSurfaces();
-    showSubject();
+    showSelected();
   }
-  if (change === "theme") {
-    showSurfaces();
-    showSubject();
-  }
-  if (detail?.held) handMoved = performance.now();
+  if (detail?.held) lastMove = performance.now();
   if (change === "parameter" && detail.surface === selectedSurface()) {
     if (state.exact) {
       state.exact = false;
       showLight();
     }
-    // The place on a look is a constant of its shader, which is compiled when the hand rests.
+    // The texture coordinates of a look are constants of its shader: it compiles when the pointer
+    // rests.
     if (!detail.held || !detail.surface.look) drawBall();
   }
   if (change === "options" || change === "light") drawBall();
@@ -338,12 +335,12 @@ onChange((change, detail) => {
   if (document.title !== title) document.title = title;
 });
 
-$("label").addEventListener("input", () => {
+byId("label").addEventListener("input", () => {
   const surface = selectedSurface();
-  surface.label = $("label")
+  surface.label = byId("label")
     .value.replace(/[=:@#/]/g, " ")
     .trim();
-  $("name").textContent = nameOf(surface);
+  byId("name").textContent = nameOf(surface);
   showSurfaces();
   notify("label");
 });
@@ -356,16 +353,16 @@ for (const button of document.querySelectorAll("[data-light]")) {
   });
   button.addEventListener("keydown", (event) => {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key],
-      all = [...document.querySelectorAll("[data-light]:not([hidden])")];
+      buttons = [...document.querySelectorAll("[data-light]:not([hidden])")];
     if (step) {
-      const other = all[(all.indexOf(button) + step + all.length) % all.length];
+      const other = buttons[(buttons.indexOf(button) + step + buttons.length) % buttons.length];
       other.click();
       other.focus();
     }
   });
 }
-let held = null;
-const turnBall = (dx, dy) => {
+let lastPoint = null; // of a drag
+const turnBallLight = (dx, dy) => {
   if (state.light !== "point" || state.exact) {
     state.light = "point";
     state.exact = false;
@@ -374,18 +371,18 @@ const turnBall = (dx, dy) => {
   turnLight(dx, dy);
 };
 ball.addEventListener("pointerdown", (event) => {
-  held = [event.clientX, event.clientY];
+  lastPoint = [event.clientX, event.clientY];
   ball.setPointerCapture(event.pointerId);
 });
 ball.addEventListener("pointermove", (event) => {
-  if (held) {
-    turnBall(event.clientX - held[0], event.clientY - held[1]);
-    held = [event.clientX, event.clientY];
+  if (lastPoint) {
+    turnBallLight(event.clientX - lastPoint[0], event.clientY - lastPoint[1]);
+    lastPoint = [event.clientX, event.clientY];
   }
 });
 for (const name of ["pointerup", "pointercancel"])
   ball.addEventListener(name, () => {
-    held = null;
+    lastPoint = null;
   });
 ball.addEventListener("keydown", (event) => {
   const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[
@@ -393,33 +390,30 @@ ball.addEventListener("keydown", (event) => {
   ];
   if (step) {
     event.preventDefault();
-    turnBall(...step);
+    turnBallLight(...step);
   }
 });
 new ResizeObserver(drawBall).observe(ball);
 
-const copy = async (text, title) => {
+const copyText = async (text, title) => {
   try {
     await navigator.clipboard.writeText(text);
     say(`${title} is copied.`, true);
   } catch {
-    // Without permission the text is shown, to be copied by hand.
-    const area = Object.assign(document.createElement("textarea"), {
-      value: text,
-      readOnly: true,
-      rows: 14,
-    });
+    // Without the permission to write the clipboard, a dialog shows the text.
+    const area = makeElement("textarea", { value: text, readOnly: true, rows: 14 });
     area.style.cssText = "width:100%;font:12px ui-monospace,monospace";
-    show(title, [area]);
+    showDialog(title, [area]);
     area.select();
   }
 };
-const show = (title, parts) => {
-  $("dialog-title").textContent = title;
-  $("dialog-body").replaceChildren(...parts);
+const showDialog = (title, parts) => {
+  byId("dialog-title").textContent = title;
+  byId("dialog-body").replaceChildren(...parts);
   if (!dialog.open) dialog.showModal();
 };
-const attempt = (act) => async () => {
+/** Return the function that acts, and shows the message of an error. */
+const reportErrors = (act) => async () => {
   try {
     await act();
   } catch (error) {
@@ -427,13 +421,13 @@ const attempt = (act) => async () => {
   }
 };
 
-$("copy-link").addEventListener("click", () =>
-  copy(new URL(urlOf(), location.href).href, "The link"),
+byId("copy-link").addEventListener("click", () =>
+  copyText(new URL(pageUrl(), location.href).href, "The link"),
 );
-$("copy-command").addEventListener(
+byId("copy-command").addEventListener(
   "click",
-  attempt(async () =>
-    copy(
+  reportErrors(async () =>
+    copyText(
       (
         await link.ask({
           do: "command",
@@ -446,30 +440,30 @@ $("copy-command").addEventListener(
     ),
   ),
 );
-$("copy-usd").addEventListener(
+byId("copy-usd").addEventListener(
   "click",
-  attempt(async () => {
+  reportErrors(async () => {
     if (selectedSurface())
-      await copy(
+      await copyText(
         (await link.ask({ do: "usd", surface: wordsOf(selectedSurface()) })).text,
         "The look as USD",
       );
   }),
 );
 
-const menu = $("save-menu"),
-  save = $("save");
-const openMenu = (open) => {
+const menu = byId("save-menu"),
+  save = byId("save");
+const setMenuOpen = (open) => {
   menu.hidden = !open;
   save.setAttribute("aria-expanded", open);
   if (open) menu.querySelector("button").focus();
 };
-save.addEventListener("click", () => openMenu(menu.hidden));
+save.addEventListener("click", () => setMenuOpen(menu.hidden));
 menu.addEventListener("keydown", (event) => {
   const items = [...menu.querySelectorAll("button")],
     step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
   if (event.key === "Escape") {
-    openMenu(false);
+    setMenuOpen(false);
     save.focus();
   }
   if (step) {
@@ -478,29 +472,28 @@ menu.addEventListener("keydown", (event) => {
   }
 });
 addEventListener("click", (event) => {
-  if (!menu.hidden && !(/** @type {Element} */ (event.target).closest(".menu"))) openMenu(false);
+  if (!menu.hidden && !(/** @type {Element} */ (event.target).closest(".menu"))) setMenuOpen(false);
 });
-const offer = (blob, name) => {
-  const url = URL.createObjectURL(blob),
-    anchor = Object.assign(document.createElement("a"), { href: url, download: name });
-  anchor.click();
+const download = (blob, name) => {
+  const url = URL.createObjectURL(blob);
+  makeElement("a", { href: url, download: name }).click();
   setTimeout(() => URL.revokeObjectURL(url), 10000);
 };
 for (const item of menu.querySelectorAll("[data-save]"))
   item.addEventListener(
     "click",
-    attempt(async () => {
-      openMenu(false);
+    reportErrors(async () => {
+      setMenuOpen(false);
       const suffix = item.dataset.save;
       if (suffix === "shown") {
         await plots.paint();
-        const from = $("plot"),
-          whole = new OffscreenCanvas(from.width, from.height),
-          context = whole.getContext("2d");
-        context.fillStyle = getComputedStyle($("stage")).backgroundColor;
-        context.fillRect(0, 0, whole.width, whole.height);
-        context.drawImage(from, 0, 0);
-        offer(await whole.convertToBlob({ type: "image/png" }), `${state.kind}.png`);
+        const plot = byId("plot"),
+          picture = new OffscreenCanvas(plot.width, plot.height),
+          context = picture.getContext("2d");
+        context.fillStyle = getComputedStyle(byId("stage")).backgroundColor;
+        context.fillRect(0, 0, picture.width, picture.height);
+        context.drawImage(plot, 0, 0);
+        download(await picture.convertToBlob({ type: "image/png" }), `${state.kind}.png`);
         return;
       }
       say(`Making ${state.kind}.${suffix} …`, true);
@@ -510,23 +503,23 @@ for (const item of menu.querySelectorAll("[data-save]"))
       ]);
       const answer = await fetch(`save/${state.kind}.${suffix}?${query}`);
       if (!answer.ok) throw new Error((await answer.text()).trim());
-      offer(await answer.blob(), `${state.kind}.${suffix}`);
+      download(await answer.blob(), `${state.kind}.${suffix}`);
       say(`${state.kind}.${suffix} is saved.`, true);
     }),
   );
 
 const runVerify = async () => {
-  if (!works) throw new Error("this browser has no WebGL 2 with float textures");
-  $("verify").disabled = true;
+  if (!isSupported) throw new Error("this browser has no WebGL 2 with float textures");
+  byId("verify").disabled = true;
   try {
-    const rows = await verify(link, shaders);
-    show("The browser beside Python", verdict(rows));
+    const rows = await verifySurfaces(link, shaders);
+    showDialog("The browser beside Python", makeReport(rows));
     document.body.dataset.verified = JSON.stringify(rows);
   } finally {
-    $("verify").disabled = false;
+    byId("verify").disabled = false;
   }
 };
-$("verify").addEventListener("click", attempt(runVerify));
+byId("verify").addEventListener("click", reportErrors(runVerify));
 
 const KEYS = [
   ["1 … 9, 0", "the kinds of plots"],
@@ -538,24 +531,23 @@ const KEYS = [
   ["Arrow keys", "on a plot, read its values; on a lobe or sphere, turn it or its light"],
   ["?", "this help"],
 ];
-const help = () => {
+const HELP = [
+  "Values in plots come from the float64 models in Python. Spheres and lobes are computed by " +
+    "the browser, in float32, by code generated from the same models: Verify compares the two.",
+  "The URL has the whole state of the page. Surfaces in it are words of the command line, " +
+    "as for lookdev plot.",
+];
+const showHelp = () => {
   const table = document.createElement("table");
   for (const [key, text] of KEYS) {
     const row = table.insertRow();
-    row.insertCell().append(Object.assign(document.createElement("kbd"), { textContent: key }));
+    row.insertCell().append(makeElement("kbd", { textContent: key }));
     row.insertCell().textContent = text;
   }
-  const first = document.createElement("p"),
-    second = document.createElement("p");
-  first.textContent =
-    "Values in plots come from the float64 models in Python. Spheres and lobes are computed by " +
-    "the browser, in float32, by code generated from the same models: Verify compares the two.";
-  second.textContent =
-    "The URL has the whole state of the page. Surfaces in it are words of the command line, " +
-    "as for lookdev plot.";
-  show("Explorer", [first, second, table]);
+  const paragraphs = HELP.map((textContent) => makeElement("p", { textContent }));
+  showDialog("Explorer", [...paragraphs, table]);
 };
-$("help").addEventListener("click", help);
+byId("help").addEventListener("click", showHelp);
 addEventListener("keydown", (event) => {
   if (
     /** @type {Element} */ (event.target).matches("input, select, textarea") ||
@@ -565,7 +557,7 @@ addEventListener("keydown", (event) => {
     dialog.open
   )
     return;
-  const kinds = Object.keys(state.offered?.kinds ?? {}),
+  const kinds = Object.keys(state.catalogue?.kinds ?? {}),
     digit = "1234567890".indexOf(event.key),
     surface = selectedSurface();
   if (digit >= 0 && kinds[digit]) {
@@ -580,21 +572,19 @@ addEventListener("keydown", (event) => {
     surface.hidden = !surface.hidden;
     notify("surfaces");
   } else if (event.key === "d" && surface) notify("duplicate", { surface });
-  else if (event.key === "Delete" && surface) {
-    state.surfaces.splice(state.selected, 1);
-    state.selected = Math.max(0, Math.min(state.selected, state.surfaces.length - 1));
-    notify("surfaces");
-  } else if (event.key === "/") {
+  else if (event.key === "Delete" && surface) removeSurface(state.selected);
+  else if (event.key === "/") {
     event.preventDefault();
-    $("find").focus();
-  } else if (event.key === "?") help();
+    byId("find").focus();
+  } else if (event.key === "?") showHelp();
 });
 
-const restore = async () => {
-  const { words, on, hidden } = readUrl();
+/** Show the surfaces and options of the URL. */
+const showUrl = async () => {
+  const { words, selected, hidden } = readUrl();
   state.surfaces = [];
   const surfaces = await Promise.all(
-    (words.length ? words : state.offered.first).map((name) =>
+    (words.length ? words : state.catalogue.first).map((name) =>
       link.ask({ do: "describe", surface: name }).catch((error) => {
         say(error.message);
         return null;
@@ -604,31 +594,31 @@ const restore = async () => {
   surfaces.forEach((surface, index) => {
     if (surface) addSurface(surface, hidden.includes(index));
   });
-  state.selected = Math.min(on, Math.max(0, state.surfaces.length - 1));
+  state.selected = Math.min(selected, Math.max(0, state.surfaces.length - 1));
   showKinds();
   showOptions();
   notify("surfaces");
 };
 
-const start = async () => {
-  state.offered = await (await fetch("start")).json();
-  shaders = new Shaders(link, state.offered.models);
-  balls = new Balls(link, shaders);
-  plots = new Plots(link, balls, new Lobes(shaders));
-  sliders = new Sliders(link);
-  exact = new Exact(link, () => {
+const startExplorer = async () => {
+  state.catalogue = await (await fetch("start")).json();
+  shaders = new Shaders(link, state.catalogue.models);
+  spheres = new SphereRenderer(link, shaders);
+  plots = new Plots(link, spheres, new LobeRenderer(shaders));
+  sliders = new Sliders();
+  exactFrame = new ExactFrame(link, () => {
     state.exact = true;
     showLight();
   });
-  watchOffers(add);
+  watchSearch(add);
   showOffers(add);
-  watchDrops(add, say);
-  await restore();
-  addEventListener("hashchange", () => restore().catch((error) => say(error.message)));
-  if (!works)
+  watchFiles(add, say);
+  await showUrl();
+  addEventListener("hashchange", reportErrors(showUrl));
+  if (!isSupported)
     say("This browser has no WebGL 2 with float textures: spheres and lobes are not drawn.");
-  window.explorer = { state, latencies, shown, ballCosts, plots, shaders, wordsOf, gl };
+  window.explorer = { state, drawLatencies, frameLatencies, plots, shaders, wordsOf }; // for tests
   document.body.dataset.ready = "true";
   if (new URLSearchParams(location.search).has("verify")) await runVerify();
 };
-start().catch((error) => say(error.message));
+startExplorer().catch((error) => say(error.message));

@@ -1,10 +1,12 @@
 // @ts-check
 // Axes on a 2D canvas: scales, ticks, curves. Lengths are CSS pixels.
 
-export const theme = () => {
+export const DECADES = 4; // of logarithmic radii
+
+export const readTheme = () => {
   const style = getComputedStyle(document.body);
   const read = (name) => {
-    // light-dark() is resolved by an element's own colour.
+    // The browser resolves light-dark() in an element's colour only.
     probe.style.color = `var(${name})`;
     return getComputedStyle(probe).color;
   };
@@ -25,11 +27,11 @@ export const theme = () => {
 const niceTicks = (low, high, count) => {
   const step = (high - low) / count,
     power = 10 ** Math.floor(Math.log10(step)),
-    left = step / power;
-  const nice = (left < 1.5 ? 1 : left < 3 ? 2 : left < 7 ? 5 : 10) * power,
+    fraction = step / power;
+  const tickStep = (fraction < 1.5 ? 1 : fraction < 3 ? 2 : fraction < 7 ? 5 : 10) * power,
     ticks = [];
-  for (let k = Math.ceil(low / nice - 1e-9); k * nice <= high + 1e-9 * nice; k++)
-    ticks.push(k * nice);
+  for (let k = Math.ceil(low / tickStep - 1e-9); k * tickStep <= high + 1e-9 * tickStep; k++)
+    ticks.push(k * tickStep);
   return ticks;
 };
 
@@ -41,10 +43,11 @@ export const formatShort = (value) => {
     : String(Number(value.toPrecision(4)));
 };
 
-const ROOT = (value) => Math.sign(value) * Math.sqrt(Math.abs(value));
+const signedRoot = (value) => Math.sign(value) * Math.sqrt(Math.abs(value));
 
-// A scale from values to [0, 1], with its ticks: "linear", "sqrt" or "log".
-export const scaleOf = (kind, low, high, count) => {
+// Return a scale with its ticks: `map` from values to [0, 1], and `invert` back. The kind is
+// "linear", "sqrt" or "log".
+export const makeScale = (kind, low, high, count) => {
   if (kind === "log") {
     const [a, b] = [Math.log10(low), Math.log10(high)],
       ticks = [],
@@ -54,20 +57,20 @@ export const scaleOf = (kind, low, high, count) => {
       low,
       high,
       ticks: ticks.length > 1 ? ticks : niceTicks(low, high, count),
-      at: (v) => (v > 0 ? (Math.log10(v) - a) / (b - a) : -1),
-      back: (t) => 10 ** (a + t * (b - a)),
+      map: (v) => (v > 0 ? (Math.log10(v) - a) / (b - a) : -1),
+      invert: (t) => 10 ** (a + t * (b - a)),
     };
   }
   if (kind === "sqrt") {
-    const [a, b] = [ROOT(low), ROOT(high)];
+    const [a, b] = [signedRoot(low), signedRoot(high)];
     return {
       low,
       high,
       ticks: niceTicks(a, b, count)
         .map((root) => Math.sign(root) * root * root)
         .map((tick) => Number(tick.toPrecision(3))),
-      at: (v) => (ROOT(v) - a) / (b - a),
-      back: (t) => {
+      map: (v) => (signedRoot(v) - a) / (b - a),
+      invert: (t) => {
         const r = a + t * (b - a);
         return Math.sign(r) * r * r;
       },
@@ -77,37 +80,37 @@ export const scaleOf = (kind, low, high, count) => {
     low,
     high,
     ticks: niceTicks(low, high, count),
-    at: (v) => (v - low) / (high - low),
-    back: (t) => low + t * (high - low),
+    map: (v) => (v - low) / (high - low),
+    invert: (t) => low + t * (high - low),
   };
 };
 
 export class Axes {
-  constructor(context, box, x, y, look) {
+  constructor(context, box, x, y, theme) {
     this.context = context;
     this.box = box;
     this.x = x;
     this.y = y;
-    this.look = look;
+    this.theme = theme;
   }
 
-  px(value) {
-    return this.box.left + this.x.at(value) * this.box.width;
+  toX(value) {
+    return this.box.left + this.x.map(value) * this.box.width;
   }
-  py(value) {
-    return this.box.top + (1 - this.y.at(value)) * this.box.height;
+  toY(value) {
+    return this.box.top + (1 - this.y.map(value)) * this.box.height;
   }
 
-  grid(xLabel, yLabel) {
-    const { context: c, box, look } = this;
-    c.font = `11px ${look.font}`;
+  drawGrid(xLabel, yLabel) {
+    const { context: c, box, theme } = this;
+    c.font = `11px ${theme.font}`;
     c.lineWidth = 1;
-    c.strokeStyle = look.line;
-    c.fillStyle = look.quiet;
+    c.strokeStyle = theme.line;
+    c.fillStyle = theme.quiet;
     c.textAlign = "center";
     c.textBaseline = "top";
     for (const tick of this.x.ticks) {
-      const x = Math.round(this.px(tick)) + 0.5;
+      const x = Math.round(this.toX(tick)) + 0.5;
       if (x < box.left - 1 || x > box.left + box.width + 1) continue;
       c.beginPath();
       c.moveTo(x, box.top);
@@ -119,7 +122,7 @@ export class Axes {
     c.textBaseline = "middle";
     let last = Infinity;
     for (const tick of this.y.ticks) {
-      const y = Math.round(this.py(tick)) + 0.5;
+      const y = Math.round(this.toY(tick)) + 0.5;
       if (y < box.top - 1 || y > box.top + box.height + 1 || last - y < 15) continue;
       c.beginPath();
       c.moveTo(box.left, y);
@@ -128,8 +131,8 @@ export class Axes {
       c.fillText(formatShort(tick), box.left - 8, y);
       last = y;
     }
-    c.fillStyle = look.ink;
-    c.font = `12px ${look.font}`;
+    c.fillStyle = theme.ink;
+    c.font = `12px ${theme.font}`;
     c.textAlign = "center";
     c.textBaseline = "alphabetic";
     c.fillText(xLabel, box.left + box.width / 2, box.top + box.height + 38);
@@ -137,20 +140,21 @@ export class Axes {
     c.fillText(yLabel, box.left, box.top - 12);
   }
 
-  // A curve of values over places; points beyond the box are clipped.
-  curve(xs, values, color, { dash = [], width = 2, band = null } = {}) {
+  // Draw a curve of values at positions; points outside the box are clipped.
+  drawCurve(xs, values, color, { dash = [], width = 2, band = null } = {}) {
     const { context: c, box } = this;
     c.save();
     c.beginPath();
     c.rect(box.left, box.top - 2, box.width, box.height + 4);
     c.clip();
-    const far = (v) => Math.min(Math.max(this.py(v), box.top - 4000), box.top + box.height + 4000);
+    const clampedY = (v) =>
+      Math.min(Math.max(this.toY(v), box.top - 4000), box.top + box.height + 4000);
     if (band) {
       c.globalAlpha = 0.22;
       c.fillStyle = color;
       c.beginPath();
-      for (let i = 0; i < xs.length; i++) c.lineTo(this.px(xs[i]), far(values[i] + band[i]));
-      for (let i = xs.length; i--;) c.lineTo(this.px(xs[i]), far(values[i] - band[i]));
+      for (let i = 0; i < xs.length; i++) c.lineTo(this.toX(xs[i]), clampedY(values[i] + band[i]));
+      for (let i = xs.length; i--;) c.lineTo(this.toX(xs[i]), clampedY(values[i] - band[i]));
       c.fill();
       c.globalAlpha = 1;
     }
@@ -159,7 +163,7 @@ export class Axes {
     c.lineJoin = "round";
     c.setLineDash(dash);
     c.beginPath();
-    for (let i = 0; i < xs.length; i++) c.lineTo(this.px(xs[i]), far(values[i]));
+    for (let i = 0; i < xs.length; i++) c.lineTo(this.toX(xs[i]), clampedY(values[i]));
     c.stroke();
     c.restore();
   }

@@ -1,11 +1,10 @@
 // @ts-check
-// Lit spheres: under a point light at once, in the studio dome by samples that accumulate while the
-// page rests.
-import { colors, gl, bindTarget, linkProgram, numberOf, resizeCanvas } from "./gl.js";
+// Spheres under a point light, in one pass, or in the studio dome, by passes that accumulate.
+import { createColors, gl, bindTarget, linkProgram, parameterLookup, growCanvas } from "./gl.js";
 import { option, state } from "./state.js";
 
-const MOST = 192; // passes of 4 samples
-const SHOW = `#version 300 es
+const DOME_PASSES = 192; // of 4 samples
+const DISPLAY = `#version 300 es
 precision highp float; precision highp sampler2D;
 uniform sampler2D sum;
 uniform float factor;
@@ -25,68 +24,70 @@ void main() {
     result = vec4(coded * cover, cover);
 }`;
 
-export class Balls {
+export class SphereRenderer {
   constructor(link, shaders) {
     this.link = link;
     this.shaders = shaders;
-    this.films = new Map(); // of spheres, by name
-    this.show = null;
+    this.films = new Map(); // by the names of spheres
+    this.displayProgram = null;
     this.dome = null;
   }
 
-  async light() {
+  async loadDome() {
     this.dome ??= this.link.ask({ do: "dome" }).then(({ arrays, shapes }) => ({
-      radiance: colors(shapes.radiance[1], shapes.radiance[0], arrays.radiance),
-      drawn: colors(shapes.samples[1], 2, arrays.samples),
+      radiance: createColors(shapes.radiance[1], shapes.radiance[0], arrays.radiance),
+      samples: createColors(shapes.samples[1], 2, arrays.samples),
     }));
     return this.dome;
   }
 
-  // Draw a pass of the sphere of a name, which starts anew when its surface changes; resolve with
-  // whether it lacks passes.
-  async draw(name, surface, light, width, height, exposure, onto) {
-    this.show ??= linkProgram(SHOW);
-    const [show, shader, dome] = await Promise.all([
-      this.show,
-      this.shaders.of(surface),
-      light === "dome" ? this.light() : null,
+  /**
+   * Add a pass to the sphere of a name, and call `copy` with the canvas and the picture's corner. A
+   * changed surface starts the sphere anew. Return whether the sphere lacks passes.
+   */
+  async draw(name, surface, light, width, height, exposure, copy) {
+    this.displayProgram ??= linkProgram(DISPLAY);
+    const [display, shader, dome] = await Promise.all([
+      this.displayProgram,
+      this.shaders.load(surface),
+      light === "dome" ? this.loadDome() : null,
     ]);
-    const number = numberOf(surface, this.shaders.models),
+    const lookUp = parameterLookup(surface, this.shaders.models),
       film = this.film(name, width, height);
     const key = JSON.stringify([
-      Object.values(shader.answer.parameters).map(number),
+      Object.values(shader.answer.parameters).map(lookUp),
       light,
       light === "point" ? state.lightAngles : 0,
       width,
       height,
     ]);
     if (film.key !== key || film.shader !== shader) Object.assign(film, { key, shader, count: 0 });
-    const most = light === "dome" ? MOST : 1;
-    if (film.count < most) addPass(film, number, dome);
-    const canvas = resizeCanvas(width, height);
+    const passes = light === "dome" ? DOME_PASSES : 1;
+    if (film.count < passes) addPass(film, lookUp, dome);
+    const canvas = growCanvas(width, height);
     bindTarget(null, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const chroma = name !== "ball" && option("chroma");
     const factor = 2 ** exposure / (chroma ? 1 : film.count);
-    show.use({ factor, chroma: chroma ? 1 : 0, size: [width, height] }, { sum: film.sums[0] });
+    display.use({ factor, chroma: chroma ? 1 : 0, size: [width, height] }, { sum: film.sums[0] });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
-    onto(canvas, 0, canvas.height - height);
-    return film.count < most;
+    copy(canvas, 0, canvas.height - height);
+    return film.count < passes;
   }
 
-  /** Return the film of a name: a new one, if the size is another one. */
+  /** Return the film of a name; another size makes a new one. */
   film(name, width, height) {
-    const before = this.films.get(name);
-    if (before?.width === width && before.height === height) return before;
-    before?.sums.forEach((sum) => gl.deleteTexture(sum));
-    const sums = [0, 1].map(() => colors(width, height));
+    const current = this.films.get(name);
+    if (current?.width === width && current.height === height) return current;
+    current?.sums.forEach((sum) => gl.deleteTexture(sum));
+    const sums = [0, 1].map(() => createColors(width, height));
     const film = { width, height, sums, key: "", shader: null, count: 0 };
     this.films.set(name, film);
     return film;
   }
 
-  // Delete the spheres without one of some names.
+  /** Delete the films whose names are not in a set. */
   deleteOthers(names) {
     for (const [name, { sums }] of this.films) {
       if (names.has(name)) continue;
@@ -96,23 +97,23 @@ export class Balls {
   }
 }
 
-/** Add a pass to a film: of the dome, or of the point light for null. */
-const addPass = (film, number, dome) => {
+/** Add a pass to a film: of the dome, or of the point light if the dome is null. */
+const addPass = (film, lookUp, dome) => {
   const [theta, phi] = state.lightAngles.map((degrees) => (degrees * Math.PI) / 180),
-    across = Math.sin(theta),
-    [before] = film.sums,
+    sine = Math.sin(theta),
+    [sums] = film.sums,
     { shader, width, height } = film;
   shader.use(
-    shader.sphere,
-    number,
+    shader.sphereProgram,
+    lookUp,
     {
       size: [width, height],
       corner: [0, 0],
-      light: [across * Math.cos(phi), across * Math.sin(phi), Math.cos(theta)],
+      light: [sine * Math.cos(phi), sine * Math.sin(phi), Math.cos(theta)],
       count: film.count,
-      lit: dome ? 1 : 0,
+      use_dome: dome ? 1 : 0,
     },
-    { before, dome: dome?.radiance ?? before, drawn: dome?.drawn ?? before },
+    { sums, dome: dome?.radiance ?? sums, dome_samples: dome?.samples ?? sums },
   );
   gl.disable(gl.DEPTH_TEST);
   bindTarget(film.sums[1], width, height);

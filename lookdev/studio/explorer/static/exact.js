@@ -1,27 +1,28 @@
 // @ts-check
-// The renderer's own picture of the selected surface, in place of the sphere, on request.
-import { imageOf } from "./views.js";
+// The renderer's frame of the selected surface, on request; it replaces the sphere.
+import { decodeSrgb } from "./color.js";
+import { drawColors } from "./views.js";
 import { option, selectedSurface, wordsOf } from "./state.js";
 
-const [start, stop, bar, facts] = ["render", "cancel", "progress", "facts"].map((id) =>
-  document.getElementById(id),
+const [startButton, stopButton, progressBar, facts] = ["render", "cancel", "progress", "facts"].map(
+  (id) => document.getElementById(id),
 );
 
-export class Exact {
+export class ExactFrame {
   constructor(link, onFrame) {
     this.link = link;
     this.onFrame = onFrame;
     this.frame = null;
     this.busy = false;
-    start.addEventListener("click", () => this.render());
-    stop.addEventListener("click", () => {
-      stop.disabled = true;
+    startButton.addEventListener("click", () => this.render());
+    stopButton.addEventListener("click", () => {
+      stopButton.disabled = true;
       link.ask({ do: "cancel" }).catch(() => {});
     });
   }
 
-  // Whether there is a frame of a surface as it is now.
-  of(surface) {
+  // Return the frame, if it shows the surface as it is now, or null.
+  frameOf(surface) {
     return this.frame && surface && this.frame.words === wordsOf(surface) ? this.frame : null;
   }
 
@@ -30,15 +31,15 @@ export class Exact {
     if (!surface || this.busy) return;
     const words = wordsOf(surface);
     this.busy = true;
-    start.hidden = true;
-    stop.hidden = bar.hidden = false;
-    stop.disabled = false;
-    bar.removeAttribute("value");
+    startButton.hidden = true;
+    stopButton.hidden = progressBar.hidden = false;
+    stopButton.disabled = false;
+    progressBar.removeAttribute("value");
     facts.className = "";
     try {
       const answer = await this.link.ask({ do: "render", surface: words }, (progress) => {
         if (progress.samples) {
-          bar.value = progress.samples / progress.of;
+          progressBar.value = progress.samples / progress.of;
           const { relmse } = progress;
           const error = relmse === null ? "" : `, relMSE ${relmse.toExponential(1)}`;
           facts.textContent = `${progress.samples} samples${error}`;
@@ -59,8 +60,8 @@ export class Exact {
       facts.className = "bad";
     }
     this.busy = false;
-    start.hidden = false;
-    stop.hidden = bar.hidden = true;
+    startButton.hidden = false;
+    stopButton.hidden = progressBar.hidden = true;
   }
 
   draw(context, width, height) {
@@ -68,13 +69,13 @@ export class Exact {
       [rows, columns] = shapes.beauty;
     if (this.flipped?.frame !== this.frame || this.flipped.exposure !== option("exposure")) {
       const flipped = new Float32Array(arrays.beauty.length);
-      // Over the grey that is behind the sphere, linear.
-      const behind = ((0x1a / 255 + 0.055) / 1.055) ** 2.4 / 2 ** option("exposure");
+      // The linear grey behind the sphere, which the exposure leaves as it is.
+      const grey = decodeSrgb(0x1a / 255) / 2 ** option("exposure");
       for (let y = 0; y < rows; y++)
         for (let i = 0; i < 3 * columns; i++)
           flipped[3 * columns * (rows - 1 - y) + i] =
             arrays.beauty[3 * columns * y + i] +
-            (1 - arrays.alpha[columns * y + Math.floor(i / 3)]) * behind;
+            (1 - arrays.alpha[columns * y + Math.floor(i / 3)]) * grey;
       this.flipped = { frame: this.frame, exposure: option("exposure"), values: flipped };
     }
     const size = Math.min(width, height);
@@ -82,7 +83,7 @@ export class Exact {
     context.fillRect(0, 0, width, height);
     context.imageSmoothingEnabled = true;
     context.drawImage(
-      imageOf(this.flipped.values, columns, rows, option("exposure"), false),
+      drawColors(this.flipped.values, columns, rows, option("exposure"), false),
       (width - size) / 2,
       (height - size) / 2,
       size,

@@ -1,15 +1,16 @@
 // @ts-check
-// The websocket: requests and their answers, of each slot one at a time and then the newest.
+// The websocket: requests and their answers. A slot has one request at a time; after it, the newest
+// follows.
 
 import { parsePacket } from "./viewport/packets.js";
 
 export class Link {
-  constructor(say) {
-    this.say = say;
-    this.next = 1;
-    this.open = new Map();
+  constructor(report) {
+    this.report = report;
+    this.nextId = 1;
+    this.requests = new Map();
     this.slots = new Map();
-    this.wait = 250;
+    this.retryDelay = 250;
     this.connect();
   }
 
@@ -19,68 +20,68 @@ export class Link {
     /** @type {Promise<void>} */
     this.ready = new Promise((resolve) => {
       this.socket.onopen = () => {
-        this.wait = 250;
-        this.say("", true);
+        this.retryDelay = 250;
+        this.report("", true);
         resolve();
       };
     });
     this.socket.onmessage = ({ data }) =>
       this.receive(typeof data === "string" ? JSON.parse(data) : parsePacket(data));
     this.socket.onclose = () => {
-      const requests = [...this.open.values()];
-      this.open.clear();
+      const requests = [...this.requests.values()];
+      this.requests.clear();
       this.slots.clear();
-      for (const request of requests) request.fail(new Error("the server does not answer"));
-      this.say("The server does not answer; trying again.", false);
-      setTimeout(() => this.connect(), this.wait);
-      this.wait = Math.min(4000, this.wait * 2);
+      for (const request of requests) request.reject(new Error("the server does not answer"));
+      this.report("The server does not answer; trying again.", false);
+      setTimeout(() => this.connect(), this.retryDelay);
+      this.retryDelay = Math.min(4000, this.retryDelay * 2);
     };
   }
 
   receive(answer) {
-    const request = this.open.get(answer.id);
+    const request = this.requests.get(answer.id);
     if (!request) return;
     if (answer.progress) {
       request.progress?.(answer.progress);
       return;
     }
-    this.open.delete(answer.id);
-    if (answer.error !== undefined) request.fail(new Error(answer.error));
-    else request.done(answer);
+    this.requests.delete(answer.id);
+    if (answer.error !== undefined) request.reject(new Error(answer.error));
+    else request.resolve(answer);
   }
 
-  // Ask, and resolve with the answer; errors are those of the server.
+  // Return the server's answer to a request; throws the server's errors.
   async ask(request, progress) {
     await this.ready;
-    const id = this.next++;
-    return new Promise((done, fail) => {
-      this.open.set(id, { done, fail, progress });
+    const id = this.nextId++;
+    return new Promise((resolve, reject) => {
+      this.requests.set(id, { resolve, reject, progress });
       this.socket.send(JSON.stringify({ slot: `once/${id}`, ...request, id }));
     });
   }
 
-  // Ask in a slot: while one request of it is open, only the newest other waits; those between
-  // resolve with null.
-  newest(slot, request) {
-    return new Promise((done, fail) => {
+  // Ask in a slot. While a request of the slot is open, only the newest one waits; the requests
+  // between resolve with null.
+  askNewest(slot, request) {
+    return new Promise((resolve, reject) => {
       const state = this.slots.get(slot) ?? { busy: false, waiting: null };
       this.slots.set(slot, state);
-      state.waiting?.done(null);
-      state.waiting = { request, done, fail };
-      if (!state.busy) this.proceed(slot, state);
+      state.waiting?.resolve(null);
+      state.waiting = { request, resolve, reject };
+      if (!state.busy) this.sendNext(slot, state);
     });
   }
 
-  async proceed(slot, state) {
-    const { request, done, fail } = state.waiting;
+  async sendNext(slot, state) {
+    const { request, resolve, reject } = state.waiting;
     state.waiting = null;
     state.busy = true;
     try {
-      done(await this.ask({ ...request, slot }));
+      resolve(await this.ask({ ...request, slot }));
     } catch (error) {
-      fail(error);
+      reject(error);
     }
     state.busy = false;
-    if (state.waiting) this.proceed(slot, state);
+    if (state.waiting) this.sendNext(slot, state);
   }
 }

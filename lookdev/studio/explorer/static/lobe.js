@@ -1,52 +1,53 @@
 // @ts-check
-// The lobe in three dimensions: f over all lights above the horizon as a surface, turned by the
-// hand.
-import { gl, bindTarget, linkProgram, numberOf, resizeCanvas, works } from "./gl.js";
+// The lobe in three dimensions: a surface whose radius is f, over all directions of light above the
+// horizon.
+import { gl, bindTarget, linkProgram, parameterLookup, growCanvas, isSupported } from "./gl.js";
+import { DECADES } from "./axes.js";
+import { luminance } from "./color.js";
 import { state } from "./state.js";
 
 const VERTEX = `#version 300 es
-layout(location = 0) in vec3 place;
+layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 uniform mat4 view;
-uniform mat3 turn;
-out vec3 shown;
-void main() { gl_Position = view * vec4(place, 1.0); shown = turn * normal; }`;
+uniform mat3 rotation;
+out vec3 viewNormal;
+void main() { gl_Position = view * vec4(position, 1.0); viewNormal = rotation * normal; }`;
 const FRAGMENT = `#version 300 es
 precision highp float;
-in vec3 shown;
+in vec3 viewNormal;
 uniform vec4 color;
 uniform float shaded;
 out vec4 result;
 void main() {
-    vec3 n = normalize(shown + vec3(0.0, 0.0, 1e-6));
+    vec3 n = normalize(viewNormal + vec3(0.0, 0.0, 1e-6));
     float light = mix(1.0, 0.35 + 0.65 * abs(dot(n, normalize(vec3(-0.3, 0.5, 0.8)))), shaded);
     result = vec4(color.rgb * light * color.a, color.a);
 }`;
 
-const LUMINANCE = [0.2126, 0.7152, 0.0722];
-export const DECADES = 4;
 const COUNT = 72;
 
-// A third of the numbers even, the others dense about a place (`lookdev.plotting.solid`).
-const dense = (low, high, about, count) => {
+// Return angles of which a third are even and the others dense about a center, as
+// `lookdev.plotting.solid` has them.
+const denseAngles = (low, high, center, count) => {
   const even = Math.max(Math.floor(count / 3), 2);
   const angles = Array.from({ length: even }, (_, i) => low + ((high - low) * i) / (even - 1));
   const rest = count - even;
   for (let i = 0; i < rest; i++)
     angles.push(
-      Math.min(high, Math.max(low, about + 0.5 * (high - low) * (-1 + (2 * i) / (rest - 1)) ** 3)),
+      Math.min(high, Math.max(low, center + 0.5 * (high - low) * (-1 + (2 * i) / (rest - 1)) ** 3)),
     );
   return [...new Set(angles)].sort((a, b) => a - b);
 };
 
-export class Lobes {
+export class LobeRenderer {
   constructor(shaders) {
     this.shaders = shaders;
     this.linking = null;
     this.program = null;
-    this.buffers = works
+    this.buffers = isSupported
       ? {
-          place: gl.createBuffer(),
+          position: gl.createBuffer(),
           normal: gl.createBuffer(),
           index: gl.createBuffer(),
           array: gl.createVertexArray(),
@@ -54,17 +55,17 @@ export class Lobes {
       : null;
   }
 
-  // f of a surface over the grid of lights, with its peak.
-  async values(surface, theta, phi, cosine) {
+  /** Return f of a surface over a grid of lights, with its peak. */
+  async evaluate(surface, theta, phi, cosine) {
     if (surface.delta)
       throw new Error(
         `${surface.title}: scatters along single directions and has no lobe; see Fresnel or albedo`,
       );
     this.linking ??= linkProgram(FRAGMENT, VERTEX);
     this.program = await this.linking;
-    const shader = await this.shaders.of(surface);
-    const thetas = dense(0, Math.PI / 2, theta, COUNT),
-      phis = dense(-Math.PI, Math.PI, 0, 2 * COUNT).map((angle) => angle + phi);
+    const shader = await this.shaders.load(surface);
+    const thetas = denseAngles(0, Math.PI / 2, theta, COUNT),
+      phis = denseAngles(-Math.PI, Math.PI, 0, 2 * COUNT).map((angle) => angle + phi);
     const count = thetas.length * phis.length,
       wo = new Float32Array(3 * count),
       wi = new Float32Array(3 * count);
@@ -83,30 +84,27 @@ export class Lobes {
         wo.set(view, k);
         k += 3;
       }
-    const pairs = shader.at(wo, wi, numberOf(surface, this.shaders.models));
+    const pairs = shader.evaluate(wo, wi, parameterLookup(surface, this.shaders.models));
     const f = new Float32Array(count);
     let peak = 0;
     for (let i = 0; i < count; i++) {
-      const value =
-        LUMINANCE[0] * pairs[4 * i] +
-        LUMINANCE[1] * pairs[4 * i + 1] +
-        LUMINANCE[2] * pairs[4 * i + 2];
+      const value = luminance(pairs, 4 * i);
       f[i] = cosine ? value : value / wi[3 * i + 2];
-      // Towards the horizon some models go up without limit.
+      // Some models have no bound towards the horizon.
       if (wi[3 * i + 2] > 0.0175) peak = Math.max(peak, f[i]);
     }
     return { f, wi, rows: thetas.length, columns: phis.length, peak, view };
   }
 
-  // Draw lobes: the selected one solid, the others as nets.
+  /** Draw lobes, solid or as nets. */
   draw(lobes, width, height, scale, colors, ink) {
-    const canvas = resizeCanvas(width, height);
+    const canvas = growCanvas(width, height);
     bindTarget(null, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
-    const { view, turn } = this.camera(width, height);
-    this.program.use({ view, turn });
+    const { view, rotation } = this.camera(width, height);
+    this.program.use({ view, rotation });
     const top = Math.max(...lobes.map(({ peak }) => peak), 1e-30);
     const radius = (f) =>
       scale === "log"
@@ -120,22 +118,22 @@ export class Lobes {
       Math.sin((i * Math.PI) / 48),
       0,
     ]).flat();
-    this.lines(ring, gl.LINE_STRIP, [...ink, 0.35]);
-    this.lines([-1, 0, 0, 1, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1.05], gl.LINES, [
+    this.drawLines(ring, gl.LINE_STRIP, [...ink, 0.35]);
+    this.drawLines([-1, 0, 0, 1, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1.05], gl.LINES, [
       ...ink,
       0.25,
     ]);
     lobes.forEach((lobe, index) => {
       const [x, y, z] = lobe.view;
-      if (index === 0) this.lines([0, 0, 0, 1.1 * x, 1.1 * y, 1.1 * z], gl.LINES, [...ink, 1]);
-      if (lobe.solid) this.mesh(lobe, radius, colors[index]);
+      if (index === 0) this.drawLines([0, 0, 0, 1.1 * x, 1.1 * y, 1.1 * z], gl.LINES, [...ink, 1]);
+      if (lobe.solid) this.drawMesh(lobe, radius, colors[index]);
     });
-    // Nets are seen through what is before them.
+    // Nets show through the lobes before them.
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     lobes.forEach((lobe, index) => {
-      if (!lobe.solid) this.mesh(lobe, radius, colors[index]);
+      if (!lobe.solid) this.drawMesh(lobe, radius, colors[index]);
     });
     gl.disable(gl.BLEND);
     gl.bindVertexArray(null);
@@ -147,24 +145,24 @@ export class Lobes {
     };
   }
 
-  lines(places, mode, color) {
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.place);
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(places), gl.STREAM_DRAW);
+  drawLines(positions, mode, color) {
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers.position);
+    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(positions), gl.STREAM_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
     gl.disableVertexAttribArray(1);
     gl.vertexAttrib3f(1, 0, 0, 1);
     this.program.use({ color, shaded: 0 });
-    gl.drawArrays(mode, 0, places.length / 3);
+    gl.drawArrays(mode, 0, positions.length / 3);
   }
 
-  mesh({ f, wi, rows, columns, solid }, radius, color) {
+  drawMesh({ f, wi, rows, columns, solid }, radius, color) {
     const count = rows * columns,
-      places = new Float32Array(3 * count),
+      positions = new Float32Array(3 * count),
       normals = new Float32Array(3 * count);
     for (let i = 0; i < count; i++) {
       const r = Math.min(radius(f[i]), 1.5);
-      for (let c = 0; c < 3; c++) places[3 * i + c] = r * wi[3 * i + c];
+      for (let c = 0; c < 3; c++) positions[3 * i + c] = r * wi[3 * i + c];
     }
     for (let i = 0; i < rows; i++)
       for (let j = 0; j < columns; j++) {
@@ -173,8 +171,8 @@ export class Lobes {
           b = 3 * (Math.max(i - 1, 0) * columns + j);
         const c = 3 * (i * columns + ((j + 1) % columns)),
           d = 3 * (i * columns + ((j + columns - 1) % columns));
-        const u = [0, 1, 2].map((n) => places[a + n] - places[b + n]),
-          v = [0, 1, 2].map((n) => places[c + n] - places[d + n]);
+        const u = [0, 1, 2].map((n) => positions[a + n] - positions[b + n]),
+          v = [0, 1, 2].map((n) => positions[c + n] - positions[d + n]);
         normals.set(
           [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]],
           k,
@@ -190,14 +188,14 @@ export class Lobes {
           if (j % 4 === 0) index.push(k, k + columns);
         }
       }
-    for (const [place, buffer, data] of /** @type {[number, WebGLBuffer, Float32Array][]} */ ([
-      [0, this.buffers.place, places],
+    for (const [location, buffer, data] of /** @type {[number, WebGLBuffer, Float32Array][]} */ ([
+      [0, this.buffers.position, positions],
       [1, this.buffers.normal, normals],
     ])) {
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.bufferData(gl.ARRAY_BUFFER, data, gl.STREAM_DRAW);
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 0, 0);
+      gl.enableVertexAttribArray(location);
+      gl.vertexAttribPointer(location, 3, gl.FLOAT, false, 0, 0);
     }
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers.index);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, new Uint32Array(index), gl.STREAM_DRAW);
@@ -205,9 +203,9 @@ export class Lobes {
     gl.drawElements(solid ? gl.TRIANGLES : gl.LINES, index.length, gl.UNSIGNED_INT, 0);
   }
 
-  // Orthographic, z up: the hemisphere fits.
+  /** Return the matrices of an orthographic camera, z up, in which the hemisphere fits. */
   camera(width, height) {
-    const [azimuth, elevation] = state.turn,
+    const [azimuth, elevation] = state.lobeAngles,
       [ca, sa, ce, se] = [
         Math.cos(azimuth),
         Math.sin(azimuth),
@@ -227,7 +225,10 @@ export class Lobes {
       ];
     view[13] = (-0.42 * ce * 2 * pixels) / height;
     view[15] = 1;
-    return { view, turn: new Float32Array([0, 1, 2].flatMap((i) => [right[i], up[i], back[i]])) };
+    return {
+      view,
+      rotation: new Float32Array([0, 1, 2].flatMap((i) => [right[i], up[i], back[i]])),
+    };
   }
 
   project(view, [x, y, z], width, height) {

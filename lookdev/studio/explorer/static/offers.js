@@ -1,20 +1,21 @@
 // @ts-check
-// The left side: the surfaces in the plots, and what can be added to them.
-import { notify, colorOf, nameOf, state } from "./state.js";
+// The left side: the surfaces in the plots, and the models, presets, looks and files to add.
+import { makeElement } from "./elements.js";
+import { colorOf, nameOf, notify, removeSurface, state } from "./state.js";
 
-const list = document.getElementById("surfaces"),
+const surfaceList = document.getElementById("surfaces"),
   offers = document.getElementById("offers"),
-  find = document.getElementById("find");
+  searchInput = document.getElementById("find");
 
 const ICONS = {
-  shown:
+  visible:
     "M1.5 8S4 3.5 8 3.5 14.5 8 14.5 8 12 12.5 8 12.5 1.5 8 1.5 8Z " +
     "M8 6a2 2 0 1 0 0 4 2 2 0 0 0 0-4Z",
   hidden: "M1.5 8S4 3.5 8 3.5 14.5 8 14.5 8 12 12.5 8 12.5 1.5 8 1.5 8Z M2.5 13.5 13.5 2.5",
   copy: "M5.5 5.5h8v8h-8z M3.5 10.5h-1v-8h8v1",
   remove: "M3.5 3.5l9 9 M12.5 3.5l-9 9",
 };
-const icon = (name) => {
+const makeIcon = (name) => {
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"),
     path = document.createElementNS("http://www.w3.org/2000/svg", "path");
   svg.setAttribute("viewBox", "0 0 16 16");
@@ -23,18 +24,14 @@ const icon = (name) => {
   svg.append(path);
   return svg;
 };
-const iconButton = (name, label, act) => {
-  const element = button("", label, act);
-  element.append(icon(name));
+const makeIconButton = (name, label, act) => {
+  const element = makeButton("", label, act);
+  element.append(makeIcon(name));
   return element;
 };
 
-const button = (text, label, act, className = "plain") => {
-  const element = Object.assign(document.createElement("button"), {
-    type: "button",
-    className,
-    textContent: text,
-  });
+const makeButton = (text, label, act, className = "plain") => {
+  const element = makeElement("button", { type: "button", className, textContent: text });
   if (label) {
     element.setAttribute("aria-label", label);
     element.title = label;
@@ -44,10 +41,10 @@ const button = (text, label, act, className = "plain") => {
 };
 
 export const showSurfaces = () => {
-  list.replaceChildren(
+  surfaceList.replaceChildren(
     ...state.surfaces.map((surface, index) => {
       const item = document.createElement("li"),
-        pick = button(
+        selectButton = makeButton(
           "",
           "",
           () => {
@@ -59,47 +56,41 @@ export const showSurfaces = () => {
       item.style.setProperty("--own", colorOf(surface));
       item.classList.toggle("selected", index === state.selected);
       item.classList.toggle("hidden", surface.hidden);
-      pick.setAttribute("aria-current", `${index === state.selected}`);
-      pick.append(
-        Object.assign(document.createElement("span"), { className: "chip" }),
-        Object.assign(document.createElement("span"), {
-          textContent: nameOf(surface),
-          title: nameOf(surface),
-        }),
+      selectButton.setAttribute("aria-current", `${index === state.selected}`);
+      selectButton.append(
+        makeElement("span", { className: "chip" }),
+        makeElement("span", { textContent: nameOf(surface), title: nameOf(surface) }),
       );
       item.append(
-        pick,
-        iconButton(
-          surface.hidden ? "hidden" : "shown",
+        selectButton,
+        makeIconButton(
+          surface.hidden ? "hidden" : "visible",
           `${surface.hidden ? "Show" : "Hide"} ${nameOf(surface)}`,
           () => {
             surface.hidden = !surface.hidden;
             notify("surfaces");
           },
         ),
-        iconButton("copy", `Duplicate ${nameOf(surface)}`, () => notify("duplicate", { surface })),
-        iconButton("remove", `Remove ${nameOf(surface)}`, () => remove(index)),
+        makeIconButton("copy", `Duplicate ${nameOf(surface)}`, () =>
+          notify("duplicate", { surface }),
+        ),
+        makeIconButton("remove", `Remove ${nameOf(surface)}`, () => removeAndFocus(index)),
       );
       return item;
     }),
   );
 };
 
-export const remove = (index) => {
-  state.surfaces.splice(index, 1);
-  state.selected = Math.max(
-    0,
-    Math.min(state.selected - (index < state.selected ? 1 : 0), state.surfaces.length - 1),
-  );
-  notify("surfaces");
-  (list.querySelector(".selected .pick") ?? find).focus();
+const removeAndFocus = (index) => {
+  removeSurface(index);
+  (surfaceList.querySelector(".selected .pick") ?? searchInput).focus();
 };
 
-// Everything that can be added, in groups; the words are those of the command line.
-const groups = () => {
-  const { models, presets, looks, measured } = state.offered,
+// Return the groups of the list: titles, with entries of words for the command line, name and text.
+const offerGroups = () => {
+  const { models, presets, looks, measured } = state.catalogue,
     /** @type {[string, any[][]][]} */
-    offered = [
+    groups = [
       [
         "models",
         Object.entries(models)
@@ -114,11 +105,11 @@ const groups = () => {
         new Map(),
       );
   for (const [category, members] of byCategory)
-    offered.push([
+    groups.push([
       category,
       members.map(({ name, doc, model }) => [name, name.replaceAll("_", " "), `${doc} (${model})`]),
     ]);
-  offered.push(
+  groups.push(
     ["looks", looks.map((look) => [look, look, "a look"])],
     [
       "measured",
@@ -132,22 +123,22 @@ const groups = () => {
       ],
     ],
   );
-  return offered;
+  return groups;
 };
 
 export const showOffers = (add) => {
-  const search = find.value.trim().toLowerCase(),
+  const search = searchInput.value.trim().toLowerCase(),
     elements = [];
-  for (const [title, entries] of groups()) {
+  for (const [title, entries] of offerGroups()) {
     const matches = entries.filter(
       ([words, name, text]) =>
         !search || `${words} ${name} ${title} ${text}`.toLowerCase().includes(search),
     );
     if (matches.length)
       elements.push(
-        Object.assign(document.createElement("h3"), { textContent: title }),
+        makeElement("h3", { textContent: title }),
         ...matches.map(([words, name, text]) => {
-          const offer = button(name, "", () => add(words), "offer");
+          const offer = makeButton(name, "", () => add(words), "offer");
           offer.title = text;
           return offer;
         }),
@@ -155,7 +146,7 @@ export const showOffers = (add) => {
   }
   if (!elements.length)
     elements.push(
-      Object.assign(document.createElement("p"), {
+      makeElement("p", {
         className: "none",
         textContent: "Nothing has that name. Enter adds the words as they are.",
       }),
@@ -163,20 +154,20 @@ export const showOffers = (add) => {
   offers.replaceChildren(...elements);
 };
 
-export const watchOffers = (add) => {
-  find.addEventListener("input", () => showOffers(add));
-  find.addEventListener("keydown", (event) => {
-    if (event.key !== "Enter" || !find.value.trim()) return;
+export const watchSearch = (add) => {
+  searchInput.addEventListener("input", () => showOffers(add));
+  searchInput.addEventListener("keydown", (event) => {
+    if (event.key !== "Enter" || !searchInput.value.trim()) return;
     const first = offers.querySelector(".offer"),
-      words = find.value.trim();
+      words = searchInput.value.trim();
     if (first && !words.includes(":") && !words.includes("=")) first.click();
     else add(words);
-    find.value = "";
+    searchInput.value = "";
     showOffers(add);
   });
 };
 
-/** Return the name of a file on the server, once it is uploaded. */
+/** Upload a file; return its name on the server. */
 const upload = (file, showProgress) =>
   new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
@@ -192,8 +183,8 @@ const upload = (file, showProgress) =>
     request.send(file);
   });
 
-/** Upload files, each of which becomes a surface. */
-const uploadAll = async (files, add, say) => {
+/** Upload files, and add each as a surface. */
+const addFiles = async (files, add, say) => {
   const bar = document.getElementById("uploading");
   const showProgress = (share) => {
     bar.value = share;
@@ -202,13 +193,13 @@ const uploadAll = async (files, add, say) => {
   for (const file of files) {
     showProgress(0);
     try {
-      if (file.size > state.offered.largestUpload)
+      if (file.size > state.catalogue.largestUpload)
         throw new Error(
           `${file.name} has ${(file.size / 2 ** 20).toFixed(0)} MiB; ` +
-            `at most ${state.offered.largestUpload / 2 ** 20} MiB are taken`,
+            `at most ${state.catalogue.largestUpload / 2 ** 20} MiB are taken`,
         );
       const name = await upload(file, showProgress);
-      if (!state.offered.measured.includes(name)) state.offered.measured.push(name);
+      if (!state.catalogue.measured.includes(name)) state.catalogue.measured.push(name);
       await add(name);
       showOffers(add);
     } catch (error) {
@@ -218,7 +209,7 @@ const uploadAll = async (files, add, say) => {
   bar.hidden = true;
 };
 
-/** Call a function with files that the user drops on the page; a veil shows where they can be. */
+/** Call a function with files that the user drops on the page. A veil shows the drop area. */
 const watchDrags = (send) => {
   const veil = document.getElementById("veil");
   let depth = 0;
@@ -248,10 +239,10 @@ const watchDrags = (send) => {
   });
 };
 
-// Files that are dropped or chosen go to the server, and become surfaces.
-export const watchDrops = (add, say) => {
+// Add files that the user drops or chooses.
+export const watchFiles = (add, say) => {
   const input = document.getElementById("file"),
-    send = (files) => uploadAll(files, add, say);
+    send = (files) => addFiles(files, add, say);
   watchDrags(send);
   document.getElementById("choose").addEventListener("click", () => input.click());
   input.addEventListener("change", () => {

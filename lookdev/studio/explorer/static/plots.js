@@ -1,8 +1,7 @@
 // @ts-check
-// The plot: asks for the numbers of each surface, keeps them, and draws what has arrived in the
-// next frame.
-import { theme } from "./axes.js";
-import { DECADES } from "./lobe.js";
+// The plot: requests and caches the numbers of each surface, and draws those that have arrived.
+import { DECADES, formatShort, readTheme } from "./axes.js";
+import { hexCodes } from "./color.js";
 import {
   notify,
   colorOf,
@@ -14,70 +13,73 @@ import {
   state,
   wordsOf,
 } from "./state.js";
-import { squares, VIEWS } from "./views.js";
-import { formatShort } from "./axes.js";
+import { layOutSquares, VIEWS } from "./views.js";
 
 const canvas = document.getElementById("plot");
-// In memory: curves and pictures of numbers are drawn sooner than a software graphics driver takes
-// them.
+// The canvas stays in memory: a software graphics driver would take longer than the drawing.
 const context = canvas.getContext("2d", { willReadFrequently: true });
 const readout = document.getElementById("readout"),
   notice = document.getElementById("notice"),
   legend = document.getElementById("legend");
 const SCALE_WORDS = { log: `log, ${DECADES} decades`, sqrt: "square root" };
-const BROWSER = new Set(["lobe3d", "sphere"]); // drawn by GLSL
+const GPU_KINDS = new Set(["lobe3d", "sphere"]); // drawn by GLSL
 
-// Milliseconds from each move of a hand until its plot was drawn, and until the frame that shows
-// it, for whoever measures.
-export const latencies = [],
-  shown = [];
+// Milliseconds from each move of the pointer until its plot was drawn, and until the frame that
+// shows it. Tests read them.
+export const drawLatencies = [],
+  frameLatencies = [];
 
 export class Plots {
-  constructor(link, balls, lobes) {
+  constructor(link, spheres, lobes) {
     this.link = link;
-    this.balls = balls;
+    this.spheres = spheres;
     this.lobes = lobes;
     this.cache = new Map();
     this.requests = new Map();
-    this.waiting = [];
-    this.probe = null;
+    this.moveTimes = [];
+    this.readAt = null;
     this.frame = 0;
-    this.drawn = 0;
-    this.ended = 0;
-    this.took = 0;
-    onChange((change, detail) => this.change(change, detail));
-    // Asked of the canvas where it is drawn, its size would be found by a layout of the page for
-    // each move.
+    this.paintCount = 0;
+    this.paintEnd = 0;
+    this.paintDuration = 0;
+    onChange((change, detail) => this.applyChange(change, detail));
+    // Reading the size of the canvas in `paint` would lay out the page at each move.
     this.size = [canvas.clientWidth, canvas.clientHeight];
     new ResizeObserver(() => {
       this.size = [canvas.clientWidth, canvas.clientHeight];
       this.draw();
     }).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      this.look = null;
+      this.theme = null;
       notify("theme");
     });
-    canvas.addEventListener("pointermove", (event) => this.point(event.offsetX, event.offsetY));
+    canvas.addEventListener("pointermove", (event) =>
+      this.showReadout(event.offsetX, event.offsetY),
+    );
     canvas.addEventListener("pointerleave", () => {
       readout.textContent = "";
-      this.at = null;
+      this.pointer = null;
     });
-    canvas.addEventListener("keydown", (event) => this.key(event));
+    canvas.addEventListener("keydown", (event) => this.pressKey(event));
     this.followDrags();
   }
 
-  change(change, detail) {
+  applyChange(change, detail) {
     if (change === "parameter")
-      this.ask(detail.surface, { moving: detail.name, draft: detail.held, since: detail.since });
+      this.requestNumbers(detail.surface, {
+        moving: detail.name,
+        draft: detail.held,
+        since: detail.since,
+      });
     else if (change === "turn" || change === "selected" || change === "theme" || change === "label")
       this.draw();
     else if (change === "light") {
       if (state.kind === "sphere") this.draw();
-    } else this.askAll(change === "options" ? detail : {});
+    } else this.requestAll(change === "options" ? detail : {});
   }
 
-  // The key of what a surface's numbers depend on: exposure and scales are the browser's own.
-  request(surface, draft) {
+  // Return the request of a surface's numbers. It lacks the options that only the page reads.
+  makeRequest(surface, draft) {
     const local = new Set(["scale", "angles", "channels", "exposure", "chroma"]);
     const options = Object.fromEntries(
       Object.entries(changedOptions()).filter(([name]) => !local.has(name)),
@@ -91,34 +93,34 @@ export class Plots {
     };
   }
 
-  askAll(detail = {}) {
+  requestAll(detail = {}) {
     for (const surface of state.surfaces) surface.problem = "";
-    for (const surface of this.surfaces())
-      this.ask(surface, {
+    for (const surface of this.plottedSurfaces())
+      this.requestNumbers(surface, {
         draft: detail.held ?? false,
         since: detail.since,
-        moving: surface.moved,
+        moving: surface.movedParameter,
       });
     this.draw();
   }
 
-  surfaces() {
-    const { most } = state.offered.kinds[state.kind];
+  plottedSurfaces() {
+    const { most } = state.catalogue.kinds[state.kind];
     return visibleSurfaces().slice(0, most);
   }
 
-  async ask(surface, { moving = "", draft = false, since = 0 }) {
-    surface.moved = moving || surface.moved || "";
+  async requestNumbers(surface, { moving = "", draft = false, since = 0 }) {
+    surface.movedParameter = moving || surface.movedParameter || "";
     surface.problem = "";
-    if (BROWSER.has(state.kind)) {
+    if (GPU_KINDS.has(state.kind)) {
       this.draw(since);
       return;
     }
-    if (!this.surfaces().includes(surface)) {
+    if (!this.plottedSurfaces().includes(surface)) {
       this.draw();
       return;
     }
-    const request = this.request(surface, draft),
+    const request = this.makeRequest(surface, draft),
       key = JSON.stringify(request);
     if (this.requests.get(surface.id) === key) {
       if (this.cache.get(surface.id)?.key === key) this.draw(since);
@@ -127,17 +129,17 @@ export class Plots {
     this.requests.set(surface.id, key);
     try {
       const slot = `plot/${surface.id}`,
-        { slow } = state.offered.kinds[state.kind];
-      // What takes long is first shown as a draft.
+        { slow } = state.catalogue.kinds[state.kind];
+      // A slow plot is first shown as a draft.
       for (const isDraft of slow && !draft ? [true, draft] : [draft]) {
-        const data = await this.link.newest(slot, {
+        const data = await this.link.askNewest(slot, {
           ...request,
           draft: isDraft,
-          moving: surface.moved,
+          moving: surface.movedParameter,
         });
         if (!data) return;
-        // While the hand moves on, what it has passed is shown nevertheless: answers of a slot come
-        // in order.
+        // While the pointer moves on, the plot shows older answers, too: those of a slot come in
+        // order.
         this.cache.set(surface.id, { key, kind: request.kind, data });
         this.draw(since);
         if (this.requests.get(surface.id) !== key) return;
@@ -152,17 +154,22 @@ export class Plots {
     }
   }
 
-  // Draw in the next frame. What follows a hand, which has moved at `since`, is drawn at once, so
-  // that a frame that is
-  // about to begin has it; answers that arrive faster than they are drawn share a frame.
+  // Draw in the next frame. The plot of a move of the pointer, at the time `since`, is drawn at
+  // once, so that the frame about to begin has it. Answers that arrive faster than they are drawn
+  // share a frame.
   draw(since = 0) {
-    if (since) this.waiting.push(since);
+    if (since) this.moveTimes.push(since);
     const paint = () => {
       cancelAnimationFrame(this.frame);
       this.frame = 0;
-      this.paint().catch((error) => this.say(error.message));
+      this.paint().catch((error) => this.showNotice(error.message));
     };
-    if (since && !BROWSER.has(state.kind) && performance.now() - this.ended > this.took) paint();
+    if (
+      since &&
+      !GPU_KINDS.has(state.kind) &&
+      performance.now() - this.paintEnd > this.paintDuration
+    )
+      paint();
     else this.frame ||= requestAnimationFrame(paint);
   }
 
@@ -170,8 +177,8 @@ export class Plots {
     const began = performance.now(),
       [width, height] = this.size,
       ratio = Math.min(devicePixelRatio, 2);
-    if (!width || !state.offered) return;
-    this.look ??= theme();
+    if (!width || !state.catalogue) return;
+    this.theme ??= readTheme();
     if (
       canvas.width !== Math.round(width * ratio) ||
       canvas.height !== Math.round(height * ratio)
@@ -179,83 +186,85 @@ export class Plots {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
     }
-    const waiting = this.waiting.splice(0),
-      surfaces = this.surfaces();
-    const start = () => {
+    const moveTimes = this.moveTimes.splice(0),
+      surfaces = this.plottedSurfaces();
+    const clear = () => {
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
       context.clearRect(0, 0, width, height);
     };
     canvas.classList.toggle("turns", state.kind === "lobe3d" || state.kind === "sphere");
-    if (BROWSER.has(state.kind)) {
-      if (this.busy) {
-        this.again = true;
-        this.waiting.unshift(...waiting);
+    if (GPU_KINDS.has(state.kind)) {
+      if (this.isPainting) {
+        this.mustRepaint = true;
+        this.moveTimes.unshift(...moveTimes);
         return;
       }
-      this.busy = true;
+      this.isPainting = true;
       try {
         await (state.kind === "sphere"
-          ? this.drawSpheres(surfaces, width, height, ratio, start)
-          : this.drawLobes(surfaces, width, height, ratio, start));
+          ? this.drawSpheres(surfaces, width, height, ratio, clear)
+          : this.drawLobes(surfaces, width, height, ratio, clear));
       } finally {
-        this.busy = false;
-        if (this.again) {
-          this.again = false;
+        this.isPainting = false;
+        if (this.mustRepaint) {
+          this.mustRepaint = false;
           this.draw();
         }
       }
     } else {
-      this.drawNumbers(surfaces, width, height, start);
+      this.drawNumbers(surfaces, width, height, clear);
     }
     const now = performance.now();
-    [this.ended, this.took] = [now, now - began];
-    for (const since of waiting) latencies.push(now - since);
-    if (waiting.length)
+    [this.paintEnd, this.paintDuration] = [now, now - began];
+    for (const since of moveTimes) drawLatencies.push(now - since);
+    if (moveTimes.length)
       requestAnimationFrame((frame) => {
-        for (const since of waiting) shown.push(Math.max(frame, now) - since);
+        for (const since of moveTimes) frameLatencies.push(Math.max(frame, now) - since);
       });
-    for (const times of [latencies, shown]) if (times.length > 20000) times.splice(0, 10000);
-    this.drawn++;
+    for (const times of [drawLatencies, frameLatencies])
+      if (times.length > 20000) times.splice(0, 10000);
+    this.paintCount++;
     this.showLegend(surfaces);
-    if (this.at) this.point(...this.at);
+    if (this.pointer) this.showReadout(...this.pointer);
   }
 
   /** Draw the numbers of surfaces, as far as they have arrived. */
-  drawNumbers(surfaces, width, height, start) {
+  drawNumbers(surfaces, width, height, clear) {
     const kind = state.kind === "difference" ? "slice" : state.kind,
       items = [];
     for (const surface of surfaces) {
       const cached = this.cache.get(surface.id);
       if (cached?.kind === kind) items.push({ surface, data: cached.data });
     }
-    start();
-    this.probe = null;
-    const drawn =
+    clear();
+    this.readAt = null;
+    // A view returns a function, or a sentence about what it lacks.
+    const result =
       items.length || !surfaces.length
-        ? VIEWS[state.kind](context, items, width, height, this.look)
+        ? VIEWS[state.kind](context, items, width, height, this.theme)
         : null;
-    if (typeof drawn === "string") start();
-    else this.probe = drawn;
-    // What a view lacks may be on its way.
+    if (typeof result === "string") clear();
+    else this.readAt = result;
+    // The numbers that a view lacks may be on their way.
     const isWaiting = surfaces.some(
       (surface) => !surface.problem && !items.some((item) => item.surface === surface),
     );
-    if (typeof drawn === "string" && !isWaiting) this.say(drawn);
+    if (typeof result === "string" && !isWaiting) this.showNotice(result);
     else this.showProblems(surfaces);
   }
 
   showProblems(surfaces) {
     const problems = surfaces.map(({ problem }) => problem).filter(Boolean);
-    const { most } = state.offered.kinds[state.kind],
+    const { most } = state.catalogue.kinds[state.kind],
       left = visibleSurfaces().length - most;
     if (left > 0) problems.push(`This plot shows ${most} surfaces; ${left} more are left out.`);
     if (!state.surfaces.length)
       problems.push("Add a surface from the list of models, presets and files.");
     else if (!visibleSurfaces().length) problems.push("All surfaces are hidden.");
-    this.say(problems.join("  "));
+    this.showNotice(problems.join("  "));
   }
 
-  say(text) {
+  showNotice(text) {
     if (notice.textContent !== text) notice.textContent = text;
     notice.hidden = !text;
   }
@@ -277,31 +286,31 @@ export class Plots {
     );
     canvas.setAttribute(
       "aria-label",
-      `${state.offered.kinds[state.kind].text}: ${surfaces.map(nameOf).join(", ")}`,
+      `${state.catalogue.kinds[state.kind].text}: ${surfaces.map(nameOf).join(", ")}`,
     );
   }
 
-  async drawSpheres(surfaces, width, height, ratio, start) {
-    const places = squares(2 * surfaces.length, width, height, {
+  async drawSpheres(surfaces, width, height, ratio, clear) {
+    const squares = layOutSquares(2 * surfaces.length, width, height, {
       left: 10,
       right: 10,
       top: 30,
       bottom: 10,
       gap: 14,
     });
-    // Pairs of a point light and a dome stay beside each other.
-    const drawn = [],
-      used = new Set(["ball"]);
-    let more = false;
+    // The two spheres of a surface, under the point light and in the dome, are neighbours.
+    const pictures = [],
+      names = new Set(["ball"]);
+    let lacksPasses = false;
     for (const [i, surface] of surfaces.entries())
       for (const [j, light] of ["point", "dome"].entries()) {
-        const place = places[2 * i + j],
-          pixels = Math.min(512, Math.max(16, Math.round(place.size * ratio))),
+        const square = squares[2 * i + j],
+          pixels = Math.min(512, Math.max(16, Math.round(square.size * ratio))),
           name = `plot/${surface.id}/${light}`;
-        used.add(name);
+        names.add(name);
         try {
           const copy = new OffscreenCanvas(pixels, pixels);
-          const left = await this.balls.draw(
+          const isUnfinished = await this.spheres.draw(
             name,
             surface,
             light,
@@ -311,32 +320,32 @@ export class Plots {
             (from, x, y) =>
               copy.getContext("2d").drawImage(from, x, y, pixels, pixels, 0, 0, pixels, pixels),
           );
-          more ||= left;
-          drawn.push({ copy, place, surface, light });
+          lacksPasses ||= isUnfinished;
+          pictures.push({ copy, square, surface, light });
         } catch (error) {
           surface.problem = error.message;
         }
       }
-    this.balls.deleteOthers(used);
-    start();
-    for (const { copy, place, surface, light } of drawn) {
-      context.drawImage(copy, place.x, place.y, place.size, place.size);
-      context.font = `550 12px ${this.look.font}`;
+    this.spheres.deleteOthers(names);
+    clear();
+    for (const { copy, square, surface, light } of pictures) {
+      context.drawImage(copy, square.x, square.y, square.size, square.size);
+      context.font = `550 12px ${this.theme.font}`;
       context.textAlign = "center";
       context.fillStyle = colorOf(surface);
       context.fillText(
         `${nameOf(surface)}, ${light === "dome" ? "studio dome" : "point light"}`,
-        place.x + place.size / 2,
-        place.y - 10,
-        place.size,
+        square.x + square.size / 2,
+        square.y - 10,
+        square.size,
       );
     }
-    this.probe = null;
+    this.readAt = null;
     this.showProblems(surfaces);
-    if (more && state.kind === "sphere") this.again = true;
+    if (lacksPasses && state.kind === "sphere") this.mustRepaint = true;
   }
 
-  async drawLobes(surfaces, width, height, ratio, start) {
+  async drawLobes(surfaces, width, height, ratio, clear) {
     const [theta, phi] = [option("theta"), option("phi")].map(
         (degrees) => (degrees * Math.PI) / 180,
       ),
@@ -349,17 +358,13 @@ export class Plots {
         if (surface.lobe?.key !== key)
           surface.lobe = {
             key,
-            ...(await this.lobes.values(surface, theta, phi, option("cosine"))),
+            ...(await this.lobes.evaluate(surface, theta, phi, option("cosine"))),
           };
         lobes.push({
           ...surface.lobe,
           solid: surface === state.surfaces[state.selected] || surfaces.length === 1,
         });
-        colors.push(
-          colorOf(surface)
-            .match(/\w\w/g)
-            .map((digits) => parseInt(digits, 16) / 255),
-        );
+        colors.push(hexCodes(colorOf(surface)));
         names.push(
           `${nameOf(surface)}: peak ${formatShort(Number(surface.lobe.peak.toPrecision(3)))} /sr`,
         );
@@ -367,23 +372,23 @@ export class Plots {
         surface.problem = error.message;
       }
     }
-    start();
+    clear();
     if (lobes.length) this.drawLobeScene(lobes, colors, names, width, height, ratio);
-    this.probe = null;
+    this.readAt = null;
     this.showProblems(surfaces);
   }
 
   drawLobeScene(lobes, colors, names, width, height, ratio) {
     const w = Math.round(width * ratio),
       h = Math.round(height * ratio),
-      ink = this.look.ink
+      ink = this.theme.ink
         .match(/[\d.]+/g)
         .slice(0, 3)
         .map((code) => code / 255);
     const scene = this.lobes.draw(lobes, w, h, option("scale"), colors, ink);
     context.drawImage(scene.canvas, 0, scene.top, w, h, 0, 0, width, height);
-    context.font = `12px ${this.look.font}`;
-    context.fillStyle = this.look.ink;
+    context.font = `12px ${this.theme.font}`;
+    context.fillStyle = this.theme.ink;
     context.textAlign = "center";
     const [x, y] = scene.project(lobes[0].view.map((part) => part * 1.17));
     context.fillText("view", x / ratio, y / ratio);
@@ -396,39 +401,39 @@ export class Plots {
       18,
       28,
     );
-    context.fillStyle = this.look.quiet;
+    context.fillStyle = this.theme.quiet;
     names.forEach((name, i) => context.fillText(name, 18, 50 + 18 * i));
   }
 
-  point(x, y) {
-    this.at = [x, y];
-    readout.textContent = this.probe?.(x, y)?.text ?? "";
+  showReadout(x, y) {
+    this.pointer = [x, y];
+    readout.textContent = this.readAt?.(x, y) ?? "";
   }
 
-  // Arrow keys move the place that is read, or turn the lobe and the light.
-  key(event) {
+  // Arrow keys move the point of the readout, or turn the lobe and the light.
+  pressKey(event) {
     const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[
       event.key
     ];
     if (!step) return;
     event.preventDefault();
-    if (BROWSER.has(state.kind)) {
-      this.turn(step[0] * 8, step[1] * 8);
+    if (GPU_KINDS.has(state.kind)) {
+      this.rotate(step[0] * 8, step[1] * 8);
       return;
     }
-    const [x, y] = this.at ?? [canvas.clientWidth / 2, canvas.clientHeight / 2],
-      far = event.shiftKey ? 20 : 4;
-    this.point(
-      Math.min(canvas.clientWidth - 1, Math.max(0, x + far * step[0])),
-      Math.min(canvas.clientHeight - 1, Math.max(0, y + far * step[1])),
+    const [x, y] = this.pointer ?? [canvas.clientWidth / 2, canvas.clientHeight / 2],
+      pixels = event.shiftKey ? 20 : 4;
+    this.showReadout(
+      Math.min(canvas.clientWidth - 1, Math.max(0, x + pixels * step[0])),
+      Math.min(canvas.clientHeight - 1, Math.max(0, y + pixels * step[1])),
     );
   }
 
-  turn(dx, dy) {
+  rotate(dx, dy) {
     if (state.kind === "lobe3d") {
-      state.turn = [
-        state.turn[0] - dx * 0.008,
-        Math.min(Math.PI / 2, Math.max(-0.2, state.turn[1] + dy * 0.008)),
+      state.lobeAngles = [
+        state.lobeAngles[0] - dx * 0.008,
+        Math.min(Math.PI / 2, Math.max(-0.2, state.lobeAngles[1] + dy * 0.008)),
       ];
       notify("turn");
     } else turnLight(dx, dy);
@@ -437,13 +442,13 @@ export class Plots {
   followDrags() {
     let last = null;
     canvas.addEventListener("pointerdown", (event) => {
-      if (!BROWSER.has(state.kind)) return;
+      if (!GPU_KINDS.has(state.kind)) return;
       last = [event.clientX, event.clientY];
       canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
       if (!last) return;
-      this.turn(event.clientX - last[0], event.clientY - last[1]);
+      this.rotate(event.clientX - last[0], event.clientY - last[1]);
       last = [event.clientX, event.clientY];
     });
     for (const name of ["pointerup", "pointercancel"])

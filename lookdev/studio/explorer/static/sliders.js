@@ -1,20 +1,12 @@
 // @ts-check
-// The parameters of the selected surface: sliders with units, ranges, and what the publication says
-// of each.
-import { groupOf } from "./gl.js";
+// The parameters of the selected surface: sliders with units and ranges, and the publication's
+// sentence about each.
+import { fromHex, toHex } from "./color.js";
+import { makeElement, setLabel } from "./elements.js";
+import { parameterGroup } from "./gl.js";
 import { notify, nameOf, selectedSurface, state } from "./state.js";
 
-const makeElement = (tag, properties = {}, ...children) => {
-  const element = Object.assign(document.createElement(tag), properties);
-  element.append(...children);
-  return element;
-};
-const setLabel = (element, label) => {
-  element.setAttribute("aria-label", label);
-  return element;
-};
-
-/** A name as a title: "clearcoatGloss" is "Clearcoat gloss". */
+/** Return a name as a title: "clearcoatGloss" is "Clearcoat gloss". */
 const titleOf = (name) => {
   const text = name.replace(/([a-z])([A-Z0-9])/g, "$1 $2");
   return text[0].toUpperCase() + text.slice(1).toLowerCase();
@@ -22,7 +14,7 @@ const titleOf = (name) => {
 const formatNumber = (value) => Number(value.toPrecision(4)).toString();
 const clamp = (value, [low, high]) => Math.min(high, Math.max(low, value));
 
-// Exponents and the like: a slider of the root of the value, where the range is long.
+// The slider of a long range, as that of an exponent, moves the cube root of the value.
 const isLong = ([low, high]) => low >= 0 && high >= 100;
 const toSlider = (value, range) => {
   const t = (value - range[0]) / (range[1] - range[0]);
@@ -41,23 +33,12 @@ const makeSlider = (properties) =>
   makeElement("input", { type: "range", min: 0, max: 1, ...properties });
 
 /** Call a function with the event, and whether the pointer holds the input. */
-const onMove = (input, act) => {
+const followInput = (input, act) => {
   input.addEventListener("input", (event) => act(event, true));
   input.addEventListener("change", (event) => act(event, false));
 };
 
-const encodeSrgb = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
-const decodeSrgb = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
-const toHex = (color) => {
-  const codes = color.map((v) => Math.round(255 * encodeSrgb(clamp(v, [0, 1]))));
-  return `#${codes.map((code) => code.toString(16).padStart(2, "0")).join("")}`;
-};
-const fromHex = (text) => {
-  const codes = text.match(/\w\w/g).map((digits) => parseInt(digits, 16) / 255);
-  return codes.map((code) => Number(decodeSrgb(code).toPrecision(4)));
-};
-
-/** Return what the publication says of a parameter, or its help. */
+/** Return the publication's sentence about a parameter, or its help. */
 function makeSentence({ name, quote, help }, model) {
   const sentence = makeElement("p", { className: "sentence", id: `p-${name}-s` });
   if (quote)
@@ -75,34 +56,33 @@ function makeNumber([min, max], properties = {}) {
 }
 
 /**
- * Return a slider and a field for a component of a vector, and `put`, which sets both. `set` is
- * called with a number, or with null for an entry that is not a number.
+ * Return a slider and a field for a component of a vector, and `showNumber`, which sets both. `set`
+ * is called with a number, or with null if the entry is not a number.
  */
 function componentInputs(label, soft, hard, set) {
   const slider = setLabel(makeSlider({ step: 0.002 }), `${label}, slider`),
     field = setLabel(makeNumber(hard), label);
-  onMove(slider, (event, held) => set(fromSlider(Number(slider.value), soft), event, held));
+  followInput(slider, (event, held) => set(fromSlider(Number(slider.value), soft), event, held));
   field.addEventListener("change", (event) => {
     const number = Number(field.value),
       isValid = field.value !== "" && Number.isFinite(number);
     set(isValid ? clamp(number, hard) : null, event, false);
   });
-  const put = (number) => {
+  const showNumber = (number) => {
     field.value = formatNumber(number);
     slider.value = toSlider(number, soft);
     setShare(slider, toSlider(number, soft));
   };
-  return { slider, field, put };
+  return { slider, field, showNumber };
 }
 
 export class Sliders {
-  constructor(link) {
-    this.link = link;
+  constructor() {
     this.panel = document.getElementById("parameters");
   }
 
   show(surface) {
-    const { models } = state.offered,
+    const { models } = state.catalogue,
       model = models[surface.model];
     this.panel.replaceChildren();
     if (!surface.editable || !model) {
@@ -111,7 +91,7 @@ export class Sliders {
     }
     const groups = new Map();
     for (const parameter of model.parameters) {
-      const group = parameter.kind === "token" ? "forms" : groupOf(parameter);
+      const group = parameter.kind === "token" ? "forms" : parameterGroup(parameter);
       if (!groups.has(group)) groups.set(group, []);
       groups.get(group).push(parameter);
     }
@@ -124,7 +104,7 @@ export class Sliders {
     for (const group of ["", "forms", "optional", "normals"]) {
       const rows = (groups.get(group) ?? [])
         .filter((parameter) => !parameter.file)
-        .map((parameter) => this.row(surface, parameter, model));
+        .map((parameter) => this.makeRow(surface, parameter, model));
       if (!rows.length) continue;
       if (group === "optional" || group === "normals") {
         const box = makeElement(
@@ -146,7 +126,7 @@ export class Sliders {
     }
   }
 
-  // Of a look: the texture coordinates at which its stack is plotted.
+  // Show the texture coordinates at which the stack of a look is plotted.
   showCoordinates(surface) {
     const [, stem, , u, v] = surface.base.match(/^(.*?)(@([\d.]+),([\d.]+))?$/),
       st = [u ?? 0.5, v ?? 0.5].map(Number);
@@ -163,7 +143,7 @@ export class Sliders {
       const slider = makeSlider({ step: 0.005, value: st[k], id: `p-${name}` }),
         output = makeElement("output", { textContent: formatNumber(st[k]) }),
         label = makeElement("label", { htmlFor: slider.id, textContent: name });
-      onMove(slider, (event, held) => {
+      followInput(slider, (event, held) => {
         st[k] = Number(slider.value);
         output.textContent = formatNumber(st[k]);
         setShare(slider, st[k]);
@@ -183,11 +163,11 @@ export class Sliders {
     return surface.values[parameter.name] ?? parameter.default;
   }
 
-  /** Return the row of a parameter: its name, what sets it, and its sentence. */
-  row(surface, parameter, model) {
+  /** Return the row of a parameter: its name, its inputs, and its sentence. */
+  makeRow(surface, parameter, model) {
     const { name, kind } = parameter,
       element = makeElement("div", { className: "parameter" });
-    const mark = () => element.classList.toggle("changed", name in surface.given);
+    const markChanged = () => element.classList.toggle("changed", name in surface.given);
     const row = {
       element,
       surface,
@@ -197,16 +177,16 @@ export class Sliders {
       reset: this.resetButton(surface, parameter),
       sentence: makeSentence(parameter, model),
       set: (value, event, held) => {
-        this.free(surface, parameter);
+        this.replacePresets(surface, parameter);
         surface.given[name] = value;
-        mark();
+        markChanged();
         notify("parameter", { surface, name, since: event.timeStamp, held });
       },
     };
     if (kind === "token") this.addChoice(row);
     else if (kind === "float") this.addNumber(row);
     else this.addVector(row);
-    mark();
+    markChanged();
     return element;
   }
 
@@ -219,7 +199,7 @@ export class Sliders {
     });
     button.addEventListener("click", () => {
       delete surface.given[name];
-      this.refresh(surface);
+      this.requestValues(surface);
     });
     return setLabel(button, `Reset ${titleOf(name)}`);
   }
@@ -234,7 +214,7 @@ export class Sliders {
     select.addEventListener("change", () => {
       if (select.value === parameter.default) delete surface.given[parameter.name];
       else surface.given[parameter.name] = select.value;
-      this.refresh(surface);
+      this.requestValues(surface);
     });
     const label = makeLabel(id, title, parameter.help);
     element.append(makeElement("div", { className: "row" }, label, reset, select), sentence);
@@ -245,27 +225,27 @@ export class Sliders {
     const field = makeNumber(hard, { id });
     const slider = setLabel(makeSlider({ step: 0.001 }), `${title}, slider`);
     field.setAttribute("aria-describedby", sentence.id);
-    const put = (value) => {
+    const showNumber = (value) => {
       field.value = formatNumber(value);
       slider.value = toSlider(value, soft);
       setShare(slider, toSlider(value, soft));
       slider.setAttribute("aria-valuetext", `${formatNumber(value)} ${unit}`.trim());
     };
-    onMove(slider, (event, held) => {
+    followInput(slider, (event, held) => {
       const value = fromSlider(Number(slider.value), soft);
-      if (held) put(value);
+      if (held) showNumber(value);
       set(value, event, held);
     });
     field.addEventListener("change", (event) => {
       const value = clamp(Number(field.value), hard);
       if (field.value === "" || !Number.isFinite(value)) {
-        put(this.value(surface, parameter));
+        showNumber(this.value(surface, parameter));
         return;
       }
-      put(value);
+      showNumber(value);
       set(value, event, false);
     });
-    put(this.value(surface, parameter));
+    showNumber(this.value(surface, parameter));
     const [low, high] = soft,
       isWider = hard[0] !== low || hard[1] !== high;
     const beyond = isWider ? ` (up to ${formatNumber(hard[1])})` : "";
@@ -300,7 +280,7 @@ export class Sliders {
     const components = [];
     const send = (event, held) => {
       if (kind === "normal" && !value.some(Boolean)) return;
-      components.forEach((component, k) => component.put(value[k]));
+      components.forEach((component, k) => component.showNumber(value[k]));
       if (swatch) swatch.value = toHex(value);
       set([...value], event, held);
     };
@@ -309,14 +289,14 @@ export class Sliders {
         value[k] = number ?? value[k];
         send(event, held);
       });
-      inputs.put(value[k]);
+      inputs.showNumber(value[k]);
       components.push(inputs);
       const label = makeElement("span", { textContent: component });
       grid.append(label, inputs.slider, inputs.field);
     });
     if (swatch) {
       setLabel(swatch, `${title}, colour`);
-      onMove(swatch, (event, held) => {
+      followInput(swatch, (event, held) => {
         value.splice(0, 3, ...fromHex(swatch.value));
         send(event, held);
       });
@@ -328,16 +308,16 @@ export class Sliders {
     element.append(row, grid, sentence);
   }
 
-  // A value that a name such as a metal's stands for becomes the surface's own when it is moved.
-  free(surface, parameter) {
-    const model = state.offered.models[surface.model];
+  // Replace a name that sets other parameters, such as a metal's, by the values that it sets.
+  replacePresets(surface, parameter) {
+    const model = state.catalogue.models[surface.model];
     const presets = model.parameters.filter(
       ({ name, stands, default: standard }) =>
         stands && name in surface.given && surface.given[name] !== standard,
     );
     if (!presets.length || parameter.kind === "token" || parameter.name in surface.given) return;
-    const { given, usual, values } = surface;
-    const differs = ({ name }) => JSON.stringify(values[name]) !== JSON.stringify(usual[name]);
+    const { given, usual: defaults, values } = surface;
+    const differs = ({ name }) => JSON.stringify(values[name]) !== JSON.stringify(defaults[name]);
     const isToken = ({ kind }) => kind === "token";
     const numbers = model.parameters.filter((other) => !isToken(other) && differs(other));
     const tokens = model.parameters.filter(
@@ -348,8 +328,8 @@ export class Sliders {
     queueMicrotask(() => this.show(surface));
   }
 
-  // After a change of form: ask for all values anew.
-  async refresh(surface) {
+  // Request all values anew, after a change of form.
+  async requestValues(surface) {
     notify("form", { surface });
     if (selectedSurface() === surface)
       document.getElementById("name").textContent = nameOf(surface);

@@ -1,5 +1,5 @@
 // @ts-check
-// What the page shows: surfaces, kind of plot, options, light. All of it is in the URL, as words of
+// The state of the page: surfaces, kind of plot, options, light. The URL has all of it, as words of
 // the command line.
 
 const formatNumber = (value) => Number(value.toPrecision(7)).toString();
@@ -10,7 +10,7 @@ const formatValue = (value) =>
       ? formatNumber(value)
       : value;
 
-// The words of a surface: label, base, and the parameters that are given.
+// The words of a surface: its label, its base, and its given parameters.
 export const wordsOf = (surface, hasLabel = false) => {
   const parameters = Object.entries(surface.given).map(
     ([name, value]) => `${name}=${formatValue(value)}`,
@@ -24,35 +24,35 @@ export const nameOf = (surface) =>
   (surface.given.file ?? surface.base).replace(/^uploads\/[0-9a-f]{8}-/, "").replace(/^.*\//, "");
 
 export const state = {
-  offered: null,
+  catalogue: null, // what the server offers
   surfaces: [],
   selected: 0,
   kind: "cartesian",
   options: {},
   light: "dome",
   lightAngles: [35, 40], // degrees from the view, and of azimuth
-  turn: [-0.6, 0.42], // of the lobe: azimuth and elevation, radians
+  lobeAngles: [-0.6, 0.42], // azimuth and elevation of the lobe, radians
 };
 
-let number = 0;
+let lastId = 0;
 const listeners = new Set();
 export const onChange = (listener) => listeners.add(listener);
 
-let writing = 0;
-// Tell the listeners of a change: "surfaces", "kind", "options", "parameter", "selected", "light",
-// "turn"; `detail` is passed on.
+let writeTimer = 0;
+// Call the listeners with a change and its detail, and write the URL soon. Changes are "surfaces",
+// "kind", "options", "parameter", "selected", "light", "turn", "label", "form", "duplicate",
+// "theme".
 export const notify = (change, detail = {}) => {
   for (const listener of listeners) listener(change, detail);
-  clearTimeout(writing);
-  writing = setTimeout(writeUrl, 250);
+  clearTimeout(writeTimer);
+  writeTimer = setTimeout(writeUrl, 250);
 };
 
 export const selectedSurface = () => state.surfaces[state.selected];
-export const visibleSurfaces = () =>
-  state.surfaces.filter((surface) => !surface.hidden && !surface.error);
+export const visibleSurfaces = () => state.surfaces.filter((surface) => !surface.hidden);
 
 export const colorOf = (surface) => {
-  const color = state.offered.colors[surface.color % state.offered.colors.length];
+  const color = state.catalogue.colors[surface.color % state.catalogue.colors.length];
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
   return color === "#000000"
     ? dark
@@ -63,36 +63,45 @@ export const colorOf = (surface) => {
       : color;
 };
 
-export const addSurface = (described, hidden = false) => {
-  const used = new Set(state.surfaces.map((surface) => surface.color));
+export const addSurface = (description, hidden = false) => {
+  const usedColors = new Set(state.surfaces.map((surface) => surface.color));
   let color = 0;
-  while (used.has(color) && color < state.offered.colors.length - 1) color++;
-  const surface = { id: ++number, color, hidden, error: "", open: new Set(), ...described };
+  while (usedColors.has(color) && color < state.catalogue.colors.length - 1) color++;
+  const surface = { id: ++lastId, color, hidden, open: new Set(), ...description };
   state.surfaces.push(surface);
   return surface;
 };
 
-// The options of the current kind that are not at their defaults.
+export const removeSurface = (index) => {
+  state.surfaces.splice(index, 1);
+  const selected = state.selected - (index < state.selected ? 1 : 0);
+  state.selected = Math.max(0, Math.min(selected, state.surfaces.length - 1));
+  notify("surfaces");
+};
+
+// The options of the current kind that differ from their defaults.
 export const changedOptions = () => {
-  const { uses } = state.offered.kinds[state.kind];
+  const { uses } = state.catalogue.kinds[state.kind];
   return Object.fromEntries(
     uses
       .map((name) => [name, option(name)])
-      .filter(([name, value]) => value !== state.offered.options[name]),
+      .filter(([name, value]) => value !== state.catalogue.options[name]),
   );
 };
-// On spheres theta and phi are those of the light, which the hand turns, too.
-const ofLight = (name) => (state.kind === "sphere" ? ["theta", "phi"].indexOf(name) : -1);
+
+// The index of the light's angle that an option sets, or -1. On spheres, theta and phi are the
+// angles of the light.
+const lightAngleIndex = (name) => (state.kind === "sphere" ? ["theta", "phi"].indexOf(name) : -1);
 export const option = (name) =>
-  ofLight(name) >= 0
-    ? state.lightAngles[ofLight(name)]
-    : (state.options[name] ?? state.offered.options[name]);
+  lightAngleIndex(name) >= 0
+    ? state.lightAngles[lightAngleIndex(name)]
+    : (state.options[name] ?? state.catalogue.options[name]);
 export const setOption = (name, value) => {
-  if (ofLight(name) >= 0) state.lightAngles[ofLight(name)] = value;
+  if (lightAngleIndex(name) >= 0) state.lightAngles[lightAngleIndex(name)] = value;
   else state.options[name] = value;
 };
 
-export const urlOf = () => {
+export const pageUrl = () => {
   const query = new URLSearchParams();
   for (const surface of state.surfaces) query.append("s", wordsOf(surface, true));
   query.set("kind", state.kind);
@@ -100,41 +109,42 @@ export const urlOf = () => {
   const hidden = state.surfaces.flatMap((surface, index) => (surface.hidden ? [index] : []));
   if (hidden.length) query.set("hide", hidden.join(","));
   for (const [name, value] of Object.entries(state.options))
-    if (value !== state.offered.options[name]) query.set(name, value);
+    if (value !== state.catalogue.options[name]) query.set(name, value);
   if (state.light === "point") query.set("light", "point");
   query.set("at", state.lightAngles.map((angle) => Math.round(angle)).join(","));
-  query.set("turn", state.turn.map((angle) => angle.toFixed(2)).join(","));
+  query.set("turn", state.lobeAngles.map((angle) => angle.toFixed(2)).join(","));
   return `${location.pathname}${location.search}#${query}`;
 };
 
 const writeUrl = () => {
-  if (state.surfaces.length) history.replaceState(null, "", urlOf());
+  if (state.surfaces.length) history.replaceState(null, "", pageUrl());
 };
 
-const pair = (text, usual) => {
+const parsePair = (text, defaultValue) => {
   const numbers = (text ?? "").split(",").map(Number);
-  return numbers.length === 2 && numbers.every(Number.isFinite) ? numbers : usual;
+  return numbers.length === 2 && numbers.every(Number.isFinite) ? numbers : defaultValue;
 };
 
-// What the URL says; what it says wrongly is left out.
+// Set the state to that of the URL, as far as it is valid; return the surfaces' words, the selected
+// one and the hidden ones.
 export const readUrl = () => {
   const query = new URLSearchParams(location.hash.slice(1));
-  const { options, choices, kinds } = state.offered;
+  const { options, choices, kinds } = state.catalogue;
   if (query.get("kind") in kinds) state.kind = query.get("kind");
-  for (const [name, usual] of Object.entries(options)) {
+  for (const [name, defaultValue] of Object.entries(options)) {
     const text = query.get(name);
     if (text === null) continue;
-    if (typeof usual === "boolean") state.options[name] = text === "true";
-    else if (typeof usual === "number" && Number.isFinite(Number(text)))
+    if (typeof defaultValue === "boolean") state.options[name] = text === "true";
+    else if (typeof defaultValue === "number" && Number.isFinite(Number(text)))
       state.options[name] = Number(text);
     else if (choices[name]?.includes(text)) state.options[name] = text;
   }
   state.light = query.get("light") === "point" ? "point" : "dome";
-  state.lightAngles = pair(query.get("at"), state.lightAngles);
-  state.turn = pair(query.get("turn"), state.turn);
+  state.lightAngles = parsePair(query.get("at"), state.lightAngles);
+  state.lobeAngles = parsePair(query.get("turn"), state.lobeAngles);
   return {
     words: query.getAll("s"),
-    on: Number(query.get("on")) || 0,
+    selected: Number(query.get("on")) || 0,
     hidden: (query.get("hide") ?? "").split(",").filter(Boolean).map(Number),
   };
 };

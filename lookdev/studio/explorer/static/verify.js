@@ -1,13 +1,14 @@
 // @ts-check
-// What the browser computes, at random pairs of directions, beside the models in float64.
-import { numberOf } from "./gl.js";
+// Compares the browser's values at random pairs of directions with those of the models in float64.
+import { parameterLookup } from "./gl.js";
 import { nameOf, visibleSurfaces, wordsOf } from "./state.js";
 
 export const TOLERANCE = 2e-4;
-const SHARE = 0.99;
+const SHARE = 0.99; // of the channels that must agree
 
-// Differences relative to each value, or to the thousandth part of the median where that is larger.
-const compare = (values, expected, width) => {
+// Return the differences relative to each expected value, or to a thousandth of the median if that
+// is larger. `values` has texels of 4, `expected` of `width` numbers.
+const relativeDifferences = (values, expected, width) => {
   const sizes = Float32Array.from(expected, Math.abs).sort(),
     floor = 1e-3 * Math.max(1, sizes[sizes.length >> 1]),
     differences = new Float32Array(expected.length);
@@ -20,50 +21,39 @@ const compare = (values, expected, width) => {
   return differences;
 };
 
-// For each surface: the share of channels within the tolerance, the quantile of 99 % and the
-// largest difference.
-export const verify = async (link, shaders) => {
+// Return for each surface the number of channels, and the 99 % quantile and the maximum of their
+// differences.
+export const verifySurfaces = async (link, shaders) => {
   const rows = [];
   for (const surface of visibleSurfaces()) {
     try {
       const [shader, { arrays }] = [
-        await shaders.of(surface),
+        await shaders.load(surface),
         await link.ask({ do: "pairs", surface: wordsOf(surface) }),
       ];
-      const numbers = numberOf(surface, shaders.models),
-        all = [];
+      const lookUp = parameterLookup(surface, shaders.models),
+        differences = [];
+      const evaluate = (quantity) => shader.evaluate(arrays.wo, arrays.wi, lookUp, quantity);
       if (arrays.value.some(Boolean)) {
-        const values = shader.at(arrays.wo, arrays.wi, numbers);
-        all.push(
-          compare(values, arrays.value, 3),
-          compare(
-            values
-              .filter((_, i) => i % 4 === 3)
-              .reduce((out, v, i) => {
-                out[4 * i] = v;
-                return out;
-              }, new Float32Array(values.length)),
-            arrays.pdf,
-            1,
-          ),
+        const values = evaluate(0);
+        differences.push(
+          relativeDifferences(values, arrays.value, 3),
+          relativeDifferences(values.subarray(3), arrays.pdf, 1), // the fourth number of a texel
         );
       }
       for (let k = 0; arrays[`direction${k}`]; k++) {
-        all.push(
-          compare(shader.at(arrays.wo, arrays.wi, numbers, 1 + 2 * k), arrays[`direction${k}`], 3),
-        );
-        all.push(
-          compare(shader.at(arrays.wo, arrays.wi, numbers, 2 + 2 * k), arrays[`factor${k}`], 3),
+        differences.push(
+          relativeDifferences(evaluate(1 + 2 * k), arrays[`direction${k}`], 3),
+          relativeDifferences(evaluate(2 + 2 * k), arrays[`factor${k}`], 3),
         );
       }
-      const sorted = Float32Array.from(all.flatMap((differences) => [...differences])).sort();
+      const sorted = Float32Array.from(differences.flatMap((values) => [...values])).sort();
       const quantile = sorted[Math.floor(SHARE * (sorted.length - 1))];
       rows.push({
         name: nameOf(surface),
         count: sorted.length,
-        within: sorted.filter((difference) => difference < TOLERANCE).length / sorted.length,
         quantile,
-        most: sorted[sorted.length - 1],
+        largest: sorted[sorted.length - 1],
         agrees: quantile < TOLERANCE,
       });
     } catch (error) {
@@ -73,7 +63,8 @@ export const verify = async (link, shaders) => {
   return rows;
 };
 
-export const verdict = (rows) => {
+/** Return the elements that show the results of `verifySurfaces`. */
+export const makeReport = (rows) => {
   const table = document.createElement("table");
   table.innerHTML =
     "<thead><tr><th>Surface</th><th>Channels</th><th>99 % within</th>" +
@@ -87,7 +78,7 @@ export const verdict = (rows) => {
             result.name,
             result.count,
             result.quantile.toExponential(1),
-            result.most.toExponential(1),
+            result.largest.toExponential(1),
             result.agrees ? "agrees" : "differs",
           ];
     cells.forEach((text, i) => {

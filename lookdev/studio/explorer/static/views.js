@@ -1,19 +1,17 @@
 // @ts-check
-// How each kind of plot draws the numbers of surfaces on the canvas. A view is given `items`,
-// surfaces with their
-// numbers, and returns what is under a point of the canvas, as text.
-import { Axes, scaleOf, formatShort } from "./axes.js";
+// Draws the numbers of surfaces for each kind of plot. A view draws `items`, surfaces with their
+// numbers, and returns the function from a point of the canvas to the text of its readout.
+import { Axes, DECADES, formatShort, makeScale } from "./axes.js";
+import { encodeSrgb, luminance } from "./color.js";
 import { colorOf, nameOf, option, state } from "./state.js";
 
-const LUMINANCE = [0.2126, 0.7152, 0.0722];
 const RGB = { r: ["#c8322d", "#ff7a70"], g: ["#2b8a3e", "#6fcf87"], b: ["#2454c5", "#86a8ff"] };
 const DASHES = [[], [7, 4], [2, 3], [7, 3, 2, 3]];
 const AXIS = { theta_h: "θh", theta_d: "θd", theta_i: "θi" };
-const DECADES = 4;
 
-const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
+const isDark = () => matchMedia("(prefers-color-scheme: dark)").matches;
 
-// The curves of colours (n, 3): of their luminance in the surface's colour, or of each channel.
+// Return the curves of colours (n, 3): one of luminance, or one of each channel.
 const curvesOf = (items, name = "f") =>
   items.flatMap(({ surface, data }, index) => {
     const f = data.arrays[name],
@@ -22,19 +20,16 @@ const curvesOf = (items, name = "f") =>
       return Object.entries(RGB).map(([channel, colors], c) => ({
         surface,
         data,
-        color: colors[dark() ? 1 : 0],
+        color: colors[isDark() ? 1 : 0],
         dash: DASHES[index % 4],
         label: `${nameOf(surface)} ${channel}`,
         values: Float32Array.from({ length: count }, (_, i) => f[3 * i + c]),
       }));
-    const values = Float32Array.from(
-      { length: count },
-      (_, i) => LUMINANCE[0] * f[3 * i] + LUMINANCE[1] * f[3 * i + 1] + LUMINANCE[2] * f[3 * i + 2],
-    );
+    const values = Float32Array.from({ length: count }, (_, i) => luminance(f, 3 * i));
     return [{ surface, data, color: colorOf(surface), dash: [], label: nameOf(surface), values }];
   });
 
-const nearest = (xs, x) => {
+const nearestIndex = (xs, x) => {
   let [low, high] = [0, xs.length - 1];
   while (high - low > 1) {
     const middle = (low + high) >> 1;
@@ -44,31 +39,31 @@ const nearest = (xs, x) => {
   return x - xs[low] < xs[high] - x ? low : high;
 };
 
-const boxOf = (width, height) => ({
+const plotBox = (width, height) => ({
   left: width < 500 ? 48 : 64,
   top: 40,
   width: width - (width < 500 ? 64 : 92),
   height: height - 96,
 });
 
-const fLabel = () => (option("cosine") ? "f cos θi (1/sr)" : "f (1/sr)");
+const valueLabel = () => (option("cosine") ? "f cos θi (1/sr)" : "f (1/sr)");
 
-// Curves over an angle, as `lookdev.plotting.curves`.
 const SCALE_WORDS = { log: ["log", `${DECADES} decades`], sqrt: ["square root"] };
 
-/** Return what writes the value of a curve at an angle. */
-const valueAt =
+/** Return the function that formats the value of a curve at an angle. */
+const curveReadout =
   (angle) =>
   ({ data, values, label }) =>
-    `${label} ${formatShort(values[nearest(data.arrays.x, angle)])}`;
+    `${label} ${formatShort(values[nearestIndex(data.arrays.x, angle)])}`;
 
-/** Write the half and difference angles of a place in a slice. */
+/** Format the half and difference angles of a cell of a slice. */
 const formatAngles = (cell) => `θh ${cell[2].toFixed(1)}°  θd ${cell[3].toFixed(1)}°`;
 
-const curvesView =
-  ({ xLabel, yLabel, name = "f", range = null, extra = null, title, one = false }) =>
-  (c, items, width, height, look) => {
-    const box = boxOf(width, height),
+/** Return the view of curves over an angle, as `lookdev.plotting.curves` draws them. */
+const makeCurvesView =
+  ({ xLabel, yLabel, name = "f", range = null, drawExtra = null, title, hasUnitLine = false }) =>
+  (c, items, width, height, theme) => {
+    const box = plotBox(width, height),
       curves = curvesOf(items, name);
     let [high, low] = [0, Infinity];
     for (const { data, values } of curves)
@@ -78,7 +73,7 @@ const curvesView =
         if (v > 0) low = Math.min(low, v);
       });
     high ||= 1;
-    const kind = state.offered.kinds[state.kind].uses.includes("scale")
+    const kind = state.catalogue.kinds[state.kind].uses.includes("scale")
       ? option("scale")
       : "linear";
     const [from, to] =
@@ -87,47 +82,43 @@ const curvesView =
         ? [Math.max(Math.min(low, high), high * 1e-8) * 0.7, high * 1.6]
         : [0, high * (kind === "sqrt" ? 1.1 : 1.06)]);
     const xs = items[0]?.data.arrays.x ?? [0, 90];
-    const angles = state.offered.kinds[state.kind].uses.includes("angles")
+    const angles = state.catalogue.kinds[state.kind].uses.includes("angles")
       ? option("angles")
       : "linear";
     const axes = new Axes(
       c,
       box,
-      scaleOf(angles, xs[0], xs[xs.length - 1], Math.max(3, Math.min(9, width / 90))),
-      scaleOf(range?.(items) ? "linear" : kind, from, to, Math.max(3, Math.min(8, height / 60))),
-      look,
+      makeScale(angles, xs[0], xs[xs.length - 1], Math.max(3, Math.min(9, width / 90))),
+      makeScale(range?.(items) ? "linear" : kind, from, to, Math.max(3, Math.min(8, height / 60))),
+      theme,
     );
-    axes.grid(xLabel(), yLabel(items));
-    if (one) axes.curve([xs[0], xs[xs.length - 1]], [1, 1], look.edge, { width: 1 });
+    axes.drawGrid(xLabel(), yLabel(items));
+    if (hasUnitLine) axes.drawCurve([xs[0], xs[xs.length - 1]], [1, 1], theme.edge, { width: 1 });
     for (const { data, values, color, dash } of curves) {
       const errors = data.arrays.error;
       const band =
         errors && option("channels") !== "rgb"
-          ? Float32Array.from({ length: values.length }, (_, i) =>
-              LUMINANCE.reduce((sum, w, k) => sum + w * errors[3 * i + k], 0),
-            )
+          ? Float32Array.from({ length: values.length }, (_, i) => luminance(errors, 3 * i))
           : null;
-      axes.curve(data.arrays.x, values, color, { dash, band });
+      axes.drawCurve(data.arrays.x, values, color, { dash, band });
     }
-    extra?.(axes, items, look);
-    c.fillStyle = look.quiet;
-    c.font = `12px ${look.font}`;
+    drawExtra?.(axes, items, theme);
+    c.fillStyle = theme.quiet;
+    c.font = `12px ${theme.font}`;
     c.textAlign = "right";
     c.fillText(title(items), box.left + box.width, box.top - 12);
     return (x) => {
       if (x < box.left || x > box.left + box.width || !curves.length) return "";
-      const at = axes.x.back((x - box.left) / box.width);
-      const readings = curves.map(
-        ({ data, values, label }) => `${label} ${formatShort(values[nearest(data.arrays.x, at)])}`,
-      );
-      return {
-        text: `${formatShort(Number(at.toPrecision(4)))}°   ${readings.join("   ")}`,
-        line: x,
-      };
+      const angle = axes.x.invert((x - box.left) / box.width);
+      const readouts = curves.map(curveReadout(angle)).join("   ");
+      return `${formatShort(Number(angle.toPrecision(4)))}°   ${readouts}`;
     };
   };
 
-/** Return the points of a polar plot: `at` of degrees and a share of the radius, in pixels. */
+/**
+ * Return the centre and the radius of a polar plot, and `at`, the function from degrees and a share
+ * of the radius to pixels.
+ */
 const polarFrame = (width, height) => {
   const radius = Math.min(width / 2 - 46, height - 110),
     [x0, y0] = [width / 2, (height + radius) / 2 + 14];
@@ -139,7 +130,7 @@ const polarFrame = (width, height) => {
   return { radius, x0, y0, at };
 };
 
-/** Return the function from values to shares of the radius, and the values of the rings. */
+/** Return `size`, the function from values to shares of the radius, and the values of the rings. */
 const polarScale = (scale, peak) => {
   const floor = peak * 10 ** -DECADES;
   const share = {
@@ -150,7 +141,7 @@ const polarScale = (scale, peak) => {
   const rings =
     scale === "log"
       ? Array.from({ length: DECADES + 1 }, (_, k) => floor * 10 ** k)
-      : scaleOf(scale, 0, peak, 4).ticks.filter((v) => v > 0 && v <= peak * 1.001);
+      : makeScale(scale, 0, peak, 4).ticks.filter((v) => v > 0 && v <= peak * 1.001);
   return { size: (v) => share(v) * 0.94, rings };
 };
 
@@ -162,24 +153,24 @@ const strokeLine = (c, from, to) => {
 };
 
 /** Draw rings with their values, and spokes with their angles. */
-const drawPolarGrid = (c, { radius, x0, y0, at }, { size, rings }, look) => {
+const drawPolarGrid = (c, { radius, x0, y0, at }, { size, rings }, theme) => {
   c.lineWidth = 1;
-  c.font = `11px ${look.font}`;
+  c.font = `11px ${theme.font}`;
   c.textAlign = "center";
   for (const v of rings) {
     const r = size(v) * radius;
     if (r < 1) continue;
-    c.strokeStyle = look.line;
+    c.strokeStyle = theme.line;
     c.beginPath();
     c.arc(x0, y0, r, Math.PI, 0);
     c.stroke();
-    c.fillStyle = look.quiet;
+    c.fillStyle = theme.quiet;
     c.fillText(formatShort(Number(v.toPrecision(2))), x0 + r, y0 + 16);
   }
   for (let degrees = -90; degrees <= 90; degrees += 30) {
-    c.strokeStyle = look.line;
+    c.strokeStyle = theme.line;
     strokeLine(c, [x0, y0], at(degrees, 1));
-    c.fillStyle = look.quiet;
+    c.fillStyle = theme.quiet;
     if (Math.abs(degrees) < 90) {
       const [x, y] = [at(degrees, 1, 16)[0], at(degrees, 1, 14)[1]];
       c.fillText(`${degrees}°`, x, y + 4);
@@ -187,30 +178,30 @@ const drawPolarGrid = (c, { radius, x0, y0, at }, { size, rings }, look) => {
   }
 };
 
-/** Draw the direction of the view, and its mirrored one. */
-const drawPolarView = (c, { x0, y0, at }, look) => {
+/** Draw the direction of the view, and its mirror direction. */
+const drawPolarView = (c, { x0, y0, at }, theme) => {
   for (const { sign, text } of [
     { sign: -1, text: "view" },
     { sign: 1, text: "mirrored" },
   ]) {
     const [x, y] = at(sign * option("theta"), 1);
-    c.strokeStyle = look.quiet;
+    c.strokeStyle = theme.quiet;
     c.setLineDash([5, 4]);
     strokeLine(c, [x0, y0], [x, y]);
     c.setLineDash([]);
-    c.fillStyle = look.ink;
+    c.fillStyle = theme.ink;
     c.fillText(text, x + sign * 4, y - 6);
   }
 };
 
-const polar = (c, items, width, height, look) => {
+const drawPolar = (c, items, width, height, theme) => {
   const curves = curvesOf(items),
     frame = polarFrame(width, height),
     peaks = curves.map(({ values }) => values.reduce((a, b) => Math.max(a, b), 0)),
     name = option("scale"),
     scale = polarScale(name, Math.max(...peaks, 0) || 1);
-  drawPolarGrid(c, frame, scale, look);
-  drawPolarView(c, frame, look);
+  drawPolarGrid(c, frame, scale, theme);
+  drawPolarView(c, frame, theme);
   for (const { data, values, color, dash } of curves) {
     c.strokeStyle = color;
     c.lineWidth = 2;
@@ -220,32 +211,29 @@ const polar = (c, items, width, height, look) => {
     c.stroke();
     c.setLineDash([]);
   }
-  c.fillStyle = look.ink;
+  c.fillStyle = theme.ink;
   c.textAlign = "left";
-  c.font = `12px ${look.font}`;
-  c.fillText([fLabel(), ...(SCALE_WORDS[name] ?? [])].join(", "), 18, 28);
+  c.font = `12px ${theme.font}`;
+  c.fillText([valueLabel(), ...(SCALE_WORDS[name] ?? [])].join(", "), 18, 28);
   return (x, y) => {
     const degrees = (Math.atan2(x - frame.x0, frame.y0 - y) * 180) / Math.PI;
     if (Math.abs(degrees) > 90) return "";
-    return {
-      text: [`θi ${degrees.toFixed(1)}°`, ...curves.map(valueAt(degrees))].join("   "),
-    };
+    return [`θi ${degrees.toFixed(1)}°`, ...curves.map(curveReadout(degrees))].join("   ");
   };
 };
 
-// sRGB of linear values in [0, 1], by a table.
-const CODES = Uint8ClampedArray.from({ length: 16385 }, (_, i) => {
-  const v = i / 16384;
-  return Math.round(255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055));
-});
-const pictures = new WeakMap();
+// The sRGB codes of linear values in [0, 1].
+const SRGB_CODES = Uint8ClampedArray.from({ length: 16385 }, (_, i) =>
+  Math.round(255 * encodeSrgb(i / 16384)),
+);
+const colorImages = new WeakMap();
 
-// An image of colours, row 0 at the bottom; kept while the numbers and the exposure stay.
-export const imageOf = (array, width, height, exposure, chroma) => {
+// Return an image of colours, row 0 at the bottom; it is cached by the array.
+export const drawColors = (array, width, height, exposure, chroma) => {
   const key = `${exposure} ${chroma}`,
-    known = pictures.get(array);
-  if (known?.key === key) return known.canvas;
-  const canvas = known?.canvas ?? new OffscreenCanvas(width, height),
+    cached = colorImages.get(array);
+  if (cached?.key === key) return cached.canvas;
+  const canvas = cached?.canvas ?? new OffscreenCanvas(width, height),
     context = canvas.getContext("2d");
   const pixels = context.createImageData(width, height),
     data = pixels.data,
@@ -264,19 +252,19 @@ export const imageOf = (array, width, height, exposure, chroma) => {
       r *= gain;
       g *= gain;
       b *= gain;
-      data[to] = CODES[r >= 1 ? 16384 : (r * 16384) | 0];
-      data[to + 1] = CODES[g >= 1 ? 16384 : (g * 16384) | 0];
-      data[to + 2] = CODES[b >= 1 ? 16384 : (b * 16384) | 0];
+      data[to] = SRGB_CODES[r >= 1 ? 16384 : (r * 16384) | 0];
+      data[to + 1] = SRGB_CODES[g >= 1 ? 16384 : (g * 16384) | 0];
+      data[to + 2] = SRGB_CODES[b >= 1 ? 16384 : (b * 16384) | 0];
       data[to + 3] = 255;
     }
   }
   context.putImageData(pixels, 0, 0);
-  pictures.set(array, { key, canvas });
+  colorImages.set(array, { key, canvas });
   return canvas;
 };
 
-// Squares side by side, as large as they fit.
-export const squares = (
+// Return the largest squares that fit side by side.
+export const layOutSquares = (
   count,
   width,
   height,
@@ -302,7 +290,7 @@ export const squares = (
 };
 
 /** @type {[number, number, string, number, CanvasTextAlign][]} */
-const MARKS = [
+const SLICE_LABELS = [
   [0.035, 0.5, "specular peak", -90, "center"],
   [0.5, 0.96, "Fresnel peak", 0, "center"],
   [0.5, 0.03, "retroreflection", 0, "center"],
@@ -310,12 +298,12 @@ const MARKS = [
   [0.5, 0.5, "diffuse", 0, "center"],
 ];
 
-const frameSlice = (c, { x, y, size }, look, title, color) => {
-  c.strokeStyle = look.edge;
+const frameSlice = (c, { x, y, size }, theme, title, color) => {
+  c.strokeStyle = theme.edge;
   c.lineWidth = 1;
   c.strokeRect(x - 0.5, y - 0.5, size + 1, size + 1);
-  c.fillStyle = look.quiet;
-  c.font = `11px ${look.font}`;
+  c.fillStyle = theme.quiet;
+  c.font = `11px ${theme.font}`;
   for (const tick of [0, 30, 60, 90]) {
     c.textAlign = "center";
     c.fillText(tick, x + (tick / 90) * size, y + size + 16);
@@ -329,28 +317,28 @@ const frameSlice = (c, { x, y, size }, look, title, color) => {
   c.rotate(-Math.PI / 2);
   c.fillText("θd (degrees)", 0, 0);
   c.restore();
-  c.font = `550 12px ${look.font}`;
+  c.font = `550 12px ${theme.font}`;
   c.textAlign = "left";
-  c.fillStyle = color ?? look.ink;
+  c.fillStyle = color ?? theme.ink;
   c.fillText(title, x, y - 10, size);
 };
 
-const drawSlice = (c, place, data, look, title, color, marked) => {
+const drawSlice = (c, square, data, theme, title, color, isLabelled) => {
   const [rows, columns] = data.shapes.f;
-  c.imageSmoothingEnabled = place.size * devicePixelRatio < columns;
+  c.imageSmoothingEnabled = square.size * devicePixelRatio < columns;
   c.drawImage(
-    imageOf(data.arrays.f, columns, rows, option("exposure"), option("chroma")),
-    place.x,
-    place.y,
-    place.size,
-    place.size,
+    drawColors(data.arrays.f, columns, rows, option("exposure"), option("chroma")),
+    square.x,
+    square.y,
+    square.size,
+    square.size,
   );
-  frameSlice(c, place, look, title, color);
-  if (!marked || place.size < 230) return;
-  c.font = `11px ${look.font}`;
-  for (const [u, v, text, turn, align] of MARKS) {
+  frameSlice(c, square, theme, title, color);
+  if (!isLabelled || square.size < 230) return;
+  c.font = `11px ${theme.font}`;
+  for (const [u, v, text, turn, align] of SLICE_LABELS) {
     c.save();
-    c.translate(place.x + u * place.size, place.y + (1 - v) * place.size);
+    c.translate(square.x + u * square.size, square.y + (1 - v) * square.size);
     c.rotate((turn * Math.PI) / 180);
     c.textAlign = align;
     c.textBaseline = turn ? "top" : "middle";
@@ -365,35 +353,34 @@ const drawSlice = (c, place, data, look, title, color, marked) => {
   c.textBaseline = "alphabetic";
 };
 
-const sliceAt = (place, x, y, count) => {
-  const [u, v] = [(x - place.x) / place.size, 1 - (y - place.y) / place.size];
+// Return column, row, θh and θd of a point in a square, or null outside.
+const sliceCell = (square, x, y, count) => {
+  const [u, v] = [(x - square.x) / square.size, 1 - (y - square.y) / square.size];
   return u < 0 || u >= 1 || v < 0 || v >= 1
     ? null
     : [Math.floor(u * count), Math.floor(v * count), u * 90, v * 90];
 };
 
-const slice = (c, items, width, height, look) => {
-  const places = squares(items.length, width, height);
+const drawSlices = (c, items, width, height, theme) => {
+  const squares = layOutSquares(items.length, width, height);
   items.forEach(({ surface, data }, i) =>
-    drawSlice(c, places[i], data, look, nameOf(surface), colorOf(surface), i === 0),
+    drawSlice(c, squares[i], data, theme, nameOf(surface), colorOf(surface), i === 0),
   );
   return (x, y) => {
-    for (const [i, place] of places.entries()) {
+    for (const [i, square] of squares.entries()) {
       const { data } = items[i],
-        cell = sliceAt(place, x, y, data.shapes.f[1]);
+        cell = sliceCell(square, x, y, data.shapes.f[1]);
       if (!cell) continue;
       const k = 3 * (cell[1] * data.shapes.f[1] + cell[0]);
       const channels = [0, 1, 2].map((n) => formatShort(data.arrays.f[k + n]));
-      return {
-        text: `${formatAngles(cell)}   f ${channels.join(" / ")}`,
-      };
+      return `${formatAngles(cell)}   f ${channels.join(" / ")}`;
     }
     return "";
   };
 };
 
-const BLUE_RED = (t) => {
-  // ColorBrewer's RdBu, reversed, by its ends and the middle
+const blueRed = (t) => {
+  // ColorBrewer's RdBu, reversed: interpolated between its ends and its middle.
   const [a, b] =
       t < 0.5
         ? [
@@ -405,8 +392,8 @@ const BLUE_RED = (t) => {
             [103, 0, 31],
           ],
     s = t < 0.5 ? 2 * t : 2 * t - 1;
-  const bent = t < 0.5 ? s ** 0.8 : s ** 1.2;
-  return a.map((x, i) => x + (b[i] - x) * bent);
+  const eased = t < 0.5 ? s ** 0.8 : s ** 1.2;
+  return a.map((x, i) => x + (b[i] - x) * eased);
 };
 
 /**
@@ -414,7 +401,7 @@ const BLUE_RED = (t) => {
  *
  * `scale` maps a value to a number, which is clipped to [0, 1], and `colormap` that to a colour.
  */
-const drawValues = (values, columns, rows, scale, colormap) => {
+const makePicture = (values, columns, rows, scale, colormap) => {
   const picture = new OffscreenCanvas(columns, rows),
     context = picture.getContext("2d"),
     pixels = context.createImageData(columns, rows);
@@ -427,12 +414,11 @@ const drawValues = (values, columns, rows, scale, colormap) => {
   return picture;
 };
 
-const difference = (c, items, width, height, look) => {
+const drawDifference = (c, items, width, height, theme) => {
   if (items.length < 2) return "A difference needs two surfaces: add another.";
   const [first, second] = items.map(({ data }) => data.arrays.f),
     [rows, columns] = items[0].data.shapes.f;
-  const luminance = (f, k) =>
-    LUMINANCE[0] * f[k] + LUMINANCE[1] * f[k + 1] + LUMINANCE[2] * f[k + 2];
+
   const root = new Float32Array(rows * columns);
   let sum = 0;
   for (let i = 0; i < root.length; i++) {
@@ -441,44 +427,42 @@ const difference = (c, items, width, height, look) => {
   }
   const limit = root.map(Math.abs).sort()[Math.floor(0.98 * (root.length - 1))] || 1;
   // Blue below 0, red above, up to the limit.
-  const picture = drawValues(root, columns, rows, (value) => 0.5 + (0.5 * value) / limit, BLUE_RED);
-  const places = squares(3, width, height);
+  const picture = makePicture(root, columns, rows, (value) => 0.5 + (0.5 * value) / limit, blueRed);
+  const squares = layOutSquares(3, width, height);
   items
     .slice(0, 2)
     .forEach(({ surface, data }, i) =>
-      drawSlice(c, places[i], data, look, nameOf(surface), colorOf(surface), false),
+      drawSlice(c, squares[i], data, theme, nameOf(surface), colorOf(surface), false),
     );
   c.imageSmoothingEnabled = false;
-  c.drawImage(picture, places[2].x, places[2].y, places[2].size, places[2].size);
+  c.drawImage(picture, squares[2].x, squares[2].y, squares[2].size, squares[2].size);
   const rms = formatShort(Number(Math.sqrt(sum / root.length).toPrecision(3))),
     most = formatShort(Number(limit.toPrecision(2)));
-  frameSlice(c, places[2], look, `∛f: second less first, rms ${rms}`, look.ink);
-  c.font = `11px ${look.font}`;
+  frameSlice(c, squares[2], theme, `∛f: second less first, rms ${rms}`, theme.ink);
+  c.font = `11px ${theme.font}`;
   c.textAlign = "right";
-  c.fillStyle = look.quiet;
+  c.fillStyle = theme.quiet;
   c.fillText(
     `blue −${most}, red +${most}`,
-    places[2].x + places[2].size,
-    places[2].y + places[2].size + 34,
+    squares[2].x + squares[2].size,
+    squares[2].y + squares[2].size + 34,
   );
   return (x, y) => {
-    for (const [i, place] of places.entries()) {
-      const cell = sliceAt(place, x, y, columns);
+    for (const [i, square] of squares.entries()) {
+      const cell = sliceCell(square, x, y, columns);
       if (!cell) continue;
       const k = cell[1] * columns + cell[0];
       const value =
         i === 2
           ? `difference of ∛f ${formatShort(root[k])}`
           : `f ${formatShort(luminance([first, second][i], 3 * k))}`;
-      return {
-        text: `${formatAngles(cell)}   ${value}`,
-      };
+      return `${formatAngles(cell)}   ${value}`;
     }
     return "";
   };
 };
 
-// Viridis by five of its colours.
+// Five colours of viridis.
 const VIRIDIS = [
   [68, 1, 84],
   [59, 82, 139],
@@ -492,9 +476,9 @@ const viridis = (t) => {
   return VIRIDIS[k].map((x, i) => x + (VIRIDIS[k + 1][i] - x) * s);
 };
 
-/** Return the picture of an array over six decades below `top`. */
-const heat = (array, top, width, height) =>
-  drawValues(
+/** Return the heat map of an array, over the six decades below `top`. */
+const makeHeatMap = (array, top, width, height) =>
+  makePicture(
     array,
     width,
     height,
@@ -503,17 +487,17 @@ const heat = (array, top, width, height) =>
   );
 
 /** Draw numbers over the sphere of directions; return the rectangle that they fill. */
-const drawDirections = (c, { left, top, width, height }, numbers, peak, look) => {
+const drawDirections = (c, { left, top, width, height }, numbers, peak, theme) => {
   const { array, rows, columns, title } = numbers;
   c.imageSmoothingEnabled = false;
-  c.drawImage(heat(array, peak, columns, rows), left, top, width, height);
-  c.strokeStyle = look.edge;
+  c.drawImage(makeHeatMap(array, peak, columns, rows), left, top, width, height);
+  c.strokeStyle = theme.edge;
   c.strokeRect(left - 0.5, top - 0.5, width + 1, height + 1);
-  c.fillStyle = look.ink;
+  c.fillStyle = theme.ink;
   c.textAlign = "left";
   c.fillText(title, left, top - 8);
-  c.fillStyle = look.quiet;
-  c.font = `11px ${look.font}`;
+  c.fillStyle = theme.quiet;
+  c.font = `11px ${theme.font}`;
   c.textAlign = "right";
   for (const tick of [-1, 0, 1])
     c.fillText(tick, left - 6, top + height * (1 - (tick + 1) / 2) + 4);
@@ -521,30 +505,30 @@ const drawDirections = (c, { left, top, width, height }, numbers, peak, look) =>
   for (const tick of [0, 180, 360])
     c.fillText(tick, left + (width * tick) / 360, top + height + 16);
   c.fillText("φ (degrees), upwards cos θi", left + width / 2, top + height + 32);
-  c.font = `12px ${look.font}`;
+  c.font = `12px ${theme.font}`;
   return { ...numbers, left, top, width, height };
 };
 
-/** Draw how many samples have which weight, f cos / pdf. */
-const drawWeights = (c, box, { counts, edges }, color, look) => {
+/** Draw the histogram of the samples' weights, f cos / pdf. */
+const drawWeights = (c, box, { counts, edges }, color, theme) => {
   const most = counts.reduce((a, b) => Math.max(a, b), 1);
   const axes = new Axes(
     c,
     box,
-    scaleOf("log", edges[0], edges[edges.length - 1], 3),
-    scaleOf("log", 0.7, most * 1.5, 5),
-    look,
+    makeScale("log", edges[0], edges[edges.length - 1], 3),
+    makeScale("log", 0.7, most * 1.5, 5),
+    theme,
   );
-  axes.grid("", "samples, by f cos / pdf");
+  axes.drawGrid("", "samples, by f cos / pdf");
   c.fillStyle = color;
   for (let i = 0; i < counts.length; i++) {
     if (!counts[i]) continue;
-    const [x, y] = [axes.px(edges[i]), axes.py(counts[i])];
-    c.fillRect(x, y, Math.max(1, axes.px(edges[i + 1]) - x), axes.box.top + axes.box.height - y);
+    const [x, y] = [axes.toX(edges[i]), axes.toY(counts[i])];
+    c.fillRect(x, y, Math.max(1, axes.toX(edges[i + 1]) - x), axes.box.top + axes.box.height - y);
   }
 };
 
-const sampling = (c, items, width, height, look) => {
+const drawSampling = (c, items, width, height, theme) => {
   const rowHeight = height / items.length,
     column = (width - 40) / 3;
   const areas = [];
@@ -553,12 +537,12 @@ const sampling = (c, items, width, height, look) => {
       [rows, columns] = data.shapes.pdf,
       top = row * rowHeight,
       box = { top: top + 56, height: rowHeight - 108 };
-    c.font = `550 12px ${look.font}`;
+    c.font = `550 12px ${theme.font}`;
     c.textAlign = "left";
     c.fillStyle = colorOf(surface);
     c.fillText(nameOf(surface), 60, top + 22);
-    c.font = `12px ${look.font}`;
-    c.fillStyle = look.quiet;
+    c.font = `12px ${theme.font}`;
+    c.fillStyle = theme.quiet;
     c.fillText(data.note, 60 + c.measureText(nameOf(surface)).width + 24, top + 22);
     const peak = pdf.reduce((a, b) => Math.max(a, b), 1e-12);
     [
@@ -566,10 +550,10 @@ const sampling = (c, items, width, height, look) => {
       { array: value, title: "f cos θi (1/sr), log" },
     ].forEach((numbers, k) => {
       const area = { ...box, left: 60 + k * column, width: column - 66 };
-      areas.push(drawDirections(c, area, { ...numbers, rows, columns }, peak, look));
+      areas.push(drawDirections(c, area, { ...numbers, rows, columns }, peak, theme));
     });
     const weights = { ...box, left: 60 + 2 * column + 10, width: column - 56 };
-    drawWeights(c, weights, data.arrays, colorOf(surface), look);
+    drawWeights(c, weights, data.arrays, colorOf(surface), theme);
   });
   return (x, y) => {
     for (const picture of areas) {
@@ -578,18 +562,16 @@ const sampling = (c, items, width, height, look) => {
       const { array, rows, columns, title } = picture,
         cell = Math.floor(v * rows) * columns + Math.floor(u * columns);
       const value = `${title.split(" (")[0]} ${formatShort(array[cell])}`;
-      return {
-        text: `φ ${(u * 360).toFixed(0)}°  cos θi ${(2 * v - 1).toFixed(3)}   ${value}`,
-      };
+      return `φ ${(u * 360).toFixed(0)}°  cos θi ${(2 * v - 1).toFixed(3)}   ${value}`;
     }
     return "";
   };
 };
 
-const schlick = (axes, items, look) => {
+const drawSchlick = (axes, items, theme) => {
   const item = items.find(({ data }) => data.arrays.schlick);
   if (item)
-    axes.curve(item.data.arrays.x, item.data.arrays.schlick, look.ink, {
+    axes.drawCurve(item.data.arrays.x, item.data.arrays.schlick, theme.ink, {
       dash: [6, 4],
       width: 1.2,
     });
@@ -609,34 +591,34 @@ const largestError = (items) => {
 };
 
 export const VIEWS = {
-  cartesian: curvesView({
+  cartesian: makeCurvesView({
     xLabel: () => `${AXIS[option("axis")]} (degrees)`,
-    yLabel: fLabel,
+    yLabel: valueLabel,
     title: fixedAngles,
   }),
-  retro: curvesView({
+  retro: makeCurvesView({
     xLabel: () => "θh = θi = θo (degrees)",
-    yLabel: fLabel,
+    yLabel: valueLabel,
     title: () => "retroreflection",
   }),
-  fresnel: curvesView({
+  fresnel: makeCurvesView({
     xLabel: () => "θd (degrees)",
     yLabel: (items) => (hasSchlick(items) ? "offset and scaled f" : "reflectance"),
-    range: (items) => (hasSchlick(items) ? state.offered.fresnelRange : null),
-    extra: schlick,
+    range: (items) => (hasSchlick(items) ? state.catalogue.fresnelRange : null),
+    drawExtra: drawSchlick,
     title: (items) =>
       hasSchlick(items)
         ? "mean over θh from 1° to 4°; dashed: Schlick's curve"
         : "Fresnel reflectance",
   }),
-  albedo: curvesView({
+  albedo: makeCurvesView({
     xLabel: () => "θo (degrees)",
     yLabel: () => "directional albedo",
     title: largestError,
-    one: true,
+    hasUnitLine: true,
   }),
-  polar,
-  slice,
-  difference,
-  sampling,
+  polar: drawPolar,
+  slice: drawSlices,
+  difference: drawDifference,
+  sampling: drawSampling,
 };
