@@ -1,11 +1,11 @@
 // @ts-check
-// The Designer's page: it is made of panels, each with its HTML and its behaviour.
+// The Designer's page. It consists of panels, each with its HTML and its behaviour.
 
 import { Designer, showMessage } from "./designer.js";
 import { byId } from "./elements.js";
 import { panels } from "./panels.js";
 
-const POLL = 3000; // milliseconds between looks at the server's news
+const POLL = 3000; // milliseconds between requests for the server's status
 
 /** Add the HTML of a panel to elements of the page, by their selectors. */
 function insertMarkup({ markup }) {

@@ -1,5 +1,5 @@
 // @ts-check
-// The parameters of the chosen layer: a row each, with a slider, a colour or a choice.
+// The parameters of the chosen layer. Each has a row with a slider, a colour or a choice.
 
 import { fromHex, toHex } from "./color.js";
 import {
@@ -128,9 +128,9 @@ function parameterRow(parameter, panel) {
   );
   row.dataset.parameter = name;
   row.classList.toggle("stated", isStated(parameter));
-  const change = (value, rests) => {
+  const change = (value, isFinal) => {
     row.classList.add("stated");
-    panel.change(layer, parameter, value, rests);
+    panel.change(layer, parameter, value, isFinal);
   };
   const addInput = (input, quantity = "") => {
     setLabel(input, `${layer.name}, ${spaceWords(name)}${quantity}`);
