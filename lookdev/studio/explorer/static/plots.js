@@ -38,7 +38,7 @@ export class Plots {
     this.requests = new Map();
     this.moveTimes = [];
     this.readAt = null;
-    this.frame = 0;
+    this.frameRequest = 0;
     this.paintCount = 0;
     this.paintEnd = 0;
     this.paintDuration = 0;
@@ -160,8 +160,8 @@ export class Plots {
   draw(since = 0) {
     if (since) this.moveTimes.push(since);
     const paint = () => {
-      cancelAnimationFrame(this.frame);
-      this.frame = 0;
+      cancelAnimationFrame(this.frameRequest);
+      this.frameRequest = 0;
       this.paint().catch((error) => this.showNotice(error.message));
     };
     if (
@@ -170,7 +170,7 @@ export class Plots {
       performance.now() - this.paintEnd > this.paintDuration
     )
       paint();
-    else this.frame ||= requestAnimationFrame(paint);
+    else this.frameRequest ||= requestAnimationFrame(paint);
   }
 
   async paint() {
@@ -279,7 +279,7 @@ export class Plots {
     legend.replaceChildren(
       ...surfaces.map((surface) => {
         const item = document.createElement("li");
-        item.style.setProperty("--own", colorOf(surface));
+        item.style.setProperty("--surface-color", colorOf(surface));
         item.textContent = nameOf(surface);
         return item;
       }),
