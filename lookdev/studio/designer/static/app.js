@@ -32,13 +32,13 @@ const isTyping = ({ tagName, type }) =>
   ["SELECT", "TEXTAREA"].includes(tagName) ||
   (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));
 
-/** Whether a key without Ctrl belongs to the element that has the focus, or to a dialog. */
+/** Return whether a key without Ctrl belongs to the focused element, or to a dialog. */
 const isTaken = ({ target, key }) =>
   isTyping(target) ||
   Boolean(document.querySelector("dialog[open]")) ||
   (target.tagName === "BUTTON" && key === " ");
 
-/** Call the first panel's function for a key, unless it returns false. */
+/** Call the panels' functions for a key, until one does not return false. */
 function pressKey(designer, event) {
   const name = keyName(event);
   if (!name.startsWith("Ctrl+") && isTaken(event)) return;

@@ -22,7 +22,7 @@ async function fetchBuffer(name) {
 }
 
 export class Designer {
-  /** Raises an Error if the browser cannot draw on the canvas. */
+  /** Throws an Error if the browser cannot draw on the canvas. */
   constructor(canvas) {
     this.canvas = canvas;
     this.viewport = new Viewport(canvas, fetchBuffer);
@@ -114,11 +114,11 @@ export class Designer {
 
   /** Set the uniforms of a look to the values of its stack, as far as they differ. */
   setUniforms(look, stack) {
-    const before = this.viewport.scene.looks[look].numbers,
+    const current = this.viewport.scene.looks[look].numbers,
       numbers = {};
     for (const { uniform, value } of stack.layers.flatMap((layer) => layer.parameters ?? [])) {
       const values = [value].flat();
-      const differs = (number, k) => Math.fround(number) !== Math.fround(before[uniform]?.[k]);
+      const differs = (number, k) => Math.fround(number) !== Math.fround(current[uniform]?.[k]);
       if (uniform && values.some(differs)) numbers[uniform] = values;
     }
     if (Object.keys(numbers).length) this.viewport.setNumbers(look, numbers);
@@ -156,7 +156,7 @@ export class Designer {
     });
   }
 
-  /** Load the scene, or show changed files, if there is news on the server. */
+  /** Ask for the server's status; load the scene, or show changed files, if it is new. */
   poll() {
     if (!this.scene) return;
     this.enqueue(
@@ -183,7 +183,7 @@ export class Designer {
     this.update();
   }
 
-  /** Give the canvas the frame's shape: the picture is framed as the job's frames are. */
+  /** Give the canvas the shape of the job's frames. */
   fitCanvas([width, height]) {
     document.documentElement.style.setProperty("--shape", `${height / width}`);
     const stage = byId("stage").getBoundingClientRect();

@@ -7,7 +7,7 @@ import { parsePacket } from "./viewport/packets.js";
 
 const REST = 150; // milliseconds without a change, after which the page requests a picture
 const RETRY = 2000; // milliseconds after which the page reconnects
-// Samples of the viewport: few until the first round is there, because both use the processors.
+// Samples of the viewport: few until the first round arrives, because both use the processors.
 const SAMPLES_WAITING = 4,
   SAMPLES_ALONE = 4096,
   SAMPLES_COMPARED = 256,
@@ -18,7 +18,7 @@ const SAMPLES_WAITING = 4,
     difference: SAMPLES_COMPARED,
   };
 const MODES = { v: "viewport", e: "exact", w: "wipe", d: "difference" }; // by keys
-const STEP = 0.02; // of the width, by which a key moves the wipe
+const STEP = 0.02; // share of the width by which a key moves the wipe
 const formatShare = (share) => `${(100 * share).toFixed(Math.abs(share) < 0.0995 ? 1 : 0)} %`;
 const formatSigned = (share) => (share > 0 ? "+" : "−") + formatShare(Math.abs(share));
 
@@ -332,11 +332,11 @@ function differences({ beauty, direct, alpha }, pixels) {
     for (let c = 0; c < 3; c += 1) {
       const exact = beauty[3 * k + c],
         exactDirect = direct[3 * k + c],
-        drawn = pixels[4 * k + c];
+        viewportLight = pixels[4 * k + c];
       light += exact;
-      apart += Math.abs(exact - drawn);
+      apart += Math.abs(exact - viewportLight);
       indirect += exact - exactDirect;
-      rest += exactDirect - drawn;
+      rest += exactDirect - viewportLight;
     }
   }
   const total = Math.max(light, 1e-9);

@@ -5,7 +5,7 @@
 import { byId, makeButton, makeElement, setLabel } from "./elements.js";
 
 export class LayerList {
-  /** `panel` is that of the layers (layers.js). */
+  /** `panel` is the panel of the layers (layers.js). */
   constructor(panel) {
     this.panel = panel;
     this.dragged = null; // number of a layer
@@ -163,7 +163,7 @@ function makeToggle(text, title, pressed, act, properties) {
   return setLabel(button, title);
 }
 
-/** Let the user type another name in the list: Enter renames the layer, Escape does not. */
+/** Show an input for a layer's name in the list: Enter renames the layer, Escape cancels. */
 export function renameLayer(layer, panel) {
   const button = byId(`layer-${layer.number}`);
   const input = makeElement("input", {

@@ -42,7 +42,7 @@ class Lights {
   apply({ lights, rows, kelvin, stops }) {
     this.lights = lights;
     this.kelvin = kelvin;
-    this.mostStops = stops;
+    this.maxStops = stops;
     const unchanged = lights.every(isUnchanged);
     this.hasChanged ||= !unchanged; // before the first change, the rig's textures are right
     if (this.hasChanged) this.designer.viewport.setLights(rows);
@@ -97,7 +97,7 @@ class Lights {
       "li",
       {},
       title,
-      stopsRow(light, this.mostStops, change),
+      stopsRow(light, this.maxStops, change),
       tintRow(light, change),
       temperatureRow(light, this.kelvin, change),
     );
@@ -106,12 +106,12 @@ class Lights {
   }
 }
 
-function stopsRow({ name, stops }, most, change) {
+function stopsRow({ name, stops }, maxStops, change) {
   const slider = setLabel(
     makeElement("input", {
       type: "range",
-      min: -most,
-      max: most,
+      min: -maxStops,
+      max: maxStops,
       step: 0.1,
       value: stops,
       title: "Double click: as the rig has it",

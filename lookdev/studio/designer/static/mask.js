@@ -40,7 +40,7 @@ function freeNames(expression) {
  */
 const drafts = new Map();
 
-/** Return the editor of a layer's mask; `panel` is that of the layers (layers.js). */
+/** Return the editor of a layer's mask; `panel` is the panel of the layers (layers.js). */
 export function maskEditor(layer, panel) {
   const { mask, number, name } = layer;
   return new SourceEditor(panel, mask, {

@@ -15,7 +15,7 @@ import { maskEditor, sourceEditor } from "./mask.js";
 const sliderStep = ([low, high]) => Number(((high - low) / 200).toPrecision(1));
 const formatComponent = (x) => String(Number(x.toFixed(2))).replace(/^0\./, ".");
 
-/** Return the chosen layer's title and its rows; `panel` is that of the layers (layers.js). */
+/** Return the chosen layer's title and rows; `panel` is the panel of the layers (layers.js). */
 export function layerInspector(panel) {
   const { layer, stack } = panel;
   const title = makeElement(

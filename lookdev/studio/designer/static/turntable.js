@@ -92,11 +92,11 @@ class Turntable {
   }
 
   showRun(run) {
-    const before = this.run;
+    const previous = this.run;
     this.run = run;
-    if (run.run !== before.run) this.frames = [];
+    if (run.run !== previous.run) this.frames = [];
     for (const number of run.pictures ?? []) this.addFrame(number);
-    if (run.state === "done" && before.state === "rendering") {
+    if (run.state === "done" && previous.state === "rendering") {
       // The images may show files of an earlier run, which the render has replaced.
       for (const { image, number } of this.frames)
         image.src = `turntable/${run.run}/${number}.png?done`;

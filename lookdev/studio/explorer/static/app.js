@@ -119,7 +119,7 @@ const optionTitle = (name) => {
 const changeOption = (name, value, event, held) => {
   setOption(name, value);
   if (name === "axis") showOptions();
-  notify("options", { since: event.timeStamp, held });
+  notify("options", { moveTime: event.timeStamp, held });
 };
 
 const optionBox = (name) => {

@@ -264,13 +264,13 @@ export class Viewport extends EventTarget {
     this.shownFilm = film;
     this.draw(film);
     await waitForGpu(this.gl);
-    const took = performance.now() - started;
+    const duration = performance.now() - started;
     this.frames += 1;
     this.dispatchEvent(
-      new CustomEvent("picture", { detail: { count: 1, took, scale: SCALES[this.scale] } }),
+      new CustomEvent("picture", { detail: { count: 1, duration, scale: SCALES[this.scale] } }),
     );
-    if (took > FIRST_PICTURE_TIME && this.scale + 1 < SCALES.length) this.scale += 1;
-    else if (took < FIRST_PICTURE_TIME / 5 && this.scale > 0) this.scale -= 1;
+    if (duration > FIRST_PICTURE_TIME && this.scale + 1 < SCALES.length) this.scale += 1;
+    else if (duration < FIRST_PICTURE_TIME / 5 && this.scale > 0) this.scale -= 1;
   }
 
   /** Add a sample to the whole film in strips, or as many samples as fit in a strip's time. */
