@@ -46,14 +46,14 @@ CELLS = [
 ]
 
 DRESS = (
-    "const dress = async (part, prims, look) => { typed(at('part'), part); await until(() => at('wear'));"
-    " at('wear').click(); await until(() => at('dressing').open);"
-    " const options = [...at('dressing-prims').options];"
-    " typed(at('dressing-prims'), options.find((each) => each.text.startsWith(prims)).value, 'input');"
-    " typed(at('dressing-search'), look, 'input'); at('dressing-looks').querySelector('button').click();"
-    " await until(() => !at('dressing').open); };"
+    "const dress = async (part, prims, look) => { typed(at('part'), part); await until(() => at('assign-look'));"
+    " at('assign-look').click(); await until(() => at('assigning').open);"
+    " const options = [...at('assigning-prims').options];"
+    " typed(at('assigning-prims'), options.find((each) => each.text.startsWith(prims)).value, 'input');"
+    " typed(at('assigning-search'), look, 'input'); at('assigning-looks').querySelector('button').click();"
+    " await until(() => !at('assigning').open); };"
     "const hubs = () => [...at('part').options].filter((each) => each.text.endsWith('Hub')).length;"
-    "const wears = () => at('worn').querySelector('.wears').textContent;"
+    "const wears = () => at('assignment').querySelector('.assigned-look').textContent;"
 )
 """Functions of a script that assigns looks to parts by the page's dialog."""
 
@@ -67,11 +67,11 @@ class DesignPage(Page):
         script = browser.execute_cdp_cmd(
             "Page.addScriptToEvaluateOnNewDocument", {"source": _FIRST.replace("MODE", mode)}
         )
-        ready = "window.viewport?.last && !at('undo').title.startsWith('?') && at('layers').childElementCount"
+        ready = "window.viewport?.shownFilm && !at('undo').title.startsWith('?') && at('layers').childElementCount"
         super().__init__(browser, url, (560, 260), ready, timeout)
         browser.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", script)
         if mode == "viewport":  # else it adds up samples, on all cores, as long as it is open
-            self.js("exact.limit = () => {}; viewport.settings.most = 1")
+            self.js("exact.limit = () => {}; viewport.settings.maxSamples = 1")
 
     def mean(self) -> Any:
         """Return the mean colour of some samples."""
@@ -86,9 +86,9 @@ class DesignPage(Page):
         """Show the difference of 256 samples, and return its mean, interreflection, the rest, and a pixel's noise."""
         self.js("exact.choose('difference')")
         self.wait(
-            "exact.round?.samples >= 256 && exact.compared?.samples >= 256 && exact.compared.round.samples >= 256"
+            "exact.round?.samples >= 256 && exact.comparison?.samples >= 256 && exact.comparison.round.samples >= 256"
         )
-        code = "const {apart, indirect, rest, round} = exact.compared; return [apart, indirect, rest, round.relmse]"
+        code = "const {apart, indirect, rest, round} = exact.comparison; return [apart, indirect, rest, round.relmse]"
         *shares, relmse = self.js(code)
         return (*shares, relmse**0.5)
 

@@ -65,7 +65,7 @@ def test_parts_are_dressed_and_the_job_says_so(page: DesignPage, job: Path) -> N
         "at('redo').click(); await until(() => hubs() === 2);"
         "await dress('/Car/Lamps/Left', '/Car.collection:trim', 'brushed');"
         "await until(() => wears().startsWith('BrushedMetal')); states.push(wears());"
-        "await until(() => !at('wear-off').disabled); at('wear-off').click();"
+        "await until(() => !at('unassign-look').disabled); at('unassign-look').click();"
         "await until(() => !wears().startsWith('BrushedMetal')); states.push(wears());"
         "await answered(); states.push((await saved()).split('/').pop(), at('save').disabled); return states;"
     ) == [
@@ -87,13 +87,13 @@ def test_parts_are_dressed_and_the_job_says_so(page: DesignPage, job: Path) -> N
 
 def test_a_new_look_is_made_of_a_preset_and_a_wrong_pattern_is_named(page: DesignPage, job: Path) -> None:
     assert page.js(
-        DRESS + "typed(at('part'), '/Car/Chimney'); await until(() => at('wear'));"
+        DRESS + "typed(at('part'), '/Car/Chimney'); await until(() => at('assign-look'));"
         "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: 'p', bubbles: true}));"
-        "await until(() => at('dressing').open);"
-        "typed(at('dressing-prims'), 'typed', 'input'); typed(at('dressing-typed'), '/Car/Ch*', 'input');"
-        "const fits = [at('dressing-fits').textContent]; typed(at('dressing-typed'), '/Car/X', 'input');"
-        "fits.push(at('dressing-fits').textContent); typed(at('dressing-typed'), '/Car/Ch*', 'input');"
-        "at('dressing').querySelector('[value=preset]').click();"
+        "await until(() => at('assigning').open);"
+        "typed(at('assigning-prims'), 'typed', 'input'); typed(at('assigning-typed'), '/Car/Ch*', 'input');"
+        "const fits = [at('assigning-fits').textContent]; typed(at('assigning-typed'), '/Car/X', 'input');"
+        "fits.push(at('assigning-fits').textContent); typed(at('assigning-typed'), '/Car/Ch*', 'input');"
+        "at('assigning').querySelector('[value=preset]').click();"
         "await until(() => at('adding').open && at('adding-presets').childElementCount > 60);"
         "typed(at('adding-search'), 'red plastic', 'input'); at('adding-presets').querySelector('button').click();"
         "await until(() => at('naming').open); const name = at('name').value; typed(at('name'), 'pipe.usda');"

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.mitsuba
 ROOT = Path(__file__).parents[2]
 _KEY = "dispatchEvent(new KeyboardEvent('keydown', {key: given[0]}));"
 _COLUMN = (
-    "const column = (share) => { viewport.draw(viewport.last);"
+    "const column = (share) => { viewport.draw(viewport.shownFilm);"
     "const pixels = new Uint8Array(4 * viewport.canvas.height);"
     "viewport.gl.bindFramebuffer(viewport.gl.FRAMEBUFFER, null);"
     "viewport.gl.readPixels(Math.floor(share * viewport.canvas.width), 0, 1, viewport.canvas.height, viewport.gl.RGBA,"
@@ -34,7 +34,7 @@ def exact_page(
     look = Path(shutil.copy(ROOT / "materials" / "frosted_plastic.usda", tmp_path_factory.mktemp("looks")))
     with start_server(str(white_job(look.parent, "suzanne", look.name)), verb="design") as started:
         page = DesignPage(tab, started.url, mode="exact")
-        page.js("viewport.settings.most = 16")  # else it takes the renderer's time
+        page.js("viewport.settings.maxSamples = 16")  # else it takes the renderer's time
         yield page
 
 
@@ -64,7 +64,7 @@ def test_the_wipe_stands_where_keys_put_it(page: DesignPage) -> None:
     mode = "document.querySelector('input[name=mode]:checked').value"
     assert page.js(f"return [at('wipe').hidden, {mode}]") == [False, "wipe"]
     # Light behind the asset is the same in both pictures: the column of the asset's middle is not.
-    before = page.js(_COLUMN + "exact.limit = () => {}; viewport.settings.most = 1; return column(0.47)")
+    before = page.js(_COLUMN + "exact.limit = () => {}; viewport.settings.maxSamples = 1; return column(0.47)")
     put = (
         "const key = () => new KeyboardEvent('keydown', {key: 'ArrowLeft', bubbles: true});"
         "for (let k = 0; k < 5; k++) at('wipe').dispatchEvent(key());"
@@ -81,15 +81,15 @@ def test_the_difference_is_named(page: DesignPage) -> None:
     page.js(_KEY, "d")
     shares = []
     for _ in range(2):
-        page.wait("exact.round && exact.compared?.round.number >= 3 && exact.compared.samples >= 8")
-        shares.append(page.js("return [exact.compared.apart, exact.compared.indirect, exact.compared.rest]"))
+        page.wait("exact.round && exact.comparison?.round.number >= 3 && exact.comparison.samples >= 8")
+        shares.append(page.js("return [exact.comparison.apart, exact.comparison.indirect, exact.comparison.rest]"))
         caption = page.js("return at('difference').textContent")
         assert "interreflection" in caption
         # What the asset reflects adds light.
         assert shares[-1][1] > 0.0
         assert shares[-1][0] >= abs(sum(shares[-1][1:]))
         assert ("cast shadow" in caption) == (len(shares) == 2)
-        page.js(_KEY + "exact.compared = null", "h")
+        page.js(_KEY + "exact.comparison = null", "h")
     # Light from behind shines through the head where nothing shadows it; else both have the same direct light.
     assert shares[1][2] < -0.3
     assert abs(shares[0][2]) < 0.1 * abs(shares[1][2])
@@ -97,7 +97,7 @@ def test_the_difference_is_named(page: DesignPage) -> None:
 
 
 def test_a_light_is_turned_up_and_nothing_compiles(page: DesignPage) -> None:
-    page.js("exact.choose('viewport'); exact.limit = () => {}; viewport.settings.most = 4; viewport.change()")
+    page.js("exact.choose('viewport'); exact.limit = () => {}; viewport.settings.maxSamples = 4; viewport.change()")
     before, compiled = page.mean(), page.js("return viewport.programs.compiled")
     page.js("at('lights').open = true; typed(at('light-list').querySelector('input[type=range]'), 1, 'input')")
     page.wait("lights.lights[0].stops === 1 && !lights.busy")
@@ -116,7 +116,7 @@ def test_a_picture_that_takes_long_always_gets_finer(page: DesignPage) -> None:
     scales = page.js(
         "const scales = [], seen = (event) => scales.push(event.detail.scale);"
         "viewport.addEventListener('picture', seen);"
-        "viewport.settings.most = 1; Object.assign(viewport, {scale: 4, rate: 0.01}); viewport.change();"
+        "viewport.settings.maxSamples = 1; Object.assign(viewport, {scale: 4, rate: 0.01}); viewport.change();"
         "await until(() => scales.at(-1) === 1);"
         "viewport.removeEventListener('picture', seen); return scales;"
     )

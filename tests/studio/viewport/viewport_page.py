@@ -46,7 +46,7 @@ class ViewportPage(Page):
         data = b""
         while not data:  # in calls that are shorter than what the driver waits for
             data = self.bytes(
-                "viewport.set({most: given[0]});"
+                "viewport.set({maxSamples: given[0]});"
                 "return await Promise.race([viewport.accumulate(given[0]), pause(30000)])",
                 count,
             )

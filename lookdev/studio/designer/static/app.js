@@ -1,11 +1,11 @@
 // @ts-check
-// The Designer's page: it is made of panels, each with its HTML and its behaviour.
+// The Designer's page. It consists of panels, each with its HTML and its behaviour.
 
 import { Designer, showMessage } from "./designer.js";
 import { byId } from "./elements.js";
 import { panels } from "./panels.js";
 
-const POLL = 3000; // milliseconds between looks at the server's news
+const POLL = 3000; // milliseconds between requests for the server's status
 
 /** Add the HTML of a panel to elements of the page, by their selectors. */
 function insertMarkup({ markup }) {
@@ -32,13 +32,13 @@ const isTyping = ({ tagName, type }) =>
   ["SELECT", "TEXTAREA"].includes(tagName) ||
   (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));
 
-/** Whether a key without Ctrl belongs to the element that has the focus, or to a dialog. */
+/** Return whether a key without Ctrl belongs to the focused element, or to a dialog. */
 const isTaken = ({ target, key }) =>
   isTyping(target) ||
   Boolean(document.querySelector("dialog[open]")) ||
   (target.tagName === "BUTTON" && key === " ");
 
-/** Call the first panel's function for a key, unless it returns false. */
+/** Call the panels' functions for a key, until one does not return false. */
 function pressKey(designer, event) {
   const name = keyName(event);
   if (!name.startsWith("Ctrl+") && isTaken(event)) return;

@@ -1,6 +1,6 @@
 // @ts-check
-// The picked part: its look, by which words of the job it has it, and the dialog that assigns
-// another one.
+// The picked part: its look, the words of the job that assign it, and the dialog that assigns
+// another look.
 
 import { byId, fileName, makeButton, makeElement, makeOptions, openDialog } from "./elements.js";
 import { askFileName } from "./files.js";
@@ -11,22 +11,22 @@ const aside = `
     <h2>Part</h2>
     <label class="row wide"><span class="hidden">Part</span>
       <select id="part" aria-label="Part"></select></label>
-    <div id="worn"></div>
+    <div id="assignment"></div>
   </section>`;
 
 const body = `
-  <dialog id="dressing" aria-label="Dress">
+  <dialog id="assigning" aria-label="Dress">
     <form method="dialog">
-      <label>Dress <select id="dressing-prims"></select></label>
-      <label id="dressing-other">Paths, globs and collections, apart by spaces
-        <input type="text" id="dressing-typed" list="dressing-known" autocomplete="off"
+      <label>Dress <select id="assigning-prims"></select></label>
+      <label id="assigning-other">Paths, globs and collections, apart by spaces
+        <input type="text" id="assigning-typed" list="assigning-known" autocomplete="off"
           spellcheck="false"></label>
-      <datalist id="dressing-known"></datalist>
-      <p id="dressing-fits" role="status"></p>
+      <datalist id="assigning-known"></datalist>
+      <p id="assigning-fits" role="status"></p>
       <label>Find a look
-        <input type="text" id="dressing-search" autocomplete="off" spellcheck="false"></label>
-      <div id="dressing-looks" role="group" aria-label="Looks"></div>
-      <p id="dressing-none" hidden>No look has these words.</p>
+        <input type="text" id="assigning-search" autocomplete="off" spellcheck="false"></label>
+      <div id="assigning-looks" role="group" aria-label="Looks"></div>
+      <p id="assigning-none" hidden>No look has these words.</p>
       <menu class="reversed">
         <button value="preset"
           title="A file beside the job, whose base is the preset">New look from a preset…</button>
@@ -35,7 +35,7 @@ const body = `
     </form>
   </dialog>`;
 
-const MOST_INSTANCES = 12; // that are listed one by one
+const MOST_INSTANCES = 12; // that the dialog lists one by one
 const TYPED = "typed";
 const FILE = "a file";
 
@@ -59,12 +59,12 @@ function matchesPrim(path, prim, collections) {
   }
 }
 
-/** Count the parts that a pattern matches, as docs/jobs.md says. */
+/** Count the parts that some prims match, as docs/jobs.md describes. */
 function countParts({ paths, collections }, prims) {
   return paths.filter((path) => prims.some((prim) => matchesPrim(path, prim, collections))).length;
 }
 
-/** Return the choices of parts for one with some paths: a label, and prims as the job has them. */
+/** Return the choices of parts for the part with some paths: labels, with prims for the job. */
 function primChoices(job, paths) {
   const count = (prims) => {
     const parts = countParts(job, prims);
@@ -102,7 +102,7 @@ const shortPath = (path) =>
 
 /** The dialog that asks which parts get which look. */
 class AssignDialog {
-  /** `paths` are those of the picked part. */
+  /** `paths` are the paths of the picked part. */
   constructor(job, paths, materials) {
     this.job = job;
     this.paths = paths;
@@ -111,48 +111,48 @@ class AssignDialog {
       ...materials.job.map((material) => ({ ...material, origin: "of the job" })),
       ...materials.files.map((material) => ({ material, prim: null, variants: {}, origin: FILE })),
     ];
-    byId("dressing-prims").replaceChildren(
+    byId("assigning-prims").replaceChildren(
       ...this.choices.map(([label], number) => new Option(label, `${number}`)),
       new Option("other paths or patterns…", TYPED),
     );
-    byId("dressing-typed").value = paths.join(" ");
-    byId("dressing-search").value = "";
-    byId("dressing-known").replaceChildren(
+    byId("assigning-typed").value = paths.join(" ");
+    byId("assigning-search").value = "";
+    byId("assigning-known").replaceChildren(
       ...makeOptions([...job.paths, ...Object.keys(job.collections)]),
     );
-    for (const id of ["dressing-prims", "dressing-typed", "dressing-search"])
+    for (const id of ["assigning-prims", "assigning-typed", "assigning-search"])
       byId(id).oninput = () => this.show();
-    byId("dressing-typed").onkeydown = byId("dressing-search").onkeydown = (event) => {
+    byId("assigning-typed").onkeydown = byId("assigning-search").onkeydown = (event) => {
       if (event.key !== "Enter") return;
       event.preventDefault();
-      if (event.target.id === "dressing-search")
-        byId("dressing-looks").querySelector("button")?.click();
+      if (event.target.id === "assigning-search")
+        byId("assigning-looks").querySelector("button")?.click();
     };
   }
 
   get isTyped() {
-    return byId("dressing-prims").value === TYPED;
+    return byId("assigning-prims").value === TYPED;
   }
 
-  /** The prims to which the look is assigned, as the job has them. */
+  /** The chosen prims, as the job has them. */
   get prims() {
-    if (this.isTyped) return byId("dressing-typed").value.split(/\s+/).filter(Boolean);
-    return this.choices[Number(byId("dressing-prims").value)][1];
+    if (this.isTyped) return byId("assigning-typed").value.split(/\s+/).filter(Boolean);
+    return this.choices[Number(byId("assigning-prims").value)][1];
   }
 
   show() {
     const { isTyped, job } = this,
       count = countParts(job, this.prims),
       matches = count ? `fits ${count} of ${job.paths.length} parts` : "fits no part";
-    byId("dressing-other").hidden = !isTyped;
-    byId("dressing-fits").textContent = isTyped ? matches : "";
-    byId("dressing-fits").classList.toggle("problem", isTyped && !count);
-    const words = byId("dressing-search").value.trim().toLowerCase();
+    byId("assigning-other").hidden = !isTyped;
+    byId("assigning-fits").textContent = isTyped ? matches : "";
+    byId("assigning-fits").classList.toggle("problem", isTyped && !count);
+    const words = byId("assigning-search").value.trim().toLowerCase();
     const looks = this.materials.filter((material) =>
       `${describeMaterial(material)} ${material.material}`.toLowerCase().includes(words),
     );
-    byId("dressing-looks").replaceChildren(...looks.map((look) => this.makeChoice(look)));
-    byId("dressing-none").hidden = looks.length > 0;
+    byId("assigning-looks").replaceChildren(...looks.map((look) => this.makeChoice(look)));
+    byId("assigning-none").hidden = looks.length > 0;
   }
 
   makeChoice(material) {
@@ -161,17 +161,17 @@ class AssignDialog {
       origin = material.origin === FILE ? shortPath(path) : material.origin;
     return makeElement(
       "button",
-      { type: "submit", value, className: "wearable", title: path },
+      { type: "submit", value, className: "look-choice", title: path },
       makeElement("span", { textContent: describeMaterial(material) }),
       makeElement("small", { textContent: origin }),
     );
   }
 
-  /** Return the request that the user makes, with the material "" for a new look, or null. */
+  /** Return the user's request, whose material is "" for a new look, or null for a cancel. */
   async ask() {
     this.show();
-    const closed = openDialog(byId("dressing"));
-    byId("dressing-search").focus();
+    const closed = openDialog(byId("assigning"));
+    byId("assigning-search").focus();
     const answer = await closed;
     if (answer === "" || answer === "cancel") return null;
     const { material, prim, variants } =
@@ -187,7 +187,7 @@ class Assign {
     byId("part").addEventListener("change", () => designer.pickPart(byId("part").selectedIndex));
   }
 
-  /** The assignment of the picked part: its paths, and the words of the job. */
+  /** The assignment of the picked part: its paths, and the job's pattern. */
   get assignment() {
     const { scene, part } = this.designer;
     return scene.job.assignments[part.path] ?? { paths: [], by: "asset" };
@@ -208,10 +208,10 @@ class Assign {
       asset: "as the asset has it",
     }[by];
     const title = job.locked || "Choose the look that this part, or more of the asset, wears (P)";
-    byId("worn").replaceChildren(
+    byId("assignment").replaceChildren(
       makeElement(
         "p",
-        { className: "wears", title: `${assignment.material ?? ""}\n${origin}` },
+        { className: "assigned-look", title: `${assignment.material ?? ""}\n${origin}` },
         makeElement("span", { textContent: stacks[part.look].name }),
         makeElement("small", { textContent: origin }),
       ),
@@ -219,14 +219,14 @@ class Assign {
         "div",
         { className: "tools" },
         makeButton("Dress…", title, () => this.assign(), {
-          id: "wear",
+          id: "assign-look",
           disabled: Boolean(job.locked) || !paths.length,
         }),
         makeButton(
           "Take off",
           `Take ${pattern} out of what is assigned`,
           () => this.designer.request("assign", { part: this.assignment.paths[0], unassign: true }),
-          { id: "wear-off", disabled: by !== "assign" || Boolean(job.locked) },
+          { id: "unassign-look", disabled: by !== "assign" || Boolean(job.locked) },
         ),
       ),
     );
@@ -249,7 +249,7 @@ class Assign {
     }
   }
 
-  /** Ask for a preset and for a file's name, and assign a new look of them. */
+  /** Ask for a preset and a file name, and assign a new look of this preset. */
   async assignNewLook(request) {
     const preset = await choosePreset(this.designer);
     if (!preset) return;

@@ -1,5 +1,5 @@
 // @ts-check
-// Linear Rec.709 as the colours of an input, sRGB by the piecewise curve of IEC 61966-2-1.
+// Linear Rec.709 to and from the colours of an input, sRGB by the piecewise curve of IEC 61966-2-1.
 
 const encodeSrgb = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
 const decodeSrgb = (c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);

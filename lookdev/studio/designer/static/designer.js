@@ -1,11 +1,12 @@
 // @ts-check
-// What the panels share: the viewport, the scene with its document, and requests to the server.
+// The record that the panels share: the viewport, the scene with its document, and requests to the
+// server.
 
 import { byId, makeElement, makeOptions } from "./elements.js";
 import { Viewport } from "./viewport/viewport.js";
 
 const LARGEST_CANVAS = 1024; // pixels of its width
-const SOON = 300; // milliseconds after which the page says that it waits
+const SOON = 300; // milliseconds after which the page shows that it waits
 const WORKING = "working…";
 
 /** Show a message in the page's header. */
@@ -21,14 +22,14 @@ async function fetchBuffer(name) {
 }
 
 export class Designer {
-  /** Raises an Error if the browser cannot draw on the canvas. */
+  /** Throws an Error if the browser cannot draw on the canvas. */
   constructor(canvas) {
     this.canvas = canvas;
     this.viewport = new Viewport(canvas, fetchBuffer);
     this.viewport.addEventListener("failed", () => this.say(this.viewport.failed.message, true));
     /** The scene that the server has sent, with the status of the document; null at first. */
     this.scene = null;
-    this.picked = 0; // number of a part
+    this.partNumber = 0; // of the picked part
     /** The mounted panels, by name. */
     this.panels = {};
     this.requests = Promise.resolve();
@@ -37,7 +38,7 @@ export class Designer {
 
   /** The picked part. */
   get part() {
-    return this.scene.parts[this.picked];
+    return this.scene.parts[this.partNumber];
   }
 
   /** The number of the picked part's look. */
@@ -50,7 +51,7 @@ export class Designer {
     return this.scene.stacks[this.look];
   }
 
-  /** The files that have edits which are not on disk: the job's, and those of looks. */
+  /** The files with unsaved edits: the job's, and the looks'. */
   get unsaved() {
     return this.scene ? [this.scene.job, ...this.scene.stacks].filter((file) => file.unsaved) : [];
   }
@@ -74,12 +75,12 @@ export class Designer {
     return this.requests;
   }
 
-  /** Run a function after the requests before it, which it waits for; an error is a message. */
+  /** Run a function after all earlier requests; show an error as a message. */
   enqueue(work, describeError = (error) => error.message) {
     this.requests = this.requests.then(work).catch((error) => this.say(describeError(error), true));
   }
 
-  /** Ask the server for a change, after the requests before it; return the error, or "". */
+  /** Ask the server for a change, after all earlier requests; return the error, or "". */
   request(path, body, message = "") {
     const answered = this.requests.then(async () => {
       const waiting = setTimeout(() => this.say(WORKING), SOON);
@@ -100,7 +101,7 @@ export class Designer {
     return answered;
   }
 
-  /** Take the status of the document from an answer, and show it in picture and panels. */
+  /** Store the document's status from an answer, and show it in picture and panels. */
   async adopt({ compiles, ...status }) {
     Object.assign(this.scene, status);
     if (compiles) {
@@ -113,11 +114,11 @@ export class Designer {
 
   /** Set the uniforms of a look to the values of its stack, as far as they differ. */
   setUniforms(look, stack) {
-    const before = this.viewport.scene.looks[look].numbers,
+    const current = this.viewport.scene.looks[look].numbers,
       numbers = {};
     for (const { uniform, value } of stack.layers.flatMap((layer) => layer.parameters ?? [])) {
       const values = [value].flat();
-      const differs = (number, k) => Math.fround(number) !== Math.fround(before[uniform]?.[k]);
+      const differs = (number, k) => Math.fround(number) !== Math.fround(current[uniform]?.[k]);
       if (uniform && values.some(differs)) numbers[uniform] = values;
     }
     if (Object.keys(numbers).length) this.viewport.setNumbers(look, numbers);
@@ -130,8 +131,8 @@ export class Designer {
     this.fitCanvas(scene.resolution);
     await this.viewport.show(scene);
     for (const panel of Object.values(this.panels)) await panel.load?.(scene);
-    const path = this.scene?.parts[this.picked]?.path;
-    this.picked = Math.max(
+    const path = this.scene?.parts[this.partNumber]?.path;
+    this.partNumber = Math.max(
       0,
       scene.parts.findIndex((part) => part.path === path),
     );
@@ -155,7 +156,7 @@ export class Designer {
     });
   }
 
-  /** Load the scene, or show changed files, if there is news on the server. */
+  /** Ask for the server's status; load the scene, or show changed files, if it is new. */
   poll() {
     if (!this.scene) return;
     this.enqueue(
@@ -178,20 +179,20 @@ export class Designer {
   }
 
   pickPart(number) {
-    this.picked = number;
+    this.partNumber = number;
     this.update();
   }
 
-  /** Give the canvas the frame's shape: the picture is framed as the job's frames are. */
+  /** Give the canvas the shape of the job's frames. */
   fitCanvas([width, height]) {
     document.documentElement.style.setProperty("--shape", `${height / width}`);
-    const room = byId("stage").getBoundingClientRect();
-    const scale = Math.min(room.width / width, room.height / height);
+    const stage = byId("stage").getBoundingClientRect();
+    const scale = Math.min(stage.width / width, stage.height / height);
     const [wide, high] = [width * scale, height * scale].map(Math.floor);
     [this.canvas.style.width, this.canvas.style.height] = [`${wide}px`, `${high}px`];
-    const pixels = Math.min(1, LARGEST_CANVAS / wide);
-    const count = (side) => Math.max(1, Math.round(side * pixels));
-    this.viewport.size = [count(wide), count(high)];
+    const pixelScale = Math.min(1, LARGEST_CANVAS / wide);
+    const pixels = (length) => Math.max(1, Math.round(length * pixelScale));
+    this.viewport.size = [pixels(wide), pixels(high)];
   }
 
   /** Fit the canvas to the stage, whose size has changed. */

@@ -1,19 +1,24 @@
 // @ts-check
-// The exact picture: the renderer's own picture of the viewport's scene, in its place, beside a
-// wipe, or as the difference of both.
+// The exact picture: the renderer's picture of the viewport's scene. It replaces the viewport's
+// picture, stands beside a wipe, or is compared in a difference.
 
 import { byId, makeElement } from "./elements.js";
 import { parsePacket } from "./viewport/packets.js";
 
-const REST = 150; // milliseconds without a change, after which a picture is requested
-const RETRY = 2000; // milliseconds after which a connection that broke is opened anew
-// Samples of the viewport: few until the first round is there, which should have the processors.
-const WAITING = 4,
-  ALONE = 4096,
-  COMPARED = 256,
-  MOST = { viewport: ALONE, exact: WAITING, wipe: COMPARED, difference: COMPARED };
+const REST = 150; // milliseconds without a change, after which the page requests a picture
+const RETRY = 2000; // milliseconds after which the page reconnects
+// Samples of the viewport: few until the first round arrives, because both use the processors.
+const SAMPLES_WAITING = 4,
+  SAMPLES_ALONE = 4096,
+  SAMPLES_COMPARED = 256,
+  MAX_SAMPLES = {
+    viewport: SAMPLES_ALONE,
+    exact: SAMPLES_WAITING,
+    wipe: SAMPLES_COMPARED,
+    difference: SAMPLES_COMPARED,
+  };
 const MODES = { v: "viewport", e: "exact", w: "wipe", d: "difference" }; // by keys
-const STEP = 0.02; // of the width, by which a key moves the wipe
+const STEP = 0.02; // share of the width by which a key moves the wipe
 const formatShare = (share) => `${(100 * share).toFixed(Math.abs(share) < 0.0995 ? 1 : 0)} %`;
 const formatSigned = (share) => (share > 0 ? "+" : "−") + formatShare(Math.abs(share));
 
@@ -46,12 +51,12 @@ const aside = `
     <p id="exact-facts" role="status" aria-live="off"></p>
   </section>`;
 
-class Exact {
+class ExactPicture {
   constructor(designer) {
     this.designer = designer;
     this.viewport = designer.viewport;
     this.id = 0;
-    /** The newest request, until the server refuses it. */
+    /** The newest request that the server has not refused. */
     this.request = null;
     this.mode = "exact";
     /** The newest round of the picture. */
@@ -86,14 +91,18 @@ class Exact {
     this.describe();
   }
 
-  /** Limit the samples of the viewport to those that can be seen. */
+  /** Limit the samples of the viewport to those that the mode shows. */
   limit() {
     const waits = this.mode !== "viewport" && !this.round && !this.problem;
-    this.viewport.settings.most = waits ? WAITING : this.problem ? ALONE : MOST[this.mode];
-    this.viewport.wake?.();
+    this.viewport.settings.maxSamples = waits
+      ? SAMPLES_WAITING
+      : this.problem
+        ? SAMPLES_ALONE
+        : MAX_SAMPLES[this.mode];
+    this.viewport.resume?.();
   }
 
-  /** Cancel the picture; another one is requested when nothing has changed for a while. */
+  /** Cancel the picture, and request another one when nothing has changed for a while. */
   cancel() {
     if (this.request) this.send({ do: "cancel" });
     this.request = this.round = null;
@@ -176,19 +185,20 @@ class Exact {
     if (this.mode === "difference") this.compare();
   }
 
-  /** Compare the round with the viewport's picture, unless both are as they were. */
+  /** Compare the round with the viewport's picture, if one of them is new. */
   compare() {
     const { viewport, round } = this,
-      film = viewport.last;
+      film = viewport.shownFilm;
     const isCurrent =
       round && film === viewport.film(0) && viewport.shownVersion === viewport.version;
     if (!isCurrent) return;
-    const samples = film.count >= COMPARED ? COMPARED : Math.floor(Math.log2(film.count)),
+    const samples =
+        film.count >= SAMPLES_COMPARED ? SAMPLES_COMPARED : Math.floor(Math.log2(film.count)),
       key = `${round.number} ${samples}`;
-    if (this.compared?.key === key && this.compared.round === round) return;
+    if (this.comparison?.key === key && this.comparison.round === round) return;
     const { width, height, arrays } = round,
       pixels = resizePixels(film.read(), film.width, film.height, width, height);
-    this.compared = { key, round, ...differences(arrays, pixels), samples: film.count };
+    this.comparison = { key, round, ...differences(arrays, pixels), samples: film.count };
     this.describe();
   }
 
@@ -198,7 +208,7 @@ class Exact {
     const { round, problem, mode } = this,
       facts = byId("exact-facts");
     facts.classList.toggle("bad", Boolean(problem));
-    facts.textContent = problem || this.state();
+    facts.textContent = problem || this.stateText();
     facts.title =
       !problem && mode !== "viewport" && round
         ? [
@@ -212,7 +222,7 @@ class Exact {
   }
 
   /** Return the state of the picture in words; "" for the viewport alone. */
-  state() {
+  stateText() {
     const { request, round, mode } = this;
     if (mode === "viewport") return "";
     if (!round) return request ? request.state : "the exact picture follows when the hand rests";
@@ -224,8 +234,8 @@ class Exact {
   }
 
   describeDifference() {
-    const { round, compared } = this;
-    if (!round || !compared) {
+    const { round, comparison } = this;
+    if (!round || !comparison) {
       byId("difference-parts").replaceChildren();
       byId("difference-mean").textContent = "waiting for both pictures…";
       return;
@@ -236,13 +246,13 @@ class Exact {
     const rest = causes.length
       ? causes.join(", ")
       : "direct light: what both have, by the noise of both";
-    const noise = formatShare(Math.sqrt(compared.round.relmse));
+    const noise = formatShare(Math.sqrt(comparison.round.relmse));
     const parts = [
-      [formatSigned(compared.indirect), "interreflection"],
-      [formatSigned(compared.rest), rest],
+      [formatSigned(comparison.indirect), "interreflection"],
+      [formatSigned(comparison.rest), rest],
       [`± ${noise}`, "noise of a pixel, which the mean has in it"],
     ];
-    const mean = formatShare(compared.apart);
+    const mean = formatShare(comparison.apart);
     byId("difference-mean").textContent = `mean ${mean} of the exact light`;
     byId("difference-parts").replaceChildren(
       ...parts.map(([share, name]) =>
@@ -252,10 +262,10 @@ class Exact {
   }
 }
 
-/** The handle of the wipe, which the pointer and keys move; `move` is called with its share. */
+/** The handle of the wipe. The pointer and keys move it; `onMove` is called with its share. */
 class Wipe {
-  constructor(move) {
-    this.move = move;
+  constructor(onMove) {
+    this.onMove = onMove;
     this.share = 0.5; // of the picture's width
     this.dragging = false;
     const handle = byId("wipe"),
@@ -268,7 +278,7 @@ class Wipe {
     });
     handle.addEventListener("pointermove", (event) => {
       if (this.dragging)
-        this.put((event.clientX - canvas.getBoundingClientRect().left) / canvas.offsetWidth);
+        this.moveTo((event.clientX - canvas.getBoundingClientRect().left) / canvas.offsetWidth);
     });
     for (const name of ["pointerup", "pointercancel"])
       handle.addEventListener(name, () => {
@@ -277,15 +287,15 @@ class Wipe {
     handle.addEventListener("keydown", (event) => {
       const step = { ArrowLeft: -STEP, ArrowRight: STEP, Home: -1, End: 1 }[event.key];
       if (step === undefined) return;
-      this.put(this.share + step);
+      this.moveTo(this.share + step);
       event.preventDefault();
     });
     for (const element of [canvas, byId("stage")])
-      new ResizeObserver(() => this.put(this.share)).observe(element);
-    this.put(this.share);
+      new ResizeObserver(() => this.moveTo(this.share)).observe(element);
+    this.moveTo(this.share);
   }
 
-  put(share) {
+  moveTo(share) {
     const handle = byId("wipe"),
       canvas = byId("picture");
     this.share = Math.min(1, Math.max(0, share));
@@ -293,7 +303,7 @@ class Wipe {
     handle.style.top = `${canvas.offsetTop}px`;
     handle.style.height = `${canvas.offsetHeight}px`;
     handle.setAttribute("aria-valuenow", `${Math.round(100 * this.share)}`);
-    this.move(this.share);
+    this.onMove(this.share);
   }
 }
 
@@ -309,8 +319,8 @@ function premultipliedRgba({ beauty, alpha }) {
 
 /**
  * Return the differences of a round and the viewport's pixels on the asset, as shares of the
- * round's light: `apart`, the mean of |difference|; `indirect`, the light that the round has by
- * interreflection; `rest`, what its direct light has more.
+ * round's light: `apart`, the mean of |difference|; `indirect`, the round's interreflection;
+ * `rest`, the excess of the round's direct light.
  */
 function differences({ beauty, direct, alpha }, pixels) {
   let light = 0,
@@ -322,29 +332,29 @@ function differences({ beauty, direct, alpha }, pixels) {
     for (let c = 0; c < 3; c += 1) {
       const exact = beauty[3 * k + c],
         exactDirect = direct[3 * k + c],
-        drawn = pixels[4 * k + c];
+        viewportLight = pixels[4 * k + c];
       light += exact;
-      apart += Math.abs(exact - drawn);
+      apart += Math.abs(exact - viewportLight);
       indirect += exact - exactDirect;
-      rest += exactDirect - drawn;
+      rest += exactDirect - viewportLight;
     }
   }
   const total = Math.max(light, 1e-9);
   return { apart: apart / total, indirect: indirect / total, rest: rest / total };
 }
 
-/** Return pixels (height x width x 4) as (high x wide x 4), each the mean of the area it covers. */
-function resizePixels(pixels, width, height, wide, high) {
-  const means = new Float32Array(4 * wide * high),
-    rows = coverage(height, high),
-    columns = coverage(width, wide);
-  for (let y = 0; y < high; y += 1) {
-    for (let x = 0; x < wide; x += 1) {
-      const target = 4 * (y * wide + x);
-      for (const [row, tall] of rows[y]) {
+/** Resize pixels (height x width x 4): each new pixel is the mean of the area that it covers. */
+function resizePixels(pixels, width, height, newWidth, newHeight) {
+  const means = new Float32Array(4 * newWidth * newHeight),
+    rows = coverage(height, newHeight),
+    columns = coverage(width, newWidth);
+  for (let y = 0; y < newHeight; y += 1) {
+    for (let x = 0; x < newWidth; x += 1) {
+      const target = 4 * (y * newWidth + x);
+      for (const [row, rowShare] of rows[y]) {
         for (const [column, share] of columns[x]) {
           const source = 4 * (row * width + column);
-          for (let c = 0; c < 4; c += 1) means[target + c] += tall * share * pixels[source + c];
+          for (let c = 0; c < 4; c += 1) means[target + c] += rowShare * share * pixels[source + c];
         }
       }
     }
@@ -352,12 +362,12 @@ function resizePixels(pixels, width, height, wide, high) {
   return means;
 }
 
-/** Return the pixels of `many` that each of `few` covers, with their shares of it. */
-function coverage(many, few) {
-  return Array.from({ length: few }, (_, k) => {
-    const [start, end] = [(k * many) / few, ((k + 1) * many) / few],
+/** Return for each of `newCount` pixels the pixels of `count` that it covers, with their shares. */
+function coverage(count, newCount) {
+  return Array.from({ length: newCount }, (_, k) => {
+    const [start, end] = [(k * count) / newCount, ((k + 1) * count) / newCount],
       pixels = [];
-    for (let j = Math.floor(start); j < Math.min(many, Math.ceil(end)); j += 1) {
+    for (let j = Math.floor(start); j < Math.min(count, Math.ceil(end)); j += 1) {
       pixels.push([j, (Math.min(end, j + 1) - Math.max(start, j)) / (end - start)]);
     }
     return pixels;
@@ -366,5 +376,5 @@ function coverage(many, few) {
 
 export const panel = {
   markup: { "#stage": stage, aside },
-  mount: (designer) => new Exact(designer),
+  mount: (designer) => new ExactPicture(designer),
 };

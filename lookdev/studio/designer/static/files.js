@@ -39,8 +39,8 @@ const body = `
   </dialog>`;
 
 /**
- * Ask for the name of a new file of one of several kinds: [kind, label, the file that it is beside,
- * a name]. Call `write` with kind and name, unless the dialog is cancelled.
+ * Ask for the kind and the name of a new file; `kinds` are [kind, label, the file beside it,
+ * default name]. Call `write` with kind and name, unless the user cancels the dialog.
  */
 export async function askFileName(kinds, write) {
   const show = () => {
@@ -96,7 +96,7 @@ function changeNotice(changed, unsaved, act) {
   );
 }
 
-/** Show notices above the picture, unless they are there. */
+/** Show notices above the picture, if they are new. */
 function showNotices(notices) {
   const text = (elements) => elements.map((notice) => notice.textContent).join();
   if (text([...byId("notices").children]) !== text(notices))
@@ -123,12 +123,12 @@ class Files {
   /** Ask for the name of a new file for the look or the job, and write it. */
   saveAs() {
     const { look, scene, stack } = this.designer,
-      second = (path) => fileName(path).replace(/(\.\w+)$/, "_2$1");
+      secondName = (path) => fileName(path).replace(/(\.\w+)$/, "_2$1");
     const looks =
       stack.file && !stack.locked
-        ? [["look", "A new file beside the look's own", stack.file, second(stack.file)]]
+        ? [["look", "A new file beside the look's own", stack.file, secondName(stack.file)]]
         : [];
-    const job = ["job", "A new file beside the job's", scene.job.file, second(scene.job.file)];
+    const job = ["job", "A new file beside the job's", scene.job.file, secondName(scene.job.file)];
     askFileName([...looks, job], (kind, name) =>
       this.write({ look: kind === "job" ? null : look, name }),
     );

@@ -1,11 +1,11 @@
 // @ts-check
-// The list of a look's layers, the top one first: chosen, moved, muted and renamed by pointer and
-// keys.
+// The list of a look's layers, the top one first. The pointer and keys choose, move, mute and
+// rename layers.
 
 import { byId, makeButton, makeElement, setLabel } from "./elements.js";
 
 export class LayerList {
-  /** `panel` is that of the layers (layers.js). */
+  /** `panel` is the panel of the layers (layers.js). */
   constructor(panel) {
     this.panel = panel;
     this.dragged = null; // number of a layer
@@ -111,8 +111,8 @@ export class LayerList {
     this.panel.arrange({ op: "move", layer, to }, focus);
   }
 
-  /** Choose another layer and focus it, if there is one of that number. */
-  go(number) {
+  /** Choose and focus the layer of a number, if there is one. */
+  chooseAndFocus(number) {
     if (!this.panel.stack.layers.some((layer) => layer.number === number)) return;
     this.panel.choose(number);
     byId(`layer-${number}`).focus();
@@ -123,7 +123,7 @@ export class LayerList {
     this.panel.arrange({ op: "remove", layer: number }, `layer-${number - 1}`);
   }
 
-  /** Return the act of a key on a layer, which may do nothing; undefined for other keys. */
+  /** Return the action of a key on a layer, which may do nothing; undefined for other keys. */
   keyAct(name, layer) {
     const { number } = layer,
       top = this.panel.stack.layers.length - 1,
@@ -134,8 +134,8 @@ export class LayerList {
       "Ctrl+d": () => this.panel.arrange({ op: "duplicate", layer: number }),
       "Alt+arrowup": () => isBase || number === top || move(number + 1),
       "Alt+arrowdown": () => number < 2 || move(number - 1),
-      arrowup: () => this.go(number + 1),
-      arrowdown: () => this.go(number - 1),
+      arrowup: () => this.chooseAndFocus(number + 1),
+      arrowdown: () => this.chooseAndFocus(number - 1),
       delete: remove,
       backspace: remove,
       f2: () => renameLayer(layer, this.panel),
@@ -163,7 +163,7 @@ function makeToggle(text, title, pressed, act, properties) {
   return setLabel(button, title);
 }
 
-/** Let the user type another name in the list: Enter renames the layer, Escape does not. */
+/** Show an input for a layer's name in the list: Enter renames the layer, Escape cancels. */
 export function renameLayer(layer, panel) {
   const button = byId(`layer-${layer.number}`);
   const input = makeElement("input", {

@@ -9,10 +9,10 @@ import { choosePreset, savePreset } from "./presets.js";
 
 const aside = `<section id="layers" aria-label="Layers"></section>`;
 
-const LIVE = 1000; // milliseconds after which a parameter that still moves is sent
+const SEND_INTERVAL = 1000; // milliseconds between the edits of a gesture that are sent
 const LONGEST_PASTE = 60000; // characters
 
-/** A parameter that the user moves: edits of one gesture are one step of the history. */
+/** The user's gesture on a parameter: its edits are one step of the history. */
 class Gesture {
   constructor(designer) {
     this.designer = designer;
@@ -20,38 +20,38 @@ class Gesture {
   }
 
   /**
-   * Set a parameter: its uniform at once, the document when the gesture `rests`, and now and then
-   * before.
+   * Set a parameter: its uniform at once, the document at the end of the gesture (`isFinal`) and
+   * once per interval before.
    */
-  change(layer, parameter, value, rests) {
+  change(layer, parameter, value, isFinal) {
     const { look, viewport } = this.designer;
     if (parameter.uniform) viewport.setNumbers(look, { [parameter.uniform]: [value].flat() });
     if (!this.id) {
       this.id = `${Date.now()}-${Math.random()}`;
-      this.sent = performance.now();
+      this.sentAt = performance.now();
     }
     const edit = { look, layer, parameter: parameter.name, value, gesture: this.id };
     clearTimeout(this.timer);
-    if (rests) {
+    if (isFinal) {
       this.id = "";
       this.designer.request("edit", edit);
     } else if (parameter.uniform) {
-      if (performance.now() - this.sent > LIVE) this.send(edit);
-      else this.timer = setTimeout(() => this.send(edit), LIVE);
+      if (performance.now() - this.sentAt > SEND_INTERVAL) this.send(edit);
+      else this.timer = setTimeout(() => this.send(edit), SEND_INTERVAL);
     }
   }
 
-  /** Send an edit whose answer need not be shown: the picture has it. */
+  /** Send an edit that the picture shows already. */
   send(edit) {
     const { designer } = this;
-    this.sent = performance.now();
+    this.sentAt = performance.now();
     designer.enqueue(async () => {
       designer.scene.revision = (await designer.fetchJson("edit", edit)).revision;
     });
   }
 }
 
-/** The section of layers, and the acts of its buttons, keys and rows. */
+/** The section of layers, and the functions of its buttons, keys and rows. */
 class Layers {
   constructor(designer) {
     this.designer = designer;
@@ -59,7 +59,7 @@ class Layers {
     this.selected = null;
     /** Ids of the rows whose source is open. */
     this.openSources = new Set();
-    this.copied = ""; // text of a layer, where the browser's clipboard cannot be read
+    this.copiedText = ""; // text of a layer, where the browser's clipboard cannot be read
     this.gesture = new Gesture(designer);
     this.list = new LayerList(this);
     const inList = () => document.activeElement?.closest("#stack");
@@ -71,7 +71,7 @@ class Layers {
     addEventListener("paste", (event) => {
       if (!inList()) return;
       event.preventDefault();
-      this.pasteText(event.clipboardData.getData("text/plain") || this.copied);
+      this.pasteText(event.clipboardData.getData("text/plain") || this.copiedText);
     });
   }
 
@@ -85,7 +85,7 @@ class Layers {
     return layers.find(({ number }) => number === this.selected) ?? layers[layers.length - 1];
   }
 
-  /** Show the stack; focus and scroll position stay. */
+  /** Show the stack; keep the focus and the scroll position. */
   update() {
     const focused = document.activeElement?.closest("#layers") ? document.activeElement.id : "";
     const { stack, layer } = this;
@@ -170,9 +170,9 @@ class Layers {
     this.designer.update();
   }
 
-  /** Set a parameter of a layer; `rests` at the end of a gesture. */
-  change(layer, parameter, value, rests) {
-    this.gesture.change(layer.index, parameter, value, rests);
+  /** Set a parameter of a layer; `isFinal` marks the end of a gesture. */
+  change(layer, parameter, value, isFinal) {
+    this.gesture.change(layer.index, parameter, value, isFinal);
   }
 
   /** Ask for an operation on the stack, then focus an element; return the error, or "". */
@@ -224,8 +224,8 @@ class Layers {
     const { designer, layer } = this,
       request = { look: designer.look, op: "copy", layer: layer.number };
     try {
-      this.copied = (await designer.fetchJson("stack", request)).text;
-      await navigator.clipboard?.writeText(this.copied).catch(() => {});
+      this.copiedText = (await designer.fetchJson("stack", request)).text;
+      await navigator.clipboard?.writeText(this.copiedText).catch(() => {});
       designer.say(`copied ${layer.name} as USD text`);
     } catch (error) {
       designer.say(error.message, true);
@@ -233,7 +233,7 @@ class Layers {
   }
 
   async paste() {
-    const text = (await navigator.clipboard?.readText().catch(() => "")) || this.copied;
+    const text = (await navigator.clipboard?.readText().catch(() => "")) || this.copiedText;
     await this.pasteText(text);
   }
 

@@ -1,5 +1,5 @@
 // @ts-check
-// What the viewport's picture leaves out of the light.
+// The list of the light's effects that the viewport's picture lacks.
 
 import { byId, makeElement } from "./elements.js";
 

@@ -1,11 +1,11 @@
 // @ts-check
-// The lights of the rig: intensity, tint and temperature, on or off. They are settings of the view,
-// as the exposure is.
+// The lights of the rig: intensity, tint, temperature, on or off. Like the exposure, these are
+// settings of the view.
 
 import { fromHex, toHex } from "./color.js";
 import { byId, makeElement, makeRow, setLabel } from "./elements.js";
 
-const NEUTRAL = 6500; // kelvin at which the slider of the temperature begins
+const NEUTRAL = 6500; // kelvin, where the temperature's slider begins
 const formatStops = (stops) => `${stops > 0 ? "+" : ""}${stops.toFixed(1)}`;
 const formatKelvin = (kelvin) => (kelvin === null ? "own" : `${kelvin} K`);
 const isUnchanged = ({ on, stops, kelvin, color }) =>
@@ -26,41 +26,42 @@ class Lights {
     this.designer = designer;
     this.lights = [];
     this.busy = false;
-    /** The newest setting that is not sent yet. */
+    /** The newest setting that waits to be sent. */
     this.waiting = null;
-    this.hasWritten = false;
+    this.hasChanged = false; // since the page was loaded
     byId("lights-reset").addEventListener("click", () => this.send({ reset: true }, true));
   }
 
   /** Fetch the lights of the visible rig, and list them with their settings. */
   async load() {
-    this.take(await this.designer.fetchJson("lights"));
-    this.list();
+    this.apply(await this.designer.fetchJson("lights"));
+    this.showList();
   }
 
-  take({ lights, rows, kelvin, stops }) {
+  /** Set the lights of the viewport and the states of the list to the server's answer. */
+  apply({ lights, rows, kelvin, stops }) {
     this.lights = lights;
     this.kelvin = kelvin;
-    this.mostStops = stops;
+    this.maxStops = stops;
     const unchanged = lights.every(isUnchanged);
-    this.hasWritten ||= !unchanged; // textures stay: from the first change on, they are written
-    if (this.hasWritten) this.designer.viewport.setLights(rows);
+    this.hasChanged ||= !unchanged; // before the first change, the rig's textures are right
+    if (this.hasChanged) this.designer.viewport.setLights(rows);
     byId("lights-reset").disabled = unchanged;
     for (const [number, light] of lights.entries())
       byId("light-list").children[number]?.classList.toggle("off", !light.on);
   }
 
   /** Send a setting; while one is on its way, only the newest waits. */
-  async send(body, listsAnew = false) {
-    this.waiting = { body, listsAnew };
+  async send(body, updatesList = false) {
+    this.waiting = { body, updatesList };
     if (this.busy) return;
     this.busy = true;
     try {
       while (this.waiting) {
         const setting = this.waiting;
         this.waiting = null;
-        this.take(await this.designer.fetchJson("lights", setting.body));
-        if (setting.listsAnew) this.list();
+        this.apply(await this.designer.fetchJson("lights", setting.body));
+        if (setting.updatesList) this.showList();
       }
     } catch (error) {
       this.waiting = null;
@@ -69,14 +70,14 @@ class Lights {
     this.busy = false;
   }
 
-  list() {
+  showList() {
     const plural = this.lights.length > 1 ? "s" : "";
-    byId("light-list").replaceChildren(...this.lights.map((light, k) => this.item(light, k)));
+    byId("light-list").replaceChildren(...this.lights.map((light, k) => this.makeItem(light, k)));
     byId("lights-title").textContent = `${this.lights.length} light${plural} of the rig`;
   }
 
   /** Return the item of a light in the list. */
-  item(light, number) {
+  makeItem(light, number) {
     const { name, path, on, stops, color, kelvin } = light,
       setting = { light: number, on, stops, color, kelvin };
     const change = (changes) => {
@@ -96,7 +97,7 @@ class Lights {
       "li",
       {},
       title,
-      stopsRow(light, this.mostStops, change),
+      stopsRow(light, this.maxStops, change),
       tintRow(light, change),
       temperatureRow(light, this.kelvin, change),
     );
@@ -105,12 +106,12 @@ class Lights {
   }
 }
 
-function stopsRow({ name, stops }, most, change) {
+function stopsRow({ name, stops }, maxStops, change) {
   const slider = setLabel(
     makeElement("input", {
       type: "range",
-      min: -most,
-      max: most,
+      min: -maxStops,
+      max: maxStops,
       step: 0.1,
       value: stops,
       title: "Double click: as the rig has it",

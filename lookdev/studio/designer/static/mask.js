@@ -1,5 +1,5 @@
 // @ts-check
-// The editors of what varies over the surface, a layer's mask or a parameter: by an image, a
+// The editors of a layer's mask, or of a parameter that varies over the surface: by an image, a
 // primvar, or an expression with a source for each of its names.
 
 import {
@@ -26,7 +26,7 @@ const PARAMETER_KINDS = {
 };
 const CONSTANTS = new Set(["PI", "E", "linear", "smooth", "gaussian", "view"]);
 
-/** The names of an expression that are neither functions nor constants. */
+/** Return the names of an expression that are neither functions nor constants. */
 function freeNames(expression) {
   const text = expression.replace(/#[^\n]*/g, " ");
   const names = [...text.matchAll(/(?<![\w.])[A-Za-z_]\w*(?!\w)(?!\s*\()/g)].map(([name]) => name);
@@ -34,13 +34,13 @@ function freeNames(expression) {
 }
 
 /**
- * What the user has typed and not applied, by the key of its editor: the source that it replaces,
- * its kind, text and inputs, and the server's error. The editor is made anew after each answer of
- * the server; a draft lasts until the source is another one.
+ * The user's text that is not applied, by the key of its editor: the source that it replaces, its
+ * kind, text and inputs, and the server's error. Each answer of the server makes a new editor; a
+ * draft lasts until the source changes.
  */
 const drafts = new Map();
 
-/** Return the editor of a layer's mask; `panel` is that of the layers (layers.js). */
+/** Return the editor of a layer's mask; `panel` is the panel of the layers (layers.js). */
 export function maskEditor(layer, panel) {
   const { mask, number, name } = layer;
   return new SourceEditor(panel, mask, {
@@ -81,8 +81,8 @@ export function sourceEditor(layer, parameter, id, panel) {
 
 class SourceEditor {
   /**
-   * `source` is the one that the file has. Of `target`: `request` makes the edit of the stack of a
-   * text and its inputs, `reset` is the edit that removes the source.
+   * `source` is the file's. `target.request` returns the edit of the stack that sets a text and its
+   * inputs; `target.reset` is the edit that removes the source.
    */
   constructor(panel, source, target) {
     this.panel = panel;
@@ -92,7 +92,7 @@ class SourceEditor {
     if (drafts.get(target.key)?.version !== this.version) drafts.delete(target.key);
     this.draft = drafts.get(target.key) ?? {};
     this.kind = this.draft.kind ?? source.kind;
-    /** The source, if it is of the kind that is edited. */
+    /** The file's source, if it is of the chosen kind; else an empty one. */
     this.current = source.kind === this.kind ? source : { text: "", inputs: {} };
   }
 
@@ -155,29 +155,29 @@ class SourceEditor {
     }
   }
 
-  store(changes) {
+  storeDraft(changes) {
     const { key } = this.target;
     drafts.set(key, { version: this.version, kind: this.kind, ...drafts.get(key), ...changes });
   }
 
-  /** Ask for the source in a text; an error is shown below the editor, also if it was made anew. */
+  /** Ask for the source in a text; show an error below the editor, even if the editor is new. */
   async apply(text, inputs = {}) {
     const { key, request } = this.target;
-    this.store({ problem: "" });
+    this.storeDraft({ problem: "" });
     this.problem.hidden = true;
     const error = await this.panel.arrange(request(text, inputs));
     if (!error) {
       drafts.delete(key);
       return;
     }
-    this.store({ problem: error });
+    this.storeDraft({ problem: error });
     const problem = [...document.querySelectorAll(".mask .problem")].find(
       (element) => element.dataset.of === key,
     );
     if (problem) Object.assign(problem, { hidden: false, textContent: error });
   }
 
-  /** Offer the images of a list in an input; they are fetched when it gets the focus. */
+  /** Offer images in an input: it fetches their list when it gets the focus. */
   offerImages(input, list) {
     const fill = async () => list.replaceChildren(...makeOptions(await this.panel.listImages()));
     input.setAttribute("list", list.id);
@@ -187,7 +187,11 @@ class SourceEditor {
   imageInputs() {
     const { id, channels } = this.target;
     const [, file = "", channel = "r"] = this.current.text.match(/^(.*?)(?::(\w+))?$/) ?? [];
-    const input = textInput({ id: `${id}-file`, value: file, placeholder: "textures/dirt.png" });
+    const input = makeTextInput({
+      id: `${id}-file`,
+      value: file,
+      placeholder: "textures/dirt.png",
+    });
     const choice = makeElement(
       "select",
       { id: `${id}-channel` },
@@ -201,11 +205,11 @@ class SourceEditor {
     choice.addEventListener("change", apply);
     const list = makeElement("datalist", { id: `${id}-images` });
     this.offerImages(input, list);
-    return [field("image", input, choice), list];
+    return [makeField("image", input, choice), list];
   }
 
   primvarRow() {
-    const input = textInput({
+    const input = makeTextInput({
       id: `${this.target.id}-primvar`,
       value: this.current.text.replace(/^primvar:/, ""),
       placeholder: "wear",
@@ -213,12 +217,12 @@ class SourceEditor {
     input.addEventListener("change", () => {
       if (input.value.trim()) this.apply(`primvar:${input.value.trim()}`);
     });
-    return field("primvar", input);
+    return makeField("primvar", input);
   }
 
   expressionInputs() {
     const { id, owner } = this.target,
-      typed = { ...this.draft.typed }; // sources of names
+      typedSources = { ...this.draft.typedSources }; // sources of names
     const text = makeElement("textarea", {
       id: `${id}-expression`,
       value: this.draft.text ?? this.current.text,
@@ -231,11 +235,11 @@ class SourceEditor {
       list = makeElement("datalist", { id: `${id}-images` });
     const showSources = () =>
       sources.replaceChildren(
-        ...freeNames(text.value).map((name) => this.nameRow(name, typed, list)),
+        ...freeNames(text.value).map((name) => this.nameRow(name, typedSources, list)),
       );
-    const apply = () => this.apply(text.value, this.changedInputs(text.value, typed));
+    const apply = () => this.apply(text.value, this.changedInputs(text.value, typedSources));
     text.addEventListener("input", () => {
-      this.store({ text: text.value });
+      this.storeDraft({ text: text.value });
       showSources();
     });
     text.addEventListener("keydown", (event) => {
@@ -250,30 +254,31 @@ class SourceEditor {
   }
 
   /** Return the row of a name in an expression, with its source. */
-  nameRow(name, typed, list) {
-    const input = textInput({
-      value: typed[name] ?? this.current.inputs[name] ?? "",
+  nameRow(name, typedSources, list) {
+    const input = makeTextInput({
+      value: typedSources[name] ?? this.current.inputs[name] ?? "",
       placeholder: "0.5, dirt.png:r, primvar:wear, uv:st",
     });
     input.dataset.name = name;
     input.addEventListener("input", () => {
-      typed[name] = input.value;
-      this.store({ typed });
+      typedSources[name] = input.value;
+      this.storeDraft({ typedSources });
     });
     this.offerImages(input, list);
-    return field(name, input);
+    return makeField(name, input);
   }
 
-  /** The sources that were typed anew: a name without one keeps all that the file says of it. */
-  changedInputs(text, typed) {
+  /** Return the typed sources that differ from the file's. A name without one keeps its source. */
+  changedInputs(text, typedSources) {
     const names = freeNames(text).filter(
-      (name) => typed[name] !== undefined && typed[name] !== this.current.inputs[name],
+      (name) =>
+        typedSources[name] !== undefined && typedSources[name] !== this.current.inputs[name],
     );
-    return Object.fromEntries(names.map((name) => [name, typed[name]]));
+    return Object.fromEntries(names.map((name) => [name, typedSources[name]]));
   }
 }
 
-function textInput(properties) {
+function makeTextInput(properties) {
   return makeElement("input", {
     type: "text",
     className: "wide",
@@ -282,6 +287,6 @@ function textInput(properties) {
   });
 }
 
-function field(label, input, ...more) {
+function makeField(label, input, ...more) {
   return makeRow(label, setLabel(input, label), ...more);
 }

@@ -1,5 +1,5 @@
 // @ts-check
-// The parameters of the chosen layer: a row each, with a slider, a colour or a choice.
+// The parameters of the chosen layer. Each has a row with a slider, a colour or a choice.
 
 import { fromHex, toHex } from "./color.js";
 import {
@@ -15,7 +15,7 @@ import { maskEditor, sourceEditor } from "./mask.js";
 const sliderStep = ([low, high]) => Number(((high - low) / 200).toPrecision(1));
 const formatComponent = (x) => String(Number(x.toFixed(2))).replace(/^0\./, ".");
 
-/** Return the chosen layer's title and its rows; `panel` is that of the layers (layers.js). */
+/** Return the chosen layer's title and rows; `panel` is the panel of the layers (layers.js). */
 export function layerInspector(panel) {
   const { layer, stack } = panel;
   const title = makeElement(
@@ -128,9 +128,9 @@ function parameterRow(parameter, panel) {
   );
   row.dataset.parameter = name;
   row.classList.toggle("stated", isStated(parameter));
-  const change = (value, rests) => {
+  const change = (value, isFinal) => {
     row.classList.add("stated");
-    panel.change(layer, parameter, value, rests);
+    panel.change(layer, parameter, value, isFinal);
   };
   const addInput = (input, quantity = "") => {
     setLabel(input, `${layer.name}, ${spaceWords(name)}${quantity}`);

@@ -1,6 +1,5 @@
 // @ts-check
-// The pointer on the picture: orbit, pan, zoom, pick, and turn the light by shift-drag; the same by
-// keys.
+// The pointer and keys on the picture: they orbit, pan, zoom, pick, and turn the light.
 
 import { pan, rotate, zoom } from "./viewport/camera.js";
 

@@ -1,5 +1,5 @@
 // @ts-check
-// The dialogs of presets: one is chosen from the library by its picture, or saved into it.
+// The dialogs of presets: the user chooses one from the library by its picture, or saves one.
 
 import { byId, makeElement, makeOptions, openDialog, spaceWords } from "./elements.js";
 
@@ -31,10 +31,10 @@ const body = `
 const SIZE = 56; // pixels of a picture
 const EMPTY = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7";
 
-/** The presets of the library; null until they are needed. */
+/** The presets of the library; null until they are fetched. */
 let presets = null;
 
-/** The pictures of presets: one is fetched at a time, so that other requests do not wait. */
+/** The pictures of presets. It fetches one at a time, so that other requests do not wait. */
 class Pictures {
   constructor() {
     this.urls = new Map();
@@ -43,7 +43,7 @@ class Pictures {
     this.fetching = false;
   }
 
-  /** Watch the images in an element: those that come into view are fetched. */
+  /** Fetch the pictures of an element's images when they come into view. */
   watch(root) {
     this.observer = new IntersectionObserver(
       (entries) => {
@@ -92,7 +92,7 @@ class Pictures {
 
 const pictures = new Pictures();
 
-/** Return the presets of a category with some words, those that have them in the name first. */
+/** Return the presets of a category that have some words; those with them in the name are first. */
 function findPresets(words, category) {
   const matches = presets.filter(
     (preset) =>
@@ -131,7 +131,7 @@ export async function choosePreset(designer) {
   byId("adding-category").replaceChildren(new Option("all", ""), ...makeOptions(categories));
   byId("adding-search").value = "";
   pictures.watch(byId("adding-presets"));
-  const closed = openDialog(byId("adding")); // pictures are fetched where they are in view
+  const closed = openDialog(byId("adding")); // before the images, which load when they are in view
   showPresets();
   byId("adding-search").focus();
   const name = await closed;

@@ -1,5 +1,5 @@
 // @ts-check
-// Snapshots: a picture with the state of the looks, compared side by side, and gone back to.
+// Snapshots: pictures with the state of the looks. The user compares two, and goes back to one.
 
 import { byId, formatTime, openDialog } from "./elements.js";
 

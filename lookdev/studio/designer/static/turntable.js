@@ -1,10 +1,10 @@
 // @ts-check
-// The turntable: rendered in the background, and played in the viewport's place.
+// The turntable: the server renders it in the background, and a player replaces the viewport.
 
 import { byId } from "./elements.js";
 
 const RATE = 12; // frames a second
-const POLL = 500; // milliseconds between looks at the progress
+const POLL = 500; // milliseconds between requests for the progress
 
 const stage = `
   <div id="turntable" role="region" aria-label="Turntable" hidden>
@@ -84,20 +84,20 @@ class Turntable {
   async request(body = undefined) {
     clearTimeout(this.timer);
     try {
-      this.takeRun(await this.designer.fetchJson("turntable", body));
+      this.showRun(await this.designer.fetchJson("turntable", body));
     } catch (error) {
-      this.say(error.message, true);
+      this.showFacts(error.message, true);
     }
     if (this.run.state === "rendering") this.timer = setTimeout(() => this.request(), POLL);
   }
 
-  takeRun(run) {
-    const before = this.run;
+  showRun(run) {
+    const previous = this.run;
     this.run = run;
-    if (run.run !== before.run) this.frames = [];
+    if (run.run !== previous.run) this.frames = [];
     for (const number of run.pictures ?? []) this.addFrame(number);
-    if (run.state === "done" && before.state === "rendering") {
-      // While it was rendered, files of an earlier run were replaced.
+    if (run.state === "done" && previous.state === "rendering") {
+      // The images may show files of an earlier run, which the render has replaced.
       for (const { image, number } of this.frames)
         image.src = `turntable/${run.run}/${number}.png?done`;
       this.setOpen(true);
@@ -109,7 +109,7 @@ class Turntable {
     byId("turntable-progress").max = run.total ?? 1;
     byId("turntable-progress").value = run.done ?? 0;
     byId("turntable-frame").max = Math.max(0, this.frames.length - 1);
-    this.say(describeProgress(run), run.state === "failed");
+    this.showFacts(describeProgress(run), run.state === "failed");
   }
 
   /** Load the picture of a frame, unless it is there. */
@@ -120,12 +120,12 @@ class Turntable {
     this.frames.sort((a, b) => a.number - b.number);
   }
 
-  say(text, isError = false) {
+  showFacts(text, isError = false) {
     byId("turntable-facts").textContent = text;
     byId("turntable-facts").classList.toggle("bad", isError);
   }
 
-  /** Show the player, which plays, or the viewport. */
+  /** Open the player and play, or close it. */
   setOpen(open) {
     if (open && !this.frames.length) return;
     byId("turntable").hidden = !open;
@@ -133,7 +133,7 @@ class Turntable {
     byId(open ? "turntable-play" : "picture").focus();
   }
 
-  /** Act on a key if the player is open; return whether it is. */
+  /** Act if the player is open; return whether it is. */
   actIfOpen(act) {
     const open = !byId("turntable").hidden;
     if (open) act();
@@ -141,11 +141,11 @@ class Turntable {
   }
 
   play(playing) {
-    clearInterval(this.clock);
+    clearInterval(this.playTimer);
     this.playing = playing && this.frames.length > 0;
     byId("turntable-play").textContent = this.playing ? "Pause" : "Play";
     const next = () => this.showFrame((this.index + 1) % this.frames.length);
-    if (this.playing) this.clock = setInterval(next, 1000 / RATE);
+    if (this.playing) this.playTimer = setInterval(next, 1000 / RATE);
     this.showFrame(Math.min(this.index, this.frames.length - 1));
   }
 

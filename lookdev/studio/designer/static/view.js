@@ -32,7 +32,7 @@ class View {
   constructor(designer) {
     this.designer = designer;
     this.viewport = designer.viewport;
-    this.isFirst = true;
+    this.isFirstScene = true;
     this.keys = { b: () => this.toggle("background"), h: () => this.toggle("shadows") };
     for (const id of [...SLIDERS, "background", "shadows"])
       byId(id).addEventListener("input", () => this.apply());
@@ -49,11 +49,11 @@ class View {
   }
 
   load({ background, shadows }) {
-    if (this.isFirst) {
+    if (this.isFirstScene) {
       byId("background").checked = background === "ibl";
       const behind = Array.isArray(background) ? background[1] : 0;
       this.viewport.set({ background: byId("background").checked, behind });
-      this.isFirst = false;
+      this.isFirstScene = false;
     }
     byId("shadows").disabled = !shadows;
     byId("shadows").parentElement.title = shadows
@@ -83,10 +83,10 @@ class View {
   }
 
   pick(x, y) {
-    const picked = this.viewport.pick(x, y);
-    if (!picked) return;
+    const pickedPart = this.viewport.pick(x, y);
+    if (!pickedPart) return;
     const { parts } = this.designer.scene;
-    this.designer.pickPart(parts.findIndex((part) => part.path === picked.path));
+    this.designer.pickPart(parts.findIndex((part) => part.path === pickedPart.path));
   }
 
   /** Say whether the light has shadows; "" where none can be cast. */

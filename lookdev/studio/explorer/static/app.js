@@ -68,10 +68,13 @@ const OPTIONS = {
   chroma: ["Chroma only"],
 };
 
+/** Return the next item of a list, or the previous one for -1; the ends of the list meet. */
+const stepIn = (list, item, step) => list[(list.indexOf(item) + step + list.length) % list.length];
+
 const link = new Link(say);
 let shaders, spheres, plots, sliders, exactFrame;
 
-const showKinds = () => {
+const showTabs = () => {
   byId("kinds").replaceChildren(
     ...Object.entries(state.catalogue.kinds).map(([name, { text }]) => {
       const tab = makeElement("button", {
@@ -98,10 +101,9 @@ const showKinds = () => {
 };
 
 byId("kinds").addEventListener("keydown", (event) => {
-  const names = Object.keys(state.catalogue.kinds),
-    step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+  const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (!step) return;
-  state.kind = names[(names.indexOf(state.kind) + step + names.length) % names.length];
+  state.kind = stepIn(Object.keys(state.catalogue.kinds), state.kind, step);
   notify("kind");
   byId(`kind-${state.kind}`).focus();
 });
@@ -117,7 +119,7 @@ const optionTitle = (name) => {
 const changeOption = (name, value, event, held) => {
   setOption(name, value);
   if (name === "axis") showOptions();
-  notify("options", { since: event.timeStamp, held });
+  notify("options", { moveTime: event.timeStamp, held });
 };
 
 const optionBox = (name) => {
@@ -142,7 +144,7 @@ const optionSlider = (name, [min, max, step, unit]) => {
     const value = Number(slider.value);
     output.textContent = `${value}${unit}`;
     slider.setAttribute("aria-valuetext", output.textContent);
-    slider.style.setProperty("--at", `${(100 * (value - min)) / (max - min)}%`);
+    slider.style.setProperty("--share", `${(100 * (value - min)) / (max - min)}%`);
   };
   const change = (event, held) => {
     showValue();
@@ -177,7 +179,7 @@ const showSelected = () => {
   for (const id of ["viewport", "parameters"]) byId(id).hidden = !surface;
   byId("label").parentElement.hidden = !surface;
   right.style.setProperty("--accent", surface ? colorOf(surface) : "var(--quiet)");
-  right.style.setProperty("--own", surface ? colorOf(surface) : "var(--quiet)");
+  right.style.setProperty("--surface-color", surface ? colorOf(surface) : "var(--quiet)");
   byId("name").textContent = surface ? nameOf(surface) : "Nothing selected";
   byId("about").textContent = surface ? describeSurface(surface) : "";
   if (!surface) return;
@@ -313,7 +315,7 @@ onChange((change, detail) => {
     return;
   }
   if (change === "kind") {
-    showKinds();
+    showTabs();
     showOptions();
   }
   if (["surfaces", "selected", "theme"].includes(change)) {
@@ -355,7 +357,7 @@ for (const button of document.querySelectorAll("[data-light]")) {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key],
       buttons = [...document.querySelectorAll("[data-light]:not([hidden])")];
     if (step) {
-      const other = buttons[(buttons.indexOf(button) + step + buttons.length) % buttons.length];
+      const other = stepIn(buttons, button, step);
       other.click();
       other.focus();
     }
@@ -468,7 +470,7 @@ menu.addEventListener("keydown", (event) => {
   }
   if (step) {
     event.preventDefault();
-    items[(items.indexOf(document.activeElement) + step + items.length) % items.length].focus();
+    stepIn(items, document.activeElement, step).focus();
   }
 });
 addEventListener("click", (event) => {
@@ -575,7 +577,7 @@ addEventListener("keydown", (event) => {
   else if (event.key === "Delete" && surface) removeSurface(state.selected);
   else if (event.key === "/") {
     event.preventDefault();
-    byId("find").focus();
+    byId("search").focus();
   } else if (event.key === "?") showHelp();
 });
 
@@ -595,7 +597,7 @@ const showUrl = async () => {
     if (surface) addSurface(surface, hidden.includes(index));
   });
   state.selected = Math.min(selected, Math.max(0, state.surfaces.length - 1));
-  showKinds();
+  showTabs();
   showOptions();
   notify("surfaces");
 };

@@ -160,12 +160,12 @@ const shaderForm = (surface, models) => {
       .filter((parameter) => parameter.live || surface.open.has(parameterGroup(parameter)))
       .map(({ name }) => name),
   );
-  const fixed = Object.fromEntries(
+  const constants = Object.fromEntries(
     Object.entries(surface.given).filter(([name]) => !surface.editable || !live.has(name)),
   );
   const isAlwaysLive = (name) => parameters.find((parameter) => parameter.name === name).live;
   const extra = [...live].filter((name) => !isAlwaysLive(name));
-  return { words: wordsOf({ ...surface, given: fixed }), extra };
+  return { words: wordsOf({ ...surface, given: constants }), extra };
 };
 export const parameterGroup = (parameter) =>
   parameter.kind === "normal" ? "normals" : parameter.optional ? "optional" : "";

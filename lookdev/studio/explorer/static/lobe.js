@@ -105,13 +105,13 @@ export class LobeRenderer {
     gl.enable(gl.DEPTH_TEST);
     const { view, rotation } = this.camera(width, height);
     this.program.use({ view, rotation });
-    const top = Math.max(...lobes.map(({ peak }) => peak), 1e-30);
+    const highest = Math.max(...lobes.map(({ peak }) => peak), 1e-30);
     const radius = (f) =>
       scale === "log"
-        ? Math.max(Math.log10(Math.max(f / top, 1e-30)) / DECADES + 1, 0)
+        ? Math.max(Math.log10(Math.max(f / highest, 1e-30)) / DECADES + 1, 0)
         : scale === "sqrt"
-          ? Math.sqrt(Math.max(f, 0) / top)
-          : Math.max(f, 0) / top;
+          ? Math.sqrt(Math.max(f, 0) / highest)
+          : Math.max(f, 0) / highest;
     gl.bindVertexArray(this.buffers.array);
     const ring = Array.from({ length: 97 }, (_, i) => [
       Math.cos((i * Math.PI) / 48),
@@ -141,7 +141,6 @@ export class LobeRenderer {
       canvas,
       top: canvas.height - height,
       project: (p) => this.project(view, p, width, height),
-      peak: top,
     };
   }
 

@@ -5,7 +5,7 @@ import { colorOf, nameOf, notify, removeSurface, state } from "./state.js";
 
 const surfaceList = document.getElementById("surfaces"),
   offers = document.getElementById("offers"),
-  searchInput = document.getElementById("find");
+  searchInput = document.getElementById("search");
 
 const ICONS = {
   visible:
@@ -51,9 +51,9 @@ export const showSurfaces = () => {
             state.selected = index;
             notify("selected");
           },
-          "pick",
+          "select",
         );
-      item.style.setProperty("--own", colorOf(surface));
+      item.style.setProperty("--surface-color", colorOf(surface));
       item.classList.toggle("selected", index === state.selected);
       item.classList.toggle("hidden", surface.hidden);
       selectButton.setAttribute("aria-current", `${index === state.selected}`);
@@ -83,7 +83,7 @@ export const showSurfaces = () => {
 
 const removeAndFocus = (index) => {
   removeSurface(index);
-  (surfaceList.querySelector(".selected .pick") ?? searchInput).focus();
+  (surfaceList.querySelector(".selected .select") ?? searchInput).focus();
 };
 
 // Return the groups of the list: titles, with entries of words for the command line, name and text.

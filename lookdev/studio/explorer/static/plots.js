@@ -22,6 +22,7 @@ const readout = document.getElementById("readout"),
   notice = document.getElementById("notice"),
   legend = document.getElementById("legend");
 const SCALE_WORDS = { log: `log, ${DECADES} decades`, sqrt: "square root" };
+const PAGE_OPTIONS = new Set(["scale", "angles", "channels", "exposure", "chroma"]);
 const GPU_KINDS = new Set(["lobe3d", "sphere"]); // drawn by GLSL
 
 // Milliseconds from each move of the pointer until its plot was drawn, and until the frame that
@@ -38,7 +39,7 @@ export class Plots {
     this.requests = new Map();
     this.moveTimes = [];
     this.readAt = null;
-    this.frame = 0;
+    this.frameRequest = 0;
     this.paintCount = 0;
     this.paintEnd = 0;
     this.paintDuration = 0;
@@ -69,7 +70,7 @@ export class Plots {
       this.requestNumbers(detail.surface, {
         moving: detail.name,
         draft: detail.held,
-        since: detail.since,
+        moveTime: detail.moveTime,
       });
     else if (change === "turn" || change === "selected" || change === "theme" || change === "label")
       this.draw();
@@ -80,9 +81,8 @@ export class Plots {
 
   // Return the request of a surface's numbers. It lacks the options that only the page reads.
   makeRequest(surface, draft) {
-    const local = new Set(["scale", "angles", "channels", "exposure", "chroma"]);
     const options = Object.fromEntries(
-      Object.entries(changedOptions()).filter(([name]) => !local.has(name)),
+      Object.entries(changedOptions()).filter(([name]) => !PAGE_OPTIONS.has(name)),
     );
     return {
       do: "values",
@@ -98,7 +98,7 @@ export class Plots {
     for (const surface of this.plottedSurfaces())
       this.requestNumbers(surface, {
         draft: detail.held ?? false,
-        since: detail.since,
+        moveTime: detail.moveTime,
         moving: surface.movedParameter,
       });
     this.draw();
@@ -109,11 +109,11 @@ export class Plots {
     return visibleSurfaces().slice(0, most);
   }
 
-  async requestNumbers(surface, { moving = "", draft = false, since = 0 }) {
+  async requestNumbers(surface, { moving = "", draft = false, moveTime = 0 }) {
     surface.movedParameter = moving || surface.movedParameter || "";
     surface.problem = "";
     if (GPU_KINDS.has(state.kind)) {
-      this.draw(since);
+      this.draw(moveTime);
       return;
     }
     if (!this.plottedSurfaces().includes(surface)) {
@@ -123,7 +123,7 @@ export class Plots {
     const request = this.makeRequest(surface, draft),
       key = JSON.stringify(request);
     if (this.requests.get(surface.id) === key) {
-      if (this.cache.get(surface.id)?.key === key) this.draw(since);
+      if (this.cache.get(surface.id)?.key === key) this.draw(moveTime);
       return;
     }
     this.requests.set(surface.id, key);
@@ -141,9 +141,9 @@ export class Plots {
         // While the pointer moves on, the plot shows older answers, too: those of a slot come in
         // order.
         this.cache.set(surface.id, { key, kind: request.kind, data });
-        this.draw(since);
+        this.draw(moveTime);
         if (this.requests.get(surface.id) !== key) return;
-        since = 0;
+        moveTime = 0;
       }
     } catch (error) {
       if (this.requests.get(surface.id) !== key) return;
@@ -154,23 +154,23 @@ export class Plots {
     }
   }
 
-  // Draw in the next frame. The plot of a move of the pointer, at the time `since`, is drawn at
+  // Draw in the next frame. The plot of a move of the pointer, at the time `moveTime`, is drawn at
   // once, so that the frame about to begin has it. Answers that arrive faster than they are drawn
   // share a frame.
-  draw(since = 0) {
-    if (since) this.moveTimes.push(since);
+  draw(moveTime = 0) {
+    if (moveTime) this.moveTimes.push(moveTime);
     const paint = () => {
-      cancelAnimationFrame(this.frame);
-      this.frame = 0;
+      cancelAnimationFrame(this.frameRequest);
+      this.frameRequest = 0;
       this.paint().catch((error) => this.showNotice(error.message));
     };
     if (
-      since &&
+      moveTime &&
       !GPU_KINDS.has(state.kind) &&
       performance.now() - this.paintEnd > this.paintDuration
     )
       paint();
-    else this.frame ||= requestAnimationFrame(paint);
+    else this.frameRequest ||= requestAnimationFrame(paint);
   }
 
   async paint() {
@@ -192,7 +192,7 @@ export class Plots {
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
       context.clearRect(0, 0, width, height);
     };
-    canvas.classList.toggle("turns", state.kind === "lobe3d" || state.kind === "sphere");
+    canvas.classList.toggle("rotatable", GPU_KINDS.has(state.kind));
     if (GPU_KINDS.has(state.kind)) {
       if (this.isPainting) {
         this.mustRepaint = true;
@@ -216,10 +216,10 @@ export class Plots {
     }
     const now = performance.now();
     [this.paintEnd, this.paintDuration] = [now, now - began];
-    for (const since of moveTimes) drawLatencies.push(now - since);
+    for (const moveTime of moveTimes) drawLatencies.push(now - moveTime);
     if (moveTimes.length)
       requestAnimationFrame((frame) => {
-        for (const since of moveTimes) frameLatencies.push(Math.max(frame, now) - since);
+        for (const moveTime of moveTimes) frameLatencies.push(Math.max(frame, now) - moveTime);
       });
     for (const times of [drawLatencies, frameLatencies])
       if (times.length > 20000) times.splice(0, 10000);
@@ -256,8 +256,8 @@ export class Plots {
   showProblems(surfaces) {
     const problems = surfaces.map(({ problem }) => problem).filter(Boolean);
     const { most } = state.catalogue.kinds[state.kind],
-      left = visibleSurfaces().length - most;
-    if (left > 0) problems.push(`This plot shows ${most} surfaces; ${left} more are left out.`);
+      rest = visibleSurfaces().length - most;
+    if (rest > 0) problems.push(`This plot shows ${most} surfaces; ${rest} more are left out.`);
     if (!state.surfaces.length)
       problems.push("Add a surface from the list of models, presets and files.");
     else if (!visibleSurfaces().length) problems.push("All surfaces are hidden.");
@@ -279,7 +279,7 @@ export class Plots {
     legend.replaceChildren(
       ...surfaces.map((surface) => {
         const item = document.createElement("li");
-        item.style.setProperty("--own", colorOf(surface));
+        item.style.setProperty("--surface-color", colorOf(surface));
         item.textContent = nameOf(surface);
         return item;
       }),
@@ -317,8 +317,8 @@ export class Plots {
             pixels,
             pixels,
             option("exposure"),
-            (from, x, y) =>
-              copy.getContext("2d").drawImage(from, x, y, pixels, pixels, 0, 0, pixels, pixels),
+            (source, x, y) =>
+              copy.getContext("2d").drawImage(source, x, y, pixels, pixels, 0, 0, pixels, pixels),
           );
           lacksPasses ||= isUnfinished;
           pictures.push({ copy, square, surface, light });

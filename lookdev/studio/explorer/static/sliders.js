@@ -3,7 +3,7 @@
 // sentence about each.
 import { fromHex, toHex } from "./color.js";
 import { makeElement, setLabel } from "./elements.js";
-import { parameterGroup } from "./gl.js";
+import { parameterGroup, parameterLookup } from "./gl.js";
 import { notify, nameOf, selectedSurface, state } from "./state.js";
 
 /** Return a name as a title: "clearcoatGloss" is "Clearcoat gloss". */
@@ -27,7 +27,7 @@ const fromSlider = (t, range) => {
 
 /** Set a slider to a share of its range, which its style shows. */
 const setShare = (slider, share) =>
-  slider.style.setProperty("--at", `${100 * clamp(share, [0, 1])}%`);
+  slider.style.setProperty("--share", `${100 * clamp(share, [0, 1])}%`);
 
 const makeSlider = (properties) =>
   makeElement("input", { type: "range", min: 0, max: 1, ...properties });
@@ -75,6 +75,9 @@ function componentInputs(label, soft, hard, set) {
   };
   return { slider, field, showNumber };
 }
+
+const parameterValue = (surface, parameter) =>
+  parameterLookup(surface, state.catalogue.models)(parameter.name) ?? parameter.default;
 
 export class Sliders {
   constructor() {
@@ -148,19 +151,12 @@ export class Sliders {
         output.textContent = formatNumber(st[k]);
         setShare(slider, st[k]);
         surface.base = `${stem}@${st.map(formatNumber).join(",")}`;
-        notify("parameter", { surface, name: "", since: event.timeStamp, held });
+        notify("parameter", { surface, name: "", moveTime: event.timeStamp, held });
       });
       setShare(slider, st[k]);
       const row = makeElement("div", { className: "row" }, label, output);
       this.panel.append(makeElement("div", { className: "parameter" }, row, slider));
     });
-  }
-
-  value(surface, parameter) {
-    if (parameter.name in surface.given) return surface.given[parameter.name];
-    if (parameter.follows && parameter.follows in surface.given)
-      return surface.given[parameter.follows];
-    return surface.values[parameter.name] ?? parameter.default;
   }
 
   /** Return the row of a parameter: its name, its inputs, and its sentence. */
@@ -180,7 +176,7 @@ export class Sliders {
         this.replacePresets(surface, parameter);
         surface.given[name] = value;
         markChanged();
-        notify("parameter", { surface, name, since: event.timeStamp, held });
+        notify("parameter", { surface, name, moveTime: event.timeStamp, held });
       },
     };
     if (kind === "token") this.addChoice(row);
@@ -209,7 +205,7 @@ export class Sliders {
       makeElement("option", { value: choice, textContent: choice }),
     );
     const select = makeElement("select", { id }, ...options);
-    select.value = this.value(surface, parameter);
+    select.value = parameterValue(surface, parameter);
     select.setAttribute("aria-describedby", sentence.id);
     select.addEventListener("change", () => {
       if (select.value === parameter.default) delete surface.given[parameter.name];
@@ -239,13 +235,13 @@ export class Sliders {
     field.addEventListener("change", (event) => {
       const value = clamp(Number(field.value), hard);
       if (field.value === "" || !Number.isFinite(value)) {
-        showNumber(this.value(surface, parameter));
+        showNumber(parameterValue(surface, parameter));
         return;
       }
       showNumber(value);
       set(value, event, false);
     });
-    showNumber(this.value(surface, parameter));
+    showNumber(parameterValue(surface, parameter));
     const [low, high] = soft,
       isWider = hard[0] !== low || hard[1] !== high;
     const beyond = isWider ? ` (up to ${formatNumber(hard[1])})` : "";
@@ -267,7 +263,7 @@ export class Sliders {
   /** Add a colour, a vector or a normal: a slider and a field for each component. */
   addVector({ element, surface, parameter, id, title, reset, sentence, set }) {
     const { kind, name, soft, hard, help } = parameter,
-      value = [...this.value(surface, parameter)],
+      value = [...parameterValue(surface, parameter)],
       isDisplayable = kind === "color" && soft[0] === 0 && soft[1] === 1,
       isColor = isDisplayable || (kind === "color" && !/coefficients/.test(name));
     const swatch = isDisplayable
@@ -301,7 +297,7 @@ export class Sliders {
         send(event, held);
       });
     }
-    const properties = { className: "like", textContent: title, title: help, id: `${id}-l` };
+    const properties = { className: "label-text", textContent: title, title: help, id: `${id}-l` };
     const label = makeElement("span", properties),
       swatches = swatch ? [swatch] : [];
     const row = makeElement("div", { className: "row" }, label, reset, ...swatches);

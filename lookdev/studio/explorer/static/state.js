@@ -29,7 +29,8 @@ export const state = {
   selected: 0,
   kind: "cartesian",
   options: {},
-  light: "dome",
+  light: "dome", // or "point"
+  exact: false, // the exact frame replaces the sphere
   lightAngles: [35, 40], // degrees from the view, and of azimuth
   lobeAngles: [-0.6, 0.42], // azimuth and elevation of the lobe, radians
 };

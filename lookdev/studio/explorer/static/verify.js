@@ -1,5 +1,6 @@
 // @ts-check
 // Compares the browser's values at random pairs of directions with those of the models in float64.
+import { makeElement } from "./elements.js";
 import { parameterLookup } from "./gl.js";
 import { nameOf, visibleSurfaces, wordsOf } from "./state.js";
 
@@ -70,30 +71,24 @@ export const makeReport = (rows) => {
     "<thead><tr><th>Surface</th><th>Channels</th><th>99 % within</th>" +
     "<th>Largest</th><th></th></tr></thead>";
   const body = table.createTBody();
-  for (const result of rows) {
-    const row = body.insertRow(),
-      cells = result.problem
-        ? [result.name, result.problem, "", "", ""]
-        : [
-            result.name,
-            result.count,
-            result.quantile.toExponential(1),
-            result.largest.toExponential(1),
-            result.agrees ? "agrees" : "differs",
-          ];
-    cells.forEach((text, i) => {
-      const cell = row.insertCell();
-      cell.textContent = text;
-      if (i === 4) cell.className = result.agrees ? "good" : "bad";
-      else if (i && !result.problem) cell.className = "number";
-    });
-    if (result.problem)
-      ((row.cells[1].colSpan = 4), row.deleteCell(4), row.deleteCell(3), row.deleteCell(2));
+  const makeCell = (textContent, properties = {}) =>
+    makeElement("td", { textContent, ...properties });
+  for (const { name, problem, count, quantile, largest, agrees } of rows) {
+    const row = body.insertRow();
+    row.append(makeCell(name));
+    if (problem) {
+      row.append(makeCell(problem, { colSpan: 4 }));
+      continue;
+    }
+    const numbers = [count, quantile.toExponential(1), largest.toExponential(1)];
+    row.append(
+      ...numbers.map((number) => makeCell(number, { className: "number" })),
+      makeCell(agrees ? "agrees" : "differs", { className: agrees ? "good" : "bad" }),
+    );
   }
-  const text = document.createElement("p");
-  text.textContent =
+  const textContent =
     "f times the cosine, and the pdf, at 2048 random pairs of directions, in the browser's " +
     "float32 and in Python's float64. They agree if the relative difference is below " +
     `${TOLERANCE} in 99 % of the channels.`;
-  return [text, table];
+  return [makeElement("p", { textContent }), table];
 };

@@ -244,10 +244,10 @@ export const drawColors = (array, width, height, exposure, chroma) => {
     for (let x = 0; x < width; x++, from += 3, to += 4) {
       let [r, g, b] = [array[from], array[from + 1], array[from + 2]];
       if (chroma) {
-        const most = Math.max(r, g, b, 1e-30);
-        r /= most;
-        g /= most;
-        b /= most;
+        const largest = Math.max(r, g, b, 1e-30);
+        r /= largest;
+        g /= largest;
+        b /= largest;
       }
       r *= gain;
       g *= gain;
@@ -437,13 +437,13 @@ const drawDifference = (c, items, width, height, theme) => {
   c.imageSmoothingEnabled = false;
   c.drawImage(picture, squares[2].x, squares[2].y, squares[2].size, squares[2].size);
   const rms = formatShort(Number(Math.sqrt(sum / root.length).toPrecision(3))),
-    most = formatShort(Number(limit.toPrecision(2)));
+    limitText = formatShort(Number(limit.toPrecision(2)));
   frameSlice(c, squares[2], theme, `∛f: second less first, rms ${rms}`, theme.ink);
   c.font = `11px ${theme.font}`;
   c.textAlign = "right";
   c.fillStyle = theme.quiet;
   c.fillText(
-    `blue −${most}, red +${most}`,
+    `blue −${limitText}, red +${limitText}`,
     squares[2].x + squares[2].size,
     squares[2].y + squares[2].size + 34,
   );
@@ -511,12 +511,12 @@ const drawDirections = (c, { left, top, width, height }, numbers, peak, theme) =
 
 /** Draw the histogram of the samples' weights, f cos / pdf. */
 const drawWeights = (c, box, { counts, edges }, color, theme) => {
-  const most = counts.reduce((a, b) => Math.max(a, b), 1);
+  const largestCount = counts.reduce((a, b) => Math.max(a, b), 1);
   const axes = new Axes(
     c,
     box,
     makeScale("log", edges[0], edges[edges.length - 1], 3),
-    makeScale("log", 0.7, most * 1.5, 5),
+    makeScale("log", 0.7, largestCount * 1.5, 5),
     theme,
   );
   axes.drawGrid("", "samples, by f cos / pdf");
@@ -584,9 +584,9 @@ const fixedAngles = () => {
 };
 const hasSchlick = (items) => items.some(({ data }) => data.arrays.schlick);
 const largestError = (items) => {
-  const most = items.map(({ data }) => data.arrays.error.reduce((a, b) => Math.max(a, b), 0));
-  return most.length
-    ? `integration error at most ${formatShort(Number(Math.max(...most).toPrecision(1)))}`
+  const errors = items.map(({ data }) => data.arrays.error.reduce((a, b) => Math.max(a, b), 0));
+  return errors.length
+    ? `integration error at most ${formatShort(Number(Math.max(...errors).toPrecision(1)))}`
     : "";
 };
 

@@ -4,24 +4,24 @@
 
 import { createTexture } from "./gl.js";
 
-const MOST_PLACES = 8; // of a pixel along each axis
-const FINEST = 1024; // places along the longer side, if that is more than pixels
+const MAX_SUBPIXELS = 8; // along each axis of a pixel
+const MAX_POINTS = 1024; // along the longer side of a film with fewer pixels
 
 export class Film {
-  constructor(gl, width, height, places = null) {
+  constructor(gl, width, height, subpixels = null) {
     // Finding triangles takes as long for few pixels as for many: small films find them at several
-    // places of a pixel.
-    const fit = Math.floor(Math.log2(Math.max(1, FINEST / Math.max(width, height))));
+    // points of a pixel.
+    const fit = Math.floor(Math.log2(Math.max(1, MAX_POINTS / Math.max(width, height))));
     this.gl = gl;
     this.width = width;
     this.height = height;
-    this.places = places ?? Math.min(MOST_PLACES, 2 ** fit);
+    this.subpixels = subpixels ?? Math.min(MAX_SUBPIXELS, 2 ** fit);
     this.count = 0;
-    /** The uniforms of the view whose triangles `visible` has; null for none. */
+    /** The uniforms of the view of the triangles in `visible`; null before there are any. */
     this.view = null;
     this.visible = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.visible);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32UI, this.places * width, this.places * height);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32UI, this.subpixels * width, this.subpixels * height);
     for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
       gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
     this.depth = gl.createRenderbuffer();
@@ -29,8 +29,8 @@ export class Film {
     gl.renderbufferStorage(
       gl.RENDERBUFFER,
       gl.DEPTH_COMPONENT32F,
-      this.places * width,
-      this.places * height,
+      this.subpixels * width,
+      this.subpixels * height,
     );
     this.visibleTarget = this.createTarget(this.visible);
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.depth);
@@ -67,33 +67,34 @@ export class Film {
     return this.floats[3];
   }
 
-  /** The sum of all samples: radiance that coverage multiplies, and coverage. */
+  /** The sum of all samples: premultiplied radiance, and coverage. */
   get sums() {
     return this.floats[this.count % 2];
   }
 
-  /** Begin to find the visible triangles: none. */
+  /** Clear the visible triangles and their depths. */
   clearVisible() {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.visibleTarget);
-    gl.viewport(0, 0, this.places * this.width, this.places * this.height);
+    gl.viewport(0, 0, this.subpixels * this.width, this.subpixels * this.height);
     gl.clearBufferuiv(gl.COLOR, 0, new Uint32Array(4));
     gl.clearBufferfv(gl.DEPTH, 0, new Float32Array([1]));
   }
 
-  /** Begin a new sample: no pixel has light. */
+  /** Clear the sample. */
   clear() {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets[2]);
     gl.clearBufferfv(gl.COLOR, 0, new Float32Array(4));
   }
 
-  /** Add the sample to the sums, by a program that draws a triangle over all. */
+  /** Add the sample to the sums, by a program that draws one triangle over all pixels. */
   add(program) {
     const { gl } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets[(this.count + 1) % 2]);
     gl.viewport(0, 0, this.width, this.height);
-    program.use({ before: this.count > 0 ? 1 : 0 }, { sums: this.sums, sampled: this.sample });
+    const hasSums = this.count > 0 ? 1 : 0;
+    program.use({ hasSums }, { sums: this.sums, newSample: this.sample });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.count += 1;
   }
@@ -132,13 +133,13 @@ export class Film {
 
   /** Return the number of the triangle that is visible at a pixel, -1 for none; y from the top. */
   triangle(x, y) {
-    const { gl, places } = this,
+    const { gl, subpixels } = this,
       texel = new Uint32Array(4),
-      middle = Math.floor(places / 2);
+      middle = Math.floor(subpixels / 2);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.visibleTarget);
     gl.readPixels(
-      places * x + middle,
-      places * (this.height - 1 - y) + middle,
+      subpixels * x + middle,
+      subpixels * (this.height - 1 - y) + middle,
       1,
       1,
       gl.RGBA_INTEGER,

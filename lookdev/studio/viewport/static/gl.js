@@ -11,7 +11,7 @@ const FORMATS = {
   R32I: ["RED_INTEGER", "INT", Int32Array],
 };
 
-/** Return WebGL 2 of a canvas; throws an Error that says what the browser lacks. */
+/** Return the WebGL 2 context of a canvas; throws an Error if the browser lacks a feature. */
 export function createContext(canvas) {
   const gl = canvas.getContext("webgl2", {
     alpha: false,
@@ -33,7 +33,7 @@ export function createContext(canvas) {
 
 const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
-/** Wait until the GPU has executed all calls; return the milliseconds that it took. */
+/** Wait until the GPU has executed all calls; return the milliseconds of the wait. */
 export async function waitForGpu(gl) {
   const started = performance.now();
   const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
@@ -44,7 +44,7 @@ export async function waitForGpu(gl) {
   return performance.now() - started;
 }
 
-/** Programs by their texts: equal texts share one. */
+/** Programs by their texts; equal texts share a program. */
 export class Programs {
   constructor(gl) {
     this.gl = gl;
@@ -54,8 +54,8 @@ export class Programs {
   }
 
   /**
-   * Return a program once it is linked; the page goes on meanwhile where the browser compiles in
-   * the background.
+   * Return a program once it is linked. Where the browser compiles in the background, the page does
+   * not wait.
    */
   get(vertex, fragment) {
     const key = `${vertex}\n//\n${fragment}`;
@@ -121,18 +121,18 @@ export class Program {
         this.units.set(name, this.units.size);
       }
     }
-    const room = gl.getParameter(gl.MAX_TEXTURE_IMAGE_UNITS);
-    if (this.units.size > room) {
+    const limit = gl.getParameter(gl.MAX_TEXTURE_IMAGE_UNITS);
+    if (this.units.size > limit) {
       throw new Error(
         `a look reads ${this.units.size} textures with its lights; ` +
-          `this browser has room for ${room}`,
+          `this browser has room for ${limit}`,
       );
     }
   }
 
   /**
-   * Use the program with numbers, vectors, matrices and textures by their names; those that it does
-   * not read are passed over.
+   * Use the program with numbers, vectors, matrices and textures by their names; skip those that it
+   * does not read.
    */
   use(numbers, textures = {}) {
     const { gl } = this;
@@ -188,8 +188,8 @@ export function writeNumbers(gl, handle, width, numbers) {
 }
 
 /**
- * Triangles by vertices of three floats and a number each, and indices, as
- * lookdev.studio.viewport.geometry has them.
+ * Triangles by vertices and indices, as in lookdev.studio.viewport.geometry. A vertex is three
+ * floats and a whole number.
  */
 export class Triangles {
   constructor(gl, vertices, indices) {
@@ -222,7 +222,7 @@ export class Triangles {
   }
 }
 
-/** Textures of buffers that are fetched by their digests, each once. */
+/** Textures of buffers; it fetches each buffer once, by its digest. */
 export class Textures {
   /** `fetchBuffer` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
   constructor(gl, fetchBuffer) {
@@ -231,7 +231,7 @@ export class Textures {
     this.textures = new Map();
   }
 
-  /** Return the textures of descriptions by name, fetched where they are new. */
+  /** Return the textures of descriptions, by name; fetch the new ones. */
   async loadAll(descriptions) {
     const entries = Object.entries(descriptions).map(async ([name, description]) => [
       name,
@@ -253,16 +253,16 @@ export class Textures {
   }
 
   upload({ format, width, height }, bytes) {
-    const most = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE);
-    if (Math.max(width, height) > most) {
+    const limit = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE);
+    if (Math.max(width, height) > limit) {
       throw new Error(
-        `an image of ${width} x ${height} texels; this browser has room for ${most} a side`,
+        `an image of ${width} x ${height} texels; this browser has room for ${limit} a side`,
       );
     }
     return createTexture(this.gl, format, width, height, new FORMATS[format][2](bytes));
   }
 
-  /** Delete the textures that have none of some descriptions. */
+  /** Delete all textures but those of some descriptions. */
   async deleteOthers(descriptions) {
     const keys = new Set(descriptions.map(textureKey));
     for (const [key, loading] of this.textures) {
@@ -275,7 +275,7 @@ export class Textures {
 
 const textureKey = ({ buffer, format, width }) => `${buffer} ${format} ${width}`;
 
-/** Return the tables of a view of OpenColorIO, as lookdev.output.review.view describes them. */
+/** Return the textures of an OpenColorIO view, which lookdev.output.review.view describes. */
 export function createViewTextures(gl, view) {
   const smooth = gl.getExtension("OES_texture_float_linear");
   return Object.fromEntries(

@@ -1,6 +1,6 @@
 // @ts-check
-// Numbers of the server, as lookdev/studio/packets.py writes them: a header, and arrays of floats
-// by their names.
+// Packets of the server, as lookdev/studio/packets.py writes them: a header, and named arrays of
+// floats.
 
 export function parsePacket(buffer) {
   const length = new DataView(buffer).getUint32(0, true);

@@ -1,6 +1,7 @@
 // @ts-check
-// The viewport: a scene of lookdev.studio.viewport under an orbiting camera. Light adds up over
-// frames; a change shows at once at a resolution that the machine draws in time, then whole.
+// The viewport: a scene of lookdev.studio.viewport under an orbiting camera. Samples add up over
+// frames. A change shows at once, at a resolution that the machine draws in time, and then at the
+// full one.
 
 import * as cameras from "./camera.js";
 import { Film } from "./film.js";
@@ -15,18 +16,17 @@ import {
 } from "./gl.js";
 import { ADD, OVER_ALL, PRESENT } from "./shaders.js";
 
-const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
-const TILE = 25; // milliseconds between changes that are looked at while light adds up
-// samples of the light before the places in the pixels change: finding triangles takes longer
-const LEAST_PER_VIEW = 4;
-// milliseconds of a whole sample, beyond which pictures between the first and the whole one are
-// shown
-const LONG = 300;
-const TRIANGLES = 1 << 16; // between such looks
-const DIFFERENCE = 4; // times which a difference is shown: a quarter of white is full colour
-// of the asset's radius, above its facet, at which a ray leaves a surface: as the renderer's do
+const FIRST_PICTURE_TIME = 45; // at most, in milliseconds, after a change
+const STRIP_TIME = 25; // milliseconds of drawing between checks for a change
+// Samples of the light for each view: finding the visible triangles takes longer than the light.
+const SAMPLES_PER_VIEW = 4;
+// Milliseconds of a sample of all pixels. If it takes longer, ever finer pictures precede it.
+const LONG_SAMPLE_TIME = 300;
+const TRIANGLES_PER_DRAW = 1 << 16; // between checks for a change
+const DIFFERENCE = 4; // gain of a difference: a quarter of white has full colour
+// Height above the facet where a ray leaves a surface, in radii of the asset, as in the renderer.
 const LIFT = 1e-6;
-const SCALES = [1, 2, 4, 8, 16];
+const SCALES = [1, 2, 4, 8, 16]; // by which films are smaller than the canvas
 
 export class Viewport extends EventTarget {
   /** `fetchBuffer` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
@@ -44,11 +44,11 @@ export class Viewport extends EventTarget {
       shadows: true,
       behind: 0,
       seed: 0,
-      most: 4096,
+      maxSamples: 4096,
       wipe: 1,
       differs: false,
     };
-    /** @type {[number, number] | null} The size in pixels; null: that of the scene. */
+    /** @type {[number, number] | null} The size in pixels; null for the scene's resolution. */
     this.size = null;
     this.scale = 3; // of SCALES
     this.rate = null; // pixels a millisecond
@@ -56,19 +56,18 @@ export class Viewport extends EventTarget {
     this.viewVersion = 0; // of the visible triangles
     this.lightVersion = 0; // of the lights' numbers
     this.shownVersion = -1; // version of the last picture
-    this.awaitedSamples = 0; // samples
+    this.awaitedSamples = 0; // by `accumulate`
     this.frames = 0;
     /** @type {(() => void) | null} */
-    this.wake = null;
+    this.resume = null;
     this.stopped = false;
     this.running = this.run();
   }
 
   /**
-   * Show a scene once all of it is compiled and fetched; until then what was shown stays, and can
-   * be changed.
-   *
-   * The user's camera stays while that of the scene is the same. */
+   * Show a scene once all of it is compiled and fetched; until then, the viewport shows the
+   * previous scene. The user's camera stays if the scene's camera is the same.
+   */
   async show(data) {
     const { gl } = this;
     const looks = await Promise.all(
@@ -90,10 +89,12 @@ export class Viewport extends EventTarget {
       this.textures.fetchBuffer(data.vertices),
       this.textures.fetchBuffer(data.indices),
     ]);
-    const before = this.scene;
+    const previous = this.scene;
     const triangles = new Triangles(gl, vertices, indices);
     const view =
-      before?.data.view.name === data.view.name ? before.view : createViewTextures(gl, data.view);
+      previous?.data.view.name === data.view.name
+        ? previous.view
+        : createViewTextures(gl, data.view);
     this.scene = {
       ...data,
       data,
@@ -107,8 +108,8 @@ export class Viewport extends EventTarget {
       corners,
       triangles,
     };
-    before?.triangles.delete();
-    if (JSON.stringify(before?.data.camera) !== JSON.stringify(data.camera))
+    previous?.triangles.delete();
+    if (JSON.stringify(previous?.data.camera) !== JSON.stringify(data.camera))
       this.camera = data.camera;
     const descriptions = data.looks.flatMap((look) => Object.values(look.textures));
     this.textures.deleteOthers([
@@ -148,9 +149,7 @@ export class Viewport extends EventTarget {
     else this.redraw();
   }
 
-  /**
-   * Change the numbers of lights, with which those of the rig begin: their radiance, for instance.
-   */
+  /** Change the rig's first numbers, those of its lights: their radiance, for instance. */
   setLights(numbers) {
     writeNumbers(
       this.gl,
@@ -167,61 +166,59 @@ export class Viewport extends EventTarget {
     this.change(true);
   }
 
-  /** Begin the picture anew; `viewChanges`: triangles are found anew, too, not only the light. */
+  /** Begin the picture anew; with `viewChanges`, find the visible triangles anew, too. */
   change(viewChanges = false) {
     this.version += 1;
     this.dispatchEvent(new Event("change"));
     if (viewChanges || this.scene?.looks.some((look) => look.see_through))
       this.viewVersion = this.version;
-    this.wake?.();
+    this.resume?.();
   }
 
   redraw() {
-    this.dirty = true;
-    this.wake?.();
+    this.needsRedraw = true;
+    this.resume?.();
   }
 
-  /** Return the part seen at a pixel of the canvas, y from the top, or null. */
+  /** Return the visible part at a pixel of the canvas, y from the top, or null. */
   pick(x, y) {
-    if (!this.last) return null;
+    if (!this.shownFilm) return null;
     const scale = (value, size, whole) => Math.min(size - 1, Math.floor((value * size) / whole));
-    const { width, height } = this.last;
-    const triangle = this.last.triangle(
+    const { width, height } = this.shownFilm;
+    const triangle = this.shownFilm.triangle(
       scale(x, width, this.canvas.width),
       scale(y, height, this.canvas.height),
     );
     return this.scene.parts.find((part) => part.first <= triangle && triangle < part.last) ?? null;
   }
 
-  /** Wait until a picture of the last change is shown. */
+  /** Wait until the canvas shows the last change. */
   async waitForPicture() {
     const version = this.version;
     while (this.shownVersion < version) await this.waitForEvent("picture");
   }
 
-  /**
-   * Wait until `count` samples have been added up; returns the means of them, or of more if there
-   * were, row 0 at the top.
-   */
+  /** Wait until the film has `count` samples or more; return their means, row 0 at the top. */
   async accumulate(count) {
     this.awaitedSamples = count;
-    this.wake?.();
+    this.resume?.();
     const complete = () =>
-      this.shownVersion === this.version && this.last === this.film(0) && this.last.count >= count;
+      this.shownVersion === this.version &&
+      this.shownFilm === this.film(0) &&
+      this.shownFilm.count >= count;
     while (!complete()) await this.waitForEvent("picture");
     this.awaitedSamples = 0;
-    return this.last.read();
+    return this.shownFilm.read();
   }
 
-  /**
-   * The samples that the film is to have: those awaited are a picture of their own, however fast
-   * they are made.
-   */
-  goal() {
-    return this.film(0).count < this.awaitedSamples ? this.awaitedSamples : this.settings.most;
+  /** Return how many samples the film shall have: first those that `accumulate` waits for. */
+  sampleGoal() {
+    return this.film(0).count < this.awaitedSamples
+      ? this.awaitedSamples
+      : this.settings.maxSamples;
   }
 
-  /** Wait for the next event of a name; throws what has ended the drawing. */
+  /** Wait for the next event of a name; throws the error that has ended the drawing. */
   async waitForEvent(name) {
     if (!this.failed)
       await new Promise((resolve) => this.addEventListener(name, resolve, { once: true }));
@@ -230,7 +227,7 @@ export class Viewport extends EventTarget {
 
   stop() {
     this.stopped = true;
-    this.wake?.();
+    this.resume?.();
     return this.running;
   }
 
@@ -238,11 +235,11 @@ export class Viewport extends EventTarget {
     try {
       while (!this.stopped) {
         if (this.scene && this.shownVersion < this.version) await this.drawFirst();
-        else if (this.scene && this.film(0).count < this.goal()) await this.drawMore();
-        else if (this.dirty && this.last) this.showFilm(this.last);
+        else if (this.scene && this.film(0).count < this.sampleGoal()) await this.drawMore();
+        else if (this.needsRedraw && this.shownFilm) this.showFilm(this.shownFilm);
         else
           await new Promise((resolve) => {
-            this.wake = () => resolve(undefined);
+            this.resume = () => resolve(undefined);
           });
       }
     } catch (error) {
@@ -252,7 +249,7 @@ export class Viewport extends EventTarget {
     }
   }
 
-  /** Draw one sample of all pixels after a change, at the finest scale that has been in time. */
+  /** Draw one sample of all pixels after a change, at the finest scale that was in time. */
   async drawFirst() {
     const { version } = this,
       film = this.film(this.scale),
@@ -264,22 +261,19 @@ export class Viewport extends EventTarget {
     this.relight(film, 0, film.height);
     film.add(this.scene.add);
     this.shownVersion = version;
-    this.last = film;
+    this.shownFilm = film;
     this.draw(film);
     await waitForGpu(this.gl);
-    const took = performance.now() - started;
+    const duration = performance.now() - started;
     this.frames += 1;
     this.dispatchEvent(
-      new CustomEvent("picture", { detail: { count: 1, took, scale: SCALES[this.scale] } }),
+      new CustomEvent("picture", { detail: { count: 1, duration, scale: SCALES[this.scale] } }),
     );
-    if (took > AT_ONCE && this.scale + 1 < SCALES.length) this.scale += 1;
-    else if (took < AT_ONCE / 5 && this.scale > 0) this.scale -= 1;
+    if (duration > FIRST_PICTURE_TIME && this.scale + 1 < SCALES.length) this.scale += 1;
+    else if (duration < FIRST_PICTURE_TIME / 5 && this.scale > 0) this.scale -= 1;
   }
 
-  /**
-   * Add samples to the whole film: strips of one, or as many as fit in the time between looks for a
-   * change.
-   */
+  /** Add a sample to the whole film in strips, or as many samples as fit in a strip's time. */
   async drawMore() {
     const finer = this.finerFilm();
     if (finer) {
@@ -288,12 +282,12 @@ export class Viewport extends EventTarget {
     }
     const { gl, version } = this,
       film = this.film(0),
-      fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
+      fit = this.rate ? (this.rate * STRIP_TIME) / (film.width * film.height) : 0;
     const started = performance.now();
     if (fit < 2) {
       if (!(await this.drawStrips(film))) return;
     } else {
-      const count = Math.min(Math.floor(fit), this.goal() - film.count);
+      const count = Math.min(Math.floor(fit), this.sampleGoal() - film.count);
       for (let k = 0; k < count; k += 1) {
         if (!(await this.findVisible(film, true)) || this.version !== version) return;
         film.clear();
@@ -306,25 +300,24 @@ export class Viewport extends EventTarget {
     if (fit >= 2) this.measureRate(Math.floor(fit) * film.width * film.height, started);
   }
 
-  /**
-   * The film that is twice as fine as the one shown, where the whole one takes long: the picture
-   * always gets finer.
-   */
+  /** Return the film twice as fine as the one shown if the whole film takes long, or null. */
   finerFilm() {
     const whole = this.film(0),
-      scale = this.films.indexOf(this.last);
-    const takes = this.rate ? (whole.width * whole.height) / this.rate : Infinity;
-    return whole.count === 0 && scale > 1 && takes > LONG ? this.film(scale - 1) : null;
+      scale = this.films.indexOf(this.shownFilm);
+    const sampleTime = this.rate ? (whole.width * whole.height) / this.rate : Infinity;
+    return whole.count === 0 && scale > 1 && sampleTime > LONG_SAMPLE_TIME
+      ? this.film(scale - 1)
+      : null;
   }
 
-  /** Add one sample to a film; returns whether no change has ended it. */
+  /** Add one sample to a film in strips; return false if a change ends it. */
   async drawStrips(film) {
     const { version } = this;
     if (!(await this.findVisible(film, true)) || this.version !== version) return false;
     film.clear();
     let top = 0;
     while (top < film.height) {
-      const rows = this.rate ? Math.max(4, Math.floor((this.rate * TILE) / film.width)) : 16;
+      const rows = this.rate ? Math.max(4, Math.floor((this.rate * STRIP_TIME) / film.width)) : 16;
       const bottom = Math.min(film.height, top + rows),
         started = performance.now();
       this.relight(film, top, bottom);
@@ -337,16 +330,14 @@ export class Viewport extends EventTarget {
     return true;
   }
 
-  /**
-   * Note how many pixels took the time since; a single quick strip does not make the next one long.
-   */
+  /** Measure the pixels a millisecond; the rate at most doubles: one quick strip proves little. */
   measureRate(pixels, started) {
     const now = pixels / Math.max(performance.now() - started, 0.1);
     this.rate = this.rate ? Math.min(now, 2 * this.rate) : now;
   }
 
   showFilm(film) {
-    this.last = film;
+    this.shownFilm = film;
     this.draw(film);
     this.dispatchEvent(
       new CustomEvent("picture", {
@@ -356,18 +347,17 @@ export class Viewport extends EventTarget {
   }
 
   /**
-   * Find the triangle that each pixel of a film sees in its next sample, unless the film has it;
-   * return whether it has.
-   *
-   * With `patient`, triangles are drawn some at a time, and a change ends it. */
-  async findVisible(film, patient = false) {
+   * Find the visible triangle of each pixel of a film for its next sample, unless the film has it;
+   * return whether the film has it. With `interruptible`, a change ends the search.
+   */
+  async findVisible(film, interruptible = false) {
     const { gl, scene, version } = this,
       { element, seed } = this.settings;
-    const number = Math.floor(film.count / Math.max(LEAST_PER_VIEW, film.places ** 2));
+    const number = Math.floor(film.count / Math.max(SAMPLES_PER_VIEW, film.subpixels ** 2));
     if (film.view?.version === this.viewVersion && film.view.number === number) return true;
     const subject = { element, center: scene.center, radius: scene.radius, number, seed };
-    const [width, height] = [film.places * film.width, film.places * film.height];
-    const view = cameras.view(this.camera, { ...subject, width, height });
+    const [width, height] = [film.subpixels * film.width, film.subpixels * film.height];
+    const view = cameras.viewUniforms(this.camera, { ...subject, width, height });
     Object.assign(view, { version: this.viewVersion, number });
     film.view = null;
     film.clearVisible();
@@ -379,7 +369,7 @@ export class Viewport extends EventTarget {
         .map((look) => ({ first: look.first, last: look.last, look })),
     ];
     for (const { first, last, look } of ranges) {
-      for (let from = first; from < last; from += TRIANGLES) {
+      for (let from = first; from < last; from += TRIANGLES_PER_DRAW) {
         gl.bindFramebuffer(gl.FRAMEBUFFER, film.visibleTarget);
         gl.viewport(0, 0, width, height);
         gl.enable(gl.DEPTH_TEST);
@@ -389,10 +379,10 @@ export class Viewport extends EventTarget {
           { ...look.textures, corners: scene.corners },
         );
         scene.triangles.bind();
-        scene.triangles.draw(from, Math.min(from + TRIANGLES, last));
+        scene.triangles.draw(from, Math.min(from + TRIANGLES_PER_DRAW, last));
         gl.bindVertexArray(null);
         gl.disable(gl.DEPTH_TEST);
-        if (patient && last - from > TRIANGLES) {
+        if (interruptible && last - from > TRIANGLES_PER_DRAW) {
           await waitForGpu(gl);
           if (this.version !== version || this.stopped) return false;
         }
@@ -402,21 +392,21 @@ export class Viewport extends EventTarget {
     return true;
   }
 
-  /** Find the light of rows of a film, from the top one to before the bottom one. */
+  /** Compute the light of the rows of a film from `top` to before `bottom`. */
   relight(film, top, bottom) {
     const { gl, scene, settings } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, film.targets[2]);
     gl.viewport(0, 0, film.width, film.height);
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(0, film.height - bottom, film.width, bottom - top);
-    const turns = cameras.turns(settings.element, settings.lighting);
+    const turns = cameras.lightRotations(settings.element, settings.lighting);
     const shadow = { shadowed: settings.shadows ? 1 : 0, lift: LIFT * scene.radius };
     for (const look of scene.looks) {
       const numbers = {
         ...film.view,
         ...shadow,
         size: [film.width, film.height],
-        places: film.places,
+        places: film.subpixels,
         turns,
       };
       Object.assign(numbers, {
@@ -455,9 +445,9 @@ export class Viewport extends EventTarget {
   }
 
   /**
-   * Show an exact picture of what was shown at a version: `mean` has width * height * 4 numbers,
-   * row 0 at the top. A
-   * change of anything but the exposure and the background ends it. */
+   * Show the exact picture of a version; `mean` has width * height * 4 numbers, row 0 at the top.
+   * All changes end it, except those of the exposure and the background.
+   */
   setExact(mean, width, height, version) {
     const { gl } = this;
     if (this.exact?.width !== width || this.exact?.height !== height) {
@@ -498,7 +488,7 @@ export class Viewport extends EventTarget {
     const { gl, scene } = this,
       { width, height } = this.canvas,
       whole = this.films[0];
-    this.dirty = false;
+    this.needsRedraw = false;
     this.develop(film);
     const keep = film !== whole && whole?.developedKey === film.developedKey ? 1 : 0;
     const inputs = this.exactInputs(film);
@@ -512,7 +502,7 @@ export class Viewport extends EventTarget {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** All on which the light behind the asset depends. */
+  /** The values on which the light behind the asset depends. */
   get backgroundKey() {
     const { element, lighting } = this.settings;
     return JSON.stringify([
@@ -539,22 +529,22 @@ export class Viewport extends EventTarget {
       seed: 0,
     };
     const size = { width: film.width, height: film.height, centred: true };
-    const view = cameras.view({ ...this.camera, lens: null }, { ...subject, ...size });
+    const view = cameras.viewUniforms({ ...this.camera, lens: null }, { ...subject, ...size });
     scene.behind.use(
-      { ...view, turns: cameras.turns(settings.element, settings.lighting) },
+      { ...view, turns: cameras.lightRotations(settings.element, settings.lighting) },
       scene.rig,
     );
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 }
 
-/** Ranges of triangles, those that follow each other as one. */
+/** Return ranges of triangles with adjacent ones merged. */
 function mergeRanges(ranges) {
-  const joined = [];
+  const mergedRanges = [];
   for (const { first, last } of ranges) {
-    if (joined.length && joined[joined.length - 1].last === first)
-      joined[joined.length - 1].last = last;
-    else joined.push({ first, last });
+    if (mergedRanges.length && mergedRanges[mergedRanges.length - 1].last === first)
+      mergedRanges[mergedRanges.length - 1].last = last;
+    else mergedRanges.push({ first, last });
   }
-  return joined;
+  return mergedRanges;
 }
