@@ -44,7 +44,10 @@ def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
 
 
 def batches(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
-    """Yield (numbers, level) of cages that share level, rules and kinds of values, in batches of `_BATCH_CORNERS`."""
+    """Yield batches of cages that share level, rules and kinds of values: their numbers in `meshes`, and the level.
+
+    A batch has about `_BATCH_CORNERS` refined corners, or is a single cage of more.
+    """
     groups: dict[tuple[int, *tuple[object, ...]], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):
         if (rules := mesh.subdivision) is not None:
@@ -92,7 +95,7 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
                 normals=refined.normals[corner_slice],
                 tangents=None,
                 uvs={name: next(arrays) for name in mesh.uvs},
-                primvars={name: next(arrays).reshape(-1, *cage.shape[1:]) for name, cage in mesh.primvars.items()},
+                primvars={name: next(arrays).reshape(-1, *old.shape[1:]) for name, old in mesh.primvars.items()},
                 subdivision=None,
             )
         )

@@ -190,8 +190,8 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
         by_arc = np.where(delay > 0.0, np.minimum(arc, 0.5 * (arc + delay)), 0.0)
         by_turn = np.minimum(np.log2(turn / MAX_TURN) + np.ceil(delay), np.log2(length / (SMALL_EDGE * size)))
         by_length = np.log2(length / (longest_edges[mesh_numbers[level.faces]] * size))
-        is_displaced = np.linalg.norm(start - control.points[level.points], axis=1) > SURFACE_TOLERANCE * size
-    required = np.where(is_displaced, 1.0, 0.0)
+        is_off_limit = np.linalg.norm(start - control.points[level.points], axis=1) > SURFACE_TOLERANCE * size
+    required = np.where(is_off_limit, 1.0, 0.0)
     for criterion in (by_distance, by_arc, by_turn, by_length):
         required = np.fmax(required, criterion)
     is_visible: Bools = ~cage.is_hidden[level.faces]
@@ -200,7 +200,10 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
 
 
 def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> Indices:
-    """Return the level (k,) at which the UVs of cages with equal rules and level 0 are within `UV_TOLERANCE`."""
+    """Return the level (k,) of cages whose surface needs level 0, so that UVs shift by at most `UV_TOLERANCE` pixels.
+
+    The cages have equal rules.
+    """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control = join_cages(meshes)

@@ -152,9 +152,9 @@ def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
     """Return the points (n, 3) of a point-based prim at a time; None if it has no velocities.
 
     Between time samples, velocities extrapolate the points of the sample before: UsdGeom's rule for motion whose number
-    of points changes between samples, as in a simulation.
-    Velocities that do not fit the points of the sample before have no effect; USD warns about them. Raises AssetError
-    if the value of an attribute is not an array of vectors of three numbers.
+    of points changes between samples, as in a simulation. Velocities that do not fit the points of the sample before
+    have no effect; USD warns about them. Raises AssetError if the value of an attribute is not an array of vectors of
+    three numbers.
     """
     if not prim.GetAttribute("velocities").HasAuthoredValue():
         return None
@@ -166,7 +166,7 @@ def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
 
 
 def sample_time(time: Usd.TimeCode, attribute: Usd.Attribute) -> Usd.TimeCode:
-    """Return the time of an attribute's first sample for the earliest time, which USD cannot extrapolate from."""
+    """Return a time; instead of the earliest time, which USD cannot extrapolate from, that of the first sample."""
     samples = attribute.GetTimeSamples() if time.IsEarliestTime() else ()
     return Usd.TimeCode(samples[0]) if samples else time
 

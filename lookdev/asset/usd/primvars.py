@@ -26,7 +26,11 @@ _SKINNING = "skel:"
 
 @dataclass(frozen=True)
 class InheritedPrimvars:
-    """Primvars that the children of a prim inherit. Equal `key`s mean equal names and values."""
+    """Primvars that a prim inherits or its children inherit from it; `attributes` are their values, by name.
+
+    Equal `key`s mean equal names and values. `primvars` can have more than `attributes`: those of other types, and
+    those that the prim authors itself.
+    """
 
     primvars: tuple[UsdGeom.Primvar, ...] = ()
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
@@ -40,6 +44,7 @@ class PrimvarReader:
         self._time = time
         self._note = note
         self._inherited: dict[Sdf.Path, InheritedPrimvars] = {}
+        # By type: the numbers in one value, whether it is a UV set, whether it is an array.
         self._kinds: dict[Sdf.ValueTypeName, tuple[int, bool, bool]] = {}
 
     def local_primvars(self, prim: Usd.Prim) -> tuple[tuple[Attribute, ...], str]:

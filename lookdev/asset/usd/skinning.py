@@ -55,7 +55,10 @@ class _Influences:
 
 @dataclass(frozen=True, eq=False)
 class _Binding:
-    """The deformers of a gprim. Gprims with equal `key`s have equal deformations."""
+    """The deformers of a gprim: joints, if it has `influences`, and the `offsets` of blend shapes.
+
+    `space` is the prim whose transform places the deformed points. Gprims with equal `key`s have equal deformations.
+    """
 
     space: Usd.Prim
     key: tuple[str, ...]
