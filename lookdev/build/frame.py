@@ -102,13 +102,13 @@ def job_cameras(
     AssetError
         An asset has no size.
     """
-    different = {asset.digest: asset for asset in assets.values()}
+    distinct_assets = {asset.digest: asset for asset in assets.values()}
     if shot is None and job.camera.framing == "each":
-        cameras = {digest: _frame(job, [asset]) for digest, asset in different.items()}
+        cameras = {digest: _frame(job, [asset]) for digest, asset in distinct_assets.items()}
         return {look: cameras[asset.digest] for look, asset in assets.items()}, ()
     if shot is None:
-        return dict.fromkeys(assets, _frame(job, list(different.values()))), ()
-    points = _outlines(list(different.values()))
+        return dict.fromkeys(assets, _frame(job, list(distinct_assets.values()))), ()
+    points = _outlines(list(distinct_assets.values()))
     camera, notes = shot_camera(shot, points), list(shot_notes(shot, points, job.render.resolution))
     if job.charts is not None:
         notes += overlap_notes(job.charts.strip(job.render.resolution), camera, points, element_arcs(job))
@@ -142,14 +142,18 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
         return frame(resolution, camera.horizontal_fov)
     strip, fov = job.charts.strip(resolution), camera.horizontal_fov
     reach = math.tan(math.radians(0.5 * fov))
-    whole = strip.resolution[0 if strip.upright else 1]
-    half = math.atan(reach * whole / resolution[0])
+    pixels_across_strip = strip.resolution[0 if strip.upright else 1]
+    half_angle = math.atan(reach * pixels_across_strip / resolution[0])
     # The part of the tangent of half the angle of view that the asset covers at most.
-    covered = fill if camera.margin is None else math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
-    if 0.5 * (1.0 - covered) * whole >= strip.thickness:
+    covered = (
+        fill
+        if camera.margin is None
+        else math.tan(math.asin(math.sin(half_angle) / camera.margin)) / math.tan(half_angle)
+    )
+    if 0.5 * (1.0 - covered) * pixels_across_strip >= strip.thickness:
         return frame(resolution, fov)
-    narrow = math.degrees(2.0 * math.atan(reach * strip.rest[0] / resolution[0]))
-    return replace(frame(strip.rest, narrow), fov=fov, shift=strip.shift)
+    rest_fov = math.degrees(2.0 * math.atan(reach * strip.rest[0] / resolution[0]))
+    return replace(frame(strip.rest, rest_fov), fov=fov, shift=strip.shift)
 
 
 def _outlines(assets: list[Asset]) -> Floats:

@@ -41,7 +41,10 @@ def measure_costs(plan: Plan) -> Costs:
 
 
 def frame_costs(scenes: Sequence[SceneTask], times: Sequence[float | None]) -> list[float]:
-    """Return the cost of each frame, seconds: its time, or if that is None the usual cost of its scene."""
+    """Return the cost of each frame, seconds: its time, or if that is None the cost of a frame of its scene.
+
+    That is the mean of the scene's times, or, without any, its estimate scaled as in `measure_costs`.
+    """
     scene_times: dict[int, list[float]] = {}
     for scene, seconds in zip(scenes, times, strict=True):
         seconds_of_scene = scene_times.setdefault(id(scene), [])
@@ -50,8 +53,10 @@ def frame_costs(scenes: Sequence[SceneTask], times: Sequence[float | None]) -> l
     estimates = {id(scene): estimate(scene) for scene in {id(scene): scene for scene in scenes}.values()}
     means = {key: fmean(seconds) for key, seconds in scene_times.items() if seconds}
     ratio = sum(means.values()) / sum(estimates[key] for key in means) if means else 1.0
-    usual = {key: means[key] if key in means else ratio * estimates[key] for key in scene_times}
-    return [usual[id(scene)] if seconds is None else seconds for scene, seconds in zip(scenes, times, strict=True)]
+    scene_costs = {key: means[key] if key in means else ratio * estimates[key] for key in scene_times}
+    return [
+        scene_costs[id(scene)] if seconds is None else seconds for scene, seconds in zip(scenes, times, strict=True)
+    ]
 
 
 def estimate(scene: SceneTask) -> float:

@@ -29,7 +29,11 @@ _MAX_HINTS = 8  # paths that a hint lists
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The unit of assignment. `path` is that of its instances, with the GeomSubset's name; `slot` is of the mesh."""
+    """A mesh, or a GeomSubset of one, to which a look or lights are assigned.
+
+    `path` is the path of some instances of the mesh, followed by the name of the GeomSubset. `slot` is the asset's slot
+    of the part's faces.
+    """
 
     path: str
     mesh: Mesh

@@ -28,18 +28,19 @@ from lookdev.space import REC709, Space
 
 FrameSide = Literal["bottom", "top", "left", "right"]
 
-FOLDER = "charts"
+PROPS_FOLDER = "charts"
 """The folder of the frames of props, beside those of looks."""
 
-STRIP = "charts.strip"
+PROPS_STRIP_KEY = "charts.strip"
 """The entry in the headers of such frames that has the `Strip.label`."""
 
-_LENS = 2.0  # degrees: the direction of view differs by 1 degree at most over the frame
+_LENS = 2.0  # degrees, the angle of view: the direction of view differs from the axis by 1 degree at most
 _PADDING, _GAP = 0.08, 0.2  # in thicknesses of the strip: at each side, and between props
 _ROWS, _COLUMNS = 4, 6
 _SEAM = 0.12  # part of a patch's cell between the patch and the cell's edge
 _BORDER = 0.03  # reflectance
-_BALL_PART, _CELL_PART = 0.5, 0.72  # side of the measured square, in a diameter or a cell: free of edges
+# The side of the measured square, as a fraction of the ball's diameter and of the patch's cell: it is free of edges.
+_BALL_PART, _CELL_PART = 0.5, 0.72
 _SEGMENTS = 256  # of a ball
 _MIN_PIXELS = 2.0  # whole pixels along the side of a measured square
 
@@ -112,7 +113,7 @@ class Strip:
 
     @property
     def box(self) -> Box:
-        """The whole strip."""
+        """The rectangle of the whole strip."""
         width, height = self.resolution
         across = self.thickness
         if self.upright:
@@ -197,8 +198,8 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Sp
     asset = asset_of_props(strip, camera)
     look_of_part = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
     emissions = (replace(light.emission, camera=False, shadow_link=None) for light in lights)
-    unseen_lights = tuple(light.with_emission(emission) for light, emission in zip(lights, emissions, strict=True))
-    return link_lights(Scene(asset, look_of_part, unseen_lights, camera, Film(strip.resolution, space)))
+    invisible_lights = tuple(light.with_emission(emission) for light, emission in zip(lights, emissions, strict=True))
+    return link_lights(Scene(asset, look_of_part, invisible_lights, camera, Film(strip.resolution, space)))
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
@@ -208,14 +209,14 @@ def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome
     slots: list[Slot] = []
     for name in names:
         mesh, matrix = _place_prop(name, strip, camera)
-        slots.append(Slot(f"/{FOLDER}/{name}"))
+        slots.append(Slot(f"/{PROPS_FOLDER}/{name}"))
         instances.append(Instance(len(meshes), matrix, slots[-1].path))
         meshes.append(replace(mesh, name=slots[-1].path, face_slots=np.full_like(mesh.face_slots, len(meshes))))
-    return make_asset(FOLDER, meshes, instances, slots, convex=True)
+    return make_asset(PROPS_FOLDER, meshes, instances, slots, convex=True)
 
 
 def crop_camera(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera:
-    """Return the camera whose frame is the square `box` of the frame of `camera`, which has a resolution."""
+    """Return the camera whose frame is the square `box` of the frame of `camera`, which has `resolution` pixels."""
     width, height = resolution
     x, y = box.middle
     part = box.width / width
