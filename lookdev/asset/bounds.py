@@ -16,7 +16,7 @@ _TOLERANCE = 1e-7
 _CELLS = 8  # along each side of a mesh's bounding box
 _MAX_PARTS = 512  # of a mesh
 _FEW_POINTS, _FEW_INSTANCES = 512, 16  # the points of a mesh with fewer points or instances are not sorted by cells
-_PART_POINTS, _SHORT_PART_POINTS = 1024, 128  # in a part of a mesh whose points are not sorted by cells, or are
+_PART_POINTS, _SHORT_PART_POINTS = 1024, 128  # points of a part, if the mesh is not sorted by cells, and if it is
 _INSTANCE_BLOCK = 32  # instances whose parts are sorted together
 
 

@@ -14,8 +14,8 @@ from lookdev.asset.bounds import grid_cells, smallest_ball
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import concatenate
 
-_HULL_INSTANCES = 8  # of a mesh with as many instances, the hull is computed first: faster than to transform all points
-_FEW_POINTS = 32  # of a mesh with at most as many points, no hull is computed
+_HULL_INSTANCES = 8  # a mesh with so many instances is first reduced to its hull: faster than to transform all points
+_FEW_POINTS = 32  # a mesh with at most so many points is not reduced to its hull
 _PART_POINTS = 2**11  # points of a part of a mesh
 _COARSE, _FINE = 64, 1024  # planes of the coarse and of the fine polytope
 _MANY_POINTS = 2**18  # points outside the coarse polytope from which a fine one is built

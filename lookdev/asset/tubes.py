@@ -105,7 +105,8 @@ def ribbons(rings: Rings, facing: Floats) -> Strips:
 def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions: Floats) -> Strips:
     """Return the faces between the rings of each piece, from c columns of points along it.
 
-    outward (r, c, 3): unit vectors from the curve to the columns; normals (r, c, 3); u (r, c); along (r,): v.
+    outward (r, c, 3): unit vectors from the curve to the columns; normals (r, c, 3); u (r, c); fractions (r,): v, the
+    length along the curve as a fraction of its total.
     """
     columns = outward.shape[1]
     planes = _cut_normals(rings)

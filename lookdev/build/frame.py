@@ -30,7 +30,7 @@ from lookdev.scene import Camera, frame_camera, frame_fill
 from lookdev.scene.charts.props import Strip
 from lookdev.scene.displace import displace
 from lookdev.scene.framing import DEFAULT_FILL, Arc
-from lookdev.scene.ground import GREY, Ground
+from lookdev.scene.ground import GREY_LOOK, Ground
 from lookdev.scene.shot import shot_camera, shot_notes
 from lookdev.scene.uvs import add_missing_uvs, missing_primvar_notes
 from lookdev.stage import open_stage
@@ -152,8 +152,8 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
     )
     if 0.5 * (1.0 - covered) * pixels_across_strip >= strip.thickness:
         return frame(resolution, fov)
-    rest_fov = math.degrees(2.0 * math.atan(reach * strip.rest[0] / resolution[0]))
-    return replace(frame(strip.rest, rest_fov), fov=fov, shift=strip.shift)
+    picture_fov = math.degrees(2.0 * math.atan(reach * strip.picture_size[0] / resolution[0]))
+    return replace(frame(strip.picture_size, picture_fov), fov=fov, shift=strip.shift)
 
 
 def _outlines(assets: list[Asset]) -> Floats:
@@ -209,7 +209,7 @@ def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Came
             f"the camera is {-above:g} m below the ground, and sees none of the asset; a greater elevation, or a "
             "lower 'height' would be right"
         )
-    return Ground(look or GREY, table.size * asset.radius, height, table.kind == "catcher")
+    return Ground(look or GREY_LOOK, table.size * asset.radius, height, table.kind == "catcher")
 
 
 def job_grounds(

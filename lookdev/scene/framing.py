@@ -175,6 +175,7 @@ def _farthest_point_function(points: Floats, arcs: Sequence[Arc]) -> Callable[[F
             values = horizontal_length * radius + w[2] * z
             if not is_full_turn:
                 half = points @ (w * [1.0, 1.0, 0.0] @ _rotation_about_z(start + 0.5 * sweep))
+                # psi is not in the arc.
                 values[half < horizontal_length * math.cos(0.5 * sweep) * radius] = -np.inf
             best = int(values.argmax())
             if values[best] > -np.inf:

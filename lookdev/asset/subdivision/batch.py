@@ -36,17 +36,17 @@ def refine(mesh: Mesh, level: int) -> Mesh:
 def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
     """Return `refine` of each mesh at its level."""
     refined = list(meshes)
-    for numbers, level in batches(meshes, levels):
+    for numbers, level in group_cages(meshes, levels):
         batch = [meshes[i] for i in numbers]
         for number, mesh in zip(numbers, _refine_batch(batch, level), strict=True):
             refined[number] = mesh
     return refined
 
 
-def batches(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
+def group_cages(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
     """Yield batches of cages that share level, rules and kinds of values: their numbers in `meshes`, and the level.
 
-    A batch has about `_BATCH_CORNERS` refined corners, or is a single cage of more.
+    A batch has about `_BATCH_CORNERS` refined corners; a larger cage is not split.
     """
     groups: dict[tuple[int, *tuple[object, ...]], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):

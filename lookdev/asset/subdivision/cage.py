@@ -17,7 +17,7 @@ INFINITE_SHARPNESS = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Cage:
-    """The half-edges of a cage, its manifold points (n,), and its faces (f,) that are not part of the surface."""
+    """The half-edges of a cage, and masks of its manifold points (n,) and of its faces outside the surface (f,)."""
 
     half_edges: Level
     is_manifold: Bools
@@ -117,6 +117,7 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
     edge_counts = np.bincount(level.ends.ravel(), minlength=count)
     nonmanifold_edges = np.bincount(level.ends[connectivity.is_nonmanifold_edge].ravel(), minlength=count)
     boundary_edges = np.bincount(level.ends[level.boundary].ravel(), minlength=count)
+    # Along two edges of three or more faces, a point stays smooth.
     is_fin = (nonmanifold_edges == 2) & (boundary_edges == 0) & (face_counts > edge_counts)
     level.point_sharpness[~manifold & ~is_fin] = np.inf
     if boundary == "edgeAndCorner":

@@ -22,9 +22,9 @@ _Array = TypeVar("_Array", Floats, Indices)
 class Level:
     """Faces, half-edges and sharpness of one level.
 
-    sizes (f,): corners of each face; points (m,): the point at which each half-edge starts; edges (m,): its edge;
-    twins (m,): -1 if there is none; ends (e, 2): points of each edge; edge_sharpness (e,) and point_sharpness (n,):
-    0 is smooth; infinite at boundaries and where the surface is not manifold.
+    sizes (f,): corners of each face; points (m,): the point at which each half-edge starts; edges (m,): the edge of
+    each half-edge; twins (m,): its twin, -1 if it has none; ends (e, 2): points of each edge; edge_sharpness (e,) and
+    point_sharpness (n,): 0 is smooth; infinite at boundaries and where the surface is not manifold.
     """
 
     sizes: Indices

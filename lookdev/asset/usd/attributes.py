@@ -51,10 +51,10 @@ def read_array(
         It is not an array of such values, or, with `bounded`, a number is not within +-`MAX_COORDINATE`. A reader of
         many arrays checks the bounds of all at once instead.
     """
-    return checked_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
+    return check_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
 
 
-def checked_array(
+def check_array(
     value: object, prim: Usd.Prim, name: str, kind: type[_T], shape: tuple[int, ...] = (), *, bounded: bool = True
 ) -> NDArray[_T]:
     """Return a value that USD computed for an attribute as `read_array` does, with the same checks."""
@@ -69,7 +69,7 @@ def checked_array(
     return values
 
 
-def checked_floats(value: object, attribute: Usd.Attribute, width: int, is_array: bool) -> Reals:
+def check_floats(value: object, attribute: Usd.Attribute, width: int, is_array: bool) -> Reals:
     """Return the value of an attribute as floats (k,) or (k, width); k is 1 for an attribute that is not an array."""
     shape = (width,) if width > 1 else ()
     if is_array:
@@ -162,7 +162,7 @@ def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
         read_array(prim, name, time, np.float64, (3,))
     point_based = UsdGeom.PointBased(prim)
     time = sample_time(time, point_based.GetPointsAttr())
-    return checked_array(point_based.ComputePointsAtTime(time, time), prim, "points", np.float64, (3,))
+    return check_array(point_based.ComputePointsAtTime(time, time), prim, "points", np.float64, (3,))
 
 
 def sample_time(time: Usd.TimeCode, attribute: Usd.Attribute) -> Usd.TimeCode:

@@ -56,7 +56,7 @@ class Offsets:
 def blend_offsets(
     prim: Usd.Prim, names: Sequence[str], targets: Sequence[Sdf.Path], weights: Mapping[str, float], notes: list[str]
 ) -> Iterator[Offsets]:
-    """Yield the offsets of each blend shape whose weight is not 0, interpolated linearly between its inbetweens.
+    """Yield the offsets of each blend shape with a weight other than 0, linear between the two nearest inbetweens.
 
     Raises
     ------

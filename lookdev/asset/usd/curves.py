@@ -23,7 +23,7 @@ from lookdev.asset.normals import dot, normalize_or, run_starts
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines
 from lookdev.asset.tubes import Rings, group_ends, ribbons, tubes
-from lookdev.asset.usd.attributes import check_interpolation, checked_array, read_array, read_token
+from lookdev.asset.usd.attributes import check_array, check_interpolation, read_array, read_token
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
 
@@ -118,7 +118,7 @@ def point_shape(
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Samples (r,) of curves: their segments and t in them; index, weights and rates (r, k) are from `Splines.at`."""
+    """Samples (r,) of curves: their segments and t in them; the rest is the result of `Splines.evaluate` for them."""
 
     splines: Splines
     segments: Indices
@@ -132,7 +132,7 @@ class _Samples:
         """Return samples that divide each segment (s,) into the given number of chords (s,), in equal steps of t."""
         segments = np.repeat(np.arange(len(chords)), chords + 1)
         t = (np.arange(len(segments)) - run_starts(chords + 1)[segments]) / chords[segments]
-        return cls(splines, segments, t, *splines.at(segments, t))
+        return cls(splines, segments, t, *splines.evaluate(segments, t))
 
     @property
     def curves(self) -> Indices:
@@ -273,7 +273,7 @@ def _curve_attribute(prim: Usd.Prim, name: str, time: Usd.TimeCode, width: int) 
         attribute = prim.GetAttribute(name)
         value, interpolation = attribute.Get(time), attribute.GetMetadata("interpolation") or UsdGeom.Tokens.vertex
     shape = (width,) if width > 1 else ()
-    values = checked_array(value, attribute.GetPrim(), attribute.GetName(), np.float64, shape).reshape(-1, width)
+    values = check_array(value, attribute.GetPrim(), attribute.GetName(), np.float64, shape).reshape(-1, width)
     if len(values) == 0:
         return None
     return Attribute(name, values, check_interpolation(attribute.GetPrim(), attribute.GetName(), interpolation))

@@ -15,7 +15,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from lookdev.arrays import Reals
 from lookdev.asset.shape import Attribute
-from lookdev.asset.usd.attributes import check_range, checked_floats, read_array
+from lookdev.asset.usd.attributes import check_floats, check_range, read_array
 
 # The numbers in one value of a primvar, by its type in USD's C++.
 _WIDTHS = {"float": 1, "double": 1, "GfHalf": 1} | {f"GfVec{width}{kind}": width for width in (2, 3) for kind in "fdh"}
@@ -123,7 +123,7 @@ class PrimvarReader:
         value = primvar.Get(self._time)
         if value is None:
             return np.zeros(0)
-        values = checked_floats(value, primvar.GetAttr(), width, is_array)
+        values = check_floats(value, primvar.GetAttr(), width, is_array)
         if primvar.IsIndexed():
             prim, name = primvar.GetAttr().GetPrim(), primvar.GetIndicesAttr().GetName()
             indices = read_array(prim, name, self._time, np.intp)
