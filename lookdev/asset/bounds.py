@@ -35,6 +35,7 @@ class _InstancedPoints:
         for number in np.flatnonzero(is_gridded):
             mesh_points = self._points[begins[number] : begins[number] + counts[number]]
             mesh_points[:] = mesh_points[np.argsort(grid_cells(mesh_points, boxes[number]), kind="stable")]
+        # Of each mesh: the number of points in a part, the number of parts, and the number of the first part.
         runs = np.maximum(np.where(is_gridded, _SHORT_PART_POINTS, _PART_POINTS), -(-counts // _MAX_PARTS))
         parts = -(-counts // runs)
         first = np.cumsum(parts) - parts

@@ -117,6 +117,8 @@ def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions
     cut = np.clip(np.where(np.isfinite(cut), cut, 0.0), -limit, limit)
     points = rings.positions[:, None] + radii[..., None] * outward + cut[..., None] * rings.directions[:, None]
 
+    # The lower ring of each strip of faces between two rings of a piece. Strips without area are dropped. At a tip, a
+    # ring of radius 0, a face has one corner instead of two.
     lower = np.flatnonzero(rings.pieces[:-1] == rings.pieces[1:])
     has_length = (rings.positions[lower] != rings.positions[lower + 1]).any(axis=1)
     is_tip = rings.radii[lower] == 0.0, rings.radii[lower + 1] == 0.0

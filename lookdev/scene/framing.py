@@ -166,7 +166,7 @@ def _farthest_point_function(points: Floats, arcs: Sequence[Arc]) -> Callable[[F
     ranges = ranges[:1] if is_full_turn else ranges
 
     def farthest_of_arc(w: Floats, start: float, sweep: float) -> Iterator[Floats]:
-        """Yield the farthest point at each end of an arc, and in between."""
+        """Yield the farthest point along w at each end of an arc, and in between if psi is in the arc."""
         horizontal_length = math.hypot(w[0], w[1])
         for end in () if is_full_turn else dict.fromkeys((start, start + sweep)):
             turn = _rotation_about_z(end)

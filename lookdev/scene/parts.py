@@ -61,6 +61,7 @@ def assign_to_parts(
     """
     meshes, slots = list(asset.meshes), list(asset.slots)
     choice_of_slot: dict[str, Key] = {}
+    # By mesh and choices of its parts: the mesh of the new asset, which is the old mesh for its first choices.
     mesh_numbers: dict[tuple[int, tuple[Key, ...]], int] = {}
     number_at_path: dict[MeshAtPath, int] = {}
     assigned: set[int] = set()

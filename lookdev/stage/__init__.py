@@ -181,6 +181,7 @@ def _select_variants(stage: Usd.Stage, composition: Composition) -> tuple[list[F
     selections, file = dict(composition.variants), str(composition.file)
     edited: set[tuple[Sdf.Path, str]] = set()
     while True:
+        # By prim and set: the names of its variants, and the selected one.
         sets = {
             (prim.GetPath(), set_name): (variant_set.GetVariantNames(), variant_set.GetVariantSelection())
             for prim in (_prims_around(stage, composition.prim) if selections else ())
