@@ -1,8 +1,8 @@
 """Assets: the geometry that is rendered, as arrays, from USD or built in.
 
 `mesh` defines an asset. `usd` reads one from a file, `builtin` makes one (`revolve`, `shaderball`). A `shape` is a
-surface as a file has it; `finish` makes meshes of shapes with `faces` and `normals`. `bounds` computes the bounding
-sphere of an asset, `store` its digest and its file in the cache.
+surface as a file has it. `finish` converts shapes to meshes: `faces` finds the valid faces, `normals` computes normals.
+`bounds` computes the bounding sphere of an asset, `store` its digest and its file in the cache.
 """
 
 from __future__ import annotations

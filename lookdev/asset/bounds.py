@@ -15,8 +15,8 @@ _MAX_ROUNDS = 100
 _TOLERANCE = 1e-7
 _CELLS = 8  # along each side of a mesh's bounding box
 _MAX_PARTS = 512  # of a mesh
-_FEW_POINTS, _FEW_INSTANCES = 512, 16  # a mesh with fewer has no cells
-_PART_POINTS, _SHORT_PART_POINTS = 1024, 128  # without cells, with cells
+_FEW_POINTS, _FEW_INSTANCES = 512, 16  # the points of a mesh with fewer points or instances are not sorted by cells
+_PART_POINTS, _SHORT_PART_POINTS = 1024, 128  # points of a part, if the mesh is not sorted by cells, and if it is
 _INSTANCE_BLOCK = 32  # instances whose parts are sorted together
 
 
@@ -35,6 +35,7 @@ class _InstancedPoints:
         for number in np.flatnonzero(is_gridded):
             mesh_points = self._points[begins[number] : begins[number] + counts[number]]
             mesh_points[:] = mesh_points[np.argsort(grid_cells(mesh_points, boxes[number]), kind="stable")]
+        # Of each mesh: the number of points in a part, the number of parts, and the number of the first part.
         runs = np.maximum(np.where(is_gridded, _SHORT_PART_POINTS, _PART_POINTS), -(-counts // _MAX_PARTS))
         parts = -(-counts // runs)
         first = np.cumsum(parts) - parts
@@ -50,7 +51,11 @@ class _InstancedPoints:
         self.centers = self._transform(np.arange(len(mesh)), self._boxes[0])
 
     def farthest(self, center: Floats) -> tuple[Floats, float]:
-        """Return the point farthest from `center` and its distance."""
+        """Return the point farthest from `center` and its distance.
+
+        A box gives an upper bound of the distance of its points. Instances, then parts in a block of instances, are
+        visited from the largest bound on; those whose bound does not exceed the largest distance so far are skipped.
+        """
         best, distance = center, -1.0
         limits = self._bounds(center, np.arange(len(self._parts)), *self._boxes)
         order = np.argsort(-limits)
@@ -69,7 +74,7 @@ class _InstancedPoints:
                 world = points @ self._linear[owners[k]].T + self._offset[owners[k]]
                 squares = ((world - center) ** 2).sum(axis=1)
                 i = int(squares.argmax())
-                if squares[i] > distance * abs(distance):
+                if squares[i] > distance * abs(distance):  # a negative `distance`: no point so far
                     best, distance = world[i], float(np.sqrt(squares[i]))
         return best, distance
 

@@ -1,8 +1,8 @@
 """The valid faces of shapes, and the attributes of a shape at the corners of those faces.
 
 A face is dropped if it has fewer than three corners, one point twice, or the corners of an earlier face in the same
-order. Holes are dropped too, except those of control cages. The arrays of many shapes are concatenated and handled
-together, so that a small shape costs no calls of its own.
+order. Holes are dropped too, except those of control cages. The arrays of many shapes are concatenated, so that one
+NumPy call serves many small shapes.
 """
 
 from __future__ import annotations
@@ -23,11 +23,16 @@ from lookdev.errors import AssetError
 class Faces:
     """The valid faces of shapes, concatenated in the order of the shapes.
 
-    `all_points`, `all_faces` and `all_corners` (s + 1,) are the starts of each shape in the concatenated arrays of the
-    shapes; `faces` and `corners` (s + 1,) are its starts among the valid faces and their corners. sizes (f,) are the
-    numbers of corners. face_source (f,) and corner_source (m,) are the indices of the valid faces and of their corners
-    in the concatenated arrays; corner_source is None if it is the identity. corner_points (m,) index into the
-    concatenated points. `holes` (f,) marks valid faces that are holes of a control cage.
+    There are s shapes, and f valid faces with m corners. The concatenated arrays below are those of all points, faces
+    and corners of the shapes, valid or not.
+
+    - all_points, all_faces, all_corners (s + 1,): where each shape starts in the concatenated arrays
+    - faces, corners (s + 1,): where each shape starts among the valid faces, and among their corners
+    - sizes (f,): the number of corners of each valid face
+    - face_source (f,): the index of each valid face in the concatenated arrays
+    - corner_source (m,): the index of each of their corners in the concatenated arrays; None if it is the identity
+    - corner_points (m,): the index of each corner's point in the concatenated points
+    - holes (f,): whether a valid face is a hole of a control cage
     """
 
     shapes: Sequence[PolygonShape]
@@ -114,7 +119,11 @@ class Faces:
         return np.split(values.take(index, axis=0), np.cumsum(counts)[:-1])
 
     def _value_indices(self, element: int, shape_numbers: Indices, value_starts: Indices) -> Indices:
-        """Return the index of each valid corner's value, for shapes whose values belong to one kind of element."""
+        """Return the index of each valid corner's value, for shapes whose values belong to one kind of element.
+
+        `element` is of `_ELEMENT_NUMBERS`; `value_starts` (k,) are the starts of the values of the shapes with the
+        numbers `shape_numbers` (k,).
+        """
         counts = np.diff(self.corners)[shape_numbers]
         if element == 0:
             return np.repeat(value_starts, counts)
@@ -154,7 +163,10 @@ _ELEMENT_NUMBERS = {"constant": 0, "uniform": 1, "varying": 2, "vertex": 2, "fac
 
 
 def first_in_runs(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
-    """Return the first of the sorted positions in each run that has any: the run's number and the offset in the run."""
+    """Return the first of the sorted positions in each run that has any, as pairs: the run's number, the offset in it.
+
+    The runs are consecutive and start at `begins`.
+    """
     owners, first = np.unique(np.searchsorted(begins, positions, side="right") - 1, return_index=True)
     return list(zip(owners.tolist(), (positions[first] - begins[owners]).tolist(), strict=True))
 

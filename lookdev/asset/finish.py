@@ -1,4 +1,4 @@
-"""Meshes of shapes: their valid faces, with all attributes and normals at the corners.
+"""Converts shapes to meshes: their valid faces, with all attributes and normals at the corners.
 
 Points that no face uses are dropped.
 """
@@ -64,13 +64,13 @@ def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]
     point_starts = np.searchsorted(used_points, faces.all_points)
     if y_up:
         points = _to_z_up(points)
-    single_points = _single_precision(points, shapes, used_points, faces.all_points)
+    float32_points = _single_precision(points, shapes, used_points, faces.all_points)
     attributes = _corner_attributes(shapes, faces)
     normals = _corner_normals(shapes, faces, points, corner_points, y_up)
     uvs = [_uv_sets(shape, values) for shape, values in zip(shapes, attributes, strict=True)]
-    local_points = corner_points.astype(np.int32)
+    mesh_corner_points = corner_points.astype(np.int32)
     if len(shapes) > 1:
-        local_points -= np.repeat(point_starts[:-1].astype(np.int32), np.diff(faces.corners))
+        mesh_corner_points -= np.repeat(point_starts[:-1].astype(np.int32), np.diff(faces.corners))
     sizes = faces.sizes.astype(np.int32)
 
     meshes: list[Mesh | None] = []
@@ -90,8 +90,8 @@ def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]
         meshes.append(
             Mesh(
                 name=shape.name,
-                points=single_points[point_starts[i] : point_starts[i + 1]],
-                corner_points=local_points[corner_slice],
+                points=float32_points[point_starts[i] : point_starts[i + 1]],
+                corner_points=mesh_corner_points[corner_slice],
                 face_sizes=sizes[face_slice],
                 face_slots=slots,
                 normals=normals[corner_slice],
@@ -172,9 +172,10 @@ def _corner_normals(
         face_slice, corner_slice = slice(*faces.faces[i : i + 2]), slice(*faces.corners[i : i + 2])
         sizes = faces.sizes[face_slice]
         if areas is not None and len(sizes):
+            # A negative sum: the authored normals mostly point against the winding.
             vectors = _to_z_up(values) if y_up else values
-            along = (np.add.reduceat(vectors, run_starts(sizes), dtype=np.float64) * areas[face_slice]).sum()
-            sign = -1.0 if along < 0.0 else 1.0
+            agreement = (np.add.reduceat(vectors, run_starts(sizes), dtype=np.float64) * areas[face_slice]).sum()
+            sign = -1.0 if agreement < 0.0 else 1.0
             shape_normals = normals[corner_slice]
             for _, block in blocks(sizes):
                 shape_normals[block] = normalize_or(sign * vectors[block].astype(np.float64), shape_normals[block])
@@ -190,7 +191,10 @@ def _uv_sets(shape: PolygonShape, values: Mapping[str, Floats32]) -> dict[str, F
 
 
 def _renumber_rules(shape: PolygonShape, rules: Subdivision, point_numbers: Indices, holes: Indices) -> Subdivision:
-    """Return the rules of a cage with new point numbers (n,), which are negative for points that no face uses."""
+    """Return the rules of a cage whose points are renumbered, and whose holes are `holes` (h,).
+
+    `point_numbers` (n,) is the new number of each old point, negative if no face uses it.
+    """
     edges, corners = point_numbers[rules.crease_edges], point_numbers[rules.corner_points]
     has_crease = (edges >= 0).all(axis=1) & (rules.crease_sharpness > 0.0)
     has_corner = (corners >= 0) & (rules.corner_sharpness > 0.0)

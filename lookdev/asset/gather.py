@@ -12,7 +12,7 @@ from lookdev.asset.mesh import Asset, Instance, Mesh
 
 # Fewer meshes than `_MIN_MESHES` are not joined, nor are meshes of more faces than `_MAX_FACES`.
 _MIN_MESHES, _MAX_FACES = 64, 1000
-_JOINED_CORNERS = 1 << 20  # of a joined mesh: its arrays are computed in float64
+_JOINED_CORNERS = 1 << 20  # at which a joined mesh is complete: its arrays are computed in float64
 # The largest step of float32 at the asset's radius, relative to a mesh's edge length: a larger one would bend facets.
 _MAX_STEP = 1e-3
 
@@ -21,8 +21,9 @@ def join_small_meshes(asset: Asset) -> Asset:
     """Return an asset, centred at the origin, with its small meshes of a single instance joined: the same surface.
 
     Meshes are joined if their UV sets and primvars have the same names, and all or none have tangents. The inverse
-    transpose of the instance's matrix transforms their normals, without normalisation, so that interpolation commutes
-    with it. A mesh is not joined if its instance reflects it, or if it is too fine for float32 at the asset's radius.
+    transpose of the instance's matrix transforms their normals. The results are not normalised: an interpolated normal
+    then has the direction that it would have if it were transformed after interpolation. A mesh is not joined if its
+    instance reflects it, or if it is too fine for float32 at the asset's radius.
     """
     mesh_numbers = np.array([instance.mesh for instance in asset.instances])
     matrices = np.array([instance.matrix for instance in asset.instances])
@@ -50,7 +51,7 @@ def join_small_meshes(asset: Asset) -> Asset:
 
 
 def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
-    """Return an asset whose instances of the given meshes preserve angles; the meshes are stretched instead."""
+    """Return an asset whose instances of the given meshes (by number) preserve angles; the meshes are stretched."""
     new_meshes, instances = list(asset.meshes), list[Instance]()
     numbers: dict[tuple[int, bytes], int] = {}
     for instance in asset.instances:

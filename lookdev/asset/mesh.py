@@ -46,14 +46,18 @@ class Subdivision:
 class Mesh:
     """A polygon mesh in object space.
 
-    points (n, 3) metres; corner_points (m,) index into points; face_sizes (f,) corners of each face, at least 3;
-    face_slots (f,) index into `Asset.slots`; normals (m, 3) unit shading normals, on the side from which the winding
-    is counter-clockwise; tangents (m, 3) unit, orthogonal to the normal, along increasing u of the first UV set or,
-    without one, along the longitude about the z axis. They are None if they are not known exactly; `tangents_of` then
-    computes them for the few looks that need them. uvs: UV set name to (m, 2), (0, 0) lower left; primvars: name to
-    (m,) or (m, 3). With `subdivision` the mesh is a control cage, which is refined before it is rendered.
-
-    `default_uv` replaces a UV set that a look reads and the mesh lacks; "" if no UV set is an unambiguous default.
+    - points (n, 3): in metres
+    - corner_points (m,): the point of each corner, an index into points
+    - face_sizes (f,): the number of corners of each face, at least 3
+    - face_slots (f,): the slot of each face, an index into `Asset.slots`
+    - normals (m, 3): unit shading normals, on the side from which the winding is counter-clockwise
+    - tangents (m, 3): unit vectors orthogonal to the normals, along increasing u of the first UV set or, without one,
+      along the longitude about the z axis; None if they are not known exactly: `tangents_of` then computes them for the
+      few looks that need them
+    - uvs: UV set name to (m, 2), (0, 0) lower left
+    - primvars: name to (m,) or (m, 3)
+    - subdivision: None, or the rules of a control cage, which is refined before it is rendered
+    - default_uv: the UV set that replaces one that a look reads and the mesh lacks; "" if no set is the obvious one
     """
 
     name: str
@@ -86,7 +90,7 @@ class Mesh:
 class Instance:
     """A mesh placed in the world: `matrix` (4, 4) maps column vectors of object space to world space.
 
-    `path` is the path of its prim, which may be inside a scene-graph instance.
+    `mesh` is an index into `Asset.meshes`. `path` is that of its prim, which may be inside a scene-graph instance.
     """
 
     mesh: int
@@ -112,7 +116,8 @@ class Asset:
     `convex` is True only if reflected light never meets the surface again, `sheet` only if transmitted light does not
     either, as with a flat card; such an asset has no indirect light. `revolved` is True only if every rotation about
     the vertical through `center` maps it, slots included, onto itself. `digest` is the SHA-256 over all arrays and
-    placements. `unit` is the length in metres of a unit of its file.
+    placements. `unit` is the length in metres of a unit of its file. `notes` are lines for the user, for example about
+    content of the file that is not rendered.
     """
 
     name: str

@@ -13,8 +13,8 @@ from lookdev.arrays import Floats, Indices, Ints, Ints32, Reals
 AnyInts = Ints | Ints32 | Indices
 _Number = TypeVar("_Number", bound=np.generic)
 
-_BLOCK_CORNERS = 1 << 13  # corners
-_BATCH_CORNERS = 1 << 18
+_BLOCK_CORNERS = 1 << 13  # of the faces in a slice of `blocks`
+_BATCH_CORNERS = 1 << 18  # of the meshes in a slice of `batch_slices`
 _FEW_CORNERS = 7  # of a face; NumPy adds that few numbers one after the other, whatever their layout
 
 

@@ -138,8 +138,8 @@ def _curve_normals(points: Floats) -> Floats:
     """Return unit normals (k, 2) on the right of a smooth curve, second-order accurate on uneven steps."""
     legs = np.diff(points, axis=0)
     steps = np.linalg.norm(legs, axis=1, keepdims=True)
-    slopes = legs / steps
-    inner = (slopes[:-1] * steps[1:] + slopes[1:] * steps[:-1]) / (steps[:-1] + steps[1:])
+    directions = legs / steps
+    inner = (directions[:-1] * steps[1:] + directions[1:] * steps[:-1]) / (steps[:-1] + steps[1:])
     tangents = np.vstack([[1.0, 0.0], inner, [-1.0, 0.0]])  # a smooth surface is level at its poles
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     return np.stack([tangents[:, 1], -tangents[:, 0]], axis=-1)

@@ -14,8 +14,8 @@ from lookdev.asset.bounds import grid_cells, smallest_ball
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import concatenate
 
-_HULL_INSTANCES = 8  # of a mesh with as many instances, the hull is computed first: faster than to transform all points
-_FEW_POINTS = 32  # of a mesh with at most as many points, no hull is computed
+_HULL_INSTANCES = 8  # a mesh with so many instances is first reduced to its hull: faster than to transform all points
+_FEW_POINTS = 32  # a mesh with at most so many points is not reduced to its hull
 _PART_POINTS = 2**11  # points of a part of a mesh
 _COARSE, _FINE = 64, 1024  # planes of the coarse and of the fine polytope
 _MANY_POINTS = 2**18  # points outside the coarse polytope from which a fine one is built
@@ -27,9 +27,9 @@ _TOLERANCE = 1e-12  # relative to the extent of all points
 def hull_points(asset: Asset) -> Floats:
     """Return points (n, 3) of an asset in world space whose convex hull is that of all its faces.
 
-    They determine the silhouette in every perspective view from outside. For an asset of several instances, everything
-    in or on a polytope of extreme points is dropped: first instances, then parts of them, by their bounding boxes,
-    finally points.
+    They determine the silhouette in every perspective view from outside. For an asset of several instances, a polytope
+    is the hull of extreme points. Its corners are returned; everything else in or on it is dropped: first instances,
+    then parts of them, by their bounding boxes, finally points.
     """
     meshes = np.array([instance.mesh for instance in asset.instances])
     uses = np.bincount(meshes, minlength=len(asset.meshes)).tolist()
@@ -37,11 +37,11 @@ def hull_points(asset: Asset) -> Floats:
     placed = _PlacedClouds(clouds, meshes, np.array([instance.matrix for instance in asset.instances]))
     if len(meshes) == 1:
         return placed.points()
-    ends = {
+    extremes = {
         number: np.concatenate([cloud[cloud.argmin(axis=0)], cloud[cloud.argmax(axis=0)]])
         for number, cloud in clouds.items()
     }
-    seeds = replace(placed, clouds=ends).points()
+    seeds = replace(placed, clouds=extremes).points()
     polytope = _Polytope(_extreme_points(seeds, _directions(_COARSE))).grow(seeds, _COARSE)
     if not polytope.is_solid:
         return _hull_points(placed.points())
@@ -49,8 +49,8 @@ def hull_points(asset: Asset) -> Floats:
     if placed.size > _MANY_POINTS:
         directions = _directions(min(max(_SEEDS // len(placed.cloud_numbers), 8), _COARSE))
         numbers = np.unique(placed.cloud_numbers).tolist()
-        ends = {number: _extreme_points(clouds[number], directions) for number in numbers}
-        polytope = polytope.grow(replace(placed, clouds=ends).points(), _FINE)
+        extremes = {number: _extreme_points(clouds[number], directions) for number in numbers}
+        polytope = polytope.grow(replace(placed, clouds=extremes).points(), _FINE)
         placed = placed.select_outside(polytope)
     return np.concatenate([polytope.corners, *placed.split().points_outside(polytope)])
 
@@ -158,6 +158,7 @@ class _PlacedClouds:
             box = np.array([cloud.min(axis=0), cloud.max(axis=0)])
             for block in _blocks(members, 4 * len(polytope.planes)):
                 planes = polytope.local_planes(self.matrices[block])
+                # No point is beyond a plane that its cloud's box is not beyond.
                 owners, numbers = np.nonzero(_is_box_beyond(planes, box[None]))
                 planes = planes[owners, numbers]
                 batch = np.searchsorted(owners, owners) // max(_BLOCK // len(cloud), 1)
@@ -186,10 +187,10 @@ def _is_box_beyond(planes: Floats, boxes: Floats) -> Bools:
     return np.asarray((normals @ middles + np.abs(normals) @ halves)[..., 0] + planes[..., 3] > 0.0)
 
 
-def _blocks(numbers: Indices, numbers_each: int) -> list[Indices]:
-    """Split indices into blocks that take about `_BLOCK` numbers, if an index takes `numbers_each`."""
-    size = max(_BLOCK // numbers_each, 1)
-    return [numbers[start : start + size] for start in range(0, len(numbers), size)]
+def _blocks(indices: Indices, numbers_per_index: int) -> list[Indices]:
+    """Split indices into blocks with arrays of about `_BLOCK` numbers, if an index needs `numbers_per_index`."""
+    size = max(_BLOCK // numbers_per_index, 1)
+    return [indices[start : start + size] for start in range(0, len(indices), size)]
 
 
 def _directions(count: int) -> Floats:
@@ -228,5 +229,7 @@ def _hull_points(points: Floats) -> Floats:
 def _split_cloud(points: Floats) -> list[Floats]:
     if len(points) <= _PART_POINTS:
         return [points]
-    near = points[np.argsort(grid_cells(points, np.array([points.min(axis=0), points.max(axis=0)])), kind="stable")]
-    return [near[start : start + _PART_POINTS] for start in range(0, len(near), _PART_POINTS)]
+    sorted_points = points[
+        np.argsort(grid_cells(points, np.array([points.min(axis=0), points.max(axis=0)])), kind="stable")
+    ]
+    return [sorted_points[start : start + _PART_POINTS] for start in range(0, len(sorted_points), _PART_POINTS)]

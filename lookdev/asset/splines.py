@@ -25,15 +25,16 @@ WRAPS = ("nonperiodic", "periodic", "pinned")
 class Splines:
     """Curves (c,) of smooth segments between vertices.
 
-    `at(segments, t)` takes samples (r,), sorted by segment, at t in 0..1 of their segments, and returns vertex indices,
-    weights and rates (r, k). A sample's value is the sum of the vertices' values times the weights; its derivative by t
-    is the sum with the rates. With `pinned` ends, phantom vertices follow the others: first those before each curve,
-    then those after each. `varying` is False if interpolation `varying` is not defined for the curves.
+    `evaluate(segments, t)` takes samples (r,), sorted by segment, at t in 0..1 of their segments, and returns vertex
+    indices, weights and rates (r, k). A sample's value is the sum of the vertices' values times the weights; its
+    derivative by t is the sum with the rates. With `pinned` ends, phantom vertices follow the others: first those
+    before each curve, then those after each. `varying` is False if interpolation `varying` is not defined for the
+    curves.
     """
 
     vertex_counts: Indices
     segment_counts: Indices
-    at: Callable[[Indices, Floats], tuple[Indices, Floats, Floats]]
+    evaluate: Callable[[Indices, Floats], tuple[Indices, Floats, Floats]]
     periodic: bool = False
     pinned: bool = False
     varying: bool = True
@@ -68,12 +69,13 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
             f"{where}: curveVertexCounts[{curve}] is {counts[curve]}; a {wrap} {basis} curve has {rule} vertices"
         )
     segment_counts = counts // step if periodic else (counts - fewest) // step + 1
+    # The curve of each segment, and the segment's number in it.
     curves = np.repeat(np.arange(len(counts)), segment_counts)
     numbers = np.arange(len(curves)) - run_starts(segment_counts)[curves]
     first, total = run_starts(counts), int(counts.sum())
     matrix = BASES[basis]
 
-    def at(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
+    def evaluate(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
         curve = curves[segments][:, None]
         local: Indices = numbers[segments][:, None] * step + np.arange(matrix.shape[1]) - pinned
         if periodic:
@@ -86,7 +88,7 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
         slopes = np.stack([3.0 * t**2, 2.0 * t, ones, 0.0 * t], axis=-1)
         return index, powers @ matrix, slopes @ matrix
 
-    return Splines(counts, segment_counts, at, periodic, pinned)
+    return Splines(counts, segment_counts, evaluate, periodic, pinned)
 
 
 def nurbs_splines(
@@ -128,7 +130,7 @@ def nurbs_splines(
     highs = np.concatenate([span[1:] for span in spans])
     width = int(orders.max())
 
-    def at(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
+    def evaluate(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
         low, high = lows[segments], highs[segments]
         # A segment's end is evaluated from its own side: a knot can be a corner.
         parameters = np.minimum(low + t * (high - low), np.nextafter(high, low))
@@ -153,4 +155,4 @@ def nurbs_splines(
             index[rows, :order], values[rows, :order], rates[rows, :order] = first[curve] + vertices, value, rate
         return index, values, rates * (high - low)[:, None]
 
-    return Splines(counts, segment_counts, at, varying=False)
+    return Splines(counts, segment_counts, evaluate, varying=False)

@@ -25,7 +25,8 @@ _ALIGNMENT = 64  # bytes
 _FORMAT = 5  # increases, too, when the tangents of an unchanged asset change
 _FLAG_FIELDS = ("convex", "sheet", "revolved")
 
-# The fields of `Mesh` that are stored as one array for all meshes: the type, the numbers in a row, the rows.
+# The fields of `Mesh` that are stored as one array for all meshes: its type, the numbers in a row (0: it has one
+# dimension), and the elements of a mesh that have a row each.
 _ARRAYS: dict[str, tuple[type[np.generic], int, str]] = {
     "points": (np.float32, 3, "points"),
     "corner_points": (np.int32, 0, "corners"),

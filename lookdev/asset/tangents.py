@@ -20,7 +20,7 @@ from lookdev.asset.mesh import Mesh
 from lookdev.asset.normals import AnyInts, batch_slices, blocks, dot, next_corners, normalize_or, run_starts, sum_by
 from lookdev.brdf import vectors
 
-_ROUNDS = 8
+_ROUNDS = 8  # of `_group_corners`, before it compares hashes
 
 
 def perpendicular(normals: Floats) -> Floats:
@@ -43,7 +43,7 @@ def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats32]:
     points, corners = np.array([(len(mesh.points), len(mesh.corner_points)) for mesh in meshes]).T
     first_points = (np.cumsum(points) - points).astype(np.int32)
     uvs = [next(iter(mesh.uvs.values())) for mesh in meshes if mesh.uvs]
-    together = corner_tangents(
+    joined_tangents = corner_tangents(
         np.concatenate([mesh.points for mesh in meshes]),
         np.concatenate([mesh.corner_points for mesh in meshes]) + np.repeat(first_points, corners),
         np.concatenate([mesh.face_sizes for mesh in meshes]),
@@ -51,7 +51,7 @@ def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats32]:
         np.concatenate(uvs) if uvs else None,
         np.repeat(np.arange(len(meshes)), points),
     )
-    return np.split(together, np.cumsum(corners)[:-1])
+    return np.split(joined_tangents, np.cumsum(corners)[:-1])
 
 
 def corner_tangents(
@@ -75,8 +75,8 @@ def corner_tangents(
         following = next_corners(sizes)
         orientation[faces] = _orientation(sizes, following, uv)
         positions = points[corner_points[corners]].astype(np.float64)
-        along = _face_tangents(positions, sizes, following, uv, orientation[faces])
-        tangents[corners] = _orthogonalize(np.repeat(along, sizes, axis=0), normals[corners].astype(np.float64))
+        by_face = _face_tangents(positions, sizes, following, uv, orientation[faces])
+        tangents[corners] = _orthogonalize(np.repeat(by_face, sizes, axis=0), normals[corners].astype(np.float64))
     positions = _number_positions(points, meshes)[corner_points]
     group, example = _group_corners(positions, normals, uvs, np.repeat(orientation.astype(np.int8), face_sizes))
     sums = sum_by(group, tangents, len(example))
@@ -155,8 +155,8 @@ def _longitude_tangents(
     for _, corners in blocks(face_sizes):
         n = normals[corners].astype(np.float64)
         # Twice, since the normals are unit only to float32.
-        along = _orthogonalize(_orthogonalize(around[corner_points[corners]], n), n)
-        tangents[corners] = normalize_or(along, perpendicular(n))
+        by_corner = _orthogonalize(_orthogonalize(around[corner_points[corners]], n), n)
+        tangents[corners] = normalize_or(by_corner, perpendicular(n))
     return tangents
 
 

@@ -14,12 +14,14 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.tangents import perpendicular
 
-_MAX_CUT = 4.0  # in radii: where a curve reverses, the bisecting plane contains the curve
+# Points are displaced along the curve into the plane of their cross-section, by at most so many radii: where a curve
+# reverses, the bisecting plane contains the curve.
+_MAX_CUT = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class Rings:
-    """Samples (r,) of curves, in order: positions (r, 3), unit directions (r, 3), radii (r,).
+    """Samples (r,) of curves, called rings, in order: positions (r, 3), unit directions (r, 3), radii (r,).
 
     pieces (r,) and curves (r,) are the numbers of the piece and the curve of each ring, from 0 without gaps; closed
     (c,) is true where the last piece of a curve meets its first.
@@ -56,8 +58,8 @@ def tubes(rings: Rings, sides: int) -> Strips:
     along it; an end is a disc in the unit square. Normals are those of the round tube, exact where the tube is straight
     or does not taper.
     """
-    along = _relative_lengths(rings)
-    x = _frames(rings, along)
+    fractions = _relative_lengths(rings)
+    x = _frames(rings, fractions)
     y = np.cross(rings.directions, x)
     angle = 2.0 * np.pi * np.arange(sides + 1) / sides
     angle[-1] = 0.0  # the same points as the first
@@ -65,18 +67,20 @@ def tubes(rings: Rings, sides: int) -> Strips:
     outward = cos * x[:, None] + sin * y[:, None]
     slope = _slopes(rings)[:, None, None]
     u = np.broadcast_to(np.arange(sides + 1) / sides, outward.shape[:2])
-    sheath = _strips(rings, outward, (outward - slope * rings.directions[:, None]) / np.sqrt(1.0 + slope**2), u, along)
+    sheath = _strips(
+        rings, outward, (outward - slope * rings.directions[:, None]) / np.sqrt(1.0 + slope**2), u, fractions
+    )
 
     starts, ends = group_ends(rings.curves)
     rims = np.concatenate([starts, ends])
-    side = np.repeat([-1.0, 1.0], len(starts))
+    end_sign = np.repeat([-1.0, 1.0], len(starts))
     has_cap = ~np.tile(rings.closed, 2) & (rings.radii[rims] > 0.0)
-    rims, side = rims[has_cap], side[has_cap]
-    around = np.where(side[:, None] < 0.0, -np.arange(sides) % sides, np.arange(sides))
-    disc = np.stack([np.cos(angle)[around], side[:, None] * np.sin(angle)[around]], axis=-1)
+    rims, end_sign = rims[has_cap], end_sign[has_cap]
+    around = np.where(end_sign[:, None] < 0.0, -np.arange(sides) % sides, np.arange(sides))
+    disc = np.stack([np.cos(angle)[around], end_sign[:, None] * np.sin(angle)[around]], axis=-1)
     return Strips(
         points=np.concatenate([sheath.points, sheath.points[rims[:, None] * (sides + 1) + around].reshape(-1, 3)]),
-        normals=np.concatenate([sheath.normals, np.repeat(side[:, None] * rings.directions[rims], sides, axis=0)]),
+        normals=np.concatenate([sheath.normals, np.repeat(end_sign[:, None] * rings.directions[rims], sides, axis=0)]),
         st=np.concatenate([sheath.st, 0.5 + 0.5 * disc.reshape(-1, 2)]),
         face_sizes=np.concatenate([sheath.face_sizes, np.full(len(rims), sides)]),
         face_points=np.concatenate([sheath.face_points, len(sheath.points) + np.arange(len(rims) * sides)]),
@@ -98,8 +102,12 @@ def ribbons(rings: Rings, facing: Floats) -> Strips:
     return _strips(rings, outward, np.stack([normals, normals], axis=1), u, _relative_lengths(rings))
 
 
-def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, along: Floats) -> Strips:
-    """Return the faces between the rings of each piece; `outward` (r, c, 3) are unit vectors to the c columns."""
+def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions: Floats) -> Strips:
+    """Return the faces between the rings of each piece, from c columns of points along it.
+
+    outward (r, c, 3): unit vectors from the curve to the columns; normals (r, c, 3); u (r, c); fractions (r,): v, the
+    length along the curve as a fraction of its total.
+    """
     columns = outward.shape[1]
     planes = _cut_normals(rings)
     radii = rings.radii[:, None]
@@ -109,6 +117,8 @@ def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, along: Fl
     cut = np.clip(np.where(np.isfinite(cut), cut, 0.0), -limit, limit)
     points = rings.positions[:, None] + radii[..., None] * outward + cut[..., None] * rings.directions[:, None]
 
+    # The lower ring of each strip of faces between two rings of a piece. Strips without area are dropped. At a tip, a
+    # ring of radius 0, a face has one corner instead of two.
     lower = np.flatnonzero(rings.pieces[:-1] == rings.pieces[1:])
     has_length = (rings.positions[lower] != rings.positions[lower + 1]).any(axis=1)
     is_tip = rings.radii[lower] == 0.0, rings.radii[lower + 1] == 0.0
@@ -121,7 +131,7 @@ def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, along: Fl
     return Strips(
         points=points.reshape(-1, 3),
         normals=normals.reshape(-1, 3),
-        st=np.stack([u, np.broadcast_to(along[:, None], u.shape)], axis=-1).reshape(-1, 2),
+        st=np.stack([u, np.broadcast_to(fractions[:, None], u.shape)], axis=-1).reshape(-1, 2),
         face_sizes=is_corner.sum(axis=-1).ravel(),
         face_points=corners[is_corner],
         point_rings=np.repeat(np.arange(len(points)), columns),
@@ -163,7 +173,7 @@ def _cut_normals(rings: Rings) -> Floats:
     return planes
 
 
-def _frames(rings: Rings, along: Floats) -> Floats:
+def _frames(rings: Rings, fractions: Floats) -> Floats:
     """Return unit vectors (r, 3) perpendicular to the curve that rotate from ring to ring as little as possible.
 
     On a closed curve the rotation that remains at the end is subtracted evenly along it, so that the ends meet.
@@ -184,7 +194,7 @@ def _frames(rings: Rings, along: Floats) -> Floats:
     axis = rings.directions[starts]
     transported = _rotate(frames[ends], _smallest_rotations(rings.directions[ends], axis))
     twist = np.arctan2(dot(np.cross(first, transported), axis), dot(first, transported)) * rings.closed[:, None]
-    angle = -twist[rings.curves] * along[:, None]
+    angle = -twist[rings.curves] * fractions[:, None]
     return np.asarray(np.cos(angle) * frames + np.sin(angle) * np.cross(rings.directions, frames))
 
 

@@ -37,14 +37,17 @@ class AssignedAsset:
 
 @dataclass(frozen=True)
 class Assignment:
-    """The material that covers a part: an `assign` of the look, by number, and its pattern; else `material`."""
+    """The material that covers a part: that of the look's `assign` with this number, whose `pattern` fits the part.
+
+    If `assign` is None, it is the look's own `material`.
+    """
 
     assign: int | None = None
     pattern: str = ""
 
 
 def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
-    """Return the looks of each `assign` of a look, then that of its `material`; grey in the place of a faulty one."""
+    """Return a look for each `assign` of a job's look, then one for its `material`; grey in place of a faulty one."""
     materials: list[Look] = []
     tables: tuple[JobAssign | JobLook, ...] = (*look.assign, look)
     for number, table in enumerate(tables):
@@ -53,9 +56,9 @@ def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
         table_key, name = (key, look.name) if table is look else (f"{key}.assign[{number}]", None)
         materials.append(NEUTRAL_LOOK)
         with findings.collect(table_key):
-            read = read_any_look(table.material, table.prim, table.variants, name)
-            materials[-1] = read.look
-            findings.note(*loss_notes(read.losses))
+            opened = read_any_look(table.material, table.prim, table.variants, name)
+            materials[-1] = opened.look
+            findings.note(*loss_notes(opened.losses))
     return materials
 
 
@@ -105,8 +108,8 @@ def assign_looks(
     if grey_paths := [part.path for part in uncovered if choose(part) is None]:
         more = f" and {len(grey_paths) - 1} more; they are" if len(grey_paths) > 1 else "; it is"
         findings.note(f"look '{look.name}': nothing covers {grey_paths[0]}{more} rendered neutral grey")
-    of_asset = frozenset(path for path, choice in choices.items() if isinstance(choice, str))
-    return AssignedAsset(asset, {path: looks[choice] for path, choice in choices.items()}, of_asset)
+    bound_paths = frozenset(path for path, choice in choices.items() if isinstance(choice, str))
+    return AssignedAsset(asset, {path: looks[choice] for path, choice in choices.items()}, bound_paths)
 
 
 def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findings: Findings) -> dict[str, Assignment]:

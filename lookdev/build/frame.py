@@ -30,7 +30,7 @@ from lookdev.scene import Camera, frame_camera, frame_fill
 from lookdev.scene.charts.props import Strip
 from lookdev.scene.displace import displace
 from lookdev.scene.framing import DEFAULT_FILL, Arc
-from lookdev.scene.ground import GREY, Ground
+from lookdev.scene.ground import GREY_LOOK, Ground
 from lookdev.scene.shot import shot_camera, shot_notes
 from lookdev.scene.uvs import add_missing_uvs, missing_primvar_notes
 from lookdev.stage import open_stage
@@ -102,13 +102,13 @@ def job_cameras(
     AssetError
         An asset has no size.
     """
-    different = {asset.digest: asset for asset in assets.values()}
+    distinct_assets = {asset.digest: asset for asset in assets.values()}
     if shot is None and job.camera.framing == "each":
-        cameras = {digest: _frame(job, [asset]) for digest, asset in different.items()}
+        cameras = {digest: _frame(job, [asset]) for digest, asset in distinct_assets.items()}
         return {look: cameras[asset.digest] for look, asset in assets.items()}, ()
     if shot is None:
-        return dict.fromkeys(assets, _frame(job, list(different.values()))), ()
-    points = _outlines(list(different.values()))
+        return dict.fromkeys(assets, _frame(job, list(distinct_assets.values()))), ()
+    points = _outlines(list(distinct_assets.values()))
     camera, notes = shot_camera(shot, points), list(shot_notes(shot, points, job.render.resolution))
     if job.charts is not None:
         notes += overlap_notes(job.charts.strip(job.render.resolution), camera, points, element_arcs(job))
@@ -142,14 +142,18 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
         return frame(resolution, camera.horizontal_fov)
     strip, fov = job.charts.strip(resolution), camera.horizontal_fov
     reach = math.tan(math.radians(0.5 * fov))
-    whole = strip.resolution[0 if strip.upright else 1]
-    half = math.atan(reach * whole / resolution[0])
+    pixels_across_strip = strip.resolution[0 if strip.upright else 1]
+    half_angle = math.atan(reach * pixels_across_strip / resolution[0])
     # The part of the tangent of half the angle of view that the asset covers at most.
-    covered = fill if camera.margin is None else math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
-    if 0.5 * (1.0 - covered) * whole >= strip.thickness:
+    covered = (
+        fill
+        if camera.margin is None
+        else math.tan(math.asin(math.sin(half_angle) / camera.margin)) / math.tan(half_angle)
+    )
+    if 0.5 * (1.0 - covered) * pixels_across_strip >= strip.thickness:
         return frame(resolution, fov)
-    narrow = math.degrees(2.0 * math.atan(reach * strip.rest[0] / resolution[0]))
-    return replace(frame(strip.rest, narrow), fov=fov, shift=strip.shift)
+    picture_fov = math.degrees(2.0 * math.atan(reach * strip.picture_size[0] / resolution[0]))
+    return replace(frame(strip.picture_size, picture_fov), fov=fov, shift=strip.shift)
 
 
 def _outlines(assets: list[Asset]) -> Floats:
@@ -205,7 +209,7 @@ def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Came
             f"the camera is {-above:g} m below the ground, and sees none of the asset; a greater elevation, or a "
             "lower 'height' would be right"
         )
-    return Ground(look or GREY, table.size * asset.radius, height, table.kind == "catcher")
+    return Ground(look or GREY_LOOK, table.size * asset.radius, height, table.kind == "catcher")
 
 
 def job_grounds(

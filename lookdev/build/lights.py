@@ -32,7 +32,7 @@ class RigLights:
         return self.rig is not None and self.rig.fit
 
     def place_around(self, asset: Asset) -> tuple[Light, ...]:
-        """Return the lights around an asset. Its looks are comparable if that is the largest asset of the job."""
+        """Return the lights around an asset: for comparable frames of all looks, the largest asset of the job."""
         if not self.is_fitted:
             return self.lights
         x, y, z = asset.center

@@ -27,7 +27,7 @@ from lookdev.scene.displace import as_cage, is_displaced
 
 _ROOM = "refined"
 
-_MOST_CORNERS = 32_000_000
+_MAX_CORNERS = 32_000_000
 """The most refined corners of an asset whose level the job states; they take about 8 GB during refinement."""
 
 
@@ -61,11 +61,11 @@ class Refiner:
         cages = {(id(mesh), level): mesh for mesh, level in zip(asset.meshes, levels, strict=True)}
         key = geometry_key(asset, displaced, levels)
         # If another look has some of the meshes in memory, they are shared instead of read from the cache.
-        shared = any(cage_key in self._meshes for cage_key in cages)
-        refined = None if shared else _load_refined(key, asset)
+        has_shared_mesh = any(cage_key in self._meshes for cage_key in cages)
+        refined = None if has_shared_mesh else _load_refined(key, asset)
         if refined is not None:
-            read = zip(asset.meshes, levels, refined.meshes, strict=True)
-            self._meshes |= {(id(cage), level): (mesh, cage) for cage, level, mesh in read}
+            loaded = zip(asset.meshes, levels, refined.meshes, strict=True)
+            self._meshes |= {(id(cage), level): (mesh, cage) for cage, level, mesh in loaded}
             return refined
         missing = {cage_key: cage for cage_key, cage in cages.items() if cage_key not in self._meshes}
         meshes = refine_all(list(missing.values()), [level for _, level in missing])
@@ -73,25 +73,25 @@ class Refiner:
         meshes = [self._meshes[id(cage), level][0] for cage, level in zip(asset.meshes, levels, strict=True)]
         flags = {"convex": asset.convex, "sheet": asset.sheet, "revolved": asset.revolved}
         refined = make_asset(asset.name, meshes, asset.instances, asset.slots, **flags)
-        if not shared:
+        if not has_shared_mesh:
             file = Content.store_copy(save_asset(refined))
             store_cached(_ROOM, key, {"asset": [file.digest, file.suffix]})
         return replace(refined, unit=asset.unit, notes=asset.notes)
 
     def _levels(self, asset: Asset, camera: Camera, displaced: Collection[int]) -> Refinement:
         if self._level == "auto":
-            pixel = orbit_pixel_size(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
+            pixel_size = orbit_pixel_size(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
             view = [*camera.position.tolist(), *camera.pivot, camera.reach, self._width]
             key = geometry_key(asset, displaced, view)
             refinement = _load_levels(key, len(asset.meshes))
             if refinement is None:
-                refinement = refinement_levels(asset, pixel, displaced)
+                refinement = refinement_levels(asset, pixel_size, displaced)
                 store_cached(_ROOM, key, {"levels": refinement.levels, "notes": refinement.notes})
             return refinement
         levels = [0 if mesh.subdivision is None else self._level for mesh in asset.meshes]
         corners = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(asset.meshes, levels, strict=True))
-        if corners > _MOST_CORNERS:
-            count = f"{corners} corners of faces; at most {_MOST_CORNERS} would be right"
+        if corners > _MAX_CORNERS:
+            count = f"{corners} corners of faces; at most {_MAX_CORNERS} would be right"
             raise AssetError(f"subdivision = {self._level} makes {count}, or subdivision = 'auto'")
         return Refinement(tuple(levels), ())
 
@@ -127,12 +127,12 @@ def _load_refined(key: str, cages: Asset) -> Asset | None:
     """Return the refined asset of some cages from the cache; None if it does not have it."""
     match load_cached(_ROOM, key):
         case {"asset": [digest, suffix]} if (file := Content(digest, suffix)).is_whole():
-            read = read_asset(file.path)
+            loaded = read_asset(file.path)
         case _:
             return None
     # The file has only the data that pixels depend on; the rest is that of the cages.
-    meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(read.meshes, cages.meshes, strict=True)]
-    return replace(read, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
+    meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(loaded.meshes, cages.meshes, strict=True)]
+    return replace(loaded, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
 
 
 def cached_outline(asset: Asset) -> Floats:

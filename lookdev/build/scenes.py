@@ -19,8 +19,7 @@ from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.scene import Camera, Film, Scene
 from lookdev.scene.charts.props import props_camera, props_scene
-from lookdev.scene.ground import PATH as GROUND
-from lookdev.scene.ground import add_ground
+from lookdev.scene.ground import GROUND_PATH, add_ground
 from lookdev.scene.scene import link_lights
 
 PrepareAhead = Callable[[Job, Look, tuple[Light, ...]], None]
@@ -151,8 +150,8 @@ def _make_scenes(
         with findings.collect("ground"):
             for name, ground in job_grounds(job.ground, rendered.assets, rendered.cameras, findings).items():
                 assets_and_looks[name] = add_ground(*assets_and_looks[name], ground, rendered.cameras[name].pivot)
-        parts = parts | {GROUND}
-        catchers = frozenset([GROUND] if job.ground.kind == "catcher" else [])
+        parts = parts | {GROUND_PATH}
+        catchers = frozenset([GROUND_PATH] if job.ground.kind == "catcher" else [])
     findings.raise_faults()
     for rig in rigs:
         findings.note(*rig.link_notes(parts))

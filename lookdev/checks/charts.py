@@ -20,7 +20,7 @@ from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
-from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.charts.colorchecker import GREY_REFLECTANCE, PATCHES, patch_colors
 from lookdev.scene.charts.props import Box, Strip, asset_of_props, crop_camera
 from lookdev.space import to_space
 
@@ -85,7 +85,7 @@ def check_charts(task: FrameTask, strip: Strip, rendered: WorkerFrame) -> tuple[
     Channels whose reflectance is 0, as the red of cyan, are not compared.
     """
     halves = [np.asarray(half, np.float64) * 2.0**task.exposure for half in (rendered.a, rendered.b)]
-    colors = {"grey ball": np.full(3, GREY)} | dict(
+    colors = {"grey ball": np.full(3, GREY_REFLECTANCE)} | dict(
         zip(PATCHES, to_space(patch_colors(), task.scene.space), strict=True)
     )
     squares = {name: _inner_square(box) for name, box in strip.measured_boxes.items()}

@@ -120,14 +120,14 @@ def _updated_look(table: _Data, keys: _Data, assigns: list[_Data]) -> _Data:
 
 @dataclass
 class _Block:
-    """A table of the file: the keys of its header, and whether the header is that of an array of tables.
+    """A table of the file: the keys of its header, and whether it is an item of an array of tables: ``[[keys]]``.
 
     Its lines are `start`, the header, to `end`, exclusive, which follows its last statement. `above` is the first line
     of the comments directly above the header.
     """
 
     keys: tuple[str, ...]
-    listed: bool
+    is_array_item: bool
     above: int
     start: int
     end: int
@@ -146,13 +146,13 @@ def _blocks(lines: Sequence[str]) -> list[_Block]:
             line += 1
         elif stripped.startswith("["):
             keys, inner = [], tomllib.loads(lines[line])
-            listed = False
+            is_array_item = False
             while inner:
                 ((key, value),) = inner.items()
                 keys.append(key)
-                listed = isinstance(value, list)
-                inner = value[0] if listed else value
-            blocks.append(_Block(tuple(keys), listed, above, line, line + 1))
+                is_array_item = isinstance(value, list)
+                inner = value[0] if is_array_item else value
+            blocks.append(_Block(tuple(keys), is_array_item, above, line, line + 1))
             line += 1
             above = line
         else:
@@ -178,17 +178,17 @@ def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | No
     """Return the text of a job with other assigns and `keys` of a look, which may have a ``[[look]]`` header."""
     lines = re.findall(r"[^\n]*\n|[^\n]+$", text)
     blocks = _blocks(lines)
-    look_blocks = [number for number, block in enumerate(blocks) if block.keys == ("look",) and block.listed]
+    look_blocks = [number for number, block in enumerate(blocks) if block.keys == ("look",) and block.is_array_item]
     if not look_blocks:
         return _edit_inline(text, look, keys, assigns)
     look_block = blocks[look_blocks[look]]
     following = blocks[look_blocks[look] + 1 : look_blocks[look + 1] if look + 1 < len(look_blocks) else len(blocks)]
-    assign_blocks = [block for block in following if block.keys == ("look", "assign") and block.listed]
+    assign_blocks = [block for block in following if block.keys == ("look", "assign") and block.is_array_item]
     last = look_block
     for block in following:  # a subtable of an assign, such as [look.assign.variants], belongs to the assign's block
         if block.keys[:1] != ("look",):
             continue
-        if block.keys[:2] == ("look", "assign") and not block.listed:
+        if block.keys[:2] == ("look", "assign") and not block.is_array_item:
             [parent for parent in assign_blocks if parent.start < block.start][-1].end = block.end
         last = block if block.end > last.end else last
     edits: list[tuple[int, int, str]] = []  # first line, line after the last, and the text that replaces them

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 
 from lookdev.job.features import check_feature
 from lookdev.job.keys import JobTable, MaterialFile, MaterialPrim, Text, key, key_error, reject_key
-from lookdev.scene.charts.props import FOLDER, FrameSide, Strip
+from lookdev.scene.charts.props import PROPS_FOLDER, FrameSide, Strip
 
 _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
 """The passes that sum up to the beauty or to its alpha; a shadow catcher takes light and coverage away from both."""
@@ -33,8 +33,10 @@ class JobCharts(JobTable):
         if problem:
             raise key_error(problem, hint)
         check_feature("charts", backend, self)
-        if FOLDER in {name.casefold() for name in looks}:
-            raise key_error(f"a look of the job is called '{FOLDER}', the name of the frames of [charts]", "rename it")
+        if PROPS_FOLDER in {name.casefold() for name in looks}:
+            raise key_error(
+                f"a look of the job is called '{PROPS_FOLDER}', the name of the frames of [charts]", "rename it"
+            )
 
 
 class JobGround(JobTable):

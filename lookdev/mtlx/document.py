@@ -54,36 +54,36 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
     includes: list[Fault] = []
     parser = expat.ParserCreate("utf-8")
 
-    def fault(message: str, hint: str = "") -> Fault:
+    def fault_here(message: str, hint: str = "") -> Fault:
         return Fault(file, f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}", message, hint)
 
     def check_root(tag: str, version: str) -> None:
         if tag != "materialx":
-            raise LookError([fault(f"the document is <{tag:.40}>, not <materialx>")])
+            raise LookError([fault_here(f"the document is <{tag:.40}>, not <materialx>")])
         match = _VERSION.fullmatch(version)
         if not match or not _FIRST_VERSION <= (int(match[1]), int(match[2])) <= _LAST_VERSION:
             (a, b), (c, d) = _FIRST_VERSION, _LAST_VERSION
-            raise LookError([fault(f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")])
+            raise LookError([fault_here(f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")])
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
+    def start_element(tag: str, attributes: dict[str, str]) -> None:
         name = attributes.get("name", "")
         if not names:
             check_root(tag, attributes.get("version", ""))
         if len(names) == _MAX_DEPTH:
-            raise LookError([fault(f"more than {_MAX_DEPTH} elements inside each other")])
+            raise LookError([fault_here(f"more than {_MAX_DEPTH} elements inside each other")])
         if tag == "xi:include":
-            includes.append(fault(f"includes '{attributes.get('href', ''):.80}'", "includes are not followed"))
+            includes.append(fault_here(f"includes '{attributes.get('href', ''):.80}'", "includes are not followed"))
         if name and names and name in names[-1]:
-            raise LookError([fault(f"a second element here is named '{name:.40}'", "names are unique")])
+            raise LookError([fault_here(f"a second element here is named '{name:.40}'", "names are unique")])
         if names:
             names[-1].add(name)
         names.append(set())
 
-    def doctype(*_: object) -> None:
-        raise LookError([fault("has a document type definition", "remove <!DOCTYPE>")])
+    def reject_doctype(*_: object) -> None:
+        raise LookError([fault_here("has a document type definition", "remove <!DOCTYPE>")])
 
-    parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: names.pop()
-    parser.StartDoctypeDeclHandler = doctype
+    parser.StartElementHandler, parser.EndElementHandler = start_element, lambda tag: names.pop()
+    parser.StartDoctypeDeclHandler = reject_doctype
     try:
         parser.Parse(text.encode(), True)
     except expat.ExpatError as error:

@@ -28,7 +28,9 @@ from lookdev.mtlx.document import INVALID_IMAGE_PATH, library_inputs, read_docum
 from lookdev.safe_text import TextError, read_bytes
 
 NOTES_KEY = "lookdev:notes"
-"""Key of a layer's customLayerData, for what the layer lacks of the document: lines of file, path, text and hint."""
+"""Key of a layer's customLayerData, for what the layer lacks of the document.
+
+Its value has a line for each note: file, path, text and hint, separated by tabs."""
 
 _MAX_PRIMS = 100_000
 _TYPES = {
@@ -86,7 +88,7 @@ class _Writer:
         self.notes = list(notes)
         self.faults: list[Fault] = []
         self._layer = Sdf.Layer.CreateAnonymous(".usda")
-        self._prims = 0
+        self._prim_count = 0
         # State of the current material: the prims of nodes and graphs by the path of their elements, and the nodes
         # whose prims still lack inputs.
         self._material: Sdf.PrimSpec
@@ -115,8 +117,8 @@ class _Writer:
 
     def _define_prim(self, parent: Sdf.Layer | Sdf.PrimSpec, name: str, kind: str) -> Sdf.PrimSpec:
         """Define a prim under a MaterialX name, which is made valid and unique."""
-        self._prims += 1
-        if self._prims > _MAX_PRIMS:
+        self._prim_count += 1
+        if self._prim_count > _MAX_PRIMS:
             message = f"its materials are made of more than {_MAX_PRIMS} nodes, each counted for every material"
             raise LookError([Fault(self.file, "", message)])
         siblings = parent.rootPrims if isinstance(parent, Sdf.Layer) else parent.nameChildren
@@ -276,9 +278,9 @@ class _Writer:
                 numbers = tuple(float(part) for part in re.split(r"[,\s]+", text.strip()))
             except ValueError:
                 numbers = ()
-            whole = kind != "integer" or all(number.is_integer() for number in numbers)
+            is_integral = kind != "integer" or all(number.is_integer() for number in numbers)
             if (
-                whole
+                is_integral
                 and len(numbers) == _COMPONENT_COUNTS[kind]
                 and all(abs(number) <= MAX_MAGNITUDE for number in numbers)
             ):
@@ -302,7 +304,7 @@ class _Writer:
         return _UNITS.get(unit, 1.0)
 
     def _read_asset(self, port: mx.PortElement) -> Sdf.AssetPath | None:
-        """Return the absolute path of an image, whose path in the document may be relative to this."""
+        """Return the absolute path of an image, whose path in the document may be relative to the document."""
         # Documents come from all operating systems: either slash separates folders.
         prefix, name = port.getActiveFilePrefix(), port.getValueString()
         prefixed, plain = (mx.FilePath(path).asString(mx.FormatPosix) for path in (prefix + name, name))

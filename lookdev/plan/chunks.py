@@ -59,10 +59,10 @@ class Division:
 
 @dataclass(frozen=True)
 class Chunk:
-    """Part `number`, counted from 1, of the division `of`."""
+    """Part `number`, counted from 1, of a division."""
 
     number: int
-    of: Division
+    division: Division
 
     @classmethod
     def parse(cls, text: str) -> Chunk:
@@ -79,7 +79,7 @@ class Chunk:
         )
 
     def __str__(self) -> str:
-        return f"{self.number}/{self.of}"
+        return f"{self.number}/{self.division}"
 
 
 @dataclass(frozen=True)

@@ -18,16 +18,16 @@ _FRAME = 0.15  # seconds of a frame that do not depend on its samples
 _DIRECTIONS = 8  # usual number of directions of a look at a hit, of its BSDF and of the light together
 _SHARED = 0.25  # share of a sample's cost that does not depend on the directions
 _TRANSMITTING = 1.8  # cost of a look that transmits, relative to one that only reflects: paths go on inside
-SCENE = 1.3
+SCENE_SECONDS = 1.3
 """Seconds to prepare a scene."""
-START = 4.0
+START_SECONDS = 4.0
 """Seconds from the start of a process to its first frame, without those that prepare the scene."""
 
 
 def estimate_costs(plan: Plan) -> Costs:
     """Return the costs of a plan's frames, estimated from the job alone; files on disk do not count."""
     scenes = [frame.task.scene for frame in plan.frames]
-    return Costs(tuple(frame_costs(scenes, [None] * len(scenes))), SCENE, START)
+    return Costs(tuple(frame_costs(scenes, [None] * len(scenes))), SCENE_SECONDS, START_SECONDS)
 
 
 def measure_costs(plan: Plan) -> Costs:
@@ -37,11 +37,14 @@ def measure_costs(plan: Plan) -> Costs:
     scene without frames on disk costs its estimate, scaled by the ratio of times to estimates of the other scenes.
     """
     scenes = [frame.task.scene for frame in plan.frames]
-    return Costs(tuple(frame_costs(scenes, [frame.seconds for frame in plan.frames])), SCENE, START)
+    return Costs(tuple(frame_costs(scenes, [frame.seconds for frame in plan.frames])), SCENE_SECONDS, START_SECONDS)
 
 
 def frame_costs(scenes: Sequence[SceneTask], times: Sequence[float | None]) -> list[float]:
-    """Return the cost of each frame, seconds: its time, or if that is None the usual cost of its scene."""
+    """Return the cost of each frame, seconds: its time, or if that is None the cost of a frame of its scene.
+
+    That is the mean of the scene's times, or, without any, its estimate scaled as in `measure_costs`.
+    """
     scene_times: dict[int, list[float]] = {}
     for scene, seconds in zip(scenes, times, strict=True):
         seconds_of_scene = scene_times.setdefault(id(scene), [])
@@ -50,8 +53,10 @@ def frame_costs(scenes: Sequence[SceneTask], times: Sequence[float | None]) -> l
     estimates = {id(scene): estimate(scene) for scene in {id(scene): scene for scene in scenes}.values()}
     means = {key: fmean(seconds) for key, seconds in scene_times.items() if seconds}
     ratio = sum(means.values()) / sum(estimates[key] for key in means) if means else 1.0
-    usual = {key: means[key] if key in means else ratio * estimates[key] for key in scene_times}
-    return [usual[id(scene)] if seconds is None else seconds for scene, seconds in zip(scenes, times, strict=True)]
+    scene_costs = {key: means[key] if key in means else ratio * estimates[key] for key in scene_times}
+    return [
+        scene_costs[id(scene)] if seconds is None else seconds for scene, seconds in zip(scenes, times, strict=True)
+    ]
 
 
 def estimate(scene: SceneTask) -> float:

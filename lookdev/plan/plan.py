@@ -21,7 +21,7 @@ from lookdev.plan.setup import Setup, TurntableFrames
 from lookdev.plan.skips import Skip, scene_skips
 from lookdev.rendering.task import FrameTask
 from lookdev.scene import Pose
-from lookdev.scene.charts.props import STRIP, Strip
+from lookdev.scene.charts.props import PROPS_STRIP_KEY, Strip
 
 FrameState = Literal["done", "stale", "new"]
 DAMAGED = "damaged"
@@ -125,9 +125,9 @@ class Plan:
 
     @cached_property
     def pictures(self) -> tuple[Path, ...]:
-        """The files to make of frames that need no rendering.
+        """The pictures to make from the EXRs of frames that need no rendering.
 
-        They are missing or older than the EXR, or `copies` makes their EXR.
+        A picture is made if it is missing or older than its EXR, or if `copies` makes that EXR.
         """
         return tuple(_due_pictures(self.frames, self.frame_suffixes))
 
@@ -157,8 +157,9 @@ def build_plan(
 ) -> Plan:
     """Plan the frames of setups: one for each distinct pose of a setup, however many turntables show it.
 
-    Poses that differ only by a turn of what looks the same all around are one pose. `labels` are entries of the header
-    of every frame; `frame_suffixes` has the suffixes of the files that every frame has beside its EXR.
+    Poses are one pose if they differ only by a rotation of an asset, or of a light, that looks the same all around.
+    `labels` are entries of the header of every frame; `frame_suffixes` has the suffixes of the files that every frame
+    has beside its EXR.
     """
     labels = labels or {}
     pose_labels = cache(_pose_labels)  # shared by the looks
@@ -173,7 +174,7 @@ def build_plan(
     if charts is not None:
         for setup in charts.setups:
             chart_reels = _reels(setup, turns)
-            add_frames(setup, chart_reels, {**labels, STRIP: charts.strip.label})
+            add_frames(setup, chart_reels, {**labels, PROPS_STRIP_KEY: charts.strip.label})
             files_of_charts = {reel.turntable: reel.files for reel in chart_reels}
             for reel in all_reels:
                 if reel.ibl == setup.ibl:

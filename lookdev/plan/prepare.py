@@ -24,7 +24,7 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.rendering.scene import SceneTasks
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Film, Scene
-from lookdev.scene.charts.props import FOLDER
+from lookdev.scene.charts.props import PROPS_FOLDER
 from lookdev.space import REC709
 
 
@@ -117,8 +117,9 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
     """Generate the sources of the scenes of a job; raises FaultsError with the faults of every `make_setup`."""
     job, findings = scenes.job, Findings(scenes.job)
     rigs = {rig.name: rig for rig in job.rigs}
-    plain = replace(job.render.sampling, passes=(), denoise="off")
-    requests = [(FOLDER, name, scene, plain, "charts") for name, scene in scenes.charts.items()]
+    props_sampling = replace(job.render.sampling, passes=(), denoise="off")
+    # For each setup: look, rig, scene, sampling, and the key of its faults.
+    requests = [(PROPS_FOLDER, name, scene, props_sampling, "charts") for name, scene in scenes.charts.items()]
     for (look, name), scene in scenes.scenes.items():
         requests.append((look, name, scene, job.render.sampling, scenes.look_keys[look]))
     setups = []

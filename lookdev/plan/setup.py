@@ -51,8 +51,8 @@ def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: Sce
         raise FaultsError(faults)
     # Passes show positions, which turn with the asset.
     is_revolved = scene.asset.revolved and _orbits_asset_axis(scene)
-    around = not sampling.passes and is_revolved and is_rotation_invariant(task.shaders)
-    return Setup(look, ibl, scene, task, sampling, around)
+    is_invariant = not sampling.passes and is_revolved and is_rotation_invariant(task.shaders)
+    return Setup(look, ibl, scene, task, sampling, is_invariant)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class TurntableFrames:
 
 
 def _orbits_asset_axis(scene: Scene) -> bool:
-    """Return whether the camera orbits the vertical through the asset's centre, not an axis for several assets."""
+    """Return whether the camera orbits the vertical through the asset's centre; one for several assets may not."""
     return math.dist(scene.camera.pivot, scene.asset.center[:2]) <= 1e-5 * scene.asset.radius
 
 

@@ -80,7 +80,7 @@ def _count_unread_textures(looks: Sequence[Look], shaders: Sequence[GeneratedSou
 
 
 def _lookups(source: object) -> Iterator[Texture | Bump]:
-    """Yield the look-ups of a layer's input; look-ups that a shader reads once are equal."""
+    """Yield the look-ups of a layer's input, reduced to what a shader reads: two that share one read become equal."""
     if isinstance(source, Texture):
         yield replace(source, channel="rgb", scale=(1.0,) * 4, bias=(0.0,) * 4)
     elif isinstance(source, Bump):

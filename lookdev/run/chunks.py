@@ -38,7 +38,7 @@ class ChunkSummary:
 
 def plan_of_chunk(plan: Plan, chunk: Chunk) -> Plan:
     """Return the part of a plan that has the frames of a chunk."""
-    return plan_of_part(plan, _chunk_ends(plan, chunk.of), chunk.number)
+    return plan_of_part(plan, _chunk_ends(plan, chunk.division), chunk.number)
 
 
 def store_measured_chunks(plan: Plan, division: Division) -> None:

@@ -21,7 +21,7 @@ from lookdev.rendering.passes import CATCHER_ARRAYS, light_parts
 from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask
 from lookdev.run.pictures import link_to_first
-from lookdev.scene.charts.props import STRIP, Strip
+from lookdev.scene.charts.props import PROPS_STRIP_KEY, Strip
 from lookdev.space import REC709
 
 
@@ -29,7 +29,10 @@ def store_frame(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
     """Write the file of a frame; return its record, whose notes include doubts about it. Raises OutputError."""
     beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
     doubts, header = list(frame_doubts(rendered, beauty, constant_light=constant)), {}
-    if STRIP in task.labels and not (strip := Strip.of_label(task.labels[STRIP], task.scene.resolution)).size_note():
+    if (
+        PROPS_STRIP_KEY in task.labels
+        and not (strip := Strip.of_label(task.labels[PROPS_STRIP_KEY], task.scene.resolution)).size_note()
+    ):
         # Not at the top: Embree takes long to import, and few jobs need it.
         from lookdev.checks.charts import charts_doubts, charts_header, check_charts
 

@@ -118,8 +118,8 @@ def camera_rays(
     origin = orbited.position
     if camera.lens is not None and u is not None:
         radius, angle = 0.5 * camera.lens.aperture * np.sqrt(u[..., 0]), 2.0 * np.pi * u[..., 1]
-        within = (radius * np.cos(angle))[..., None] * right + (radius * np.sin(angle))[..., None] * up
+        lens_offset = (radius * np.cos(angle))[..., None] * right + (radius * np.sin(angle))[..., None] * up
         # All rays of a point of the frame meet in the plane of focus.
-        origin, direction = origin + within, direction - within / camera.lens.focus
+        origin, direction = origin + lens_offset, direction - lens_offset / camera.lens.focus
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     return origin, direction

@@ -33,7 +33,7 @@ def is_displaced(mesh: Mesh, looks: Sequence[Look]) -> bool:
 def as_cage(mesh: Mesh) -> Mesh:
     """Return a mesh that can be refined for displacement; a polygon mesh becomes a bilinear cage.
 
-    A primvar has the polygon mesh's normals during refinement, and `displace` restores them: a smooth sphere of few
+    During refinement a primvar contains the polygon mesh's normals, which `displace` restores: a smooth sphere of few
     faces stays smooth.
     """
     if mesh.subdivision is not None:
@@ -47,9 +47,10 @@ def as_cage(mesh: Mesh) -> Mesh:
 def displace(asset: Asset, look_of_part: Mapping[str, Look]) -> Asset:
     """Displace the refined meshes of an asset; `look_of_part` maps slots' paths to looks, as `Scene.look_of_slot`.
 
-    A height h moves a point by ``(h - midlevel) scale`` along its normal: in the object's own space and the units of
-    the asset's file, or in the world, in metres, after the instance's matrix. In the world, instances of one mesh that
-    differ by more than a translation become meshes of their own.
+    A height h moves a point by ``(h - midlevel) scale`` along its normal. `Displacement.units` determines the space and
+    the unit of that distance: the object's own space and the unit of the asset's file, or, for "world", the world,
+    after the instance's matrix, and metres. In the world, instances of one mesh that differ by more than a translation
+    become meshes of their own.
 
     Raises
     ------
@@ -92,11 +93,11 @@ def _displace_mesh(
     if not world_heights.any():
         yield _move_points(mesh, object_heights, world_heights, np.eye(3)), instances
         return
-    shapes: dict[bytes, list[Instance]] = {}
+    instances_of_map: dict[bytes, list[Instance]] = {}
     for instance in instances:
-        shapes.setdefault(np.ascontiguousarray(instance.matrix[:3, :3]).tobytes(), []).append(instance)
-    for same_shape in shapes.values():
-        yield _move_points(mesh, object_heights, world_heights, same_shape[0].matrix[:3, :3]), same_shape
+        instances_of_map.setdefault(np.ascontiguousarray(instance.matrix[:3, :3]).tobytes(), []).append(instance)
+    for map_instances in instances_of_map.values():
+        yield _move_points(mesh, object_heights, world_heights, map_instances[0].matrix[:3, :3]), map_instances
 
 
 def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Floats]:

@@ -120,7 +120,7 @@ def frame_fill(
     frame = unit_camera.frame
     farthest_point = _farthest_point_function((columns - base[:, None]).T, arcs)
 
-    def sides(direction: int, slope: float) -> tuple[float, float, float]:
+    def support_values(direction: int, slope: float) -> tuple[float, float, float]:
         """Return S on both sides of a direction, and the derivative of their sum by the slope."""
         normals = np.array([[direction == 0, direction == 1, slope]] * 2, np.float64)
         normals[1, :2] *= -1.0
@@ -130,14 +130,14 @@ def frame_fill(
     width, height = resolution
     slopes = fill * unit_camera.reach, fill * unit_camera.reach * height / width
     nearest, farthest = float(farthest_point(frame[2]) @ frame[2]), float(farthest_point(-frame[2]) @ frame[2])
-    depth = max(sum(sides(direction, slope)[:2]) / (2.0 * slope) for direction, slope in enumerate(slopes))
+    depth = max(sum(support_values(direction, slope)[:2]) / (2.0 * slope) for direction, slope in enumerate(slopes))
     depth = max(depth, nearest + _MIN_GAP * (nearest - farthest))
     offset = []
     for direction, max_slope in enumerate(slopes):
         # S(v) + S(-v) - 2 t d is convex in t and falls, so that Newton's steps from 0 never pass its zero.
         slope = 0.0
         for _ in range(_STEPS):
-            ahead, behind, growth = sides(direction, slope)
+            ahead, behind, growth = support_values(direction, slope)
             step = (ahead + behind - 2.0 * slope * depth) / (2.0 * depth - growth)
             if step <= 1e-12 * slope:
                 break
@@ -162,27 +162,28 @@ def _farthest_point_function(points: Floats, arcs: Sequence[Arc]) -> Callable[[F
     """
     radius, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
     ranges = [(math.radians(min(start, start + sweep)), math.radians(abs(sweep))) for start, sweep in arcs]
-    whole = any(sweep >= 2.0 * math.pi for _, sweep in ranges)
-    ranges = ranges[:1] if whole else ranges
+    is_full_turn = any(sweep >= 2.0 * math.pi for _, sweep in ranges)
+    ranges = ranges[:1] if is_full_turn else ranges
 
-    def outermost(w: Floats, start: float, sweep: float) -> Iterator[Floats]:
-        """Yield the farthest point at each end of an arc, and in between."""
-        across = math.hypot(w[0], w[1])
-        for end in () if whole else dict.fromkeys((start, start + sweep)):
+    def farthest_of_arc(w: Floats, start: float, sweep: float) -> Iterator[Floats]:
+        """Yield the farthest point along w at each end of an arc, and in between if psi is in the arc."""
+        horizontal_length = math.hypot(w[0], w[1])
+        for end in () if is_full_turn else dict.fromkeys((start, start + sweep)):
             turn = _rotation_about_z(end)
             yield turn @ points[(points @ (w @ turn)).argmax()]
-        if whole or sweep > 0.0:
-            values = across * radius + w[2] * z
-            if not whole:
+        if is_full_turn or sweep > 0.0:
+            values = horizontal_length * radius + w[2] * z
+            if not is_full_turn:
                 half = points @ (w * [1.0, 1.0, 0.0] @ _rotation_about_z(start + 0.5 * sweep))
-                values[half < across * math.cos(0.5 * sweep) * radius] = -np.inf
+                # psi is not in the arc.
+                values[half < horizontal_length * math.cos(0.5 * sweep) * radius] = -np.inf
             best = int(values.argmax())
             if values[best] > -np.inf:
-                along = w[:2] / across if across > 0.0 else np.array([1.0, 0.0])
+                along = w[:2] / horizontal_length if horizontal_length > 0.0 else np.array([1.0, 0.0])
                 yield np.array([*(radius[best] * along), z[best]])
 
     def farthest_point(w: Floats) -> Floats:
-        return max((point for arc in ranges for point in outermost(w, *arc)), key=lambda point: float(point @ w))
+        return max((point for arc in ranges for point in farthest_of_arc(w, *arc)), key=lambda point: float(point @ w))
 
     return farthest_point
 

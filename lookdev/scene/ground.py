@@ -10,10 +10,10 @@ import numpy as np
 from lookdev.asset import Asset, Instance, Mesh, Slot, make_asset
 from lookdev.material import Layer, Look
 
-PATH = "/lookdev/ground"
+GROUND_PATH = "/lookdev/ground"
 """The path of the ground among the parts of an asset, for links of lights."""
 
-GREY = Look("ground", (Layer("Ground", "lambert", {"reflectance": (0.18, 0.18, 0.18)}),))
+GREY_LOOK = Look("ground", (Layer("Ground", "lambert", {"reflectance": (0.18, 0.18, 0.18)}),))
 """The look of a ground without a material."""
 
 _SEGMENTS = 128
@@ -39,10 +39,10 @@ def add_ground(
     meshes = [*asset.meshes, replace(_disc(ground.radius), face_slots=np.full(_SEGMENTS, len(asset.slots), np.int32))]
     matrix = np.eye(4)
     matrix[:3, 3] = (*axis, ground.height)
-    instances = [*asset.instances, Instance(len(asset.meshes), matrix, PATH)]
+    instances = [*asset.instances, Instance(len(asset.meshes), matrix, GROUND_PATH)]
     revolved = asset.revolved and bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
-    combined = make_asset(asset.name, meshes, instances, [*asset.slots, Slot(PATH)], revolved=revolved)
-    return replace(combined, unit=asset.unit, notes=asset.notes), {**look_of_part, PATH: ground.look}
+    combined = make_asset(asset.name, meshes, instances, [*asset.slots, Slot(GROUND_PATH)], revolved=revolved)
+    return replace(combined, unit=asset.unit, notes=asset.notes), {**look_of_part, GROUND_PATH: ground.look}
 
 
 def _disc(radius: float) -> Mesh:
@@ -53,7 +53,7 @@ def _disc(radius: float) -> Mesh:
     first = np.arange(_SEGMENTS)
     corners = np.stack([np.full(_SEGMENTS, _SEGMENTS), first, (first + 1) % _SEGMENTS], axis=-1).ravel()
     return Mesh(
-        name=PATH,
+        name=GROUND_PATH,
         points=(radius * points).astype(np.float32),
         corner_points=corners.astype(np.int32),
         face_sizes=np.full(_SEGMENTS, 3, np.int32),

@@ -29,7 +29,11 @@ _MAX_HINTS = 8  # paths that a hint lists
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The unit of assignment. `path` is that of its instances, with the GeomSubset's name; `slot` is of the mesh."""
+    """A mesh, or a GeomSubset of one, to which a look or lights are assigned.
+
+    `path` is the path of some instances of the mesh, followed by the name of the GeomSubset. `slot` is the asset's slot
+    of the part's faces.
+    """
 
     path: str
     mesh: Mesh
@@ -57,6 +61,7 @@ def assign_to_parts(
     """
     meshes, slots = list(asset.meshes), list(asset.slots)
     choice_of_slot: dict[str, Key] = {}
+    # By mesh and choices of its parts: the mesh of the new asset, which is the old mesh for its first choices.
     mesh_numbers: dict[tuple[int, tuple[Key, ...]], int] = {}
     number_at_path: dict[MeshAtPath, int] = {}
     assigned: set[int] = set()

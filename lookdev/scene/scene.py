@@ -31,7 +31,7 @@ class Sampling:
     reached. `brdf_samples` and `ibl_samples` are directions per shading point; they depend on the look if None.
     """
 
-    samples: int = 64  # per pixel over both halves, even
+    samples: int = 64  # per pixel, even: the two half pictures of the error estimate have half of them each
     error: float | None = None
     brdf_samples: int | None = None
     ibl_samples: int | None = None
@@ -143,11 +143,11 @@ class Scene:
 
 
 def link_lights(scene: Scene) -> Scene:
-    """Return a scene each of whose slots has one set of lights, and casts the shadows of one set of lights.
+    """Return the scene with `Scene.lights_of_slot`, `Scene.groups` and `Emission.shadow_excluded` set from its links.
 
-    Meshes whose instances have different links are split; without links, the scene is the same. `Scene.lights_of_slot`,
-    `Scene.groups` and `Emission.shadow_excluded` are set. The slots of a group cast the shadows of the same lights;
-    group 0 casts all shadows.
+    Meshes whose instances have different links are split, so that all parts of a slot are illuminated by the same
+    lights and cast the shadows of the same lights. Without links, the scene is the same. The slots of a group cast the
+    shadows of the same lights; group 0 casts all shadows.
     """
     asset, look_of_part, lights = scene.asset, scene.look_of_slot, scene.lights
     light_links = [light.emission.light_link for light in lights]
@@ -177,7 +177,7 @@ def link_lights(scene: Scene) -> Scene:
     return replace(
         scene,
         asset=split,
-        look_of_slot={path: look_of_part[before] for path, (before, _, _) in link_choices.items()},
+        look_of_slot={path: look_of_part[old_path] for path, (old_path, _, _) in link_choices.items()},
         lights=tuple(starmap(exclude_groups, enumerate(lights))),
         lights_of_slot={path: light_numbers for path, (_, light_numbers, _) in link_choices.items()}
         if any(light_links)

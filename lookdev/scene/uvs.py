@@ -33,7 +33,7 @@ def add_missing_uvs(
     looks = [look_of_part[slot.path] for slot in asset.slots]
     uv_names = {id(look): look_uvs(look) for look in looks}
     is_bound = [slot.path in bound for slot in asset.slots]
-    lacking: dict[tuple[str, str], list[Mesh]] = {}
+    lacking: dict[tuple[str, str], list[Mesh]] = {}  # by missing set, and the set that replaces it or ""
     all_names = {name for names in uv_names.values() for name in names}
     meshes = []
     for mesh in asset.meshes:

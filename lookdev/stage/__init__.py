@@ -174,10 +174,14 @@ def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
 
 
 def _select_variants(stage: Usd.Stage, composition: Composition) -> tuple[list[Fault], list[str]]:
-    """Select variants on the session layer, outer ones before those inside them; return faults and notes."""
+    """Select variants on the session layer, outer ones before those inside them; return faults and notes.
+
+    A selection can add prims with further variant sets, so that it is repeated until nothing changes.
+    """
     selections, file = dict(composition.variants), str(composition.file)
     edited: set[tuple[Sdf.Path, str]] = set()
     while True:
+        # By prim and set: the names of its variants, and the selected one.
         sets = {
             (prim.GetPath(), set_name): (variant_set.GetVariantNames(), variant_set.GetVariantSelection())
             for prim in (_prims_around(stage, composition.prim) if selections else ())
@@ -320,7 +324,7 @@ def error_message(error: Tf.ErrorException) -> str:
 
 
 def clean_usd_message(text: str) -> str:
-    """Return a USD message, `shorten` and without names of USD's source files and of layers in memory."""
+    """Return a USD message, shortened and without names of USD's source files and of layers in memory."""
     text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
     text = text.replace(":SDF_FORMAT_ARGS:target=usd", "")
     return shorten(re.sub(r",@anon:[^@]*@", "", text).strip())

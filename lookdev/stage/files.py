@@ -56,8 +56,8 @@ def _layer_problem(stream: BinaryIO, begin: int, size: int) -> str:
         return "" if _is_whole(stream, begin, size) else "is damaged: a section of it is cut off"
     if not start.startswith((b"#usda", b"#sdf")):
         return ""
-    if size > (most := environment_limit(BYTES_VARIABLE, DEFAULT_BYTES, "bytes")):
-        largest = f"at most {BYTES_VARIABLE} = {most} bytes of text are read; a binary layer (.usdc) would be right"
+    if size > (limit := environment_limit(BYTES_VARIABLE, DEFAULT_BYTES, "bytes")):
+        largest = f"at most {BYTES_VARIABLE} = {limit} bytes of text are read; a binary layer (.usdc) would be right"
         return f"has {size} bytes; {largest}"
     return _text_problem(start + stream.read(size - len(start)))
 

@@ -162,7 +162,7 @@ def test_an_asset_that_no_camera_frames_is_a_fault_of_the_camera(make: Make, tmp
 
 
 def test_a_level_that_makes_too_many_faces_is_a_fault(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lookdev.build.refine._MOST_CORNERS", 24 * 4**3)
+    monkeypatch.setattr("lookdev.build.refine._MAX_CORNERS", 24 * 4**3)
     assert faces(scene_of(make(asset=", subdivision = 3"))) == 6 * 4**3
     with pytest.raises(FaultsError, match=r"look\[0\]: subdivision = 4 makes 6144 corners of faces; at most 1536"):
         make(asset=", subdivision = 4")

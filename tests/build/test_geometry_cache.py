@@ -67,7 +67,7 @@ def test_the_next_run_reads_what_was_refined(level, cages, calls) -> None:
 
 
 def test_a_mesh_without_subdivision_stays_as_it_is(cages, monkeypatch) -> None:
-    monkeypatch.setattr(refinery, "_MOST_CORNERS", (4 + 1) * len(cages.meshes[0].corner_points))
+    monkeypatch.setattr(refinery, "_MAX_CORNERS", (4 + 1) * len(cages.meshes[0].corner_points))
     plain = replace(cages.meshes[0], name="/b", subdivision=None)
     both = make_asset("a", [cages.meshes[0], plain], [Instance(0, np.eye(4)), Instance(1, np.eye(4))], cages.slots)
     refined, _ = Refiner(1, 64).refine(both, CAMERA)

@@ -14,7 +14,7 @@ from lookdev.job import parse_job
 from lookdev.job.surroundings import JobCharts, JobGround
 from lookdev.scene import Camera
 from lookdev.scene.charts.props import Strip
-from lookdev.scene.ground import GREY, PATH, add_ground
+from lookdev.scene.ground import GREY_LOOK, GROUND_PATH, add_ground
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 LOOK = f"metal = {MATERIALS}/classic/mirror.usda"
@@ -43,8 +43,8 @@ def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind:
         assert scene.camera == plain[key].camera
         assert [light.digest for light in scene.lights] == [light.digest for light in plain[key].lights]
         asset, before = scene.asset, plain[key].asset
-        assert scene.look_of_slot[PATH] is GREY
-        assert scene.catchers == (frozenset([PATH]) if kind == "catcher" else frozenset())
+        assert scene.look_of_slot[GROUND_PATH] is GREY_LOOK
+        assert scene.catchers == (frozenset([GROUND_PATH]) if kind == "catcher" else frozenset())
         disc = asset.meshes[-1].points + asset.instances[-1].matrix[:3, 3]
         lowest = before.meshes[0].points[:, 2].min()
         np.testing.assert_allclose(disc[:, 2], lowest, atol=1e-6)
@@ -56,7 +56,7 @@ def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind:
 
 def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
     sphere = load_asset(builtin="sphere")
-    look_of_part = {"/sphere": GREY}
+    look_of_part = {"/sphere": GREY_LOOK}
     camera = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 5.0)
     ground_under(JobGround(height=camera.position[2] - 0.1), sphere, None, camera)
     with pytest.raises(AssetError, match=r"the camera is 0\.1 m below the ground"):

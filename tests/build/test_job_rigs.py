@@ -13,7 +13,7 @@ from lookdev.job import Job, parse_job
 from lookdev.light import Dome, RectLight, load_environment, prepare_light
 from lookdev.light.placed import PlacedLight
 from lookdev.plan.prepare import prepare_job
-from lookdev.scene.ground import PATH
+from lookdev.scene.ground import GROUND_PATH
 from lookdev.shipped import BUILTIN_RIGS
 
 LOOK = "#usda 1.0\n" + material()
@@ -167,9 +167,9 @@ def test_faults_of_a_light_have_its_place(folder: Path) -> None:
 
 
 def test_a_light_may_be_linked_to_the_ground(folder: Path) -> None:
-    (folder / "rig.usda").write_text(RIG.replace("/Car/Bdoy", PATH))
+    (folder / "rig.usda").write_text(RIG.replace("/Car/Bdoy", GROUND_PATH))
     (note,) = build_scenes(parse(JOB, folder)).notes
-    assert note == f"rig 'studio': /Rig/Key is linked to {PATH}, but the asset has no such part"
+    assert note == f"rig 'studio': /Rig/Key is linked to {GROUND_PATH}, but the asset has no such part"
     assert build_scenes(parse(f"{JOB}[ground]\n", folder)).notes == ()
 
 

@@ -11,7 +11,7 @@ from lookdev.plan import make_setup
 from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, frame_task
 from lookdev.scene import Pose, Sampling, frame_camera
-from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.charts.colorchecker import GREY_REFLECTANCE, PATCHES, patch_colors
 from lookdev.scene.charts.props import Strip, props_camera, props_scene
 
 SIZE = (160, 120)
@@ -31,7 +31,9 @@ def frame(task: FrameTask, gain: float = 1.0, noise: float = 0.0, colors: np.nda
     """Return a frame under white light as a renderer would return it, without exposure, times `gain`."""
     rng = np.random.default_rng(5)
     picture = np.zeros((SIZE[1], SIZE[0], 3))
-    radiances = dict(zip(PATCHES, patch_colors() if colors is None else colors, strict=True)) | {"grey ball": GREY}
+    radiances = dict(zip(PATCHES, patch_colors() if colors is None else colors, strict=True)) | {
+        "grey ball": GREY_REFLECTANCE
+    }
     for name, box in STRIP.measured_boxes.items():
         rows = slice(int(box.top) - 1, int(box.top + box.height) + 2)
         picture[rows, int(box.left) - 1 : int(box.left + box.width) + 2] = radiances[name]

@@ -20,7 +20,7 @@ from lookdev.rendering.worker import Worker
 from lookdev.run.events import Event, Noted
 from lookdev.run.render import render_job
 from lookdev.scene import Pose, Sampling, frame_camera
-from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.charts.colorchecker import GREY_REFLECTANCE, PATCHES, patch_colors
 from lookdev.scene.charts.props import Strip, props_camera, props_scene
 from lookdev.shipped import rig_file
 
@@ -42,7 +42,7 @@ def render_charts(worker: Worker, lights: list[object], samples: int) -> tuple[F
 def test_patches_under_a_uniform_dome_are_as_published(worker: Worker, light_of: Callable[[str], Dome]) -> None:
     task, frame = render_charts(worker, [light_of("white")], 8)
     readings = check_charts(task, STRIP, frame)
-    colors = np.concatenate([np.full((1, 3), GREY), patch_colors()]) * 2.0**0.5
+    colors = np.concatenate([np.full((1, 3), GREY_REFLECTANCE), patch_colors()]) * 2.0**0.5
     for reading, expected in zip(readings, colors, strict=True):
         assert reading.measured == pytest.approx(expected, rel=2e-3, abs=1e-12), reading.name
         # What is measured has no noise here: float32 is left, and the noise of the prediction. A ball has facets, which

@@ -26,7 +26,7 @@ from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.scene import scene_task
 from lookdev.rendering.worker import Worker
 from lookdev.scene import Camera, Film, Pose, Sampling, Scene, camera_rays
-from lookdev.scene.ground import GREY, PATH, Ground, add_ground
+from lookdev.scene.ground import GREY_LOOK, GROUND_PATH, Ground, add_ground
 from lookdev.shipped import rig_file
 
 pytestmark = pytest.mark.cycles
@@ -46,7 +46,7 @@ def scene_of(
     asset = asset or make_sphere(96, 48)
     ground = Ground(under, 10.0, -1.0, catcher)
     both, look_of_part = add_ground(asset, {slot.path: look for slot in asset.slots}, ground, (0.0, 0.0))
-    catchers = frozenset([PATH] if catcher else [])
+    catchers = frozenset([GROUND_PATH] if catcher else [])
     return Scene(both, look_of_part, tuple(lights), camera, Film(SIZE), catchers=catchers)
 
 
@@ -94,7 +94,7 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(worker: Worker, 
     The form factor of a sphere at the cosine r / d to a small plane is (r / d)^2 r / d, as it is wholly above it.
     """
     near = Camera(16.0, 7.0, (0.0, -0.35, -1.0), 5.0, axis=(0.0, 0.0))
-    scene = scene_of([light_of("white")], BLACK, GREY, catcher=True, camera=near)
+    scene = scene_of([light_of("white")], BLACK, GREY_LOOK, catcher=True, camera=near)
     frames = frames_of(worker, scene, 6, samples=32, bounces=0)
 
     u = (np.arange(8) + 0.5) / 8
@@ -129,7 +129,7 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(worker: Worker, 
     assert mean[ground].argmax() in np.argsort(expected[ground])[-6:]
 
 
-GROUNDS = [("slopes", GLOSSY), ("slopes", GREY), ("three_point", GLOSSY)]
+GROUNDS = [("slopes", GLOSSY), ("slopes", GREY_LOOK), ("three_point", GLOSSY)]
 
 
 @pytest.mark.parametrize(("light_name", "under"), quick_among(GROUNDS, [("slopes", GLOSSY)]))
@@ -157,7 +157,7 @@ def test_a_frame_over_its_ground_is_that_of_the_reference(
 
 @pytest.mark.both_pythons
 def test_ground_that_the_asset_does_not_touch_is_no_part_of_a_frame(worker: Worker) -> None:
-    scene = scene_of(rig("three_point")[:1], RED, GREY, catcher=True)
+    scene = scene_of(rig("three_point")[:1], RED, GREY_LOOK, catcher=True)
     (frame,) = frames_of(worker, scene, 1, samples=16, bounces=0)
     untouched = frame.alpha == 0.0
     ground = frame.passes["bare"].sum(axis=-1) > 0.0
@@ -174,8 +174,8 @@ def test_ground_is_seen_through_an_asset(worker: Worker, light_of: Callable[[str
     half = Look("half", (Layer("a", PREVIEW_SURFACE.name, inputs),))
     card = load_asset(builtin="plane")
     lights: list[Light] = [light_of("slopes")]
-    caught = scene_of(lights, half, GREY, catcher=True, asset=card)
-    plain = scene_of(lights, half, GREY, catcher=False, asset=card)
+    caught = scene_of(lights, half, GREY_LOOK, catcher=True, asset=card)
+    plain = scene_of(lights, half, GREY_LOOK, catcher=False, asset=card)
     ours = frames_of(worker, caught, 6, samples=32, bounces=1)
     theirs = frames_of(worker, plain, 6, samples=32, bounces=1)
     pixels = np.random.default_rng(5).permutation(np.argwhere(theirs[0].alpha > 0.0))[:300]
@@ -187,7 +187,7 @@ def test_ground_is_seen_through_an_asset(worker: Worker, light_of: Callable[[str
 @pytest.mark.proof
 def test_a_frame_knows_its_error(worker: Worker, light_of: Callable[[str], Dome]) -> None:
     """Over the true ground, the error of a frame is that estimated from its halves."""
-    scene = scene_of([light_of("slopes")], RED, GREY, catcher=True)
+    scene = scene_of([light_of("slopes")], RED, GREY_LOOK, catcher=True)
     frames = frames_of(worker, scene, 8, samples=16, bounces=1)
     bare = np.mean([frame.passes["bare"] for frame in frames], axis=0)
     pictures = []
@@ -201,6 +201,6 @@ def test_a_frame_knows_its_error(worker: Worker, light_of: Callable[[str], Dome]
 
 def test_a_catcher_needs_a_backend_that_has_it(light_of: Callable[[str], Dome]) -> None:
     with pytest.raises(CodegenError, match="'nodes' renders no shadow catcher"):
-        scene_task(scene_of([light_of("white")], RED, GREY, catcher=True), Sampling(), "nodes")
-    task = scene_task(scene_of([light_of("white")], RED, GREY, catcher=False), Sampling(), "nodes")
+        scene_task(scene_of([light_of("white")], RED, GREY_LOOK, catcher=True), Sampling(), "nodes")
+    task = scene_task(scene_of([light_of("white")], RED, GREY_LOOK, catcher=False), Sampling(), "nodes")
     assert replace(task, device="cpu").channels_by_array == {}

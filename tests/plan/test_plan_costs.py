@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lookdev.plan.chunks import plan_of_part
-from lookdev.plan.costs import SCENE, START, estimate, estimate_costs, measure_costs
+from lookdev.plan.costs import SCENE_SECONDS, START_SECONDS, estimate, estimate_costs, measure_costs
 from lookdev.plan.digest import PARTS, part_digests
 from lookdev.plan.plan import Plan, PlannedFrame, Reel
 from lookdev.rendering import backends
@@ -42,10 +42,10 @@ def test_costs_are_those_measured_else_estimated_with_a_scene_and_a_start(scene:
     other = replace(scene, resolution=(128, 96))
     plan = Plan((frame(scene, digest="new", resolution="64 x 48"), frame(other, seconds="")), (), Path("/out"))
     costs = measure_costs(plan)
-    assert (costs.scene, costs.start) == (SCENE, START)
+    assert (costs.scene, costs.start) == (SCENE_SECONDS, START_SECONDS)
     assert costs.frames == pytest.approx((3.0, 3.0 * estimate(other) / estimate(scene)))
     costs = estimate_costs(plan)
-    assert (costs.scene, costs.start) == (SCENE, START)
+    assert (costs.scene, costs.start) == (SCENE_SECONDS, START_SECONDS)
     assert costs.frames == (estimate(scene), estimate(other))
 
 

@@ -36,15 +36,18 @@ def refine(mesh: Mesh, level: int) -> Mesh:
 def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
     """Return `refine` of each mesh at its level."""
     refined = list(meshes)
-    for numbers, level in batches(meshes, levels):
+    for numbers, level in group_cages(meshes, levels):
         batch = [meshes[i] for i in numbers]
         for number, mesh in zip(numbers, _refine_batch(batch, level), strict=True):
             refined[number] = mesh
     return refined
 
 
-def batches(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
-    """Yield (numbers, level) of cages that share level, rules and kinds of values, in batches of `_BATCH_CORNERS`."""
+def group_cages(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
+    """Yield batches of cages that share level, rules and kinds of values: their numbers in `meshes`, and the level.
+
+    A batch has about `_BATCH_CORNERS` refined corners; a larger cage is not split.
+    """
     groups: dict[tuple[int, *tuple[object, ...]], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):
         if (rules := mesh.subdivision) is not None:
@@ -92,7 +95,7 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
                 normals=refined.normals[corner_slice],
                 tangents=None,
                 uvs={name: next(arrays) for name in mesh.uvs},
-                primvars={name: next(arrays).reshape(-1, *cage.shape[1:]) for name, cage in mesh.primvars.items()},
+                primvars={name: next(arrays).reshape(-1, *old.shape[1:]) for name, old in mesh.primvars.items()},
                 subdivision=None,
             )
         )

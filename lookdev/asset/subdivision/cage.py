@@ -17,7 +17,7 @@ INFINITE_SHARPNESS = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Cage:
-    """The half-edges of a cage, its manifold points (n,), and its faces (f,) that are not part of the surface."""
+    """The half-edges of a cage, and masks of its manifold points (n,) and of its faces outside the surface (f,)."""
 
     half_edges: Level
     is_manifold: Bools
@@ -37,7 +37,10 @@ class Tags:
 
 @dataclass(frozen=True, eq=False)
 class ControlMesh:
-    """A cage: points (n, 3), corners (m,) that index into them, face sizes (f,), tags, and values (m, k) at corners."""
+    """A cage: points (n, 3), corners (m,) that index into them, face sizes (f,) and tags.
+
+    `values` has, for each UV set and primvar, its interpolation and its values (m, k) at corners.
+    """
 
     points: Floats
     corners: Indices
@@ -112,18 +115,19 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
 
     face_counts = np.bincount(control.corners, minlength=count)
     edge_counts = np.bincount(level.ends.ravel(), minlength=count)
-    twisted_edges = np.bincount(level.ends[connectivity.is_nonmanifold_edge].ravel(), minlength=count)
-    open_edges = np.bincount(level.ends[level.boundary].ravel(), minlength=count)
-    is_fin = (twisted_edges == 2) & (open_edges == 0) & (face_counts > edge_counts)
+    nonmanifold_edges = np.bincount(level.ends[connectivity.is_nonmanifold_edge].ravel(), minlength=count)
+    boundary_edges = np.bincount(level.ends[level.boundary].ravel(), minlength=count)
+    # Along two edges of three or more faces, a point stays smooth.
+    is_fin = (nonmanifold_edges == 2) & (boundary_edges == 0) & (face_counts > edge_counts)
     level.point_sharpness[~manifold & ~is_fin] = np.inf
     if boundary == "edgeAndCorner":
         level.point_sharpness[(face_counts == 1) & (edge_counts == 2)] = np.inf
 
     hidden = np.zeros(len(control.sizes), bool)
     if boundary == "none" and rules.scheme != "bilinear":
-        is_loose = np.zeros(count, bool)
-        is_loose[level.ends[level.boundary & np.isfinite(crease_sharpness)]] = True
-        hidden[level.faces[is_loose[control.corners]]] = True
+        has_uncreased_boundary = np.zeros(count, bool)
+        has_uncreased_boundary[level.ends[level.boundary & np.isfinite(crease_sharpness)]] = True
+        hidden[level.faces[has_uncreased_boundary[control.corners]]] = True
     hidden[tags.holes] = True
     return Cage(level, manifold, hidden)
 

@@ -18,7 +18,7 @@ import numpy as np
 from lookdev.arrays import Bools, Floats, Floats32, Indices
 from lookdev.asset.mesh import Asset, Instance, Mesh
 from lookdev.asset.normals import next_corners, run_starts
-from lookdev.asset.subdivision.batch import batches, join_cages
+from lookdev.asset.subdivision.batch import group_cages, join_cages
 from lookdev.asset.subdivision.cage import build_cage
 from lookdev.asset.subdivision.limit import complete_normals, limit_surface
 from lookdev.asset.subdivision.refine import mask_rules, refined_values
@@ -113,13 +113,13 @@ def refinement_levels(
     max_levels = np.where(is_displaced, MAX_DISPLACED_LEVEL, max_level)
     refinable = [i for i in cages if 4 * len(asset.meshes[i].corner_points) <= max_corners]
     bare_cages = [replace(asset.meshes[i], uvs={}, primvars={}) for i in refinable]
-    for batch, _ in batches(bare_cages, [1] * len(bare_cages)):
+    for batch, _ in group_cages(bare_cages, [1] * len(bare_cages)):
         numbers = np.array(refinable)[batch]
         batch_cages = [bare_cages[i] for i in batch]
         levels[numbers] = _surface_levels(batch_cages, sizes[numbers], longest_edges[numbers], max_levels[numbers])
     unrefined = [i for i in refinable if levels[i] == 0 and asset.meshes[i].uvs]
     textured_cages = [replace(asset.meshes[i], primvars={}) for i in unrefined]
-    for batch, _ in batches(textured_cages, [1] * len(unrefined)):
+    for batch, _ in group_cages(textured_cages, [1] * len(unrefined)):
         numbers = np.array(unrefined)[batch]
         levels[numbers] = _texture_levels([textured_cages[i] for i in batch], sizes[numbers], max_level)
     levels[list(set(cages) - set(refinable))] = min(1, max_level)
@@ -185,13 +185,14 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
     size = pixel_sizes[mesh_numbers[level.faces]]
     with np.errstate(divide="ignore", invalid="ignore"):
         by_distance = np.log2(distance / (SURFACE_TOLERANCE * size)) / 2.0
-        # The arc at a semi-sharp feature is within half of the last edge, until its sharpness has decayed.
+        # At a semi-sharp feature the whole turn stays at the last edge, which halves, until the sharpness has decayed:
+        # so the sagitta of the arc, about length turn / 8, is halved `delay` times, and only then divided by four.
         arc, delay = np.log2(length * turn / (8.0 * SURFACE_TOLERANCE * size)), _sharpness_delay(level)
         by_arc = np.where(delay > 0.0, np.minimum(arc, 0.5 * (arc + delay)), 0.0)
         by_turn = np.minimum(np.log2(turn / MAX_TURN) + np.ceil(delay), np.log2(length / (SMALL_EDGE * size)))
         by_length = np.log2(length / (longest_edges[mesh_numbers[level.faces]] * size))
-        is_displaced = np.linalg.norm(start - control.points[level.points], axis=1) > SURFACE_TOLERANCE * size
-    required = np.where(is_displaced, 1.0, 0.0)
+        is_far_from_limit = np.linalg.norm(start - control.points[level.points], axis=1) > SURFACE_TOLERANCE * size
+    required = np.where(is_far_from_limit, 1.0, 0.0)
     for criterion in (by_distance, by_arc, by_turn, by_length):
         required = np.fmax(required, criterion)
     is_visible: Bools = ~cage.is_hidden[level.faces]
@@ -200,7 +201,10 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
 
 
 def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> Indices:
-    """Return the level (k,) at which the UVs of cages with equal rules and level 0 are within `UV_TOLERANCE`."""
+    """Return the level (k,) of cages whose surface needs level 0, so that UVs shift by at most `UV_TOLERANCE` pixels.
+
+    The cages have equal rules.
+    """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control = join_cages(meshes)

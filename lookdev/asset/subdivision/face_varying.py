@@ -46,6 +46,7 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
     sharpness = surface.point_sharpness[value_points]
     fans = _find_fans(level, connectivity, surface)
     at_seam = _seam_points(level, surface)[value_points]
+    # The number of values at the point of each value.
     siblings = np.bincount(value_points[fans.is_used], minlength=len(surface.point_sharpness))[value_points]
 
     is_corner_value = at_seam & ((fans.fan_count > 1) | ~cage.is_manifold[value_points])
@@ -91,8 +92,8 @@ def _find_fans(level: Level, connectivity: Connectivity, surface: Level) -> _Val
     ends, sharpness = level.points[inner], surface.edge_sharpness[surface.edges[inner]]
     is_semi_sharp = (sharpness > 0.0) & np.isfinite(sharpness)
     sharp_edge_count = np.bincount(ends[np.isinf(sharpness)], minlength=count)
-    # The sharpest edges become smooth in one refinement. The corner's weight is then the mean of their remaining
-    # sharpness.
+    # The edges whose sharpness, rounded up, is largest become smooth last, all in one refinement. The corner's weight
+    # is then the mean of their remaining sharpness.
     last = np.zeros(count)
     np.maximum.at(last, ends[is_semi_sharp], np.ceil(sharpness[is_semi_sharp]))
     final = is_semi_sharp & (np.ceil(sharpness) == last[ends])

@@ -53,18 +53,18 @@ def find_sectors(level: Level, selected: Bools) -> Sectors:
     # The next half-edge around the point, counter-clockwise; -1 where the sector ends.
     ahead = np.where(sharp[level.previous] & is_divided, -1, level.twins[level.previous])
 
-    of_corner = np.full(len(level.points), -1)
+    sector_of_corner = np.full(len(level.points), -1)
     first, size, closed_parts = [], [], []
     # A sector begins at a sharp edge or a boundary. The others are closed fans, which begin at any of their corners;
     # each round of the loop takes one fan per point.
     starts, count = np.flatnonzero((sharp | (level.twins < 0)) & selected[level.points]), 0
     while True:
-        sizes, is_closed = _number_corners(starts, ahead, of_corner, count)
+        sizes, is_closed = _number_corners(starts, ahead, sector_of_corner, count)
         first.append(starts)
         size.append(sizes)
         closed_parts.append(is_closed)
         count += len(starts)
-        remaining = np.flatnonzero((of_corner < 0) & selected[level.points])
+        remaining = np.flatnonzero((sector_of_corner < 0) & selected[level.points])
         if len(remaining) == 0:
             break
         start_at_point = np.full(len(selected), -1)
@@ -74,15 +74,18 @@ def find_sectors(level: Level, selected: Bools) -> Sectors:
     kind = point_kinds[level.points[firsts]]
     kind[is_closed != (kind < SectorKind.CREASE)] = SectorKind.NONE
     kind[(kind == SectorKind.CORNER) & (sizes > 1)] = SectorKind.NONE
-    return Sectors(firsts, sizes, kind, of_corner)
+    return Sectors(firsts, sizes, kind, sector_of_corner)
 
 
-def _number_corners(starts: Indices, ahead: Indices, of_corner: Indices, first: int) -> tuple[Indices, Bools]:
-    """Write the sector of each corner, numbered from `first`; return the sectors' sizes and which are closed."""
+def _number_corners(starts: Indices, ahead: Indices, sector_of_corner: Indices, first: int) -> tuple[Indices, Bools]:
+    """Write the number of each corner's sector to `sector_of_corner`; return the sectors' sizes and which are closed.
+
+    A sector, which gets the next number from `first`, consists of a start and the half-edges `ahead` of it.
+    """
     size, is_closed = np.zeros(len(starts), np.intp), np.zeros(len(starts), bool)
     active, half_edges = np.arange(len(starts)), starts
     while len(active):
-        of_corner[half_edges] = first + active
+        sector_of_corner[half_edges] = first + active
         size[active] += 1
         half_edges = ahead[half_edges]
         is_closed[active] = half_edges == starts[active]
@@ -96,10 +99,10 @@ def limit_surface(
 ) -> tuple[Floats, Floats32]:
     """Return the limit (n, k) of values at the selected points (n,), and unit normals (m, 3) of their corners.
 
-    With `has_normals` the first three values are a position. Normals are zero at points that are not selected and where
-    the surface has no tangent plane. Values of `bilinear` are their own limit, and each corner has the normal of its
-    bilinear patch. Semi-sharp points are refined further, with the faces around them, until they are smooth: the limit
-    is the same from every level.
+    With `needs_normals` the first three values are a position; without it, there are no normals (0, 3). Normals are
+    zero at points that are not selected and where the surface has no tangent plane. Values of `bilinear` are their own
+    limit, and each corner has the normal of its bilinear patch. Semi-sharp points are refined further, with the faces
+    around them, until they are smooth: the limit is the same from every level.
     """
     if rules.scheme == "bilinear":
         return values, _patch_normals(level, values) if needs_normals else np.zeros((0, 3), np.float32)
@@ -128,10 +131,10 @@ def complete_normals(level: Level, positions: Floats, normals: Floats32) -> None
     lacks_normal[level.points[missing]] = True
     ring, corners, points = level.extract(_faces_around(level, lacks_normal))
     areas = area_vectors(positions[points][ring.points], ring.sizes)
-    of_corner = find_sectors(ring, lacks_normal[points]).sector_of_corner
+    sector_of_corner = find_sectors(ring, lacks_normal[points]).sector_of_corner
     ring_corners = np.flatnonzero(missing[corners])
-    corner_sectors = of_corner[ring_corners]
-    means = sum_by(corner_sectors, areas[ring.faces[ring_corners]], int(of_corner.max()) + 1)[corner_sectors]
+    corner_sectors = sector_of_corner[ring_corners]
+    means = sum_by(corner_sectors, areas[ring.faces[ring_corners]], int(sector_of_corner.max()) + 1)[corner_sectors]
     normals[corners[ring_corners]] = normalize_or(means, flat_normals(areas, ring.sizes)[ring_corners])
 
 
@@ -186,7 +189,10 @@ def _apply_masks(
 
 
 def _ring_sums(level: Level, values: Floats, half_edges: Indices, masks: Masks) -> tuple[Floats, Floats]:
-    """Return the masked sums (r, s, k) of sectors (s,) that begin at `half`, and their longest edge squared (s,)."""
+    """Return the sums (r, s, k) of values, weighted by the r rows of masks, of sectors (s,), and a squared length (s,).
+
+    The sectors begin at `half_edges`. The length is that of the longest edge at the sector's point.
+    """
     size = masks.faces.shape[1]
     center = values[level.points[half_edges]]
     rows, squared_lengths = masks.center[:, None, None] * center, np.zeros(len(half_edges))

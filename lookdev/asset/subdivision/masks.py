@@ -36,7 +36,7 @@ class SectorKind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Masks:
-    """Rows of weights.
+    """Rows of weights (r,), of a point and the points around it: the limit position, then two tangents.
 
     center (r,): weights of the point; edges (r, size + 1): of the points at its edges, counter-clockwise, the last 0 in
     a closed sector, which has one edge less; faces (r, size): of the opposite points of its quads.
@@ -103,7 +103,7 @@ def _dart_weights(size: int, rules: Rules, along: Floats) -> tuple[Floats, Float
     point, in which the edge has weight 0. `along` (size,) determines the sign of the tangent.
     """
     matrix = _ring_matrix(size, rules)
-    matrix[1], matrix[1, :2] = 0.0, 0.5
+    matrix[1], matrix[1, :2] = 0.0, 0.5  # the point of a sharp edge becomes the edge's middle
     i = np.arange(size)
     mirror = np.concatenate([[0], 1 + -i % size, len(matrix) - 1 - i if len(matrix) > size + 1 else i[:0]])
     basis = np.eye(len(matrix)) + np.eye(len(matrix))[mirror]

@@ -33,7 +33,11 @@ class RefinedCage:
 
 @dataclass(frozen=True, eq=False)
 class _ValueGroup:
-    """Values (n, k) that share half-edges; `columns` has the number and the width of each value, in order."""
+    """Values (n, k) that share half-edges: columns of UV sets, primvars or positions, side by side.
+
+    `columns` has, in order, the index in `ControlMesh.values` and the number of columns of each; the index of the
+    positions is -1. With `linear_boundary` the values along a boundary are refined linearly.
+    """
 
     half_edges: Level
     values: Floats
@@ -41,7 +45,7 @@ class _ValueGroup:
     linear_boundary: bool = False
 
     def with_column(self, number: int, values: Floats) -> _ValueGroup:
-        """Return the group with another value, of columns (n, k)."""
+        """Return the group with `values` (n, k) appended, which have the index `number` in `ControlMesh.values`."""
         columns = [*self.columns, (number, values.shape[1])]
         return replace(self, values=np.hstack([self.values, values]), columns=columns)
 
@@ -81,8 +85,8 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
     first = np.cumsum(control.sizes) - control.sizes
     for number, (interpolation, corner_values) in enumerate(control.values):
         if interpolation in ("constant", "uniform"):
-            of_faces = corner_values[first].astype(np.float32)[origin]
-            corner_columns[number] = np.repeat(of_faces, half_edges.sizes, axis=0)
+            face_values = corner_values[first].astype(np.float32)[origin]
+            corner_columns[number] = np.repeat(face_values, half_edges.sizes, axis=0)
     return _visible_faces(cage, half_edges, values[:, :3], normals, origin, corner_columns)
 
 
@@ -115,17 +119,17 @@ def _group_values(
         if rules.scheme == "bilinear" or interpolation == "varying" or (interpolation, rule) == ("faceVarying", "all"):
             linear_values[number] = values
         elif interpolation == "vertex":
-            surface = surface.with_column(number, _values_by_number(control.corners, values, count))
+            surface = surface.with_column(number, _scatter_corner_values(control.corners, values, count))
         else:
-            numbers, value_points = weld(control.corners, values, count)
-            key = numbers.tobytes()
+            value_numbers, value_points = weld(control.corners, values, count)
+            key = value_numbers.tobytes()
             if key not in seam_groups:
-                half_edges = connect_values(cage, numbers, value_points, rule)
+                half_edges = connect_values(cage, value_numbers, value_points, rule)
                 seam_groups[key] = _ValueGroup(half_edges, np.zeros((len(value_points), 0)), [], rule == "boundaries")
-            column = _values_by_number(numbers, values, len(value_points))
+            column = _scatter_corner_values(value_numbers, values, len(value_points))
             seam_groups[key] = seam_groups[key].with_column(number, column)
     for key, group in list(seam_groups.items()):
-        # Values without seams and without corners of their own are refined with the points.
+        # Values that have no seams, and the same sharp points as the surface, are refined with its points.
         sharpness = group.half_edges.point_sharpness
         if len(group.values) == count and np.array_equal(sharpness, cage.half_edges.point_sharpness):
             columns = [*surface.columns, *group.columns]
@@ -134,11 +138,14 @@ def _group_values(
     return surface, list(seam_groups.values()), linear_values
 
 
-def _values_by_number(numbers: Indices, values: Floats, count: int) -> Floats:
-    """Return values (count, k) by number, from `values` (m, k) at corners; corners of one number are equal."""
-    shared = np.zeros((count, values.shape[1]))
-    shared[numbers] = values
-    return shared
+def _scatter_corner_values(rows: Indices, values: Floats, count: int) -> Floats:
+    """Return an array (count, k) of the values (m, k) at corners: the value of corner i is written to row `rows[i]`.
+
+    Corners of one row have equal values.
+    """
+    scattered = np.zeros((count, values.shape[1]))
+    scattered[rows] = values
+    return scattered
 
 
 def _refine_group(group: _ValueGroup, rules: Rules, level: int) -> tuple[Level, Floats]:

@@ -84,10 +84,13 @@ def _smooth_loop_edges(level: Level, values: Floats, edge_points: Floats) -> Non
 def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -> Floats:
     """Return the new values of the old points. `around` (m, k) are the terms of the corners in a smooth point's sum."""
     is_corner, is_crease = _corners_and_creases(level, 0.0)
+    # At the next level, sharpness is less by 1.
     stays_corner, becomes_crease = _corners_and_creases(level, 1.0)
-    share = np.where((is_corner == stays_corner) & (is_crease == becomes_crease), 1.0, _transition_weights(level))
-    corner = share * is_corner + (1.0 - share) * stays_corner
-    crease = share * is_crease + (1.0 - share) * becomes_crease
+    present_weight = np.where(
+        (is_corner == stays_corner) & (is_crease == becomes_crease), 1.0, _transition_weights(level)
+    )
+    corner = present_weight * is_corner + (1.0 - present_weight) * stays_corner
+    crease = present_weight * is_crease + (1.0 - present_weight) * becomes_crease
     smooth = 1.0 - corner - crease
     point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
     result: Floats = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values

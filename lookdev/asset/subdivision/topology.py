@@ -22,9 +22,9 @@ _Array = TypeVar("_Array", Floats, Indices)
 class Level:
     """Faces, half-edges and sharpness of one level.
 
-    sizes (f,): corners of each face; points (m,): the point at which each half-edge starts; edges (m,): its edge;
-    twins (m,): -1 if there is none; ends (e, 2): points of each edge; edge_sharpness (e,) and point_sharpness (n,):
-    0 is smooth; infinite at boundaries and where the surface is not manifold.
+    sizes (f,): corners of each face; points (m,): the point at which each half-edge starts; edges (m,): the edge of
+    each half-edge; twins (m,): its twin, -1 if it has none; ends (e, 2): points of each edge; edge_sharpness (e,) and
+    point_sharpness (n,): 0 is smooth; infinite at boundaries and where the surface is not manifold.
     """
 
     sizes: Indices
@@ -81,10 +81,10 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Connectivity:
-    """The connectivity of a cage's faces: which edges (e,) are twisted, and the number of fans (n,) around each point.
+    """Which edges (e,) of a cage are not manifold, and the number of fans of faces around each point (n,).
 
-    A twisted edge has more than two faces, occurs twice in one face, or joins two faces of opposite winding; it is not
-    manifold. A manifold point has one fan and no twisted edge.
+    An edge is not manifold if it has more than two faces, occurs twice in one face, or joins two faces of opposite
+    winding. A manifold point has one fan and no such edge.
     """
 
     is_nonmanifold_edge: Bools
@@ -92,7 +92,7 @@ class Connectivity:
 
 
 def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connectivity]:
-    """Return the half-edges of faces, from their points (m,) < `count` and sizes (f,), and their joints.
+    """Return the half-edges of faces, from their points (m,) < `count` and sizes (f,), and their connectivity.
 
     Boundary edges and edges that are not manifold are infinitely sharp; all else is smooth.
     """
@@ -105,7 +105,8 @@ def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connect
     shared_edges = np.flatnonzero(use_counts == 2)
     a, b = order[start[shared_edges]], order[start[shared_edges] + 1]
     faces = np.repeat(np.arange(len(sizes)), sizes)
-    # Two faces of equal winding traverse their edge in opposite directions; an edge from a point to itself has none.
+    # Two faces of equal winding traverse their edge in opposite directions. An edge from a point to itself has no
+    # direction.
     is_paired = (points[a] != points[b]) & (faces[a] != faces[b])
     twins = np.full(len(points), -1)
     twins[a[is_paired]], twins[b[is_paired]] = b[is_paired], a[is_paired]
@@ -163,6 +164,7 @@ def split_faces(level: Level, triangles: bool) -> Level:
     next_edge_points = edge_points[level.edges]
     edge_ends = np.stack([level.ends, np.broadcast_to(edge_points[:, None], level.ends.shape)], axis=-1).reshape(-1, 2)
     if triangles:
+        # For each corner, the half-edge of the middle triangle that starts at the middle of the corner's edge.
         middle = child[3 * (corners // 3)] + 9 + corners % 3
         points = _interleave([level.points, next_edge_points, next_edge_points[before]], next_edge_points)
         edges = _interleave([leading_halves, inner_edges, trailing_halves], inner_edges[level.next])

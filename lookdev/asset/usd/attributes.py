@@ -51,10 +51,10 @@ def read_array(
         It is not an array of such values, or, with `bounded`, a number is not within +-`MAX_COORDINATE`. A reader of
         many arrays checks the bounds of all at once instead.
     """
-    return checked_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
+    return check_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
 
 
-def checked_array(
+def check_array(
     value: object, prim: Usd.Prim, name: str, kind: type[_T], shape: tuple[int, ...] = (), *, bounded: bool = True
 ) -> NDArray[_T]:
     """Return a value that USD computed for an attribute as `read_array` does, with the same checks."""
@@ -69,7 +69,7 @@ def checked_array(
     return values
 
 
-def checked_floats(value: object, attribute: Usd.Attribute, width: int, is_array: bool) -> Reals:
+def check_floats(value: object, attribute: Usd.Attribute, width: int, is_array: bool) -> Reals:
     """Return the value of an attribute as floats (k,) or (k, width); k is 1 for an attribute that is not an array."""
     shape = (width,) if width > 1 else ()
     if is_array:
@@ -152,9 +152,9 @@ def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
     """Return the points (n, 3) of a point-based prim at a time; None if it has no velocities.
 
     Between time samples, velocities extrapolate the points of the sample before: UsdGeom's rule for motion whose number
-    of points changes between samples, as in a simulation.
-    Velocities that do not fit the points of the sample before have no effect; USD warns about them. Raises AssetError
-    if the value of an attribute is not an array of vectors of three numbers.
+    of points changes between samples, as in a simulation. Velocities that do not fit the points of the sample before
+    have no effect; USD warns about them. Raises AssetError if the value of an attribute is not an array of vectors of
+    three numbers.
     """
     if not prim.GetAttribute("velocities").HasAuthoredValue():
         return None
@@ -162,11 +162,11 @@ def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
         read_array(prim, name, time, np.float64, (3,))
     point_based = UsdGeom.PointBased(prim)
     time = sample_time(time, point_based.GetPointsAttr())
-    return checked_array(point_based.ComputePointsAtTime(time, time), prim, "points", np.float64, (3,))
+    return check_array(point_based.ComputePointsAtTime(time, time), prim, "points", np.float64, (3,))
 
 
 def sample_time(time: Usd.TimeCode, attribute: Usd.Attribute) -> Usd.TimeCode:
-    """Return the time of an attribute's first sample for the earliest time, which USD cannot extrapolate from."""
+    """Return a time; instead of the earliest time, which USD cannot extrapolate from, that of the first sample."""
     samples = attribute.GetTimeSamples() if time.IsEarliestTime() else ()
     return Usd.TimeCode(samples[0]) if samples else time
 

@@ -22,7 +22,10 @@ _WEIGHT_TOLERANCE = 1e-6  # the difference up to which USD takes weights for equ
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """Offsets of a blend shape for the points `indices` (k,), or all if None, and their normals: (k, 3) or (0, 3)."""
+    """Offsets of a blend shape: points (k, 3), and normals (k, 3), or (0, 3) if it has none.
+
+    `indices` (k,) are the points of the mesh that they are added to; None means all points.
+    """
 
     path: str
     indices: Indices | None
@@ -53,7 +56,7 @@ class Offsets:
 def blend_offsets(
     prim: Usd.Prim, names: Sequence[str], targets: Sequence[Sdf.Path], weights: Mapping[str, float], notes: list[str]
 ) -> Iterator[Offsets]:
-    """Yield the offsets of each blend shape with a weight, interpolated linearly between the two nearest inbetweens.
+    """Yield the offsets of each blend shape with a weight other than 0, linear between the two nearest inbetweens.
 
     Raises
     ------

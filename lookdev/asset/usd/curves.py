@@ -23,7 +23,7 @@ from lookdev.asset.normals import dot, normalize_or, run_starts
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines
 from lookdev.asset.tubes import Rings, group_ends, ribbons, tubes
-from lookdev.asset.usd.attributes import check_interpolation, checked_array, read_array, read_token
+from lookdev.asset.usd.attributes import check_array, check_interpolation, read_array, read_token
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
 
@@ -62,13 +62,13 @@ def curve_shape(
     facing = _curve_attribute(prim, "normals", time, 3)
 
     samples, sides = _sample_curves(splines, points, widths, path, ribbon=facing is not None)
-    positions = unit * samples.vertices(points)
+    positions = unit * samples.interpolate_vertices(points)
     # An interpolated width can be negative: a cubic can dip below 0.
     radii = 0.5 * unit * np.maximum(samples.interpolate(widths, f"{path}: widths")[:, 0], 0.0)
     is_used = _has_extent(samples.segments, positions, radii)
     if not is_used.any():
         return empty
-    rings, curves = _rings(samples, is_used, positions, radii, unit * samples.slopes(points))
+    rings, curves = _rings(samples, is_used, positions, radii, unit * samples.derivatives(points))
     facing_rings = None if facing is None else samples.interpolate(facing, f"{path}: normals")[is_used]
     strips = tubes(rings, sides) if facing_rings is None else ribbons(rings, facing_rings)
     point_samples, face_curves = np.flatnonzero(is_used)[strips.point_rings], curves[strips.face_curves]
@@ -118,7 +118,7 @@ def point_shape(
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Samples (r,) of curves: their segments, t in the segments, and the result of `Splines.at` for them."""
+    """Samples (r,) of curves: their segments and t in them; the rest is the result of `Splines.evaluate` for them."""
 
     splines: Splines
     segments: Indices
@@ -132,18 +132,18 @@ class _Samples:
         """Return samples that divide each segment (s,) into the given number of chords (s,), in equal steps of t."""
         segments = np.repeat(np.arange(len(chords)), chords + 1)
         t = (np.arange(len(segments)) - run_starts(chords + 1)[segments]) / chords[segments]
-        return cls(splines, segments, t, *splines.at(segments, t))
+        return cls(splines, segments, t, *splines.evaluate(segments, t))
 
     @property
     def curves(self) -> Indices:
         counts = self.splines.segment_counts
         return np.repeat(np.arange(len(counts)), counts)[self.segments]
 
-    def vertices(self, values: Floats) -> Floats:
+    def interpolate_vertices(self, values: Floats) -> Floats:
         """Return the values (r, c) at the samples from those of the vertices (n, c)."""
         return np.asarray(np.einsum("rk,rkc->rc", self.weights, self.splines.with_phantoms(values)[self.index]))
 
-    def slopes(self, values: Floats) -> Floats:
+    def derivatives(self, values: Floats) -> Floats:
         """Return the derivatives by t (r, c) at the samples from the values of the vertices (n, c)."""
         return np.asarray(np.einsum("rk,rkc->rc", self.rates, self.splines.with_phantoms(values)[self.index]))
 
@@ -159,7 +159,7 @@ class _Samples:
         counts = {"uniform": len(self.splines.vertex_counts), "vertex": vertex_count, "varying": vertex_count}
         if count != (expected := counts.get(interpolation, 1)):
             raise AssetError(f"{label} has {count} values; interpolation '{interpolation}' of curves needs {expected}")
-        return values[self.curves] if interpolation == "uniform" else self.vertices(values)
+        return values[self.curves] if interpolation == "uniform" else self.interpolate_vertices(values)
 
     def _interpolate_varying(self, values: Floats, label: str) -> Floats:
         splines, curves = self.splines, self.curves
@@ -195,7 +195,9 @@ def _sample_curves(
 ) -> tuple[_Samples, int]:
     """Return samples, denser where the curves or their radii bend, and the number of sides of a tube."""
     probe = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
-    points_and_radii = np.hstack([probe.vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")])
+    points_and_radii = np.hstack(
+        [probe.interpolate_vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")]
+    )
     samples = points_and_radii.reshape(-1, 5, 4)
     bends = 16.0 * np.linalg.norm(samples[:, 2:] - 2.0 * samples[:, 1:-1] + samples[:, :-2], axis=2).max(axis=1)
     lengths = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(axis=1)
@@ -271,7 +273,7 @@ def _curve_attribute(prim: Usd.Prim, name: str, time: Usd.TimeCode, width: int) 
         attribute = prim.GetAttribute(name)
         value, interpolation = attribute.Get(time), attribute.GetMetadata("interpolation") or UsdGeom.Tokens.vertex
     shape = (width,) if width > 1 else ()
-    values = checked_array(value, attribute.GetPrim(), attribute.GetName(), np.float64, shape).reshape(-1, width)
+    values = check_array(value, attribute.GetPrim(), attribute.GetName(), np.float64, shape).reshape(-1, width)
     if len(values) == 0:
         return None
     return Attribute(name, values, check_interpolation(attribute.GetPrim(), attribute.GetName(), interpolation))

@@ -48,12 +48,13 @@ class GprimReader:
         self._unit = unit
         self._note = note
         self._errors: dict[primitives.PrimitiveKey, float] = {}
+        # The parameters of the surface that primitives share, and the scale of the primitive relative to it.
         self._shared: dict[primitives.PrimitiveKey, tuple[primitives.PrimitiveKey, float]] = {}
 
     def set_errors(self, gprims: Iterable[PlacedGprim]) -> None:
-        """Set the errors of implicit surfaces, from all visible gprims.
+        """Set the errors with which implicit surfaces become meshes (`primitive_shape`), from all visible gprims.
 
-        If they are too many for the least error, surfaces of equal proportions become scaled copies of one surface.
+        If there are too many surfaces for the least error, those of equal proportions become scaled copies of one.
         """
         radii: dict[primitives.PrimitiveKey, float] = {}
         for gprim in gprims:

@@ -174,10 +174,10 @@ def _make_frustum(axis: str, segments: int, bottom: float, top: float, height: f
         return None
     v = np.linspace(0.0, 1.0, 2 if bottom == top else _TAPER_ROWS + 1)
     side = np.stack([(1.0 - v) * bottom + v * top, (v - 0.5) * height], axis=-1)
-    slope = np.array([height, bottom - top]) / np.hypot(height, bottom - top)
+    normal = np.array([height, bottom - top]) / np.hypot(height, bottom - top)
     pieces = [
         _Piece(np.array([[0.0, -0.5 * height], [bottom, -0.5 * height]]), np.array([[0.0, -1.0]] * 2)),
-        _Piece(side, np.tile(slope, (len(v), 1)), v),
+        _Piece(side, np.tile(normal, (len(v), 1)), v),
         _Piece(np.array([[top, 0.5 * height], [0.0, 0.5 * height]]), np.array([[0.0, 1.0]] * 2)),
     ]
     return _revolve(pieces[bottom == 0.0 : 2 + (top > 0.0)], axis, segments)
@@ -235,8 +235,8 @@ def _revolve(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
         if piece.v is not None:
             s, t = column / segments, piece.v[row]
         else:
-            part = 0.5 * piece.points[row, 0] / piece.points[:, 0].max()
-            s, t = 0.5 + part * x, 0.5 + part * y * z
+            disc_radius = 0.5 * piece.points[row, 0] / piece.points[:, 0].max()
+            s, t = 0.5 + disc_radius * x, 0.5 + disc_radius * y * z
         index = starts[first + row] + np.where(pole, 0, column.astype(np.intp) % segments)
         values = np.broadcast_arrays(index, outward * x, outward * y, z, s, t)
         corners.append([is_corner.sum(axis=-1).ravel(), *(array[is_corner] for array in values)])

@@ -15,7 +15,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from lookdev.arrays import Reals
 from lookdev.asset.shape import Attribute
-from lookdev.asset.usd.attributes import check_range, checked_floats, read_array
+from lookdev.asset.usd.attributes import check_floats, check_range, read_array
 
 # The numbers in one value of a primvar, by its type in USD's C++.
 _WIDTHS = {"float": 1, "double": 1, "GfHalf": 1} | {f"GfVec{width}{kind}": width for width in (2, 3) for kind in "fdh"}
@@ -26,7 +26,11 @@ _SKINNING = "skel:"
 
 @dataclass(frozen=True)
 class InheritedPrimvars:
-    """Primvars that the children of a prim inherit. Equal `key`s mean equal names and values."""
+    """Primvars that a prim inherits or its children inherit from it; `attributes` are their values, by name.
+
+    Equal `key`s mean equal names and values. `primvars` can have more than `attributes`: those of other types, and
+    those that the prim authors itself.
+    """
 
     primvars: tuple[UsdGeom.Primvar, ...] = ()
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
@@ -40,6 +44,7 @@ class PrimvarReader:
         self._time = time
         self._note = note
         self._inherited: dict[Sdf.Path, InheritedPrimvars] = {}
+        # By type: the numbers in one value, whether it is a UV set, whether it is an array.
         self._kinds: dict[Sdf.ValueTypeName, tuple[int, bool, bool]] = {}
 
     def local_primvars(self, prim: Usd.Prim) -> tuple[tuple[Attribute, ...], str]:
@@ -118,7 +123,7 @@ class PrimvarReader:
         value = primvar.Get(self._time)
         if value is None:
             return np.zeros(0)
-        values = checked_floats(value, primvar.GetAttr(), width, is_array)
+        values = check_floats(value, primvar.GetAttr(), width, is_array)
         if primvar.IsIndexed():
             prim, name = primvar.GetAttr().GetPrim(), primvar.GetIndicesAttr().GetName()
             indices = read_array(prim, name, self._time, np.intp)

@@ -66,6 +66,7 @@ class UsdScene:
         self._walk = Walk(stage, self._time, purposes)
         self._gprims = GprimReader(self._time, self._unit, self._note)
         self._shapes: list[PolygonShape] = []
+        # By `GprimReader.key`: the number of the shape, and the surface; None for a surface with a fault.
         self._surfaces: dict[tuple[object, ...], tuple[int, GprimSurface] | None] = {}
         self._meshes: list[Mesh] = []
         self._slots: list[Slot] = []
@@ -127,8 +128,8 @@ class UsdScene:
                 if key not in self._surfaces:
                     self._surfaces[key] = None
                     self._surfaces[key] = self._add_shape(prim)
-                if (read := self._surfaces[key]) is not None:
-                    number, surface = read
+                if (shape_and_surface := self._surfaces[key]) is not None:
+                    number, surface = shape_and_surface
                     copies = self._gprims.copies(prim, surface)
                     if copies is not None and len(copies) == 0:
                         self._note("without a point of a width, left out", prim)
@@ -185,7 +186,10 @@ class UsdScene:
         return result
 
     def _assign_slots(self, base: Mesh, surface: _PlacedSurface, used_parts: Sequence[int]) -> Mesh:
-        """Return a mesh with its slots from the next number on, and with its inherited primvars."""
+        """Return a mesh with new slots, one for each used part, and with its inherited primvars.
+
+        Their numbers begin at the number of slots so far; the caller appends the slots.
+        """
         if len(used_parts) == 1:
             face_slots = np.full(len(base.face_sizes), len(self._slots), np.int32)
         else:

@@ -25,7 +25,7 @@ class SkeletonPose:
 
 
 class Skeletons:
-    """Reads skeletons at a time. `notes` collects what a file lacks and the rule of USD for it."""
+    """Reads skeletons at a time. `notes` collects what a file lacks, and what USD's rules give instead."""
 
     def __init__(self, time: Usd.TimeCode) -> None:
         self.notes: list[str] = []

@@ -17,7 +17,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 from lookdev.arrays import Floats, Indices
 from lookdev.asset.normals import normalize_or
 from lookdev.asset.shape import Attribute
-from lookdev.asset.usd.attributes import check_range, checked_array, read_array, read_matrix, read_texts, read_token
+from lookdev.asset.usd.attributes import check_array, check_range, read_array, read_matrix, read_texts, read_token
 from lookdev.asset.usd.blend_shapes import Offsets, blend_offsets
 from lookdev.asset.usd.skeleton import SkeletonPose, Skeletons
 from lookdev.asset.usd.walk import prototype_path
@@ -55,7 +55,10 @@ class _Influences:
 
 @dataclass(frozen=True, eq=False)
 class _Binding:
-    """The deformers of a gprim. Gprims with equal `key`s have equal deformations."""
+    """The deformers of a gprim: joints, if it has `influences`, and the `offsets` of blend shapes.
+
+    `space` is the prim whose transform places the deformed points. Gprims with equal `key`s have equal deformations.
+    """
 
     space: Usd.Prim
     key: tuple[str, ...]
@@ -235,7 +238,7 @@ def _read_influences(
         )
     (size,), (interpolation,) = sizes, interpolations
     values = [(primvar.ComputeFlattened(time), primvar.GetAttr().GetPrim(), primvar.GetName()) for primvar in primvars]
-    indices, weights = checked_array(*values[0], np.intp), checked_array(*values[1], np.float64)
+    indices, weights = check_array(*values[0], np.intp), check_array(*values[1], np.float64)
     if len(indices) != len(weights) or len(indices) % size or (interpolation == "constant" and len(indices) != size):
         raise AssetError(
             f"{path}: has {len(indices)} {_INDICES} and {len(weights)} {_WEIGHTS}; {size} of both for "

@@ -17,12 +17,12 @@ from lookdev.asset.usd.attributes import check_range, read_array, read_texts, re
 from lookdev.errors import AssetError
 from lookdev.stage import error_message, quote, relationship_targets
 
-_SCENE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+_SCENE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 # A prototype may be an `over` or a `class`, which is visible only through its instancer.
-_PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
+_PROTOTYPE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _VISIBILITIES = (UsdGeom.Tokens.inherited, UsdGeom.Tokens.invisible)
 # The attributes of a point instancer with a value for each instance.
-_INSTANCES: tuple[tuple[str, type[np.generic], tuple[int, ...]], ...] = (
+_INSTANCE_ATTRIBUTES: tuple[tuple[str, type[np.generic], tuple[int, ...]], ...] = (
     ("positions", np.float64, (3,)),
     ("scales", np.float64, (3,)),
     ("orientations", np.float64, (4,)),
@@ -103,7 +103,7 @@ class Walk:
 
     def gprims_below(self, path: str) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below a path; raises AssetError if an instancer contradicts itself."""
-        yield from self._walk(self._stage.GetPrimAtPath(path), _SCENE, None, np.eye(4)[None], ())
+        yield from self._walk(self._stage.GetPrimAtPath(path), _SCENE_PRIMS, None, np.eye(4)[None], ())
 
     def place_in_space(self, gprim: PlacedGprim, space: Usd.Prim, copies: Floats | None = None) -> PlacedGprim:
         """Return a gprim placed by the transform of the prim `space`, and by `copies` (k, 4, 4) in that space.
@@ -200,7 +200,7 @@ class Walk:
         targets = relationship_targets(instancer.GetPrototypesRel())
         numbers = read_array(prim, "protoIndices", self._time, np.intp)
         check_range(numbers, len(targets), prim, "protoIndices", "prototypes")
-        for name, kind, shape in _INSTANCES:
+        for name, kind, shape in _INSTANCE_ATTRIBUTES:
             count = len(read_array(prim, name, self._time, kind, shape)) if prim.HasAttribute(name) else 0
             if count != len(numbers) and (count or name == "positions"):
                 raise AssetError(f"{path}: has {count} {name}, but {len(numbers)} protoIndices; they must agree")
@@ -228,7 +228,7 @@ class Walk:
             if any(outer.HasPrefix(target) for outer in (path, *outer_instancers)):
                 raise AssetError(f"{path}: prototypes names {target}, which holds the instancer; it must not")
             placements = self._place_copies(copies, transforms, path, f"instances of {target}")
-            yield from self._walk(prototype, _PROTOTYPE, prototype, placements, (*outer_instancers, path))
+            yield from self._walk(prototype, _PROTOTYPE_PRIMS, prototype, placements, (*outer_instancers, path))
 
     def _place_copies(self, copies: Floats, transforms: Floats, path: Sdf.Path, noun: str) -> Floats:
         """Return the placements (j * k, 4, 4) of copies (k, 4, 4) in each of the spaces of transforms (j, 4, 4)."""

@@ -12,7 +12,7 @@ from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FRAME_PATTERN, frame_files
 from lookdev.output.manifest import STATE_FOLDER, read_manifest
 from lookdev.output.review.page import ReviewFrame, ReviewReel, Version, WrittenPage, write_review_page
-from lookdev.scene.charts.props import FOLDER, STRIP
+from lookdev.scene.charts.props import PROPS_FOLDER, PROPS_STRIP_KEY
 
 PAGE_FOLDER = "review"
 """Default folder of the page inside the output folder."""
@@ -88,16 +88,16 @@ def read_version(folder: Path, page: Path) -> Version:
         reason = f": {'; '.join(map(shorten, problems[:_MAX_PROBLEMS]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{reason}")
     props = {
-        frame.file.relative_to(folder / FOLDER): frame.file
+        frame.file.relative_to(folder / PROPS_FOLDER): frame.file
         for (look, _, _), frames in reels.items()
         for frame in frames
-        if look == FOLDER and STRIP in frame.header
+        if look == PROPS_FOLDER and PROPS_STRIP_KEY in frame.header
     }
     if props and not _has_props(folder):
         props.clear()
     complete = []
-    for key, frames in sorted(reels.items(), key=lambda item: item[0][0] == FOLDER):  # props after the looks
-        if key[0] != FOLDER:
+    for key, frames in sorted(reels.items(), key=lambda item: item[0][0] == PROPS_FOLDER):  # props after the looks
+        if key[0] != PROPS_FOLDER:
             frames = [replace(frame, props_file=props.get(frame.file.relative_to(folder / key[0]))) for frame in frames]
         complete.append(ReviewReel(*key, tuple(frames)))
     return Version(folder.name, folder, tuple(complete), tuple(problems))

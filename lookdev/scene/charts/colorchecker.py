@@ -47,7 +47,7 @@ PATCHES: dict[str, tuple[float, float, float]] = {
 }
 """L*, a*, b* under D50 of each patch, in four rows of six, from the upper left."""
 
-GREY = 0.18
+GREY_REFLECTANCE = 0.18
 """The reflectance of the grey ball."""
 
 _D50 = 0.34567, 0.35850  # x, y

@@ -22,28 +22,38 @@ from lookdev.errors import AssetError
 from lookdev.light import Light
 from lookdev.material import Layer, Look, Primvar
 from lookdev.scene.camera import Camera
-from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.charts.colorchecker import GREY_REFLECTANCE, PATCHES, patch_colors
 from lookdev.scene.scene import Film, Scene, link_lights
 from lookdev.space import REC709, Space
 
 FrameSide = Literal["bottom", "top", "left", "right"]
 
-FOLDER = "charts"
+PROPS_FOLDER = "charts"
 """The folder of the frames of props, beside those of looks."""
 
-STRIP = "charts.strip"
+PROPS_STRIP_KEY = "charts.strip"
 """The entry in the headers of such frames that has the `Strip.label`."""
 
-_LENS = 2.0  # degrees: the direction of view differs by 1 degree at most over the frame
+_LENS = 2.0  # degrees, the angle of view: the direction of view differs from the axis by 1 degree at most
 _PADDING, _GAP = 0.08, 0.2  # in thicknesses of the strip: at each side, and between props
 _ROWS, _COLUMNS = 4, 6
 _SEAM = 0.12  # part of a patch's cell between the patch and the cell's edge
 _BORDER = 0.03  # reflectance
-_BALL_PART, _CELL_PART = 0.5, 0.72  # side of the measured square, in a diameter or a cell: free of edges
+# The side of the measured square, as a fraction of the ball's diameter and of the patch's cell: it is free of edges.
+_BALL_PART, _CELL_PART = 0.5, 0.72
 _SEGMENTS = 256  # of a ball
 _MIN_PIXELS = 2.0  # whole pixels along the side of a measured square
 
-MATTE = Look("matte", (Layer("Matte", "lambert", {"reflectance": Primvar("reflectance", (GREY, GREY, GREY))}),))
+MATTE = Look(
+    "matte",
+    (
+        Layer(
+            "Matte",
+            "lambert",
+            {"reflectance": Primvar("reflectance", (GREY_REFLECTANCE, GREY_REFLECTANCE, GREY_REFLECTANCE))},
+        ),
+    ),
+)
 CHROME = Look("chrome", (Layer("Chrome", "mirror", {"metal": "chromium"}),))
 
 
@@ -57,14 +67,14 @@ class Box:
     height: float
 
     @property
-    def middle(self) -> tuple[float, float]:
+    def center(self) -> tuple[float, float]:
         """Its centre."""
         return self.left + 0.5 * self.width, self.top + 0.5 * self.height
 
-    def inner(self, part: float) -> Box:
+    def centered_square(self, part: float) -> Box:
         """Return the square about its centre whose side is a fraction of its shorter side."""
         side = part * min(self.width, self.height)
-        x, y = self.middle
+        x, y = self.center
         return Box(x - 0.5 * side, y - 0.5 * side, side, side)
 
 
@@ -98,7 +108,7 @@ class Strip:
         return self.size * self.resolution[0 if self.upright else 1]
 
     @property
-    def rest(self) -> tuple[float, float]:
+    def picture_size(self) -> tuple[float, float]:
         """Width and height of the frame without the strip, in pixels."""
         width, height = self.resolution
         return (width - self.thickness, float(height)) if self.upright else (float(width), height - self.thickness)
@@ -112,7 +122,7 @@ class Strip:
 
     @property
     def box(self) -> Box:
-        """The whole strip."""
+        """The rectangle of the whole strip."""
         width, height = self.resolution
         across = self.thickness
         if self.upright:
@@ -126,7 +136,7 @@ class Strip:
         aspect = _COLUMNS / _ROWS
         sizes = [(across, across)] * 2 + [(across, across / aspect) if self.upright else (across * aspect, across)]
         gap = _GAP * self.thickness
-        x, y = self.box.middle
+        x, y = self.box.center
         lengths = [size[self.upright] for size in sizes]
         along = (y if self.upright else x) - 0.5 * (sum(lengths) + 2.0 * gap)
         boxes = []
@@ -145,7 +155,10 @@ class Strip:
             name: Box(chart.left + (i % _COLUMNS) * cell, chart.top + (i // _COLUMNS) * cell, cell, cell)
             for i, name in enumerate(PATCHES)
         }
-        return {"grey ball": grey.inner(_BALL_PART), **{name: box.inner(_CELL_PART) for name, box in cells.items()}}
+        return {
+            "grey ball": grey.centered_square(_BALL_PART),
+            **{name: box.centered_square(_CELL_PART) for name, box in cells.items()},
+        }
 
     def fit_fault(self) -> tuple[str, str]:
         """Return the reason why the props do not fit into the strip, and a hint; both "" if they fit."""
@@ -197,8 +210,8 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Sp
     asset = asset_of_props(strip, camera)
     look_of_part = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
     emissions = (replace(light.emission, camera=False, shadow_link=None) for light in lights)
-    unseen_lights = tuple(light.with_emission(emission) for light, emission in zip(lights, emissions, strict=True))
-    return link_lights(Scene(asset, look_of_part, unseen_lights, camera, Film(strip.resolution, space)))
+    invisible_lights = tuple(light.with_emission(emission) for light, emission in zip(lights, emissions, strict=True))
+    return link_lights(Scene(asset, look_of_part, invisible_lights, camera, Film(strip.resolution, space)))
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
@@ -208,16 +221,16 @@ def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome
     slots: list[Slot] = []
     for name in names:
         mesh, matrix = _place_prop(name, strip, camera)
-        slots.append(Slot(f"/{FOLDER}/{name}"))
+        slots.append(Slot(f"/{PROPS_FOLDER}/{name}"))
         instances.append(Instance(len(meshes), matrix, slots[-1].path))
         meshes.append(replace(mesh, name=slots[-1].path, face_slots=np.full_like(mesh.face_slots, len(meshes))))
-    return make_asset(FOLDER, meshes, instances, slots, convex=True)
+    return make_asset(PROPS_FOLDER, meshes, instances, slots, convex=True)
 
 
 def crop_camera(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera:
-    """Return the camera whose frame is the square `box` of the frame of `camera`, which has a resolution."""
+    """Return the camera whose frame is the square `box` of the frame of `camera`, which has `resolution` pixels."""
     width, height = resolution
-    x, y = box.middle
+    x, y = box.center
     part = box.width / width
     shift = (x - 0.5 * width) / width, (0.5 * height - y) / width
     fov = math.degrees(2.0 * math.atan(part * camera.reach))
@@ -231,7 +244,7 @@ def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
     width, height = strip.resolution
     pixel = 2.0 * camera.reach * camera.distance / width
     right, up, back = camera.frame
-    x, y = box.middle
+    x, y = box.center
     position = np.array(camera.target) + pixel * ((x - 0.5 * width) * right + (0.5 * height - y) * up)
     matrix = np.eye(4)
     # An upright card faces -y, its right is +x.
@@ -242,7 +255,7 @@ def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
     ball = make_sphere(_SEGMENTS, _SEGMENTS // 2)
     matrix[:3, :3] *= 0.5 * box.width
     mesh = replace(ball.meshes[0], uvs={}, default_uv="")
-    grey_color = np.full((len(mesh.corner_points), 3), GREY, np.float32)
+    grey_color = np.full((len(mesh.corner_points), 3), GREY_REFLECTANCE, np.float32)
     return (mesh if name == "chrome" else replace(mesh, primvars={"reflectance": grey_color})), matrix
 
 
