@@ -219,7 +219,7 @@ _PARAMETERS = parameters_by_name(
         ("2014", "2012"),
         "2014: Smith G with the lobe's own alpha (addenda). 2012: isotropic G with remapped roughness.",
     ),
-    *metal_parameters("apart"),
+    *metal_parameters(agreement="apart"),
 )
 
 

@@ -190,7 +190,10 @@ class Light(Emitter):
         return any(self.emission.color)
 
     def native_gap(self) -> str | None:
-        """Return the features that Cycles' own lights lack (`lookdev.light.native`); None if they lack none."""
+        """Return the features of the light that Cycles' own lights lack, as a phrase for a message; None without any.
+
+        `lookdev.light.native` finds those of an emission.
+        """
         return "a kind that Blender does not have"
 
     @property

@@ -154,7 +154,10 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
 
 
 def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tuple[Floats, Floats]:
-    """Return the fraction of the height, and y, at which the sine has covered the fraction v of its range."""
+    """Return the fraction of the height, and y, at which the sine y / r has covered the fraction v of its range.
+
+    As in `_sine_range`, r^2 = squared + y^2, and y is from `y0` to `y0 + height`.
+    """
     y1 = y0 + height
     spans_zero, is_below = y0 * y1 < 0, (y0 + y1 < 0)
     v = np.where(is_below & ~spans_zero, 1 - v, v)
@@ -164,15 +167,19 @@ def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tup
     sine = near / r0
     step = v * _sine_range(squared, near, height)
     reached = sine + step
-    # 1 - sine^2 at the ends and at v, without the difference where the sine is near 1.
-    across = 1 - near * far / (r0 * r1)
-    aside = squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(spans_zero, 0, near * far)))
-    mixed = np.where(spans_zero, across, aside)
+    # With the sines s0 and s1 at the ends, 1 - reached^2 is a sum of (1 - v)^2 (1 - s0^2), v^2 (1 - s1^2), and
+    # 2 v (1 - v) (1 - s0 s1). `mixed` is 1 - s0 s1, in the form that does not cancel.
+    on_both_sides = 1 - near * far / (r0 * r1)
+    product = np.where(spans_zero, 0, near * far)
+    on_one_side = squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + product))
+    mixed = np.where(spans_zero, on_both_sides, on_one_side)
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
-    first = d / r0
-    beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)
-    y = np.where(spans_zero, d * reached / np.maximum(cosine, _TINY), near + beyond)
-    t = np.clip(np.where(spans_zero, y - near, beyond) / height, 0, 1)
+    near_cosine = d / r0
+    # d times the difference of the tangents, reached / cosine - sine / near_cosine, without cancellation.
+    denominator = cosine * near_cosine * (reached * near_cosine + sine * cosine)
+    y_step = d * step * (reached + sine) / np.maximum(denominator, _TINY)
+    y = np.where(spans_zero, d * reached / np.maximum(cosine, _TINY), near + y_step)
+    t = np.clip(np.where(spans_zero, y - near, y_step) / height, 0, 1)
     mirrored = is_below & ~spans_zero
     return np.where(mirrored, 1 - t, t), np.where(mirrored, -y, y)
 

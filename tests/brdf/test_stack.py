@@ -8,7 +8,7 @@ import pytest
 from random_parameters import Floats, directions, random_parameters
 
 from lookdev.brdf import CONTINUOUS, MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, stack_bsdf
-from lookdev.brdf.stack import index_of_excluding_model
+from lookdev.brdf.stack import find_mode_conflict
 from lookdev.errors import ModelError
 
 _COUNT = 500
@@ -146,10 +146,10 @@ def test_layers_that_do_not_fit_are_errors(layers: list[StackLayer], message: st
 
 
 def test_a_mode_is_ruled_out_by_the_first_model_that_does_not_have_it() -> None:
-    assert index_of_excluding_model("over", ["disney", "pixar"]) is None
-    assert index_of_excluding_model("transmit", ["pixar", "pixar"]) is None
-    assert index_of_excluding_model("transmit", ["pixar", "disney", "lambert", "pixar"]) == 1
-    assert index_of_excluding_model("coat", ["disney", "pixar"]) == 1
+    assert find_mode_conflict("over", ["disney", "pixar"]) is None
+    assert find_mode_conflict("transmit", ["pixar", "pixar"]) is None
+    assert find_mode_conflict("transmit", ["pixar", "disney", "lambert", "pixar"]) == 1
+    assert find_mode_conflict("coat", ["disney", "pixar"]) == 1
 
 
 def test_layers_of_a_model_without_presence_are_blended_by_the_mask_alone() -> None:

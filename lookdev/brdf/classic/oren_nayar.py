@@ -23,8 +23,8 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, scale, vec
 def _factors(p: Parameters) -> tuple[Real, Real]:
     """Return A and B."""
     variance = p["sigma"] * p["sigma"]
-    within = 0.57 if p["interreflection"] == "included" else 0.33
-    return 1.0 - 0.5 * variance / (variance + within), 0.45 * variance / (variance + 0.09)
+    variance_offset = 0.57 if p["interreflection"] == "included" else 0.33
+    return 1.0 - 0.5 * variance / (variance + variance_offset), 0.45 * variance / (variance + 0.09)
 
 
 def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:

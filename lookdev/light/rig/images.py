@@ -154,20 +154,20 @@ def _power(radiance: Floats32) -> float:
 
 def _unroll_pixels(ball: Floats, kind: str) -> Floats:
     rows = len(ball)
-    fine = 2 * rows
+    fine_rows = 2 * rows
     pixels = np.empty((rows, 2 * rows, 3))
-    step = max(1, _STRIP // (4 * fine))
-    u = (np.arange(2 * fine) + 0.5) / (2 * fine)
+    step = max(1, _STRIP // (4 * fine_rows))
+    u = (np.arange(2 * fine_rows) + 0.5) / (2 * fine_rows)
     # Within this radius, bilinear look-ups read no texel beyond the rim.
-    inside = 1.0 - 2.0 * np.sqrt(2.0) / rows
+    inner_radius = 1.0 - 2.0 * np.sqrt(2.0) / rows
     for first in range(0, rows, step):
         last = min(first + step, rows)
-        v = 1.0 - (np.arange(2 * first, 2 * last) + 0.5) / fine
+        v = 1.0 - (np.arange(2 * first, 2 * last) + 0.5) / fine_rows
         towards = uv_to_direction(np.stack(np.broadcast_arrays(u, v[:, None]), axis=-1))
         # The map's x, y and z are the dome's z, x and y: `lookdev.light.dome.usd.DOME_Y`.
         point = ball_point(towards[..., (1, 2, 0)], kind)
         radius = np.hypot(point[..., 0], point[..., 1])[..., None]
-        point *= np.minimum(1.0, inside / np.maximum(radius, inside))
+        point *= np.minimum(1.0, inner_radius / np.maximum(radius, inner_radius))
         texels = look_up(ball, (1.0 + point[..., 0]) / 2.0, (1.0 - point[..., 1]) / 2.0)
         pixels[first:last] = texels.reshape(last - first, 2, 2 * rows, 2, 3).mean(axis=(1, 3))
     return pixels
