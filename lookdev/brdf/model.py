@@ -79,7 +79,8 @@ class Model:
     two_sided
         Whether the surface is thin and scatters alike from both sides.
     probe
-        Parameters, the rest at their defaults, for which no lobe has share 0 and the surface is isotropic.
+        Parameters at which checks and tests evaluate the model, the rest at their defaults. No lobe has share 0, and
+        the surface is isotropic.
     preview
         The approximation by UsdPreviewSurface.
     delta

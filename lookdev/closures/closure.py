@@ -151,6 +151,7 @@ def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
     return np.where(facing, d(wm, x, y) * shadowing * jacobian / wo[..., 2], 0.0)
 
 
+# The square of alpha tan theta, on which Lambda depends.
 def _slope2(w: Array, alpha_x: Real, alpha_y: Real) -> Array:
     x, y, z = w[..., 0] * alpha_x, w[..., 1] * alpha_y, w[..., 2]
     return (x * x + y * y) / np.maximum(z * z, TINY)

@@ -18,7 +18,10 @@ FITS_FILE = Path(__file__).parent / "data" / "closure_fits.json"
 
 
 class RetroShape(TypedDict):
-    """The roughness of Oren and Nayar's closure at grazing views; all shapes have distances from the lobes."""
+    """The `strength` of the rough diffuse closure in `lookdev.closures.disney`: its roughness at grazing views.
+
+    `distance`, here and in other shapes, has the largest and the mean L1 distance between a mix and its lobe.
+    """
 
     strength: float
     distance: dict[str, float]
@@ -88,6 +91,6 @@ def closure_table() -> ClosureTable:
 
 @cache
 def closure_fit(name: str) -> Rational:
-    """Return the fit of a name in the table."""
+    """Return the fit `name` of the table."""
     entry = closure_table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])

@@ -250,8 +250,8 @@ def image_slopes(texture: Texture, st: ArrayLike) -> Floats:
     image_st = _to_image_st(texture, st)
     slopes = _look_up(slope_texture, texture, image_st)[..., :2]
     wraps = (texture.wrap_s, texture.wrap_t)
-    along = np.stack([_wrap_derivative(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
-    return np.asarray(slopes * along)
+    factors = np.stack([_wrap_derivative(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
+    return np.asarray(slopes * factors)
 
 
 def _transform_matrix(texture: Texture) -> Floats:

@@ -156,13 +156,13 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
     is_anisotropic = isinstance(grid, AnisotropicGrid)
     (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS_PER_CELL[is_anisotropic]
     squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))
-    solid = np.diff(squares) * (4.0 * np.pi / phis)
+    solid_angle = np.diff(squares) * (4.0 * np.pi / phis)
     half_vectors = _half_vectors(squares[:-1], np.diff(squares), phis, points)
     edges = _half_vectors(squares, 0.0, phis, (1, points[1]))
-    density, parts, albedo, cosine = [], [], [], []
+    density, cell_shares, albedo, cosine = [], [], [], []
     for views in _view_cells(is_anisotropic):
         f, weight = _evaluate_views(grid, views, half_vectors)
-        weight *= (solid / prod(points))[:, None, None, None] / len(views)
+        weight *= (solid_angle / prod(points))[:, None, None, None] / len(views)
         color = (f * weight[..., None]).sum(axis=(0, 1, 2, 3, 4))
         brightness = f.mean(axis=-1)
         # The factor keeps values that only rounding lifts above the floor out of the highlights.
@@ -172,19 +172,20 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
         cosine.append(np.clip(np.pi * floor / total, least, most) if total > 0.0 else most)
         f, weight = _evaluate_views(grid, views, edges)
         at_edges = (np.maximum(f.mean(axis=-1) - floor, 0.0) * weight).mean(axis=(0, 2, 3, 4))
-        density.append(_edge_density(at_edges, shares.sum(axis=-1) / (solid * phis), solid * phis))
-        parts.append(
+        ring_solid_angle = solid_angle * phis
+        density.append(_edge_density(at_edges, shares.sum(axis=-1) / ring_solid_angle, ring_solid_angle))
+        cell_shares.append(
             np.maximum(
                 shares, _MIN_NEIGHBOUR_RATIO * np.maximum(np.roll(shares, 1, axis=1), np.roll(shares, -1, axis=1))
             )
         )
         albedo.append(color)
-    nodes, conditional = np.stack(density), _cumulative(np.concatenate(parts))
+    nodes, conditional = np.stack(density), _cumulative(np.concatenate(cell_shares))
     widths: Floats = np.diff(conditional, axis=-1)
     return Proposal(
         density=NumberTable(nodes),
         azimuth_factor=NumberTable(widths * phis),
-        marginal=NumberTable(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid)),
+        marginal=NumberTable(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid_angle)),
         conditional=NumberTable(conditional),
         albedo=np.stack(albedo),
         cosine=NumberTable(np.array(cosine)[:, None]),

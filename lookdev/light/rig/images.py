@@ -126,10 +126,10 @@ def unroll_ball(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]
 def ball_point(direction: Floats, kind: str) -> Floats:
     """Return the points (..., 2) of a ball, a disk of radius 1, for directions (..., 3) of a dome with the pole +y."""
     x, y, z = np.moveaxis(direction, -1, 0)
-    across = np.hypot(x, y)
-    angle = np.arctan2(across, z)
+    axis_distance = np.hypot(x, y)
+    angle = np.arctan2(axis_distance, z)
     radius = angle / np.pi if kind == "angular" else np.sin(angle / 2.0)
-    scale = radius / np.where(across > 0.0, across, 1.0)
+    scale = radius / np.where(axis_distance > 0.0, axis_distance, 1.0)
     return np.stack([scale * x, scale * y], axis=-1)
 
 

@@ -33,8 +33,8 @@ class _Block:
 class _Statement:
     """A statement: `lead` has the blank lines and comments above it, `trail` the comment after it.
 
-    In a prim, a variant set or a variant, metadata and a body follow `head`, each after a gap. In any other statement,
-    `head` is the whole text.
+    In a prim, a variant set or a variant, metadata and a body follow `head`. `gaps` has the white space and comments
+    before each, by its opening bracket. In any other statement, `head` is the whole text.
     """
 
     lead: str = ""
