@@ -8,13 +8,13 @@ one model combines, and those that are blended one by one. `find_mode_conflict` 
 from lookdev.brdf.lobes import Bsdf, Delta, Lobe
 from lookdev.brdf.mixture import bsdf_for_views, evaluate, evaluate_cosine, evaluate_diffuse, pdf, sample
 from lookdev.brdf.model import Mode, Model, StackLayer
-from lookdev.brdf.models import CONTINUOUS, MODELS, complete_parameters, layer_shaders, model_named
+from lookdev.brdf.models import CONTINUOUS_MODELS, MODELS, complete_parameters, layer_shaders, model_named
 from lookdev.brdf.parameters import MASK, Parameter
 from lookdev.brdf.stack import find_mode_conflict, reflectance, split_by_combination, stack_bsdf
 from lookdev.brdf.vectors import Array, Real
 
 __all__ = [
-    "CONTINUOUS",
+    "CONTINUOUS_MODELS",
     "MASK",
     "MODELS",
     "Array",

@@ -4,9 +4,9 @@ Light that has crossed the film m times interferes with the light that the film'
 amplitudes over all orders m, once for each polarisation. Spectra become linear Rec.709 by the CIE 1931 observer under
 D65. A film of index 1, or of no thickness, has no effect.
 
-Where only the reflectance of a surface is known, its amplitudes have the phase of a dielectric's and are the same for both
-polarisations; its reflectance without a film is taken at the same angle. A metal of known index reflects the complex
-amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
+Where only the reflectance of a surface is known, its amplitudes have the phase of a dielectric's and are the same for
+both polarisations. The reflectance without a film is that at the same angle. A metal of known index reflects the
+complex amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
 
 The terms of Airy's sum have the colours of ``cos(2 pi m x / wavelength)``, where x is the optical path. These colours
 are functions of m x alone. Sums of Gaussians, evenly spaced in wavenumber, approximate the observer under D65, so that

@@ -1,6 +1,7 @@
-"""The fitted directional albedo of a GGX lobe with Schlick's Fresnel term: the light that a coat withholds from below.
+"""The fitted directional albedo of a GGX lobe with Schlick's Fresnel term.
 
-``python -m lookdev.closures.reflectance`` makes the table ``data/reflectance.json``: coefficients and residuals.
+It is the share of light that a coat withholds from the layers beneath. ``python -m lookdev.closures.reflectance`` makes
+the table ``data/reflectance.json``: coefficients and residuals.
 """
 
 from __future__ import annotations
