@@ -103,8 +103,10 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
             next_real, next_imaginary = cosine + series, sine + iseries
             series = real * next_real - imaginary * next_imaginary
             iseries = real * next_imaginary + imaginary * next_real
-        numerator = transmitted * reflected + squared * absorbed - 2.0 * transmitted * absorbed * series
-        total = total + 0.5 * numerator / denominator
+        total = (
+            total
+            + 0.5 * (transmitted * reflected + squared * absorbed - 2.0 * transmitted * absorbed * series) / denominator
+        )
     reflectance: Array = np.clip(total, 0.0, 1.0)
     return reflectance
 

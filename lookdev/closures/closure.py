@@ -125,7 +125,7 @@ def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
 
 
 def oren_nayar_g(cos_theta: Array) -> Array:
-    """Return the integral of Oren and Nayar's rough term over all lights, (...)."""
+    """Return the integral of Oren and Nayar's rough term over all directions of light, (...)."""
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
     theta = np.arctan2(sin_theta, cos_theta)

@@ -43,8 +43,9 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     return closures
 
 
-# The integral of Burley 2012, section 5.3, times the cosine over all lights. With X = 1 + wi . wo = 2 cos^2 theta_d,
-# fd90 - 1 is roughness X - 1/2; the cosine-weighted means of (1 - cos_theta_i)^5 times 1, X and X^2 are Beta functions.
+# The integral of Burley 2012, section 5.3, times the cosine, over all directions of light. With
+# X = 1 + wi . wo = 2 cos^2 theta_d, fd90 - 1 is roughness X - 1/2. The cosine-weighted means of (1 - cos_theta_i)^5
+# times 1, X and X^2 are Beta functions.
 def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
     """Return the directional albedo of the diffuse term for a white base colour, (...)."""
     mean_x = 1.0 / 21.0 + cos_theta * (1.0 / 84.0)

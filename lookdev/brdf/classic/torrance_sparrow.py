@@ -39,7 +39,7 @@ def _fresnel(p: Parameters, cos_theta: Array) -> Array:
 
 
 def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
-    """Return the function that computes G over the product of both cosines."""
+    """Return the function of a pair of directions that computes ``G / (cos_theta_i cos_theta_o)``."""
     if p["geometry"] == "v-groove":
         return _v_groove
     g1 = smith_beckmann if p["distribution"] == "beckmann" else mf.smith_ggx

@@ -56,8 +56,8 @@ class IsotropicGrid:
         theta_d = arc_tangent(0.5 * np.sqrt(dot(chord, chord)), d.cos_theta_d)
         # About the half vector, the light's direction is at (wo_z - wi_z, (wo x wi)_z / cos theta_d): both have the
         # factor 2 sin theta_h sin theta_d.
-        across = (d.wo[..., 0] * d.wi[..., 1] - d.wo[..., 1] * d.wi[..., 0]) / d.cos_theta_d
-        phi_d = arc_tangent(across, d.wo[..., 2] - d.wi[..., 2])
+        y = (d.wo[..., 0] * d.wi[..., 1] - d.wo[..., 1] * d.wi[..., 0]) / d.cos_theta_d
+        phi_d = arc_tangent(y, d.wo[..., 2] - d.wi[..., 2])
         folded = np.where(phi_d < 0.0, phi_d + np.pi, phi_d)
         folded = np.where(folded >= np.pi, folded - np.pi, folded)
         return _interpolate(

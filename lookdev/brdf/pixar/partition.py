@@ -61,7 +61,7 @@ class PartitionLobe:
 
     normal, grazing : (..., 3), weights at normal and at grazing incidence.
     cone : (...), angle in degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
-    ior_minus_one : (...), of a transmitted highlight, the index of refraction less 1, exact in float32 near 0; else 0.
+    ior_minus_one : (...), of a transmitted highlight, the index of refraction - 1, exact in float32 near 0; else 0.
     metals : terms of exact metals, which are added; on the viewer's side only.
     """
 
@@ -166,23 +166,23 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         weighted = base.with_weights(scaled, scaled)
         return replace(weighted, cone=np.clip(cone, *_CONE_LIMITS), ior_minus_one=ior_minus_one)
 
-    broad, tight = smooth * one_minus_ratio, smooth * ratio
-    wide, narrow, ior_minus_one = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0
+    broad_weight, tight_weight = smooth * one_minus_ratio, smooth * ratio
+    broad_cone, tight_cone, ior_minus_one = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
     terms = {
         "diffuse": term(scattered, (1.0 - back) * p["diffuseScale"], white),
-        "specular": term(reflected, broad * p["specularScale"], tint, wide * p["specularConeScale"]),
-        "reflection": term(reflected, tight * p["reflectionScale"], tint, narrow * p["reflectionConeScale"]),
+        "specular": term(reflected, broad_weight * p["specularScale"], tint, broad_cone * p["specularConeScale"]),
+        "reflection": term(reflected, tight_weight * p["reflectionScale"], tint, tight_cone * p["reflectionConeScale"]),
         "diffuseTransmission": term(scattered, back * p["diffuseTransmissionScale"], white),
         "specularTransmission": term(
             through,
-            broad * p["specularTransmissionScale"],
+            broad_weight * p["specularTransmissionScale"],
             tint_t,
-            wide * p["specularTransmissionConeScale"],
+            broad_cone * p["specularTransmissionConeScale"],
             ior_minus_one,
         ),
         "refraction": term(
-            through, tight * p["refractionScale"], tint_t, narrow * p["refractionConeScale"], ior_minus_one
+            through, tight_weight * p["refractionScale"], tint_t, tight_cone * p["refractionConeScale"], ior_minus_one
         ),
     }
     return Partition(wo, terms, frames, p["presence"])
@@ -214,7 +214,7 @@ def _scaled_reflectances(p: Parameters) -> tuple[Real, Real]:
 
 
 def _unreflected_weight(p: Parameters, cos_theta: Array) -> Array:
-    """Return 1 less the reflectance of a smooth surface with exact metal, (..., 3), without cancellation."""
+    """Return 1 minus the reflectance of a smooth surface with exact metal, (..., 3), without cancellation."""
     dielectric, metal = _scaled_reflectances(p)
     absorbed = conductor_absorptance(np.expand_dims(cos_theta, -1), p["eta"], p["k"])
     # Light that the scales remove from the reflection of either part, and light that the metal absorbs.

@@ -142,13 +142,15 @@ def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, F
         The solid angle that a piece of the surface at the exit subtends at the centre, divided by the solid angle that
         it subtends at the point; 0 from outside.
     """
-    along = (point * direction).sum(axis=-1)
+    projection = (point * direction).sum(axis=-1)
     margin = radius * radius - (point * point).sum(axis=-1)
     # R times the cosine between the direction and the surface normal at the exit.
-    exit_cosine = np.sqrt(np.maximum(along * along + margin, 0.0))
+    exit_cosine = np.sqrt(np.maximum(projection * projection + margin, 0.0))
     # The form of the root that has no cancellation.
     distance = np.where(
-        along < 0.0, exit_cosine - along, margin / np.where(exit_cosine + along > 0.0, exit_cosine + along, 1.0)
+        projection < 0.0,
+        exit_cosine - projection,
+        margin / np.where(exit_cosine + projection > 0.0, exit_cosine + projection, 1.0),
     )
     inside = margin > 0.0
     distance = np.where(inside, distance, 0.0)
