@@ -37,7 +37,7 @@ FIELDS = (
     *("a", "b"),  # the fields of its shape
     "reach",  # metres to its farthest point
     *("red", "green", "blue"),  # radiance
-    "mean",  # mean radiance: the texture's mean, and the profile's largest value
+    "mean",  # mean radiance of the channels, times the texture's mean and the profile's largest value
     *("turns", "camera"),
     *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),
     *("profile", "profile_scale", "angle_scale"),  # start in the array of tables, -1 without

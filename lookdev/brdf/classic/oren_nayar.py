@@ -5,7 +5,8 @@ f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min th
 - Oren, M. and Nayar, S. K. 1994. Generalization of Lambert's Reflectance Model. SIGGRAPH, eq. 30.
 
 Two lobes: `diffuse` is the term of A, `retroreflection` the term of B. The latter is sampled in proportion to
-``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``; only the sines remain in the weight.
+``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``: of f times the cosine, divided by the pdf,
+only the sines remain.
 """
 
 from __future__ import annotations

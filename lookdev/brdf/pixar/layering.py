@@ -150,7 +150,7 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
 
 
 def _mean(contributions: Sequence[_Contribution], value: Callable[[PartitionLobe], Real]) -> Real:
-    """Average values of terms by their energies, (...); where there is no energy, the result has no effect."""
+    """Return the mean of a value of the terms, weighted by energy, (...); without energy, the mean has no effect."""
     # Equal values, and contributions without energy, generate no code.
     contributing = _contributions_with_energy(contributions)
     first = value((contributing or contributions)[0].term)

@@ -147,12 +147,14 @@ def ball_power(radiance: Floats32, kind: str) -> float:
 
 
 def _power(radiance: Floats32) -> float:
+    """Return the integral of the mean channel of a lat-long map (H, W, 3) over the sphere."""
     rows = len(radiance)
     edges = np.cos(np.pi * np.arange(rows + 1) / rows)
     return float((radiance.mean(axis=(1, 2), dtype=np.float64) * -np.diff(edges)).sum() * 2.0 * np.pi)
 
 
 def _unroll_pixels(ball: Floats, kind: str) -> Floats:
+    """Return the lat-long map (N, 2 N, 3) of the environment of a ball (N, N, 3)."""
     rows = len(ball)
     fine_rows = 2 * rows
     pixels = np.empty((rows, 2 * rows, 3))
