@@ -57,7 +57,10 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
 
 
 def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Return a closure with a directional albedo, (..., 3), whose retroreflection grows with `retro`, (...)."""
+    """Return a closure with the directional albedo `reflected`, (..., 3).
+
+    Its retroreflection grows with `retro`, (...), the roughness of Disney's lobe.
+    """
     if are_equal(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
     sigma = closure_table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)

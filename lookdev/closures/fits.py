@@ -18,9 +18,10 @@ FITS_FILE = Path(__file__).parent / "data" / "closure_fits.json"
 
 
 class RetroShape(TypedDict):
-    """The `strength` of the rough diffuse closure in `lookdev.closures.disney`: its roughness at grazing views.
+    """The `strength` of the rough diffuse closure in `lookdev.closures.disney`.
 
-    `distance`, here and in other shapes, has the largest and the mean L1 distance between a mix and its lobe.
+    It is the closure's roughness at grazing views for a lobe of roughness 1. `distance`, here and in other shapes, has
+    the largest and the mean of half the L1 distance between a mix and its lobe, both normalised.
     """
 
     strength: float
