@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lookdev.arrays import Floats
-from lookdev.brdf import CONTINUOUS, MODELS
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.metal import CONDUCTOR
 
@@ -15,7 +15,7 @@ from lookdev.brdf.metal import CONDUCTOR
 # the tokens have the key "options".
 VARIANTS = [
     (name, dict(zip(forms, values, strict=True)) | options)
-    for name, model in CONTINUOUS.items()
+    for name, model in CONTINUOUS_MODELS.items()
     for forms in [model.forms()]
     for options in ({}, {"options": "drawn"})[: 1 + bool(model.optional_defaults())]
     for values in product(*forms.values())

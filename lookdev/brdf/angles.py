@@ -15,7 +15,7 @@ def spherical_direction(theta: ArrayLike, phi: ArrayLike = 0.0) -> Floats:
 
 
 def direction_at_cosine(cosine: Floats, phi: Floats) -> Floats:
-    """Return the unit directions (..., 3) above the horizon at a cosine to the normal and an azimuth, (...)."""
+    """Return unit directions (..., 3) from their cosine to the normal (...), at least 0, and their azimuth (...)."""
     sine = np.sqrt(1.0 - cosine * cosine)
     return np.stack([sine * np.cos(phi), sine * np.sin(phi), cosine], axis=-1)
 

@@ -64,7 +64,7 @@ def _glass(p: Parameters) -> Bsdf:
         refracted = frame.from_local(vector(-n * x, -n * y, -cos_t))
         is_refracted = (cos2 > 0.0) & (refracted[..., 2] < 0.0)
         refracted = vector(refracted[..., 0], refracted[..., 1], np.where(is_refracted, refracted[..., 2], 0.0))
-        # The transmissivities of Born and Wolf, 1.5.2; 1 less the reflectance would cancel.
+        # The transmissivities of Born and Wolf, 1.5.2; 1 minus the reflectance would cancel.
         s, t = n * cosine + cos_t, cosine + n * cos_t
         transmittance = 2.0 * n * cosine * cos_t * (1.0 / np.maximum(s * s, TINY) + 1.0 / np.maximum(t * t, TINY))
         # Pharr et al., section 16.1.3: radiance is compressed, or spread, with the solid angle.

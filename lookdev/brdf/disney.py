@@ -110,7 +110,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
             return mf.smith_ggx(cos_theta, alpha_g * alpha_g)
         return mf.smith_ggx_aniso(w, alpha_x, alpha_y)
 
-    # GGX, of which the visible normals are sampled, or the general distribution of appendix B.
+    # GGX, whose visible normals are sampled, or the general distribution of appendix B, which is sampled itself.
     is_ggx = are_equal(p["gamma"], 2.0)
 
     def distribution(wm: Array) -> Array:
@@ -219,7 +219,7 @@ _PARAMETERS = parameters_by_name(
         ("2014", "2012"),
         "2014: Smith G with the lobe's own alpha (addenda). 2012: isotropic G with remapped roughness.",
     ),
-    *metal_parameters("apart"),
+    *metal_parameters(agreement="apart"),
 )
 
 

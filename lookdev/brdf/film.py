@@ -4,13 +4,14 @@ Light that has crossed the film m times interferes with the light that the film'
 amplitudes over all orders m, once for each polarisation. Spectra become linear Rec.709 by the CIE 1931 observer under
 D65. A film of index 1, or of no thickness, has no effect.
 
-Where a surface's reflectance alone is known, its amplitudes have the phase of a dielectric's and are the same for both
-polarisations; its reflectance without a film is taken at the same angle. A metal of known index reflects the complex
-amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
+Where only the reflectance of a surface is known, its amplitudes have the phase of a dielectric's and are the same for
+both polarisations. The reflectance without a film is that at the same angle. A metal of known index reflects the
+complex amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
 
-The terms of Airy's sum have the colours of ``cos(2 pi m x / wavelength)``, where x is the optical path. These are
-functions of m x alone, which sums of Gaussians, evenly spaced in wavenumber, approximate. A second approximation ends
-the series at a largest m. docs/models.md has the errors of both.
+The terms of Airy's sum have the colours of ``cos(2 pi m x / wavelength)``, where x is the optical path. These colours
+are functions of m x alone. Sums of Gaussians, evenly spaced in wavenumber, approximate the observer under D65, so that
+each colour is a sum of damped cosines of m x. A second approximation ends the series at a largest m. docs/models.md has
+the errors of both.
 
 - Airy, G. B. 1833. On the phenomena of Newton's rings when formed between two transparent substances of different
   refractive powers. Philosophical Magazine 2.
@@ -54,13 +55,14 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
     bare_ratio = (1.0 - root) / (1.0 + root)
     total: Real = 0.0
     # An amplitude r is written as a ratio of admittances, (1 + r) / (1 - r); the ratios of successive faces multiply.
-    for face in (cos_theta / inside, inside / (ior * ior * cos_theta)):
-        a = np.expand_dims(face, -1)
+    # For either polarisation, a is the ratio of the film's upper face and b that of its lower face.
+    for upper_ratio in (cos_theta / inside, inside / (ior * ior * cos_theta)):
+        a = np.expand_dims(upper_ratio, -1)
         b = bare_ratio / a
-        below, both = 1.0 - b, (1.0 + bare_ratio) * (a + b)
-        incoherent = (a * below * below + b * (1.0 - a) * (1.0 - a)) / both
-        transmitted = 4.0 * bare_ratio / both
-        product = (a - 1.0) * below / ((a + 1.0) * (1.0 + b))
+        one_minus_b, denominator = 1.0 - b, (1.0 + bare_ratio) * (a + b)
+        incoherent = (a * one_minus_b * one_minus_b + b * (1.0 - a) * (1.0 - a)) / denominator
+        transmitted = 4.0 * bare_ratio / denominator
+        product = (a - 1.0) * one_minus_b / ((a + 1.0) * (1.0 + b))
         # The series in powers of minus the product of both faces' amplitudes, by Horner's rule.
         series: Real = 0.0
         for color, _ in reversed(colors):
@@ -91,7 +93,7 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
         norm = np.maximum((a + b) * (a + b) + (ia + ib) * (ia + ib), TINY * TINY)
         reflected, absorbed = ((a - b) * (a - b) + (ia - ib) * (ia - ib)) / norm, 4.0 * (a * b + ia * ib) / norm
         squared = amplitude * amplitude
-        both = np.maximum(transmitted + squared * absorbed, TINY)
+        denominator = np.maximum(transmitted + squared * absorbed, TINY)
         # The series in powers of minus the product of both faces' amplitudes, by Horner's rule.
         real = amplitude * ((b - a) * (b + a) + (ib - ia) * (ib + ia)) / norm
         imaginary = amplitude * 2.0 * (a * ib - ia * b) / norm
@@ -102,7 +104,8 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
             series = real * next_real - imaginary * next_imaginary
             iseries = real * next_imaginary + imaginary * next_real
         total = (
-            total + 0.5 * (transmitted * reflected + squared * absorbed - 2.0 * transmitted * absorbed * series) / both
+            total
+            + 0.5 * (transmitted * reflected + squared * absorbed - 2.0 * transmitted * absorbed * series) / denominator
         )
     reflectance: Array = np.clip(total, 0.0, 1.0)
     return reflectance

@@ -55,8 +55,8 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     """
     cos2 = cos_theta * cos_theta
     sin2 = np.maximum(1.0 - cos2, 0.0)
-    # The square of the relative index less 1, and half of its imaginary part. For similar media, the difference of
-    # squares would cancel.
+    # `excess` is the real part of the squared relative index, minus 1; `cross` is half of the imaginary part. For
+    # similar media, a difference of squares would cancel.
     inverse = 1.0 / (external_ior * external_ior)
     excess, cross = ((eta - external_ior) * (eta + external_ior) - k * k) * inverse, eta * k * inverse
     real = excess + cos2
@@ -66,23 +66,24 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     # For similar media b and cos - a are small: cos^2 - a^2 = -(excess + b^2) does not cancel.
     minus = np.where(is_real, (excess + b2) / np.maximum(plus, TINY), cos_theta - a)
     reflectance_s = (minus * minus + b2) / np.maximum(plus * plus + b2, TINY)
-    less, more, b2_cos2 = cos_theta * a - sin2, cos_theta * a + sin2, b2 * cos2
+    p_minus, p_plus, b2_cos2 = cos_theta * a - sin2, cos_theta * a + sin2, b2 * cos2
     # The floor avoids 0 / 0 at grazing incidence between equal media without absorption.
-    ratio = (less * less + b2_cos2) / np.maximum(more * more + b2_cos2, TINY)
+    ratio = (p_minus * p_minus + b2_cos2) / np.maximum(p_plus * p_plus + b2_cos2, TINY)
     reflectance: Array = reflectance_s * (1.0 - polarisation + polarisation * ratio)
     return reflectance
 
 
-# Born and Wolf, 1.5 (34) and 14.2: 1 less the reflectance of each polarisation, with r_p / r_s as above.
+# Born and Wolf, 1.5 (34) and 14.2: 1 minus the reflectance of each polarisation. `perpendicular` is that of r_s, and
+# `one_minus_ratio` is 1 - |r_p / r_s|^2, with r_p / r_s as above.
 def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
     """Return ``1 - conductor_fresnel(cos_theta, eta, k)`` in air for unpolarised light, without cancellation."""
     cos2 = cos_theta * cos_theta
     sin2 = np.maximum(1.0 - cos2, 0.0)
     a, b = square_root((eta - 1.0) * (eta + 1.0) - k * k + cos2, eta * k)
-    b2, plus, more = b * b, cos_theta + a, cos_theta * a + sin2
+    b2, plus, p_plus = b * b, cos_theta + a, cos_theta * a + sin2
     perpendicular = 4.0 * cos_theta * a / np.maximum(plus * plus + b2, TINY)
-    less = 4.0 * cos_theta * a * sin2 / np.maximum(more * more + b2 * cos2, TINY)
-    absorptance: Array = perpendicular + 0.5 * (1.0 - perpendicular) * less
+    one_minus_ratio = 4.0 * cos_theta * a * sin2 / np.maximum(p_plus * p_plus + b2 * cos2, TINY)
+    absorptance: Array = perpendicular + 0.5 * (1.0 - perpendicular) * one_minus_ratio
     return absorptance
 
 

@@ -71,8 +71,8 @@ class Lobe:
         Whether light and viewer are on opposite sides; the functions above take and return the light's direction
         mirrored to the viewer's side.
     has_own_horizon
-        Whether the lobe's normal alone decides on which side of a tilted lobe a direction is. Otherwise the direction
-        must be on the same side of the shading normal, too.
+        Whether only the lobe's own normal separates the directions that a tilted lobe reflects to from those that it
+        transmits from. Otherwise a direction must be on the same side of the shading normal, too, or f is 0.
     broad
         Whether the lobe is nearly constant, so that samples of light times cosine suit it as well as its own samples.
     weight : (...)

@@ -46,7 +46,7 @@ INDEX_QUOTES = {
 
 
 class MetalIndex(TypedDict):
-    """The index of each channel, and its deviation."""
+    """Eta and k of each channel, and the deviation of the resulting curve (`lookdev.brdf.metal_fits`)."""
 
     eta: list[float]
     k: list[float]
@@ -102,7 +102,7 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
 
 
 def metal_parameters(agreement: Literal["apart", "own"]) -> tuple[Parameter, ...]:
-    """Return the parameters of a model with exact metals; `agreement` is that of the token ``"fresnel"``."""
+    """Return the parameters of a model with exact metals; `agreement` is `Parameter.agreement` of ``"fresnel"``."""
     return (
         token_parameter(
             "fresnel",

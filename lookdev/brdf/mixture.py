@@ -103,14 +103,14 @@ class Mixture:
             yield LobeChoice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
             return
         position = u * self.total_share
-        rest, upper = position, 0.0
+        offset, upper = position, 0.0
         for lobe in self.lobes:
             upper = upper + lobe.share  # type: ignore[assignment]
             width = np.where(lobe.share > 0.0, lobe.share, 1.0)
             # Clipped before the division, which could overflow, and after it, as it may round to 1.
-            remapped = np.minimum(np.clip(rest, 0.0, width) / width, ONE_MINUS_EPSILON)
+            remapped = np.minimum(np.clip(offset, 0.0, width) / width, ONE_MINUS_EPSILON)
             yield LobeChoice(lobe, position < upper, remapped)
-            rest = rest - lobe.share
+            offset = offset - lobe.share
 
     def response(self, wi: Array) -> tuple[Array, Array]:
         """Return the sum of the terms' values (..., 3) for light from `wi`, (..., 3), and the pdf (...) of `wi`."""

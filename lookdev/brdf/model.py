@@ -40,7 +40,8 @@ class StackLayer:
 class Preview:
     """A model's approximation by UsdPreviewSurface.
 
-    `same` maps inputs of UsdPreviewSurface to parameters of the same meaning, ``opacity`` to the presence of a layer.
+    `same` maps inputs of UsdPreviewSurface to parameters of the same meaning; that of ``opacity`` is the presence of a
+    layer.
     `derived` maps all parameters (tokens, and float64 arrays, () or (3,)) to the other inputs that differ from their
     defaults. Its ``f0``, the reflectance at normal incidence, determines the index of refraction.
     """
@@ -79,7 +80,8 @@ class Model:
     two_sided
         Whether the surface is thin and scatters alike from both sides.
     probe
-        Parameters, the rest at their defaults, for which no lobe has share 0 and the surface is isotropic.
+        Parameters at which checks and tests evaluate the model, the rest at their defaults. No lobe has share 0, and
+        the surface is isotropic.
     preview
         The approximation by UsdPreviewSurface.
     delta

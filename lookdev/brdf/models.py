@@ -40,8 +40,8 @@ MODELS: dict[str, Model] = {
 }
 """Every model by its name."""
 
-CONTINUOUS: dict[str, Model] = {name: model for name, model in MODELS.items() if not model.delta}
-"""The models whose f has values: all but those that scatter along single directions."""
+CONTINUOUS_MODELS: dict[str, Model] = {name: model for name, model in MODELS.items() if not model.delta}
+"""The models without deltas, by name: all but those that scatter along single directions only."""
 
 
 def model_named(name: str) -> Model:

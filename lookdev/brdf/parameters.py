@@ -26,7 +26,7 @@ class Parameter:
     ranges hold per channel. A ``"token"`` is one of `choices`, the forms of the model; code generation selects one, so
     a token must be constant. A ``"normal"`` is a vector in the frame of tangent, bitangent and shading normal, of any
     length but zero. A parameter that is not given has the value of the parameter that it `follows`, whose default is
-    the same. `optional` numbers belong to parts of the model that their defaults leave out. A token with a function
+    the same. `optional` numbers belong to parts of the model that are off at their defaults. A token with a function
     `file` may also be the path of a file, which that function reads; such a token must be given.
 
     `help` is for users. It is part of the digests of node trees, so a new text renders their frames again.
@@ -86,7 +86,7 @@ _T = TypeVar("_T")
 
 
 def add_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T]:
-    """Return `values`, and the values of the parameters that follow them and are not among them."""
+    """Return `values` and, for each parameter that is not among them and follows one of them, the value it follows."""
     following = {name: parameter.follows for name, parameter in parameters.items() if name not in values}
     return dict(values) | {name: values[leader] for name, leader in following.items() if leader in values}
 

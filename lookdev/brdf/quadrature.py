@@ -13,7 +13,7 @@ def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tupl
 
     The grid has `cells` along slope and azimuth of the half vector, with two Gauss nodes a cell in each. With
     ``t = tan^2 theta_h``, the first coordinate is ``log(1 + t / t0) / L``, where L makes its largest value 1. Cells are
-    even in t within a lobe of width `alpha`, and logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``;
+    equal in t within a lobe of width `alpha`, and logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``;
     beyond, no direction is above the horizon. `view`, (3,), is a unit direction above the horizon.
     """
     t0 = (0.5 * alpha) ** 2

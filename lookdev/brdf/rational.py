@@ -27,7 +27,7 @@ class Rational:
 
 @cache
 def load_rational(file: Path, name: str) -> Rational:
-    """Return the function of a name in a JSON file of fits."""
+    """Return the function `name` of a JSON file of fits."""
     entry = json.loads(file.read_text())[name]
     return Rational(entry["numerator"], entry["denominator"])
 

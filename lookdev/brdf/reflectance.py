@@ -1,6 +1,7 @@
-"""The fitted directional albedo of a GGX lobe with Schlick's Fresnel term, which is the light that a coat withholds.
+"""The fitted directional albedo of a GGX lobe with Schlick's Fresnel term.
 
-``python -m lookdev.closures.reflectance`` makes the table ``data/reflectance.json``: coefficients and residuals.
+It is the share of light that a coat withholds from the layers beneath. ``python -m lookdev.closures.reflectance`` makes
+the table ``data/reflectance.json``: coefficients and residuals.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ def ggx_reflectance(cos_theta: Array, alpha: Array, f0: Array) -> Real:
 
 
 def ggx_albedo(cos_theta: Array, alpha: Array) -> tuple[Array, Array]:
-    """Return the lobe's albedo with a Fresnel term of 1, and the cosine at which Schlick's term has its mean, (...)."""
+    """Return the lobe's albedo with a Fresnel term of 1, (...), and a cosine that is typical of the lobe, (...).
+
+    At that cosine, Schlick's term has its mean over the lobe. `cos_theta` is the cosine of the view.
+    """
     unweighted = np.clip(load_rational(FITS_FILE, "whole")(relative_cosine(cos_theta, alpha), alpha), 0.0, 1.0)
     return unweighted, np.clip(load_rational(FITS_FILE, "cosine")(cos_theta, alpha), 0.0, 1.0)
 

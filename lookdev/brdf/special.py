@@ -53,7 +53,7 @@ def expm1_ratio(x: Real) -> Array:
 
 
 def cosine_power(cosine: Array, versine: Real, exponent: Real) -> Array:
-    """Return the power of a cosine, 0 where the cosine is not positive; `versine` is 1 less the cosine.
+    """Return the power of a cosine, 0 where the cosine is not positive; `versine` is 1 - cosine.
 
     Near 1 the versine is more precise: at an exponent of 1e5, the cosine alone would leave two digits in float32.
     """
@@ -62,7 +62,7 @@ def cosine_power(cosine: Array, versine: Real, exponent: Real) -> Array:
 
 
 def squared_angle(versine: Array) -> Array:
-    """Return the square of the angle, in [0, pi / 2] radians, whose cosine is 1 less `versine`."""
+    """Return the square of the angle, in [0, pi / 2] radians, whose cosine is 1 - `versine`."""
     return 2.0 * versine * _ANGLE(versine)
 
 

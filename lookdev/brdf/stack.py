@@ -29,7 +29,7 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
     if not layers:
         raise ModelError("a stack has no layers; a base would be right")
     for number, layer in enumerate(layers):
-        if index_of_excluding_model(layer.mode, [below.model for below in layers[: number + 1]]) is not None:
+        if find_mode_conflict(layer.mode, [below.model for below in layers[: number + 1]]) is not None:
             models = " or ".join(model.title for model in MODELS.values() if layer.mode in model.modes)
             where = "only, here and beneath" if layer.mode == "transmit" else "only"
             raise ModelError(f"layer {number}: mode '{layer.mode}' needs {models} layers {where}")
@@ -57,11 +57,11 @@ def split_by_combination(layers: Sequence[StackLayer]) -> list[Sequence[StackLay
     return [layers[:count], *([layer] for layer in layers[count:])]
 
 
-def index_of_excluding_model(mode: Mode, models: Sequence[str]) -> int | None:
-    """Return the index of the model that rules out the mode of the uppermost layer, or None.
+def find_mode_conflict(mode: Mode, models: Sequence[str]) -> int | None:
+    """Return the index of the lowest layer whose model excludes the mode of the uppermost layer, or None.
 
-    `models` are the models of all layers, base first. The uppermost model must have the mode; ``"transmit"`` needs the
-    same model in all layers beneath.
+    `models` are the models of all layers, base first. The uppermost model must have the mode. ``"transmit"`` also needs
+    the same model in all layers beneath.
     """
     if mode not in model_named(models[-1]).modes:
         return len(models) - 1
@@ -93,6 +93,7 @@ def reflectance(layer: StackLayer, wo: Array) -> Real:
     return albedo(layer.parameters, wo)
 
 
+# `weight_below` and `weight` multiply the lobes and deltas below and above; `presence` is that of the result.
 def _sum(below: Bsdf, weight_below: Callable[[Array], Real], above: Bsdf, weight: Real, presence: Real) -> Bsdf:
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         parts = (below, weight_below(wo)), (above, weight)

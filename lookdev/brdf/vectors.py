@@ -130,6 +130,6 @@ def mean(color: Array) -> Array:
 
 
 def are_equal(a: Real, b: Real) -> bool:
-    """Return whether two values are equal everywhere; symbolic values are if their difference folds to 0."""
+    """Return whether two values are equal everywhere; symbolic values are equal if their difference folds to 0."""
     difference = a - b
     return isinstance(difference, np.ndarray | np.floating | float) and not np.any(difference)

@@ -11,7 +11,7 @@ import numpy as np
 
 from lookdev.arrays import Floats32
 from lookdev.asset import load_asset
-from lookdev.brdf import CONTINUOUS
+from lookdev.brdf import CONTINUOUS_MODELS
 from lookdev.build.expand import expand_material
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import CheckFinding
@@ -251,7 +251,7 @@ def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
 
 
 def _check_stability(subject: _CheckArguments) -> Iterator[CheckFinding]:
-    subjects: Sequence[str | Look] = subject.looks() or list(CONTINUOUS)
+    subjects: Sequence[str | Look] = subject.looks() or list(CONTINUOUS_MODELS)
     yield from check_stability(subjects, subject.render, seed=subject.seed, depth=subject.depth)
 
 

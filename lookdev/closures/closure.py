@@ -125,7 +125,7 @@ def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
 
 
 def oren_nayar_g(cos_theta: Array) -> Array:
-    """Return the integral of Oren and Nayar's rough term over all lights, (...)."""
+    """Return the integral of Oren and Nayar's rough term over all directions of light, (...)."""
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
     theta = np.arctan2(sin_theta, cos_theta)
@@ -151,6 +151,7 @@ def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
     return np.where(facing, d(wm, x, y) * shadowing * jacobian / wo[..., 2], 0.0)
 
 
+# The square of alpha tan theta, on which Lambda depends.
 def _slope2(w: Array, alpha_x: Real, alpha_y: Real) -> Array:
     x, y, z = w[..., 0] * alpha_x, w[..., 1] * alpha_y, w[..., 2]
     return (x * x + y * y) / np.maximum(z * z, TINY)

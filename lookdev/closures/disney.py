@@ -43,8 +43,9 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     return closures
 
 
-# The integral of Burley 2012, section 5.3, times the cosine over all lights. With X = 1 + wi . wo = 2 cos^2 theta_d,
-# fd90 - 1 is roughness X - 1/2; the cosine-weighted means of (1 - cos_theta_i)^5 times 1, X and X^2 are Beta functions.
+# The integral of Burley 2012, section 5.3, times the cosine, over all directions of light. With
+# X = 1 + wi . wo = 2 cos^2 theta_d, fd90 - 1 is roughness X - 1/2. The cosine-weighted means of (1 - cos_theta_i)^5
+# times 1, X and X^2 are Beta functions.
 def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
     """Return the directional albedo of the diffuse term for a white base colour, (...)."""
     mean_x = 1.0 / 21.0 + cos_theta * (1.0 / 84.0)
@@ -56,7 +57,10 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
 
 
 def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Return a closure with a directional albedo, (..., 3), whose retroreflection grows with `retro`, (...)."""
+    """Return a closure with the directional albedo `reflected`, (..., 3).
+
+    Its retroreflection grows with `retro`, (...), the roughness of Disney's lobe.
+    """
     if are_equal(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
     sigma = closure_table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
@@ -75,13 +79,13 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
     """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, Lambert where Fss is below 1."""
     # The mean of cos^2 theta_d is about 1/2.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
-    wide, even = 2.5 * fss, 0.625 * (1.0 - fss)
+    ggx_weight, diffuse_weight = 2.5 * fss, 0.625 * (1.0 - fss)
     cosine = np.maximum(cos_theta, TINY)
-    reflected = wide * (1.0 - cosine * np.log(1.0 + 1.0 / cosine)) + even
+    reflected = ggx_weight * (1.0 - cosine * np.log(1.0 + 1.0 / cosine)) + diffuse_weight
     ratio = closure_fit("subsurface")(cos_theta, roughness) / reflected
     return (
-        Closure("ggx", scale(color, ratio * wide), frame=frame),
-        Closure("diffuse", scale(color, ratio * even), frame=frame),
+        Closure("ggx", scale(color, ratio * ggx_weight), frame=frame),
+        Closure("diffuse", scale(color, ratio * diffuse_weight), frame=frame),
     )
 
 
@@ -116,11 +120,12 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     if variant == "2012":
         shadowing = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical_cosine, p["roughness"])
     ratio, grazing = (np.clip(shadowing * value, 0.001, 1.0) for value in (ratio, grazing))
-    mean = schlick_weight(typical_cosine) * apparent.skew
+    schlick_mean = schlick_weight(typical_cosine) * apparent.skew
     # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
-    # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
-    metal_mean = ratio * mean / grazing
-    fresnel = mix_color(p["f0"], np.ones(3), mean)
+    # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b. Here g is `grazing`, f `metal_f0`,
+    # b `metal_mean`, r `ratio`, and s `schlick_mean`.
+    metal_mean = ratio * schlick_mean / grazing
+    fresnel = mix_color(p["f0"], np.ones(3), schlick_mean)
     if not are_equal(p["filmThickness"], 0.0):
         # All microfacets get the colour of the film at the typical cosine.
         film = typical_cosine, p["filmThickness"], p["filmIor"]
@@ -133,17 +138,17 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         np.maximum(1.0 - metal_mean, 0.001), -1
     )
     # GGX, whose microfacets reflect alike at all angles, adds the reflectance beyond that of f0 in [0, 1].
-    rest = np.maximum(reflected - np.expand_dims(grazing, -1), 0.0)
+    excess = np.maximum(reflected - np.expand_dims(grazing, -1), 0.0)
     weight = np.expand_dims(grazing, -1) * np.ones(3)
     closures = (
         Closure("metal", weight, x, y, lobe.frame, f0=np.clip(metal_f0, 0.0, 1.0)),
-        Closure("ggx", rest, x, y, lobe.frame),
+        Closure("ggx", excess, x, y, lobe.frame),
     )
     if not is_exact(p):
         return closures
     # With the same B, a conductor reflects B g F(c) at its own typical cosine c, where Schlick's weight is its mean.
     reflected_metal, target = (
-        metal_fresnel(p, 1.0 - np.power(np.clip(value, 0.0, 1.0), 0.2)) for value in (metal_mean, mean)
+        metal_fresnel(p, 1.0 - np.power(np.clip(value, 0.0, 1.0), 0.2)) for value in (metal_mean, schlick_mean)
     )
     exact = scale(target, ratio)
     channels = exact / np.maximum(reflected_metal, TINY)
@@ -172,8 +177,9 @@ class ApparentAlphas:
 def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> ApparentAlphas:
     """Return the alphas for views `wo`, (..., 3): the mean from above, the alpha along the azimuth at grazing views.
 
-    `shape` has three numbers: `azimuth` is the share of the alpha along the azimuth in the ratio's alpha; `skew` is for
-    a lobe of mean alpha 1 at grazing views; `skew_rise` is its increase towards a view from above.
+    `shape` has three numbers. `azimuth` is the weight of the squared alpha along the azimuth, against the product of
+    both alphas, in the squared alpha of the ratio. `skew` is the exponent of the aspect ratio in `ApparentAlphas.skew`,
+    for a lobe of mean alpha 1 at grazing views. `skew_rise` is the increase of this exponent up to a view from above.
     """
     mean2 = alphas[0] * alphas[1]
     along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])

@@ -18,7 +18,11 @@ FITS_FILE = Path(__file__).parent / "data" / "closure_fits.json"
 
 
 class RetroShape(TypedDict):
-    """The roughness of Oren and Nayar's closure at grazing views; all shapes have distances from the lobes."""
+    """The `strength` of the rough diffuse closure in `lookdev.closures.disney`.
+
+    It is the closure's roughness at grazing views for a lobe of roughness 1. `distance`, here and in other shapes, has
+    the largest and the mean of half the L1 distance between a mix and its lobe, both normalised.
+    """
 
     strength: float
     distance: dict[str, float]
@@ -88,6 +92,6 @@ def closure_table() -> ClosureTable:
 
 @cache
 def closure_fit(name: str) -> Rational:
-    """Return the fit of a name in the table."""
+    """Return the fit `name` of the table."""
     entry = closure_table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])

@@ -59,6 +59,7 @@ from lookdev.closures.setups import (
     view_at,
 )
 
+# The tolerance of an albedo, relative to the albedo or to the floor, whichever is larger.
 _TOLERANCE, _FLOOR = 0.01, 0.1
 _SHAPE_GRID = replace(FULL, angles=SHAPE_ANGLES)
 
@@ -95,7 +96,7 @@ def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
 
 def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
     """Return the goal for the lobe's albedo over the mix's, both with Schlick's weight, divided by a known factor."""
-    # A small part of the unweighted albedo has a larger tolerance.
+    # Where the lobe's albedo with Schlick's weight is small, the relative tolerance is larger.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
     target = a.weighted / a.mix_weighted / factor
     problem = RationalProblem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _tolerance_factor(a.angle))
@@ -251,8 +252,8 @@ def make_fits(
     """Return every fit for mixes of these shapes, with its goal; `load_fit` returns stored fits instead, by name."""
     fits: dict[str, tuple[Rational, FitGoal]] = {}
 
-    def add(name: str, goal: FitGoal, above: Degree, below: Degree) -> Rational:
-        rational = load_fit(name) if load_fit else fit_rational(goal.problem, above, below)
+    def add(name: str, goal: FitGoal, numerator: Degree, denominator: Degree) -> Rational:
+        rational = load_fit(name) if load_fit else fit_rational(goal.problem, numerator, denominator)
         fits[name] = rational, goal
         return rational
 
@@ -286,11 +287,12 @@ def make_fits(
     a = measure_albedos(highlight_setups(shapes["highlight"], grid=grid))
     add("highlight", _relative_goal(a), Degree(3, 3, 4), Degree(3, 3, 3))
     add("highlight_cosine", cosine_goal(a), Degree(4, 4, 4), Degree(2, 2, 2))
-    straight, *bent = (
-        measure_albedos(highlight_setups(shapes["highlight"], bend, grid)) for bend in (0.0, *grid.iors_minus_one)
+    straight, *refracted = (
+        measure_albedos(highlight_setups(shapes["highlight"], ior_minus_one, grid))
+        for ior_minus_one in (0.0, *grid.iors_minus_one)
     )
-    unbent = add("transmitted", _relative_goal(straight), Degree(3, 3, 4), Degree(3, 3, 3))
-    add("transmitted_tilt", _tilt_goal(shapes["highlight"], bent, unbent), Degree(1, 1, 2), _CONSTANT)
+    straight_fit = add("transmitted", _relative_goal(straight), Degree(3, 3, 4), Degree(3, 3, 3))
+    add("transmitted_tilt", _tilt_goal(shapes["highlight"], refracted, straight_fit), Degree(1, 1, 2), _CONSTANT)
     return fits
 
 
@@ -337,16 +339,18 @@ def _relative_goal(a: Albedos) -> FitGoal:
     return ratio_goal(a, np.asarray(relative_cosine(a.cosine, a.alpha)), a.unweighted / a.mix)
 
 
-def _tilt_goal(shape: HighlightShape, bent: Sequence[Albedos], straight: Rational) -> FitGoal:
-    """Return the goal for the change of a wide lobe's ratio in a refracted view, over the tilt.
+def _tilt_goal(shape: HighlightShape, refracted: Sequence[Albedos], straight_fit: Rational) -> FitGoal:
+    """Return the goal for the change of a wide lobe's ratio that refraction of the view causes, divided by the tilt.
 
-    The tilt is 1 minus the cosine of the angle by which refraction bends the view.
+    The tilt is 1 minus the cosine of the angle by which refraction bends the view. The change is also divided by alpha
+    and by the share of GGX. `straight_fit` is the ratio without refraction.
     """
-    a = Albedos(*(np.concatenate(column) for column in zip(*(vars(albedos).values() for albedos in bent), strict=True)))
+    columns = zip(*(vars(albedos).values() for albedos in refracted), strict=True)
+    a = Albedos(*map(np.concatenate, columns))
     factor = a.tilt * a.alpha * np.asarray(ggx_share(a.alpha, shape))
     a = Albedos(*(column[factor > 0.0] for column in vars(a).values()))
     factor = factor[factor > 0.0]
-    base = np.asarray(straight(relative_cosine(a.cosine, a.alpha), a.alpha))
+    base = np.asarray(straight_fit(relative_cosine(a.cosine, a.alpha), a.alpha))
     whole = _relative_goal(a)
     problem = RationalProblem(
         a.tilt, a.cosine, (whole.problem.target - base) / factor, whole.problem.tolerance / factor

@@ -4,7 +4,8 @@ A narrow sin-Gaussian is a Beckmann lobe with ``alpha^2 = 1 / power``. A wide on
 
 A transmitted highlight is a refraction whose normal is the refracted view. Its index is so high that light leaves along
 the microfacet's normal for every view. In the plane of incidence, mirrored directions are twice as far from their mean
-as half vectors, and less across it: alpha is twice as large, times the root of the cosine.
+as half vectors are; at right angles to it, they are less far. The closure's alpha is therefore twice that of the half
+vectors, times the square root of the refracted view's cosine.
 """
 
 from __future__ import annotations

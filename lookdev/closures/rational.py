@@ -41,14 +41,19 @@ class Degree:
 
 
 def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degree) -> Rational:
-    """Fit a rational: return the coefficients of the step whose largest error is the smallest."""
-    above, below = numerator.terms(), denominator.terms()[1:]
-    numerator_terms = _powers(above, problem.x, problem.y) / problem.tolerance[:, None]
-    denominator_terms = _powers(below, problem.x, problem.y)
-    domain = _powers(below, *_box(problem))
+    """Fit a rational function with polynomials of degrees `numerator` and `denominator` to a problem.
+
+    Of all steps, the result is the one with the smallest maximum of the errors, relative to the tolerances.
+    """
+    numerator_powers, denominator_powers = numerator.terms(), denominator.terms()[1:]
+    numerator_terms = _powers(numerator_powers, problem.x, problem.y) / problem.tolerance[:, None]
+    denominator_terms = _powers(denominator_powers, problem.x, problem.y)
+    domain = _powers(denominator_powers, *_box(problem))
     target = problem.target / problem.tolerance
-    size = len(above)
-    coefficients = np.concatenate([np.linalg.lstsq(numerator_terms, target, rcond=None)[0], np.zeros(len(below))])
+    size = len(numerator_powers)
+    coefficients = np.concatenate(
+        [np.linalg.lstsq(numerator_terms, target, rcond=None)[0], np.zeros(len(denominator_powers))]
+    )
     weight = np.ones_like(target)
     best_coefficients, smallest = coefficients, np.inf
     for _ in range(_ROUNDS):
@@ -84,7 +89,7 @@ def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degre
         weight /= weight.mean()
     top, bottom = best_coefficients[:size], np.append(1.0, best_coefficients[size:])
     largest = np.abs(bottom).max()
-    return Rational(_rows(above, top / largest), _rows(denominator.terms(), bottom / largest))
+    return Rational(_rows(numerator_powers, top / largest), _rows(denominator.terms(), bottom / largest))
 
 
 def _powers(terms: list[tuple[int, int]], x: Floats, y: Floats) -> Floats:

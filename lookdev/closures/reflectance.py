@@ -25,7 +25,7 @@ _TOLERANCE = 0.01
 def make_table(grid: LobeGrid = FULL) -> dict[str, ClosureFit]:
     """Return the table: coefficients and residuals of both fits."""
     albedos = measure_albedos(specular_setups("2014", grid))
-    inside = albedos.angle < 89.2  # beyond, both fits change faster than they matter
+    inside = albedos.angle < 89.2  # beyond, both functions change fast, and matter little
     x = np.asarray(relative_cosine(albedos.cosine, albedos.alpha))
     problem = RationalProblem(
         x[inside], albedos.alpha[inside], albedos.unweighted[inside], np.full(np.count_nonzero(inside), _TOLERANCE)

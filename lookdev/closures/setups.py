@@ -27,6 +27,7 @@ SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
 
 COARSE = (24, 16)
 _CELLS = (48, 32)
+"""Cells of `half_vector_grid` for the search of shapes, and for albedos."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +58,7 @@ class LobeSetup:
     view : `wo`, refracted if the lobe transmits.
     width : the scale of the quadrature, that of the narrowest lobe.
     alpha : the variable of the fit.
-    whole, weighted : the lobe with a Fresnel term of 1, and with one that is Schlick's weight.
+    unweighted, weighted : the lobe with a Fresnel term of 1, and with one that is Schlick's weight.
     mix : closures, without the ratio that is fitted.
     """
 
@@ -73,7 +74,11 @@ class LobeSetup:
 
 @dataclass(frozen=True, eq=False)
 class Albedos:
-    """Directional albedos of setups, (n,): of the whole lobe and of the mix, and of both with Schlick's weight."""
+    """Directional albedos of setups, (n,): of the lobe and of the mix, each without and with Schlick's weight.
+
+    `angle` and `alpha` are those of the setups. `cosine` is that of `LobeSetup.view` to the normal, and `tilt` is 1
+    minus the cosine between the view and the refracted view.
+    """
 
     angle: Floats
     cosine: Floats
@@ -119,22 +124,24 @@ def coat_setups(shape: CoatShape, grid: LobeGrid = FULL) -> list[LobeSetup]:
     return setups
 
 
-def highlight_setups(shape: HighlightShape, bend: float | None = None, grid: LobeGrid = FULL) -> list[LobeSetup]:
-    """Return setups of Pixar's highlights: reflected, or transmitted with an index of refraction of 1 + `bend`."""
+def highlight_setups(
+    shape: HighlightShape, ior_minus_one: float | None = None, grid: LobeGrid = FULL
+) -> list[LobeSetup]:
+    """Return setups of Pixar's highlights: reflected, or transmitted if `ior_minus_one` is a number."""
     setups = []
     for angle in grid.angles:
         wo = view = view_at(angle)
-        if bend is not None:
-            x = wo[0] / (1.0 + bend)
-            view = np.array([x, 0.0, np.sqrt((1.0 - x) * (1.0 + x))]) if bend else wo
+        if ior_minus_one is not None:
+            x = wo[0] / (1.0 + ior_minus_one)
+            view = np.array([x, 0.0, np.sqrt((1.0 - x) * (1.0 + x))]) if ior_minus_one else wo
         for cone in grid.cones:
-            whole, weighted = (_highlight(cone, bend, normal, wo) for normal in (1.0, 0.0))
+            whole, weighted = (_highlight(cone, ior_minus_one, normal, wo) for normal in (1.0, 0.0))
             # This is 1 / sqrt(power).
             alpha = float(np.sin(np.radians(cone)) / np.sqrt(np.log(10.0)))
-            mix = highlight_mix(np.array(alpha), view, UprightFrame(), bend is not None, shape)
+            mix = highlight_mix(np.array(alpha), view, UprightFrame(), ior_minus_one is not None, shape)
             closures = [replace(closure, weight=closure.weight * WHITE) for closure in mix]
             # A refraction is narrower than the lobe in the plane of incidence.
-            width = alpha if bend is None else alpha * float(np.sqrt(view[2]))
+            width = alpha if ior_minus_one is None else alpha * float(np.sqrt(view[2]))
             setups.append(LobeSetup(angle, wo, view, width, alpha, whole, weighted, closures))
     return setups
 
@@ -166,7 +173,10 @@ def mix_distance(setup: LobeSetup) -> float:
 
 
 def setup_values(setup: LobeSetup, wi: Floats) -> Floats:
-    """Return the whole lobe, the weighted lobe and the mix, times the cosine, (3, n), for reflected `wi`, (n, 3)."""
+    """Return the unweighted lobe, the weighted lobe and the mix, times the cosine, (3, n).
+
+    `wi`, (n, 3), are directions of light on the viewer's side, mirrored where the lobe transmits.
+    """
     directions = DirectionPair.from_directions(setup.wo, wi)
     light = np.asarray(mirror_across_surface(wi)) if setup.unweighted.transmits else wi
     mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix)
@@ -185,9 +195,11 @@ def disney_lobe(name: str, wo: Floats, **parameters: object) -> Lobe:
     return next(lobe for lobe in lobes if lobe.name == name)
 
 
-def _highlight(cone: float, bend: float | None, normal: float, wo: Floats) -> Lobe:
+def _highlight(cone: float, ior_minus_one: float | None, normal: float, wo: Floats) -> Lobe:
     terms = dict.fromkeys(
-        (*REFLECTED_LOBES, *TRANSMITTED_LOBES), PartitionLobe(normal * WHITE, WHITE, cone, bend or 0.0)
+        (*REFLECTED_LOBES, *TRANSMITTED_LOBES), PartitionLobe(normal * WHITE, WHITE, cone, ior_minus_one or 0.0)
     )
     lobes = partition_lobes(Partition(wo, terms, {"diffuse": UprightFrame(), "highlight": UprightFrame()}, 1.0))
-    return next(lobe for lobe in lobes if lobe.name == ("specular" if bend is None else "specularTransmission"))
+    return next(
+        lobe for lobe in lobes if lobe.name == ("specular" if ior_minus_one is None else "specularTransmission")
+    )

@@ -31,7 +31,7 @@ def coded_light(lights: Sequence[Light]) -> CodedLight | None:
 
 
 def lights_code(lights: Sequence[Light], *, sampled: bool, rig_origin: RigOrigin = RigOrigin()) -> LightCode:  # noqa: B008
-    """Return the values that the OSL of a scene's lights takes.
+    """Return the values that the OSL of a scene's lights takes; without `sampled`, no tables for drawing directions.
 
     Raises
     ------

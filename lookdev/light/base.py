@@ -177,8 +177,8 @@ class Light(Emitter):
     def in_space(self, space: Space) -> Self:
         """Return the light, whose values are linear Rec.709, in another colour space.
 
-        A filter of its light, such as the colour of its shadow, is converted such that the product of light and filter
-        is the same colour in both spaces.
+        A filter of its light, such as the colour of its shadow, is converted, too: the product of light and filter is
+        the same colour in both spaces.
         """
         return self if space == REC709 else self._convert(space)
 
@@ -190,7 +190,10 @@ class Light(Emitter):
         return any(self.emission.color)
 
     def native_gap(self) -> str | None:
-        """Return the features that Cycles' own lights lack (`lookdev.light.native`); None if they lack none."""
+        """Return the features of the light that Cycles' own lights lack, as a phrase for a message; None without any.
+
+        `lookdev.light.native` finds those of an emission.
+        """
         return "a kind that Blender does not have"
 
     @property

@@ -26,6 +26,7 @@ _MAX_BYTES = 1 << 24  # bytes of a file
 _MAX_ANGLES = 3601
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _HEADERS = ("IESNA91", "IESNA:LM-63-", "IES:LM-63-")
+# The ranges of angles in degrees, first to last, that a file may have.
 _VERTICAL = ((0.0, 90.0), (90.0, 180.0), (0.0, 180.0))
 _HORIZONTAL = ((0.0, 0.0), (0.0, 90.0), (0.0, 180.0), (0.0, 360.0), (90.0, 270.0))
 

@@ -37,7 +37,7 @@ FIELDS = (
     *("a", "b"),  # the fields of its shape
     "reach",  # metres to its farthest point
     *("red", "green", "blue"),  # radiance
-    "mean",  # mean radiance: the texture's mean, and the profile's largest value
+    "mean",  # mean radiance of the channels, times the texture's mean and the profile's largest value
     *("turns", "camera"),
     *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),
     *("profile", "profile_scale", "angle_scale"),  # start in the array of tables, -1 without
@@ -95,8 +95,8 @@ class RigOrigin:
     @property
     def offset(self) -> tuple[float, float, float]:
         """The vector from the axis, at height 0, to the shader's origin: a shader adds it to its points."""
-        (x, y, z), (across, along) = self.origin, self.axis
-        return x - across, y - along, z
+        (x, y, z), (axis_x, axis_y) = self.origin, self.axis
+        return x - axis_x, y - axis_y, z
 
 
 @dataclass(frozen=True)
@@ -164,14 +164,14 @@ class CodedRig:
     def _row(self, light: Light, starts: dict[str, int], rig_origin: RigOrigin) -> list[float]:
         emission, color = light.emission, light.emitted_radiance
         x, y, z = light.position or (*rig_origin.axis, 0.0)
-        brightest, texture, tree = 1.0, -1, -1
+        mean_factor, texture, tree = 1.0, -1, -1
         if isinstance(light, RectLight) and light.texture and light.picture is not None:
             texture, tree = self.pictures.index(light), starts[light.texture.digest]
-            brightest = float(light.picture.mean())
+            mean_factor = float(light.picture.mean())
         shaping, falloff = emission.shaping or Shaping(), emission.falloff
         profile = shaping.profile
         if profile is not None:
-            brightest *= profile.largest
+            mean_factor *= profile.largest
         virtual, power, fade, fade_rise = falloff.numbers if falloff else (0.0, -2.0, 0.0, 0.0)
         return [
             list(SHAPES).index(light.shape_name) if light.shapes else -1,
@@ -180,7 +180,7 @@ class CodedRig:
             *(*light.shape_numbers, 0.0, 0.0)[:2],
             light.reach,
             *color,
-            sum(color) / 3.0 * brightest,
+            sum(color) / 3.0 * mean_factor,
             *(emission.turns, emission.camera),
             *shaping.cone,
             max(shaping.focus, 0.0),
@@ -207,9 +207,9 @@ def rig_faults(lights: Sequence[Light]) -> list[str]:
 
 
 def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCode:
-    """Return the values for the shader of a rig."""
+    """Return the values for the shader of a rig; without `sampled`, domes have no tables for sampling."""
     tables, excluded_sets = rig.tables(), rig.shadow_excluded
-    groups = 1 + max((group for excluded in excluded_sets for group in excluded), default=-1)
+    group_count = 1 + max((group for excluded in excluded_sets for group in excluded), default=-1)
     counts = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_LIGHTS": len(rig.lamps) + len(rig.domes),
@@ -220,8 +220,8 @@ def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCod
         **{f"RIG_{name.upper()}": int(rig.needs(name)) for name in CONTROLS},
         "RIG_SEEN": int(any(lamp.emission.camera for lamp in rig.lamps)),
         "RIG_SPARED": len(excluded_sets),
-        "RIG_GROUPS": groups,
-        "RIG_MARKS": groups * len(excluded_sets),
+        "RIG_GROUPS": group_count,
+        "RIG_MARKS": group_count * len(excluded_sets),
         "RIG_LOCAL_DOMES": int(any(not dome_light.far for dome_light in rig.domes)),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
@@ -240,13 +240,16 @@ def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCod
     lines = (*(f"#define {name} {value}" for name, value in counts.items()), *Dome.table_constants() * bool(rig.domes))
     numbers = {"lamps": rig.rows(rig_origin), "tables": tables}
     if excluded_sets:
-        is_excluded = [group in excluded for excluded in excluded_sets for group in range(groups)]
+        is_excluded = [group in excluded for excluded in excluded_sets for group in range(group_count)]
         numbers["spared"] = np.array(is_excluded, np.float32)
     return LightCode(lines, parameters, arrays, numbers)
 
 
 def is_plain(light: Light) -> bool:
-    """Return whether the OSL of a light's own kind renders it: for a dome, with world axes and a default emission."""
+    """Return whether the OSL of a light's kind, where it has one, renders the light.
+
+    It renders a dome only with world axes and a default emission, which may be visible to the camera.
+    """
     if light.map_dome is not light:
         return True
     emission = light.emission

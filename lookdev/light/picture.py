@@ -85,8 +85,8 @@ def draw_cell(means: NumberTable, start: Real, point: Floats, width: Real, heigh
         right = low_right + high_right
         is_right, u1 = _choose(u1, right / np.maximum(low + high + right, _TINY))
         column = 2 * column + is_right
-        above, both = np.where(is_right > 0, high_right, high), np.where(is_right > 0, right, low + high)
-        is_upper, u2 = _choose(u2, above / np.maximum(both, _TINY))
+        upper, total = np.where(is_right > 0, high_right, high), np.where(is_right > 0, right, low + high)
+        is_upper, u2 = _choose(u2, upper / np.maximum(total, _TINY))
         row = 2 * row + is_upper
     size = 1.0 / 2**LEVELS
     target = draw(project_part(point, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))

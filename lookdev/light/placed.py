@@ -122,7 +122,8 @@ class PlacedLight(Lamp):
             return False
         if shaping is None or distance <= total_radius:
             return True
-        # From any point of the light, the sphere is in a cone of half angle asin(wide / distance) about its center.
+        # From any point of the light, the sphere is in a cone about the direction from the light's position to the
+        # sphere's center, of half angle asin(total_radius / distance).
         off_axis = math.acos(np.clip(-local[2] / distance, -1.0, 1.0))
         return off_axis - math.asin(total_radius / distance) <= shaping.cone[0]
 

@@ -100,10 +100,10 @@ def draw(rectangle: SphericalRectangle, u: Array) -> RectanglePoint:
         fraction = fraction + np.clip(2 * covered / np.maximum(left + root, _TINY), 0, segment_width) / segments
         remaining = remaining - covered
     s, x = _point_at_angle(rectangle.x0, rectangle.width, rectangle.z, rectangle.azimuth_range, fraction)
-    # Near the foot, x0 + width s cancels to no correct digit; the tangent does not.
-    near = x * x + rectangle.z * rectangle.z < rectangle.z * rectangle.width
-    azimuth = np.arctan2(rectangle.x0, rectangle.z) + np.where(near, fraction, 0) * rectangle.azimuth_range
-    x = np.where(near, rectangle.z * np.tan(azimuth), x)
+    # Near the foot of the origin's perpendicular, x0 + width s cancels to no correct digit; the tangent does not.
+    is_near_foot = x * x + rectangle.z * rectangle.z < rectangle.z * rectangle.width
+    azimuth = np.arctan2(rectangle.x0, rectangle.z) + np.where(is_near_foot, fraction, 0) * rectangle.azimuth_range
+    x = np.where(is_near_foot, rectangle.z * np.tan(azimuth), x)
     t, y = _point_at_sine(x * x + rectangle.z * rectangle.z, rectangle.y0, rectangle.height, u[..., 1])
     swapped = rectangle.swapped
     return RectanglePoint(
@@ -154,7 +154,10 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
 
 
 def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tuple[Floats, Floats]:
-    """Return the fraction of the height, and y, at which the sine has covered the fraction v of its range."""
+    """Return the fraction of the height, and y, at which the sine y / r has covered the fraction v of its range.
+
+    As in `_sine_range`, r^2 = squared + y^2, and y is from `y0` to `y0 + height`.
+    """
     y1 = y0 + height
     spans_zero, is_below = y0 * y1 < 0, (y0 + y1 < 0)
     v = np.where(is_below & ~spans_zero, 1 - v, v)
@@ -164,15 +167,21 @@ def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tup
     sine = near / r0
     step = v * _sine_range(squared, near, height)
     reached = sine + step
-    # 1 - sine^2 at the ends and at v, without the difference where the sine is near 1.
-    across = 1 - near * far / (r0 * r1)
-    aside = squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(spans_zero, 0, near * far)))
-    mixed = np.where(spans_zero, across, aside)
+    # With the sines s0 and s1 at the ends, 1 - reached^2 is a sum of (1 - v)^2 (1 - s0^2), v^2 (1 - s1^2), and
+    # 2 v (1 - v) (1 - s0 s1). `mixed` is 1 - s0 s1, in the form that does not cancel.
+    on_both_sides = 1 - near * far / (r0 * r1)
+    on_one_side = (
+        squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(spans_zero, 0, near * far)))
+    )
+    mixed = np.where(spans_zero, on_both_sides, on_one_side)
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
-    first = d / r0
-    beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)
-    y = np.where(spans_zero, d * reached / np.maximum(cosine, _TINY), near + beyond)
-    t = np.clip(np.where(spans_zero, y - near, beyond) / height, 0, 1)
+    near_cosine = d / r0
+    # d times the difference of the tangents, reached / cosine - sine / near_cosine, without cancellation.
+    y_step = (
+        d * step * (reached + sine) / np.maximum(cosine * near_cosine * (reached * near_cosine + sine * cosine), _TINY)
+    )
+    y = np.where(spans_zero, d * reached / np.maximum(cosine, _TINY), near + y_step)
+    t = np.clip(np.where(spans_zero, y - near, y_step) / height, 0, 1)
     mirrored = is_below & ~spans_zero
     return np.where(mirrored, 1 - t, t), np.where(mirrored, -y, y)
 
@@ -188,11 +197,11 @@ def intersect_rectangle(point: Floats, direction: Floats, width: Real, height: R
     x, y, z = np.moveaxis(point, -1, 0)
     wx, wy, wz = np.moveaxis(direction, -1, 0)
     in_front = (z < 0) & (wz > 0)
-    along = np.where(in_front, -z / np.where(in_front, wz, 1), 0)
-    dx, dy = along * wx, along * wy
+    distance = np.where(in_front, -z / np.where(in_front, wz, 1), 0)
+    dx, dy = distance * wx, distance * wy
     s, t = (x + dx) / width + 0.5, (y + dy) / height + 0.5
     inside = in_front & (np.abs(s - 0.5) <= 0.5) & (np.abs(t - 0.5) <= 0.5)
-    return np.where(inside, along, FAR), RectanglePoint(np.clip(s, 0, 1), np.clip(t, 0, 1), dx, dy)
+    return np.where(inside, distance, FAR), RectanglePoint(np.clip(s, 0, 1), np.clip(t, 0, 1), dx, dy)
 
 
 def project_part(

@@ -95,7 +95,8 @@ class PlacedPrim:
         """Return the radius of a light that other renderers may treat as a point or a line, if `hint` is set.
 
         "Renderers that only support area lights can disregard this". Here every lamp has a surface, because mirrors
-        reflect it. The radius scales with the y axis; EnvironmentMapError unless the `others` have the same scale.
+        reflect it. The radius scales with the y axis. `shape` names the light in a note. Raises EnvironmentMapError
+        unless the axes `others` (0 for x, 2 for z) have the same scale as y.
         """
         if self.light.flag(hint):
             right = "a small radius would be right"

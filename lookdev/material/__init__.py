@@ -52,8 +52,9 @@ class Texture:
     """A texture look-up, as UsdUVTexture defines it: ``value * scale + bias`` per channel.
 
     `channel` is one of ``"r" "g" "b" "a"`` for a float, ``"rgb"`` for a colour. Values are linear Rec.709 once
-    `colorspace` is resolved: ``"raw"`` is left as it is, ``"sRGB"`` and the spaces of `colorspaces` are converted
-    before filtering. `st` names the UV set, whose (0, 0) is the lower left corner; `transform` is UsdTransform2d.
+    `colorspace` is resolved: ``"raw"`` is left as it is, ``"sRGB"`` and the spaces of `lookdev.stage.colorspaces`
+    are converted before filtering. `st` names the UV set, whose (0, 0) is the lower left corner; `transform` is
+    UsdTransform2d.
 
     The meaning of ``"auto"`` and ``"useMetadata"`` depends on the image, which is opened when it is needed. A file
     whose name contains ``<UDIM>`` is a set of tiles.
@@ -98,8 +99,9 @@ class Coordinates:
 class ViewCosine:
     """The cosine between the shading normal and the direction to the viewer, above 0, as an input of an expression.
 
-    The normal is the mesh's, interpolated, displaced and on the viewer's side, without bumps, normal maps and leaning
-    normals of lobes: z of the direction to the viewer in the frame in which models are evaluated.
+    The normal is the mesh's, interpolated, displaced and on the viewer's side. Bumps, normal maps and the normals of
+    tilted lobes do not change it. The cosine is z of the direction to the viewer in the frame in which models are
+    evaluated.
     """
 
 

@@ -94,9 +94,10 @@ def constant_named(look: Look, parameter: str) -> Constant:
 
 
 def look_with_live_inputs(look: Look, constants: Mapping[str, Constant]) -> Look:
-    """Return a look whose constants are live, each under a key: inputs of a program, which has derivatives by them.
+    """Return a look with live inputs in place of `constants`, by key.
 
-    A live input is a primvar of a reserved name, `live_primvar`, which no mesh has.
+    A live input is a primvar of a reserved name, `live_primvar`, which no mesh has. It is an input of the look's
+    program, which has derivatives with respect to it.
     """
     sources = [(constant, Primvar(live_primvar(key), _constant_value(constant))) for key, constant in constants.items()]
     return _replace_sources(look, sources)

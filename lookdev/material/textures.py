@@ -120,7 +120,8 @@ def check_images(texture: Texture) -> None:
 def lacks_negatives(texture: Texture) -> bool:
     """Return whether a normal map has no negative component: its image holds 0 to 1, and is not scaled to -1 to 1.
 
-    A map with flipped or weakened axes is centred too, up to half a step of 8 bits. Raises as `check_images`.
+    A map whose scale and bias centre it on 0, up to half a step of 8 bits, has negative components; flipped and
+    weakened axes are centred, too. Raises as `check_images`.
     """
     centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
     return not centred and image_header(next(iter(udim_tiles(texture).values()), texture).file).is_unsigned
@@ -250,8 +251,8 @@ def image_slopes(texture: Texture, st: ArrayLike) -> Floats:
     image_st = _to_image_st(texture, st)
     slopes = _look_up(slope_texture, texture, image_st)[..., :2]
     wraps = (texture.wrap_s, texture.wrap_t)
-    along = np.stack([_wrap_derivative(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
-    return np.asarray(slopes * along)
+    factors = np.stack([_wrap_derivative(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
+    return np.asarray(slopes * factors)
 
 
 def _transform_matrix(texture: Texture) -> Floats:

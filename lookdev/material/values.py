@@ -117,7 +117,7 @@ class SourceValues:
         return self.in_shading_frame(value) if parameter.kind == "normal" else value
 
     def in_shading_frame(self, normal: Array) -> Array:
-        """Return normals (..., 3) of the frame of the UVs in the shading frame, whose bitangent may be opposite."""
+        """Convert normals (..., 3) from the frame of the UVs to the shading frame, whose bitangent may be opposite."""
         if are_equal(normal[..., 1], 0.0):
             return normal
         hand = self.surface.handedness()
@@ -155,8 +155,8 @@ class SourceValues:
         # The chain rule: the image's coordinates are a linear transform of the surface's.
         a, b, _, c, d, _ = bump.height.transform
         s, t = slopes[..., 0], slopes[..., 1]
-        along_s, along_t = s * a + t * c, s * b + t * d
-        return vector(-along_s, -along_t, 1.0 + 0.0 * along_s)
+        slope_s, slope_t = s * a + t * c, s * b + t * d
+        return vector(-slope_s, -slope_t, 1.0 + 0.0 * slope_s)
 
 
 def view_dependent_value(text: str, parameter: Parameter, view: Array) -> Array:

@@ -17,11 +17,11 @@ def _register_plugins(old: str | None, new: str | None) -> None:
     """Register the plug-ins in the new variant, if its colours are RGB and its numbers are arrays."""
     import mitsuba
 
-    from lookdev.brdf import CONTINUOUS
+    from lookdev.brdf import CONTINUOUS_MODELS
 
     if new is None or new.startswith("scalar") or not new.endswith("_rgb"):
         return
-    for name in CONTINUOUS:
+    for name in CONTINUOUS_MODELS:
         mitsuba.register_bsdf(f"lookdev_{name.replace('-', '_')}", partial(_create_model_bsdf, name))
     mitsuba.register_bsdf("lookdev_look", _create_look_bsdf)
 

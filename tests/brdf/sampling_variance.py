@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 
-from lookdev.brdf import CONTINUOUS, complete_parameters, evaluate_cosine, pdf, sample
+from lookdev.brdf import CONTINUOUS_MODELS, complete_parameters, evaluate_cosine, pdf, sample
 from lookdev.brdf.microfacet import sample_cosine
 from lookdev.closures.setups import view_at
 
@@ -13,7 +13,7 @@ ANGLES = (0.0, 45.0, 80.0)
 
 def variances(model: str) -> list[str]:
     """Return the variances of the model's sampling and of cosine sampling, and the largest weight, at each angle."""
-    bsdf = CONTINUOUS[model].bsdf(complete_parameters(model, {"sigma": 0.6} if model == "oren-nayar" else {}))
+    bsdf = CONTINUOUS_MODELS[model].bsdf(complete_parameters(model, {"sigma": 0.6} if model == "oren-nayar" else {}))
     u, rows = np.random.default_rng(1).random((1 << 17, 2)), []
     for angle in ANGLES:
         wo = np.broadcast_to(view_at(angle, 0.0), (len(u), 3))
@@ -30,7 +30,7 @@ def variances(model: str) -> list[str]:
 
 
 if __name__ == "__main__":
-    names = [name for name in CONTINUOUS if name not in ("disney", "pixar", "lambert")]
+    names = [name for name in CONTINUOUS_MODELS if name not in ("disney", "pixar", "lambert")]
     head = ["model", *(f"{angle:g} degrees: own, cosine, greatest" for angle in ANGLES)]
     rows = [head, ["---"] * len(head), *([name, *variances(name)] for name in names)]
     sys.stdout.writelines(f"| {' | '.join(row)} |\n" for row in rows)

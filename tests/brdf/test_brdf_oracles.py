@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.brdf import CONTINUOUS
+from lookdev.brdf import CONTINUOUS_MODELS
 from lookdev.checks.evaluate import evaluate_lines
 
 # Cases of `test_fresnel` have no directions.
@@ -24,4 +24,4 @@ def test_f_agrees_with_the_oracle(oracle: Path) -> None:
 
 def test_every_model_has_an_oracle() -> None:
     models = {json.loads(line)["model"] for path in ORACLES for line in path.read_text().splitlines()}
-    assert set(CONTINUOUS) <= models
+    assert set(CONTINUOUS_MODELS) <= models

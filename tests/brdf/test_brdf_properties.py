@@ -8,7 +8,7 @@ import pytest
 from film_reference import complex_fresnel
 from random_parameters import EVERY, VARIANTS, Floats, directions, near_the_mirror_image, random_parameters
 
-from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, complete_parameters, evaluate, evaluate_cosine, pdf, sample
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS, Bsdf, complete_parameters, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
@@ -167,7 +167,7 @@ def test_shares_are_estimates_of_albedos() -> None:
         "torrance-sparrow": (0.2, 0.7 * glass, 0.3 * glass),
         "ashikhmin-shirley": (0.5 * 0.95 * (1.0 - 0.7**5), 0.05 + 0.95 * schlick),
     }
-    for name, model in CONTINUOUS.items():
+    for name, model in CONTINUOUS_MODELS.items():
         shares = [lobe.share for lobe in model.bsdf(model.complete(model.probe)).lobes(np.array([0.8, 0.0, 0.6]))]
         if name == "measured":  # the mean of the albedos of its views, of which the models' is near
             (share,), (diffuse, specular, _) = shares, expected["disney"]

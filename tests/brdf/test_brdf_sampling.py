@@ -16,7 +16,7 @@ from random_parameters import VARIANTS, Floats, directions, random_parameters
 from sample_density import jacobian, p_value
 from sphere_quadrature import CELLS, HalfVectorGrid, Integral, f_cosine, half_vector_view
 
-from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, Lobe, evaluate_cosine, pdf, sample
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS, Bsdf, Lobe, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.classic.distributions import DISTRIBUTIONS
 from lookdev.brdf.classic.lafortune import MAX_POWER
@@ -168,7 +168,7 @@ def _in_its_frame(lobe: Lobe, wo: Floats) -> tuple[Bsdf, Floats, Floats]:
 
 def _cases() -> list[object]:
     cases: list[object] = []
-    for name, model in CONTINUOUS.items():
+    for name, model in CONTINUOUS_MODELS.items():
         if any(parameter.file for parameter in model.parameters.values()):  # test_measured.py
             continue
         for number, setting in enumerate(_SETTINGS.get(name, [{}])):

@@ -5,7 +5,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import CONTINUOUS, MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, stack_bsdf
+from lookdev.brdf import (
+    CONTINUOUS_MODELS,
+    MODELS,
+    StackLayer,
+    complete_parameters,
+    evaluate,
+    evaluate_cosine,
+    stack_bsdf,
+)
 from lookdev.brdf.mixture import Mixture, bsdf_for_views, estimate_albedo, evaluate_diffuse, mean_normal
 
 WO, WI = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
@@ -18,7 +26,7 @@ def lambert(grey: float, mask: float = 1.0, **inputs: Any) -> StackLayer:
     return StackLayer("lambert", complete_parameters("lambert", {"reflectance": (grey,) * 3} | inputs), mask)
 
 
-@pytest.mark.parametrize("model", CONTINUOUS)
+@pytest.mark.parametrize("model", CONTINUOUS_MODELS)
 def test_lobes_are_of_their_groups(model: str) -> None:
     lobes = MODELS[model].bsdf(MODELS[model].complete(MODELS[model].probe)).lobes(WO)
     assert {lobe.model for lobe in lobes} == {model}

@@ -7,8 +7,17 @@ import numpy as np
 import pytest
 from random_parameters import Floats, directions, random_parameters
 
-from lookdev.brdf import CONTINUOUS, MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, stack_bsdf
-from lookdev.brdf.stack import index_of_excluding_model
+from lookdev.brdf import (
+    CONTINUOUS_MODELS,
+    MODELS,
+    StackLayer,
+    complete_parameters,
+    evaluate,
+    evaluate_cosine,
+    pdf,
+    stack_bsdf,
+)
+from lookdev.brdf.stack import find_mode_conflict
 from lookdev.errors import ModelError
 
 _COUNT = 500
@@ -73,7 +82,7 @@ def test_presence_of_a_disney_layer_is_coverage_as_its_mask_is() -> None:
     np.testing.assert_allclose(evaluate(half, wo, wi), 0.75 * evaluate(third, wo, wi), rtol=1e-9)
 
 
-@pytest.mark.parametrize(("base", "top"), [*permutations(CONTINUOUS, 2)])
+@pytest.mark.parametrize(("base", "top"), [*permutations(CONTINUOUS_MODELS, 2)])
 def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> None:
     rng = np.random.default_rng(42)
     below, above = _random(rng, base), _random(rng, top)
@@ -118,7 +127,7 @@ def test_a_mixed_stack_is_sampled_where_it_sends_light() -> None:
     assert (pdf(stack, wo, wi)[is_positive] > 0.0).all()
 
 
-@pytest.mark.parametrize("model", CONTINUOUS)
+@pytest.mark.parametrize("model", CONTINUOUS_MODELS)
 def test_the_mask_of_the_base_has_no_meaning(model: str) -> None:
     rng = np.random.default_rng(45)
     parameters = _random(rng, model)
@@ -146,10 +155,10 @@ def test_layers_that_do_not_fit_are_errors(layers: list[StackLayer], message: st
 
 
 def test_a_mode_is_ruled_out_by_the_first_model_that_does_not_have_it() -> None:
-    assert index_of_excluding_model("over", ["disney", "pixar"]) is None
-    assert index_of_excluding_model("transmit", ["pixar", "pixar"]) is None
-    assert index_of_excluding_model("transmit", ["pixar", "disney", "lambert", "pixar"]) == 1
-    assert index_of_excluding_model("coat", ["disney", "pixar"]) == 1
+    assert find_mode_conflict("over", ["disney", "pixar"]) is None
+    assert find_mode_conflict("transmit", ["pixar", "pixar"]) is None
+    assert find_mode_conflict("transmit", ["pixar", "disney", "lambert", "pixar"]) == 1
+    assert find_mode_conflict("coat", ["disney", "pixar"]) == 1
 
 
 def test_layers_of_a_model_without_presence_are_blended_by_the_mask_alone() -> None:

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lookdev.brdf import CONTINUOUS, sample
+from lookdev.brdf import CONTINUOUS_MODELS, sample
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import extreme_cases
 from lookdev.codegen.points import PointLayer
@@ -19,7 +19,7 @@ _PART = 50_000
 
 def parts(model: str) -> list[Batch]:
     """Draw cases of all forms of a model, with its options."""
-    record = CONTINUOUS[model]
+    record = CONTINUOUS_MODELS[model]
     choices = record.forms()
     forms = [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
     files = {parameter.name: "builtin:plastic" for parameter in record.parameters.values() if parameter.file}
@@ -38,7 +38,7 @@ def is_sound(values: np.ndarray) -> bool:
     return bool(np.isfinite(values).all() and (values >= 0.0).all())
 
 
-@pytest.mark.parametrize("model", sorted(CONTINUOUS))
+@pytest.mark.parametrize("model", sorted(CONTINUOUS_MODELS))
 def test_numpy_is_finite(model: str) -> None:
     rng = np.random.default_rng(1)
     for batch in parts(model):
@@ -54,7 +54,7 @@ def test_numpy_is_finite(model: str) -> None:
 
 @pytest.mark.cycles
 @pytest.mark.usefixtures("warm_points")
-@pytest.mark.parametrize("model", sorted(CONTINUOUS))
+@pytest.mark.parametrize("model", sorted(CONTINUOUS_MODELS))
 def test_cycles_is_finite(model: str) -> None:
     for batch in parts(model):
         assert all(map(is_sound, evaluate_cycles(batch)))

@@ -11,7 +11,7 @@ import pytest
 from usd_text import job_toml
 
 from lookdev.asset import load_asset
-from lookdev.brdf import CONTINUOUS
+from lookdev.brdf import CONTINUOUS_MODELS
 from lookdev.checks import check
 from lookdev.checks.check import check_file
 from lookdev.checks.finding import CheckFinding
@@ -116,7 +116,7 @@ def test_stability_is_of_the_models_or_of_the_looks(
             yield CheckFinding("stability", subject.name if isinstance(subject, Look) else subject, True, "")
 
     monkeypatch.setattr(check, "check_stability", check_stability)
-    assert run_checks(None, only=["stability"]) == [("stability", model) for model in CONTINUOUS]
+    assert run_checks(None, only=["stability"]) == [("stability", model) for model in CONTINUOUS_MODELS]
     assert run_checks(job, only=["stability"]) == [("stability", "leaf"), ("stability", "gold")]
 
 

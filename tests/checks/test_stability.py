@@ -9,7 +9,7 @@ import pytest
 
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset.tangents import tangents_of
-from lookdev.brdf import CONTINUOUS, MODELS
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.pixar import partition
 from lookdev.brdf.vectors import mix_color
@@ -26,7 +26,7 @@ from lookdev.light import make_environment
 from lookdev.material import Layer, Look, Texture
 from lookdev.rendering.task import FrameTask
 
-STACKS = {name: layers for model in CONTINUOUS for name, layers in model_stacks(model).items()}
+STACKS = {name: layers for model in CONTINUOUS_MODELS for name, layers in model_stacks(model).items()}
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0}),))
 
 

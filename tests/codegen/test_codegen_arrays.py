@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import CONTINUOUS, Model, StackLayer, evaluate, stack_bsdf
+from lookdev.brdf import CONTINUOUS_MODELS, Model, StackLayer, evaluate, stack_bsdf
 from lookdev.codegen.program.arrays import PART_SIZE, compile_layers
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import symbol, symbols
@@ -19,7 +19,7 @@ def directions(count: int, seed: int) -> Any:
     return w
 
 
-@pytest.mark.parametrize("model", CONTINUOUS.values(), ids=CONTINUOUS)
+@pytest.mark.parametrize("model", CONTINUOUS_MODELS.values(), ids=CONTINUOUS_MODELS)
 @pytest.mark.parametrize("count", [7, PART_SIZE + 3])
 def test_a_program_has_the_values_of_its_model(model: Model, count: int) -> None:
     """One parameter is a symbol, which gets two values; results are equal to rounding."""
@@ -45,7 +45,7 @@ def test_a_program_has_the_values_of_its_model(model: Model, count: int) -> None
 
 
 def test_a_stack_of_constants_is_a_program_too() -> None:
-    model = CONTINUOUS["disney"]
+    model = CONTINUOUS_MODELS["disney"]
     layers = [
         StackLayer("disney", model.complete({"roughness": roughness}), mask, "over")
         for roughness, mask in ((0.2, 1.0), (0.7, 0.4))

@@ -11,7 +11,7 @@ import pytest
 from webgl import POINTS, Picture, draw_pictures, read_columns
 
 from lookdev.arrays import Floats32
-from lookdev.brdf import CONTINUOUS, sample
+from lookdev.brdf import CONTINUOUS_MODELS, sample
 from lookdev.brdf.mixture import Mixture
 from lookdev.brdf.table import NumberTable
 from lookdev.checks.evaluate import Batch, evaluate_numpy, parse_batches, point_table
@@ -170,4 +170,4 @@ def test_directions_are_drawn_as_by_the_models(tab: Any) -> None:
 
 def test_every_continuous_model_has_cases() -> None:
     models = {json.loads(line)["model"] for path in ORACLES for line in path.read_text().splitlines()}
-    assert set(CONTINUOUS) <= models
+    assert set(CONTINUOUS_MODELS) <= models

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from random_parameters import directions
 
-from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Delta, DirectionPair
 from lookdev.brdf.table import NumberTable, look_up
 from lookdev.codegen.operators import CODE
@@ -202,7 +202,7 @@ def test_a_single_direction_without_light_vanishes(
 
 
 def test_the_viewer_is_above_the_horizon_and_each_lobe_has_a_share(graph: Graph) -> None:
-    model = CONTINUOUS["disney"]
+    model = CONTINUOUS_MODELS["disney"]
     bsdf = model.bsdf(model.complete({}) | {name: symbol(graph, name) for name in ("metallic", "clearcoat")})
     mixture = trace_mixture(graph, present_lobes(graph, bsdf))
     assert len(mixture.lobes) > 2
@@ -219,7 +219,7 @@ def test_every_operation_that_stays_has_code() -> None:
 _STACKS: dict[str, list[tuple[str, dict[str, str], Any]]] = {
     **{
         "-".join((name, *values)): [(name, dict(zip(forms, values, strict=True)), "over")]
-        for name, forms in ((name, model.forms()) for name, model in CONTINUOUS.items())
+        for name, forms in ((name, model.forms()) for name, model in CONTINUOUS_MODELS.items())
         for values in product(*forms.values())
     },
     "over": [("pixar", {"energy": "published"}, "over")] * 3,

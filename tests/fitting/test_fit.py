@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, evaluate
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS, Bsdf, evaluate
 from lookdev.brdf.measured.files import MERL_SIZE, write_merl
 from lookdev.brdf.measured.synthetic import isotropic_samples
 from lookdev.errors import LookdevError
@@ -54,7 +54,7 @@ def test_an_anisotropic_surface_is_found_too() -> None:
 
 
 SAMPLE = ("ward", "pixar")  # an anisotropic and a layered one; the others in `proof`
-OTHERS = [name for name in CONTINUOUS if name not in (*SAMPLE, "disney", "measured")]
+OTHERS = [name for name in CONTINUOUS_MODELS if name not in (*SAMPLE, "disney", "measured")]
 
 
 @pytest.mark.parametrize("name", [*SAMPLE, *(pytest.param(name, marks=pytest.mark.proof) for name in OTHERS)])

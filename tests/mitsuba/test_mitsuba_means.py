@@ -18,7 +18,7 @@ from light_rigs import RIG_LOOKS, RIGS, row_of_three
 from mitsuba_scenes import scene_with_look
 from painted import embossed, painted, sparkling
 
-from lookdev.brdf import CONTINUOUS, MODELS
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS
 from lookdev.light import Dome
 from lookdev.material import Layer
 from lookdev.reference.mesh import MeshScene
@@ -61,7 +61,7 @@ CASES = (
     *(f"light: {rig}" for rig in RIGS),
     "links: three heads, shadows of some",
     *(f"stack: {stack}" for stack in ("painted", "sparkling", "embossed")),
-    *(f"model: {model}" for model in CONTINUOUS),
+    *(f"model: {model}" for model in CONTINUOUS_MODELS),
 )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from looks import quick_among
 
-from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine, pdf
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS, complete_parameters, evaluate_cosine, pdf
 
 pytestmark = pytest.mark.mitsuba
 
@@ -55,7 +55,7 @@ def random_directions() -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_every_continuous_model_is_a_plugin(mi: Any) -> None:
-    for model in CONTINUOUS:
+    for model in CONTINUOUS_MODELS:
         if model != "measured":  # needs a file
             assert "LookBSDF" in str(plugin(mi, model))
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lookdev.asset import load_asset
-from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS, complete_parameters, evaluate_cosine
 from lookdev.cache import Content
 from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
@@ -116,14 +116,14 @@ def test_a_ball_looks_the_same_all_around_its_axis(axis: tuple[float, float] | N
     assert make_setup("plain", "white", scene, Sampling()).is_rotation_invariant is around
 
 
-@pytest.mark.parametrize("model", CONTINUOUS)
+@pytest.mark.parametrize("model", CONTINUOUS_MODELS)
 def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, shader: Callable[..., ShaderSource]) -> None:
     """A BSDF that changes when both directions turn about the normal is not the same all around."""
     usual = {"pixar": {"clear": 0.4, "back": 0.4, "roughness": 0.4}, "disney": {"metallic": 0.5, "clearcoat": 0.5}}
     rng = np.random.default_rng(0)
     wo, wi = rng.normal(size=(2, 200, 3))
     wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (np.abs(wo) * [-1.0, 1.0, 1.0], wi))
-    for name in CONTINUOUS[model].parameters:
+    for name in CONTINUOUS_MODELS[model].parameters:
         parameter = MODELS[model].parameters[name]
         if name == "variant":
             continue

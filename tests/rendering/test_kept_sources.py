@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.brdf import CONTINUOUS, MODELS
+from lookdev.brdf import CONTINUOUS_MODELS, MODELS
 from lookdev.codegen.setting import SourceSetting
 from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.light import Dome, prepare_light
@@ -56,7 +56,7 @@ def setting_of(light: Dome, **sampling: int) -> SourceSetting:
     return SourceSetting((light,), (8, 8), Sampling(samples=4, **sampling))
 
 
-@pytest.mark.parametrize("model", CONTINUOUS)
+@pytest.mark.parametrize("model", CONTINUOUS_MODELS)
 def test_a_kept_source_is_the_generated_one(
     model: str, light: Dome, counting_backend: CountingBackend, tmp_path: Path
 ) -> None:

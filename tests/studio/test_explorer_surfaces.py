@@ -9,7 +9,7 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from lookdev.brdf import CONTINUOUS, evaluate
+from lookdev.brdf import CONTINUOUS_MODELS, evaluate
 from lookdev.brdf.angles import spherical_direction
 from lookdev.brdf.measured.files import write_anisotropic
 from lookdev.errors import LookdevError
@@ -112,6 +112,6 @@ def test_numbers_beyond_float32_are_its_largest() -> None:
 
 
 def test_every_continuous_model_is_described(surfaces: Surfaces) -> None:
-    for name in CONTINUOUS:
+    for name in CONTINUOUS_MODELS:
         words = "measured:file=scans/satin.binary" if name == "measured" else name
         assert surfaces.describe(words)["editable"]

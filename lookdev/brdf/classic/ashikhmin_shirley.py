@@ -20,28 +20,31 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, s
 def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     reflected = p["diffuse"] * (1.0 - p["specular"])
 
-    def rest(cosine: Array) -> Array:
+    def diffuse_factor(cosine: Array) -> Array:
         """``1 - (1 - cosine / 2)^5``."""
         return schlick_weights(0.5 * cosine)[0]
 
-    # Eq. 5. The cosine-weighted mean of `rest` is 23 / 28.
-    attenuated = scale(reflected, rest(wo[..., 2]))
+    # Eq. 5. The cosine-weighted mean of `diffuse_factor` is 23 / 28.
+    attenuated = scale(reflected, diffuse_factor(wo[..., 2]))
 
     def evaluate(d: DirectionPair) -> Array:
-        return scale(attenuated, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i))
+        return scale(attenuated, 28.0 / (23.0 * np.pi) * diffuse_factor(d.cos_theta_i))
 
     return parts.diffuse_lobe("ashikhmin-shirley", mean(attenuated), attenuated, frame, evaluate)
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
-    across, along = p["exponentU"] + 1.0, p["exponentV"] + 1.0
-    norm = np.sqrt(across * along)
+    u_plus_1, v_plus_1 = p["exponentU"] + 1.0, p["exponentV"] + 1.0
+    norm = np.sqrt(u_plus_1 * v_plus_1)
 
     def fresnel(cos_theta: Array) -> Array:
         return fresnel_blend(p["specular"], np.ones(3), cos_theta)
 
     def power(d: DirectionPair) -> Array:
-        """``(n . h)^((nu hx^2 + nv hy^2) / (1 - hz^2))``; the logarithm of hz^2 is a multiple of 1 - hz^2."""
+        """Return ``hz^((nu hx^2 + nv hy^2) / (1 - hz^2))``, finite also at hz = 1, for the half vector h.
+
+        `log1p_ratio` is log(hz^2) / (hz^2 - 1).
+        """
         x2, y2, z = d.wm[..., 0] * d.wm[..., 0], d.wm[..., 1] * d.wm[..., 1], d.wm[..., 2]
         weighted = p["exponentU"] * x2 + p["exponentV"] * y2
         value: Array = np.exp(-0.5 * weighted * log1p_ratio(-(x2 + y2), z * z))
@@ -55,10 +58,10 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
     def sample(u1: Array, u2: Array) -> Array:
         # Eq. 9 in all quadrants: tan phi = sqrt((nu + 1) / (nv + 1)) tan(2 pi u1).
-        x, y = np.sqrt(along) * np.cos(2.0 * np.pi * u1), np.sqrt(across) * np.sin(2.0 * np.pi * u1)
+        x, y = np.sqrt(v_plus_1) * np.cos(2.0 * np.pi * u1), np.sqrt(u_plus_1) * np.sin(2.0 * np.pi * u1)
         square = x * x + y * y
         # Eq. 10, whose denominator is the exponent plus 1.
-        denominator = (across * x * x + along * y * y) / square
+        denominator = (u_plus_1 * x * x + v_plus_1 * y * y) / square
         sin2 = parts.sin2_of_power(2.0 / denominator, u2)
         radius = np.sqrt(sin2 / square)
         return reflect(wo, vector(x * radius, y * radius, np.sqrt(np.maximum(1.0 - sin2, 0.0))))

@@ -43,7 +43,7 @@ def _sin2(wm: Array) -> Array:
 
 # Walter et al. 2007, eq. 25 and 28.
 def _beckmann(wm: Array, m: Real, gamma: Real) -> Array:
-    # The exponential is 0 below the floor, which avoids 0 / 0.
+    # At this floor, the exponential underflows to 0: D is 0, not 0 / 0.
     cos2 = np.maximum(wm[..., 2] * wm[..., 2], 1e-8)
     return np.exp(-_sin2(wm) / (m * m * cos2)) / (np.pi * m * m * cos2 * cos2)
 
@@ -64,7 +64,7 @@ def _sample_ggx(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
 
 
 # Burley 2012, eq. 1: (gamma - 1) (m^2 - 1) / (pi (1 - m^(2 - 2 gamma))) over t^gamma. With L = ln m^2 the factor is
-# expm1_ratio(L) / (pi expm1_ratio((1 - gamma) L)), which has no gap at gamma = 1, eq. 4, nor at m = 1, 1 / pi.
+# expm1_ratio(L) / (pi expm1_ratio((1 - gamma) L)), which is also defined at gamma = 1 (eq. 4), and 1 / pi at m = 1.
 def _gtr(wm: Array, m: Real, gamma: Real) -> Array:
     log_m2 = 2.0 * np.log(m)
     t = m * m * wm[..., 2] * wm[..., 2] + _sin2(wm)
@@ -103,7 +103,7 @@ DISTRIBUTIONS: dict[str, Distribution] = {
     "ggx": Distribution(_ggx, _sample_ggx, _ggx),
     "gtr": Distribution(_gtr, _sample_gtr, _gtr),
     "blinn": Distribution(_blinn, _sample_blinn, _blinn),
-    # At most 1.5 times GGX.
+    # Sampled as GGX: this D is at most 1.5 times that of GGX.
     "gaussian": Distribution(_gaussian, _sample_ggx, _ggx),
 }
 """By the token of the parameter ``"distribution"``, the default first."""
@@ -113,7 +113,7 @@ DISTRIBUTIONS: dict[str, Distribution] = {
 def smith_beckmann(cos_theta: Array, m: Real) -> Array:
     """Smith's G1 for Beckmann's distribution, divided by ``2 cos theta``."""
     slope = m * np.sqrt(np.maximum((1.0 - cos_theta) * (1.0 + cos_theta), 0.0))
-    # Beyond 6 nothing is masked.
+    # For a above 6, `masked` would be below 1e-17.
     a = np.minimum(cos_theta / np.maximum(slope, TINY), 6.0)
     masked = np.exp(-a * a) * (1.0 - np.sqrt(np.pi) * a * scaled_erfc(a))
     g1: Array = 1.0 / (2.0 * cos_theta + slope * (1.0 / np.sqrt(np.pi)) * masked)

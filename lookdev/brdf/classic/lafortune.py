@@ -6,8 +6,9 @@ direction: (-1, -1, 1) is that of Phong, the mirror image of the view, and (1, 1
 - Lafortune, E. P., Foo, S.-C., Torrance, K. E. and Greenberg, D. P. 1997. Non-Linear Approximation of Reflectance
   Functions. SIGGRAPH, eq. 7.
 
-Powers are at most `MAX_POWER`. A lobe whose peak is below this limit is sampled exactly about its direction. The pdf of
-any other lobe has a smaller exponent, with which it has halved at the end of the plateau.
+Powers are clamped to `MAX_POWER`: a lobe whose peak exceeds this limit has a plateau about its direction. A lobe is
+sampled in proportion to a power of the cosine to its direction. The exponent is the lobe's own where its peak is at
+most twice the limit. Above, it is smaller: the pdf at the end of the plateau is half of the pdf at the peak.
 """
 
 from __future__ import annotations
@@ -33,10 +34,10 @@ def _lobe(number: int) -> parts.LobeBuilder:
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         weight, c, e = (p[f"{name}{number}"] for name in ("weight", "coefficients", "exponent"))
         direction = c * wo
-        # The squared length of the direction, less 1, for a view of exactly unit length.
-        excess = dot((c - 1.0) * (c + 1.0), wo * wo)
+        # For a view of exactly unit length.
+        length2_minus_one = dot((c - 1.0) * (c + 1.0), wo * wo)
         length2 = dot(direction, direction)
-        log_length = 0.5 * excess * log1p_ratio(excess, length2)
+        log_length = 0.5 * length2_minus_one * log1p_ratio(length2_minus_one, length2)
         is_zero = length2 < TINY * TINY
         axis = scale(direction, 1.0 / np.sqrt(np.where(is_zero, 1.0, length2)))
         axis = np.where(np.expand_dims(is_zero, -1), np.array([0.0, 0.0, 1.0]), axis)
@@ -45,17 +46,19 @@ def _lobe(number: int) -> parts.LobeBuilder:
 
         def evaluate(d: DirectionPair) -> Array:
             o, i = d.wo, d.wi
-            # C . (wo * wi) less 1, for unit vectors, without cancellation where C is (-1, -1, 1).
+            # C . (wo * wi) - 1 for unit vectors, without cancellation where C is (-1, -1, 1).
             difference = o - np.where(c < 0.0, -i, i)
-            rest = 0.5 * (dot(np.absolute(c) - 1.0, o * o + i * i) - dot(np.absolute(c), difference * difference))
+            cosine_minus_one = 0.5 * (
+                dot(np.absolute(c) - 1.0, o * o + i * i) - dot(np.absolute(c), difference * difference)
+            )
             cosine = dot(c, o * i)
-            power = np.exp(np.minimum(e * rest * log1p_ratio(rest, cosine), np.log(MAX_POWER)))
+            power = np.exp(np.minimum(e * cosine_minus_one * log1p_ratio(cosine_minus_one, cosine), np.log(MAX_POWER)))
             return scale(weight, np.where(cosine > 0.0, power, 0.0))
 
         # If the peak is below the horizon, the largest value is on the horizon.
         x, y, z = (direction[..., k] for k in range(3))
-        across2 = x * x + y * y
-        peak2 = np.where(z > 0.0, length2, across2)
+        horizontal2 = x * x + y * y
+        peak2 = np.where(z > 0.0, length2, horizontal2)
         peak = np.exp(np.minimum(e * 0.5 * (peak2 - 1.0) * log1p_ratio(peak2 - 1.0, peak2), np.log(MAX_POWER)))
         return Lobe(
             "lafortune",

@@ -5,7 +5,8 @@ f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min th
 - Oren, M. and Nayar, S. K. 1994. Generalization of Lambert's Reflectance Model. SIGGRAPH, eq. 30.
 
 Two lobes: `diffuse` is the term of A, `retroreflection` the term of B. The latter is sampled in proportion to
-``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``; only the sines remain in the weight.
+``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``: of f times the cosine, divided by the pdf,
+only the sines remain.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, scale, vec
 def _factors(p: Parameters) -> tuple[Real, Real]:
     """Return A and B."""
     variance = p["sigma"] * p["sigma"]
-    within = 0.57 if p["interreflection"] == "included" else 0.33
-    return 1.0 - 0.5 * variance / (variance + within), 0.45 * variance / (variance + 0.09)
+    variance_offset = 0.57 if p["interreflection"] == "included" else 0.33
+    return 1.0 - 0.5 * variance / (variance + variance_offset), 0.45 * variance / (variance + 0.09)
 
 
 def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:

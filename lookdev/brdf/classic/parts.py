@@ -35,7 +35,10 @@ def bsdf_of_lobes(*builds: LobeBuilder) -> Callable[[Parameters], Bsdf]:
 
 
 def lambert_builder(model: str, color: str, albedo: float = 1.0) -> LobeBuilder:
-    """Return the builder of a lobe of constant f, whose directional albedo for white is `albedo`."""
+    """Return the builder of a lobe of constant f: the parameter named `color`, times `albedo` / pi.
+
+    `albedo` is the lobe's directional albedo where that parameter is white.
+    """
 
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         share, value = mean(p[color]) * albedo, p[color] * albedo
@@ -47,7 +50,10 @@ def lambert_builder(model: str, color: str, albedo: float = 1.0) -> LobeBuilder:
 def diffuse_lobe(
     model: str, share: Real, color: Array, frame: Frame, evaluate: Callable[[DirectionPair], Array]
 ) -> Lobe:
-    """Return a lobe of the directional albedo `color` that is sampled in proportion to the cosine."""
+    """Return a lobe of the directional albedo `color`, (..., 3), that is sampled in proportion to the cosine.
+
+    `share`, (...), is the unnormalised probability of selecting the lobe (`Lobe`). `evaluate` returns f.
+    """
     return Lobe(
         model,
         "diffuse",
@@ -84,7 +90,7 @@ def exponent_parameter(name: str, default: float, help: str) -> Parameter:
 
 
 def versine(wm: Array) -> Array:
-    """Return 1 less the cosine of unit vectors (..., 3) to the normal, for angles up to a right angle."""
+    """Return 1 - cos theta, (...), of unit vectors (..., 3) at angles theta to the normal up to a right angle."""
     return (wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]) / (1.0 + wm[..., 2])
 
 

@@ -73,7 +73,8 @@ def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(wo, polar(parts.sin2_of_power(2.0 / (e + 1.0), u2), u1))
 
-    # 8 pi / (e + 4) for a view along the normal; the mean cosine of light and half vector is about that of the view.
+    # The albedo is the integral of ks (n . h)^e 4 wi . h over half vectors, about 8 pi / (e + 4) for a view along the
+    # normal. The mean of wi . h is about the cosine of the view.
     mean_cosine = np.sqrt(wo[..., 2] * wo[..., 2] + (1.0 - wo[..., 2] * wo[..., 2]) / (e + 4.0))
     return Lobe(
         "blinn-phong",

@@ -1,16 +1,16 @@
 """Torrance and Sparrow's microfacet model, as in Cook and Torrance's: exact Fresnel, a choice of D and of G.
 
-f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o).
+f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o), where q is 4 or pi, by the parameter `normalisation`.
 
 - Torrance, K. E. and Sparrow, E. M. 1967. Theory for Off-Specular Reflection from Roughened Surfaces. JOSA 57(9).
 - Cook, R. L. and Torrance, K. E. 1982. A Reflectance Model for Computer Graphics. ACM TOG 1(1).
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Heitz, E. 2014. Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. JCGT 3(2).
 
-Multiscale roughness is two lobes, `specular` and `specular2`, with one G. With G of V-grooves, half vectors are sampled
-from D: the weight is at most 8 F / q. With Smith's G, half vectors are sampled from the visible normals of GGX of the
-same roughness, because every D except ``"gtr"`` is at most 1.5 times that of GGX. ``"gtr"`` may have a heavier tail,
-and is sampled from D.
+Multiscale roughness is two lobes, `specular` and `specular2`. Both have the G of the first roughness. With G of
+V-grooves, half vectors are sampled from D: the weight is at most 8 F / q. With Smith's G, half vectors are sampled from
+the visible normals of GGX of the same roughness, because every D except ``"gtr"`` is at most 1.5 times that of GGX.
+``"gtr"`` may have a heavier tail, and is sampled from D.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ def _fresnel(p: Parameters, cos_theta: Array) -> Array:
 
 
 def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
-    """Return the function that computes G over the product of both cosines."""
+    """Return the function of a pair of directions that computes ``G / (cos_theta_i cos_theta_o)``."""
     if p["geometry"] == "v-groove":
         return _v_groove
     g1 = smith_beckmann if p["distribution"] == "beckmann" else mf.smith_ggx
-    # Both include the factor 1 / (2 cos theta).
+    # Either function returns G1 / (2 cos theta).
     return lambda d: 4.0 * g1(d.cos_theta_i, p["roughness"]) * g1(d.cos_theta_o, p["roughness"])
 
 
@@ -106,8 +106,8 @@ def _roughness(name: str, help: str) -> Parameter:
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
-    # Smith's G1 of the smallest m masks nothing of a broad D: G / (4 cos_theta_i cos_theta_o) reaches 1 / m, and
-    # sqrt(pi) / m for Beckmann.
+    # G is that of the first roughness. At its smallest m, Smith's G1 masks almost nothing, and the D of the second lobe
+    # may be broad: G / (4 cos_theta_i cos_theta_o) reaches 1 / m, and sqrt(pi) / m for Beckmann.
     specular = 2000.0 if tokens["geometry"] == "smith" else 1.0
     return 1.0 + specular * (4.0 / np.pi if tokens["normalisation"] == "pi" else 1.0)
 

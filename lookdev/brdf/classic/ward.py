@@ -56,7 +56,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _cosine(d: DirectionPair) -> Array:
-    # The Gaussian is 0 below the floor, which avoids 0 / 0 in its quotient by the cube.
+    # At this floor, the Gaussian underflows to 0: `pdf`, which divides it by the cube of the cosine, is 0, not 0 / 0.
     cosine: Array = np.maximum(d.wm[..., 2], 1e-6)
     return cosine
 

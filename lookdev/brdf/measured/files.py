@@ -3,8 +3,9 @@
 A MERL binary has three int32, 90, 90 and 180, then float64 samples: a block for each of red, green and blue, in the
 order theta_h, theta_d, phi_d, in units of 1/1500, 1.15/1500 and 1.66/1500 per sr. A file of Ngan et al. has 16 int32,
 then float32 samples in 1/sr, a block for each channel. The 16 int32 are: the numbers of theta_i, theta_o, phi_d and
-phi_i, two reserved, 1 for this parametrisation, 0 for even cells, one reserved, 1 where phi_d covers only [0, pi], the
-number of channels, 3, and five reserved. All numbers are little-endian. A negative sample is missing, and counts as 0.
+phi_i, two reserved, 1 for this parametrisation, 0 for cells of equal size, one reserved, 1 where phi_d covers only
+[0, pi], the number of channels, 3, and five reserved. All numbers are little-endian. A negative sample is missing, and
+counts as 0.
 
 - Matusik, W. et al. 2003. A Data-Driven Reflectance Model. ACM TOG 22(3), and the reader beside the data.
 - Ngan, A., Durand, F., Matusik, W. 2005. Experimental Analysis of BRDF Models. EGSR. The layout of the files is as

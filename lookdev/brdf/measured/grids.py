@@ -34,8 +34,9 @@ HALF_PI = 0.5 * np.pi
 class IsotropicGrid:
     """Samples (theta_h, theta_d, phi_d, 3) of an isotropic surface, in 1/sr, none negative.
 
-    theta_h is the elevation of the half vector, in even steps of its root. theta_d and phi_d are the angles of the
-    light's direction about the half vector. phi_d covers [0, pi): by reciprocity f is the same at phi_d + pi.
+    theta_h is the angle of the half vector to the normal, in equal steps of its square root. theta_d and phi_d are the
+    angle and the azimuth of the light's direction about the half vector. phi_d covers [0, pi): by reciprocity f is the
+    same at phi_d + pi.
     """
 
     samples: Floats
@@ -48,15 +49,15 @@ class IsotropicGrid:
     def f(self, d: DirectionPair, interpolation: str) -> Array:
         """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         halves, differences, azimuths = self.samples.shape[:3]
-        corners = _CORNERS[interpolation]
+        find_corners = _CORNERS[interpolation]
         theta_h = _elevation(d.wm)
         # sin theta_d is half the length of the chord between the directions; their dot product would cancel.
         chord = d.wi - d.wo
         theta_d = arc_tangent(0.5 * np.sqrt(dot(chord, chord)), d.cos_theta_d)
         # About the half vector, the light's direction is at (wo_z - wi_z, (wo x wi)_z / cos theta_d): both have the
         # factor 2 sin theta_h sin theta_d.
-        across = (d.wo[..., 0] * d.wi[..., 1] - d.wo[..., 1] * d.wi[..., 0]) / d.cos_theta_d
-        phi_d = arc_tangent(across, d.wo[..., 2] - d.wi[..., 2])
+        y = (d.wo[..., 0] * d.wi[..., 1] - d.wo[..., 1] * d.wi[..., 0]) / d.cos_theta_d
+        phi_d = arc_tangent(y, d.wo[..., 2] - d.wi[..., 2])
         folded = np.where(phi_d < 0.0, phi_d + np.pi, phi_d)
         folded = np.where(folded >= np.pi, folded - np.pi, folded)
         return _interpolate(
@@ -64,10 +65,10 @@ class IsotropicGrid:
             lambda h, t: h * float(differences) + t,
             lambda phi: phi,
             (
-                corners(np.sqrt(theta_h / HALF_PI) * float(halves), halves, wraps=False),
-                corners(theta_d * (differences / HALF_PI), differences, wraps=False),
+                find_corners(np.sqrt(theta_h / HALF_PI) * float(halves), halves, wraps=False),
+                find_corners(theta_d * (differences / HALF_PI), differences, wraps=False),
             ),
-            (corners(folded * (azimuths / np.pi), azimuths, wraps=True),),
+            (find_corners(folded * (azimuths / np.pi), azimuths, wraps=True),),
         )
 
 
@@ -91,27 +92,27 @@ class AnisotropicGrid:
     def f(self, d: DirectionPair, interpolation: str) -> Array:
         """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
         lights, views, differences, azimuths = self.samples.shape[:4]
-        corners = _CORNERS[interpolation]
+        find_corners = _CORNERS[interpolation]
         phi_i, phi_o = (arc_tangent(w[..., 1], w[..., 0]) for w in (d.wi, d.wo))
         theta_i, theta_o = _elevation(d.wi), _elevation(d.wo)
-        turn = phi_o - phi_i
+        phi_d = phi_o - phi_i
         if self.half:
-            turn = np.where(turn > np.pi, turn - 2.0 * np.pi, np.where(turn <= -np.pi, turn + 2.0 * np.pi, turn))
-            swapped = turn < 0.0
+            phi_d = np.where(phi_d > np.pi, phi_d - 2.0 * np.pi, np.where(phi_d <= -np.pi, phi_d + 2.0 * np.pi, phi_d))
+            swapped = phi_d < 0.0
             theta_i, theta_o = np.where(swapped, theta_o, theta_i), np.where(swapped, theta_i, theta_o)
-            phi_i, turn = np.where(swapped, phi_o, phi_i), np.absolute(turn)
-        across = corners(
-            _azimuth_fraction(turn, 1.0 if self.half else 2.0) * differences, differences, wraps=not self.half
+            phi_i, phi_d = np.where(swapped, phi_o, phi_i), np.absolute(phi_d)
+        phi_d_corners = find_corners(
+            _azimuth_fraction(phi_d, 1.0 if self.half else 2.0) * differences, differences, wraps=not self.half
         )
         return _interpolate(
             self.table,
             lambda i, o: i * float(views) + o,
             lambda difference, phi: difference * float(azimuths) + phi,
             (
-                corners(theta_i * (lights / HALF_PI), lights, wraps=False),
-                corners(theta_o * (views / HALF_PI), views, wraps=False),
+                find_corners(theta_i * (lights / HALF_PI), lights, wraps=False),
+                find_corners(theta_o * (views / HALF_PI), views, wraps=False),
             ),
-            (across, corners(_azimuth_fraction(phi_i, 2.0) * azimuths, azimuths, wraps=True)),
+            (phi_d_corners, find_corners(_azimuth_fraction(phi_i, 2.0) * azimuths, azimuths, wraps=True)),
         )
 
 
@@ -123,7 +124,7 @@ def _elevation(w: Array) -> Array:
 
 
 def arc_tangent(y: Array, x: Array) -> Array:
-    """Return the arc tangent of y / x with a Newton step, as that of a shading language can be off by 1e-4."""
+    """Return the angle of (x, y) to the x axis: arctan2, then a Newton step, as OSL's arctan2 can be off by 1e-4."""
     angle: Array = np.arctan2(y, x)
     length = np.sqrt(x * x + y * y)
     return angle + (y * np.cos(angle) - x * np.sin(angle)) / np.maximum(length, TINY)
@@ -139,12 +140,12 @@ def _azimuth_fraction(angle: Array, period: float) -> Array:
 
 
 def _nearest(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
-    """Return the cell that contains a position, which is in units of cells."""
+    """Return the index of the cell that contains a position in units of cells, with weight 1."""
     return ((np.clip(np.floor(position), 0.0, count - 1.0), 1.0),)
 
 
 def _linear(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
-    """Return the two samples beside a position, which is in units of cells."""
+    """Return the indices of the two samples beside a position in units of cells, with their weights."""
     last = count - 1.0
     shifted = position - 0.5
     if wraps:
@@ -167,15 +168,19 @@ def _interpolate(
     rows: tuple[tuple[Corner, ...], ...],
     columns: tuple[tuple[Corner, ...], ...],
 ) -> Array:
-    """Sum the samples of a table at all corners by the products of their weights."""
+    """Sum the samples of a table at all corners, multiplied by the products of their weights.
+
+    `rows` has the corners along each coordinate that selects a row, `columns` along each that selects a column. The
+    functions `row` and `column` convert one index for each of these coordinates to a row and to a column of the table.
+    """
     total: Real = 0.0
     for row_corners in product(*rows):
         row_index = row(*(index for index, _ in row_corners))
-        across: Real = 0.0
+        row_total: Real = 0.0
         for column_corners in product(*columns):
             sample = look_up(table, row_index, column(*(index for index, _ in column_corners)))
-            across = across + _apply_weights(sample, column_corners)
-        total = total + _apply_weights(across, row_corners)
+            row_total = row_total + _apply_weights(sample, column_corners)
+        total = total + _apply_weights(row_total, row_corners)
     return total  # type: ignore[return-value]
 
 

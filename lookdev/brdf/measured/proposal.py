@@ -1,14 +1,15 @@
 """Importance sampling of measured data: a table of half vectors for each cell of views, and a cosine lobe.
 
-For each cell of half vectors, a table has the mean over some points of ``(f - floor) cos``, times the Jacobian
-``4 wi . wm`` from directions of the light to half vectors (Walter et al. 2007, eq. 14). The density over solid angle is
-linear between the elevations of the cells' edges, and constant over the azimuths of a cell. The cosine lobe samples the
-floor exactly. It also bounds the weights ``f cos / pdf`` where a table misses a highlight. A highlight has nearly the
-same half vectors for all views, so few views suffice. A view uses the table of its cell, which is the mean over some
-views in that cell.
+The floor of f is a small quantile of its values over the projected hemisphere. For each cell of half vectors, a table
+has the mean over some points of ``(f - floor) cos``, 0 where f is below the floor, times the Jacobian ``4 wi . wm``
+from directions of the light to half vectors (Walter et al. 2007, eq. 14). The density over solid angle is linear
+between the elevations of the cells' edges, and constant over the azimuths of a cell. The cosine lobe samples the floor
+exactly. It also bounds the weights ``f cos / pdf`` where a table misses a highlight. A highlight has nearly the same
+half vectors for all views, so few views suffice. A view uses the table of its cell, which is the mean over some views
+in that cell.
 
-Cells are even in azimuth and in the root of theta_h, as MERL's are. "Linear" means linear in ``sin^2(theta_h / 2)``,
-which is even in solid angle, and does not cancel as the cosine would.
+Cells have equal steps of azimuth and of the square root of theta_h, as MERL's have. "Linear" means linear in
+``sin^2(theta_h / 2)``: equal steps of it are equal solid angles, and it does not cancel as the cosine would.
 
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Lawrence, J. et al. 2004. Efficient BRDF Importance Sampling Using a Factored Representation. SIGGRAPH.
@@ -66,21 +67,24 @@ class Proposal:
         """Return the pdf (...) of `sample` over solid angle."""
         thetas, phis = _HALF_VECTOR_CELLS[self.is_anisotropic]
         x, y = d.wm[..., 0], d.wm[..., 1]
-        across = x * x + y * y
-        theta = arc_tangent(np.sqrt(across), d.wm[..., 2])
+        sin2 = x * x + y * y
+        theta = arc_tangent(np.sqrt(sin2), d.wm[..., 2])
         i = np.clip(np.floor(np.sqrt(theta / HALF_PI) * float(thetas)), 0.0, thetas - 1.0)
         low, high = _edge_sin2(i, thetas), _edge_sin2(i + 1.0, thetas)
         # sin^2(theta / 2), in a form that does not cancel for small theta.
-        fraction = np.clip((0.5 * across / (1.0 + d.wm[..., 2]) - low) / (high - low), 0.0, 1.0)
+        fraction = np.clip((0.5 * sin2 / (1.0 + d.wm[..., 2]) - low) / (high - low), 0.0, 1.0)
         axis_x, axis_y = self._axis(d.wo)
         phi = arc_tangent(axis_x * y - axis_y * x, axis_x * x + axis_y * y)
         j = np.clip(np.floor((phi + np.pi) * (0.5 * phis / np.pi)), 0.0, phis - 1.0)
         view = self._view(d.wo)
         begin, end = look_up(self.density, view, i), look_up(self.density, view, i + 1.0)
-        halves = (begin + fraction * (end - begin)) * look_up(self.azimuth_factor, view * float(thetas) + i, j)
+        half_vector_density = (begin + fraction * (end - begin)) * look_up(
+            self.azimuth_factor, view * float(thetas) + i, j
+        )
         cosine_share = self._cosine(view)
         density: Array = (
-            cosine_share * (1.0 / np.pi) * d.cos_theta_i + (1.0 - cosine_share) * 0.25 * halves / d.cos_theta_d
+            cosine_share * (1.0 / np.pi) * d.cos_theta_i
+            + (1.0 - cosine_share) * 0.25 * half_vector_density / d.cos_theta_d
         )
         return density
 
@@ -152,13 +156,13 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
     is_anisotropic = isinstance(grid, AnisotropicGrid)
     (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS_PER_CELL[is_anisotropic]
     squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))
-    solid = np.diff(squares) * (4.0 * np.pi / phis)
+    solid_angle = np.diff(squares) * (4.0 * np.pi / phis)
     half_vectors = _half_vectors(squares[:-1], np.diff(squares), phis, points)
     edges = _half_vectors(squares, 0.0, phis, (1, points[1]))
-    density, parts, albedo, cosine = [], [], [], []
+    density, cell_shares, albedo, cosine = [], [], [], []
     for views in _view_cells(is_anisotropic):
         f, weight = _evaluate_views(grid, views, half_vectors)
-        weight *= (solid / prod(points))[:, None, None, None] / len(views)
+        weight *= (solid_angle / prod(points))[:, None, None, None] / len(views)
         color = (f * weight[..., None]).sum(axis=(0, 1, 2, 3, 4))
         brightness = f.mean(axis=-1)
         # The factor keeps values that only rounding lifts above the floor out of the highlights.
@@ -168,19 +172,20 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
         cosine.append(np.clip(np.pi * floor / total, least, most) if total > 0.0 else most)
         f, weight = _evaluate_views(grid, views, edges)
         at_edges = (np.maximum(f.mean(axis=-1) - floor, 0.0) * weight).mean(axis=(0, 2, 3, 4))
-        density.append(_edge_density(at_edges, shares.sum(axis=-1) / (solid * phis), solid * phis))
-        parts.append(
+        ring_solid_angle = solid_angle * phis
+        density.append(_edge_density(at_edges, shares.sum(axis=-1) / ring_solid_angle, ring_solid_angle))
+        cell_shares.append(
             np.maximum(
                 shares, _MIN_NEIGHBOUR_RATIO * np.maximum(np.roll(shares, 1, axis=1), np.roll(shares, -1, axis=1))
             )
         )
         albedo.append(color)
-    nodes, conditional = np.stack(density), _cumulative(np.concatenate(parts))
+    nodes, conditional = np.stack(density), _cumulative(np.concatenate(cell_shares))
     widths: Floats = np.diff(conditional, axis=-1)
     return Proposal(
         density=NumberTable(nodes),
         azimuth_factor=NumberTable(widths * phis),
-        marginal=NumberTable(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid)),
+        marginal=NumberTable(_cumulative(0.5 * (nodes[:, 1:] + nodes[:, :-1]) * solid_angle)),
         conditional=NumberTable(conditional),
         albedo=np.stack(albedo),
         cosine=NumberTable(np.array(cosine)[:, None]),
@@ -208,7 +213,10 @@ def _quantile(values: Floats, weights: Floats, part: float) -> float:
 
 
 def _half_vectors(squares: Floats, sizes: Floats | float, phis: int, points: tuple[int, int]) -> Floats:
-    """Return half vectors (thetas, points, phis, points, 3) in cells, even in solid angle."""
+    """Return half vectors (thetas, points, phis, points, 3) in cells, with equal steps of solid angle in each cell.
+
+    `squares` (thetas,) is sin^2(theta_h / 2) at the beginning of each cell, and `sizes` its increase over the cell.
+    """
     up, around = ((np.arange(count) + 0.5) / count for count in points)
     s = (squares[:, None] + np.reshape(sizes, (-1, 1)) * up)[..., None, None]
     phi = (np.arange(phis)[:, None] + around) * (2.0 * np.pi / phis) - np.pi
@@ -244,7 +252,7 @@ def _evaluate_views(grid: MeasurementGrid, views: Sequence[Floats], wm: Floats) 
 def _cumulative(shares: Floats) -> Floats:
     """Return the cumulative distribution (n, cells + 1) of rows of shares; uniform for a row of zeros."""
     total = shares.sum(axis=-1, keepdims=True)
-    even = np.where(total > 0.0, shares / np.where(total > 0.0, total, 1.0), 1.0 / shares.shape[-1])
-    sums: Floats = np.concatenate([np.zeros((len(shares), 1)), np.cumsum(even, axis=-1)], axis=-1)
+    normalised = np.where(total > 0.0, shares / np.where(total > 0.0, total, 1.0), 1.0 / shares.shape[-1])
+    sums: Floats = np.concatenate([np.zeros((len(shares), 1)), np.cumsum(normalised, axis=-1)], axis=-1)
     # In float32, too, the last cell with a share ends at 1, which no uniform number reaches.
     return np.asarray(sums / sums[:, -1:])

@@ -99,7 +99,10 @@ def _contributions(partition: Partition) -> Iterator[_Contribution]:
 
 
 def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -> Iterator[_Contribution]:
-    """Yield the 18 interactions of transmitted lobes with those beneath; on each side, 1, 3 and 5 yield each lobe."""
+    """Yield the 18 products of the three transmitted lobes `incoming` and the six lobes beneath.
+
+    On each side, 1 product belongs to the least blurred lobe, 3 to the next one, and 5 to the diffuse lobe.
+    """
     for above, entering in incoming.items():
         for name, term in partition.terms.items():
             result = resulting_lobe(above, name)
@@ -147,7 +150,7 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
 
 
 def _mean(contributions: Sequence[_Contribution], value: Callable[[PartitionLobe], Real]) -> Real:
-    """Average values of terms by their energies, (...); where there is no energy, the result has no effect."""
+    """Return the mean of a value of the terms, weighted by energy, (...); without energy, the mean has no effect."""
     # Equal values, and contributions without energy, generate no code.
     contributing = _contributions_with_energy(contributions)
     first = value((contributing or contributions)[0].term)

@@ -57,7 +57,7 @@ PARAMETERS = parameters_by_name(
         ("published", "conserving"),
         "published: Smits' rules. conserving: Fresnel by the view's angle; no more light leaves than arrives.",
     ),
-    *metal_parameters("own"),
+    *metal_parameters(agreement="own"),
 )
 
 _TINT_QUOTE = (

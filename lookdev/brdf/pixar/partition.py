@@ -61,7 +61,7 @@ class PartitionLobe:
 
     normal, grazing : (..., 3), weights at normal and at grazing incidence.
     cone : (...), angle in degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
-    ior_minus_one : (...), of a transmitted highlight, the index of refraction less 1, exact in float32 near 0; else 0.
+    ior_minus_one : (...), of a transmitted highlight, the index of refraction - 1, exact in float32 near 0; else 0.
     metals : terms of exact metals, which are added; on the viewer's side only.
     """
 
@@ -145,8 +145,8 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     # Smits, "Specular" and "Transmission": "reflRatio".
     m = np.maximum(1.0 - 2.0 * rough, 0.0)
     ratio = m * m * m
-    # 1 - ratio, without cancellation where the surface is smooth.
-    rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
+    # Without cancellation where the surface is smooth.
+    one_minus_ratio = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
     reflected = _reflected_term(p)
     unreflected = _unreflected_weight(p, np.ones(())) if is_exact(p) else 1.0 - reflected.end_weights()[0]
     through = PartitionLobe(scale(color * unreflected, clear), scale(color, clear * (1.0 - g_refl)))
@@ -166,18 +166,24 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         weighted = base.with_weights(scaled, scaled)
         return replace(weighted, cone=np.clip(cone, *_CONE_LIMITS), ior_minus_one=ior_minus_one)
 
-    broad, tight = smooth * rest, smooth * ratio
-    wide, narrow, bend = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0
+    broad_weight, tight_weight = smooth * one_minus_ratio, smooth * ratio
+    broad_cone, tight_cone, ior_minus_one = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
     terms = {
         "diffuse": term(scattered, (1.0 - back) * p["diffuseScale"], white),
-        "specular": term(reflected, broad * p["specularScale"], tint, wide * p["specularConeScale"]),
-        "reflection": term(reflected, tight * p["reflectionScale"], tint, narrow * p["reflectionConeScale"]),
+        "specular": term(reflected, broad_weight * p["specularScale"], tint, broad_cone * p["specularConeScale"]),
+        "reflection": term(reflected, tight_weight * p["reflectionScale"], tint, tight_cone * p["reflectionConeScale"]),
         "diffuseTransmission": term(scattered, back * p["diffuseTransmissionScale"], white),
         "specularTransmission": term(
-            through, broad * p["specularTransmissionScale"], tint_t, wide * p["specularTransmissionConeScale"], bend
+            through,
+            broad_weight * p["specularTransmissionScale"],
+            tint_t,
+            broad_cone * p["specularTransmissionConeScale"],
+            ior_minus_one,
         ),
-        "refraction": term(through, tight * p["refractionScale"], tint_t, narrow * p["refractionConeScale"], bend),
+        "refraction": term(
+            through, tight_weight * p["refractionScale"], tint_t, tight_cone * p["refractionConeScale"], ior_minus_one
+        ),
     }
     return Partition(wo, terms, frames, p["presence"])
 
@@ -208,7 +214,7 @@ def _scaled_reflectances(p: Parameters) -> tuple[Real, Real]:
 
 
 def _unreflected_weight(p: Parameters, cos_theta: Array) -> Array:
-    """Return 1 less the reflectance of a smooth surface with exact metal, (..., 3), without cancellation."""
+    """Return 1 minus the reflectance of a smooth surface with exact metal, (..., 3), without cancellation."""
     dielectric, metal = _scaled_reflectances(p)
     absorbed = conductor_absorptance(np.expand_dims(cos_theta, -1), p["eta"], p["k"])
     # Light that the scales remove from the reflection of either part, and light that the metal absorbs.
@@ -297,9 +303,9 @@ def _highlight(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmit
 
 # Snell's law for a unit view: sin^2 theta_t = sin^2 theta / ior^2. The form with the cosine does not cancel for grazing
 # views and an index near 1.
-def _refract_view(wo: Array, bend: Real) -> Array:
-    ior, z = 1.0 + bend, wo[..., 2]
-    cos_t = np.sqrt(bend * (bend + 2.0) + z * z) / ior
+def _refract_view(wo: Array, ior_minus_one: Real) -> Array:
+    ior, z = 1.0 + ior_minus_one, wo[..., 2]
+    cos_t = np.sqrt(ior_minus_one * (ior_minus_one + 2.0) + z * z) / ior
     return vector(wo[..., 0] / ior, wo[..., 1] / ior, cos_t)
 
 

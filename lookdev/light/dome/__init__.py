@@ -40,9 +40,9 @@ TABLE_VERSION = 4
 class Dome(CodedLight):
     """A dome light, with the files that the shader reads: its radiance, and tables if the shader samples it.
 
-    `width` and `height` are those of the map, `map_digest` names it and its tables. The map is in the frame of `axes`,
-    and the emission's colour multiplies its radiance. `sample` is in proportion to the mean of the map's channels;
-    uniform if the map is black.
+    `width` and `height` are those of the map. `map_digest` identifies the map and its tables in the cache. The map is
+    in the frame of `axes`, and the emission's colour multiplies its radiance. `sample` draws directions in proportion
+    to the mean of the map's channels, or uniformly if the map is black.
     """
 
     kind = "dome"

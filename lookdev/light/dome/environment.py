@@ -173,7 +173,7 @@ def _read_channels(image: oiio.ImageInput, file: Path, channels: Sequence[str]) 
 
 
 def _orient(pixels: Floats32, orientation: int) -> Floats32:
-    """Return an image with rows from the top and columns from the left, from one of an orientation of TIFF and Exif."""
+    """Return an image with rows from the top and columns from the left; `orientation` is as TIFF and Exif number it."""
     pixels = pixels[:: -1 if orientation in (3, 4, 7, 8) else 1, :: -1 if orientation in (2, 3, 6, 7) else 1]
     return np.ascontiguousarray(pixels if orientation < 5 else pixels.transpose(1, 0, 2))
 
@@ -213,7 +213,7 @@ def _repair(pixels: Floats32, where: str) -> tuple[Floats32, Repairs]:
 
 
 def _neighbour_mean(radiance: Floats32, nan: Bools) -> Floats32:
-    """Return the mean of the 3 x 3 texels around each that are not NaN, periodic in u and clamped in v."""
+    """Return for each texel the mean of the 3 x 3 texels around it, without NaN; periodic in u and clamped in v."""
 
     def sum_of_neighbours(values: Floats) -> Floats:
         # SciPy is imported here for the reason that `lookdev.metrics` states.

@@ -85,6 +85,7 @@ class LocalDome(Light):
         return replace(self, dome=self.dome.convert_map(space, local=True))
 
     def native_gap(self) -> str:
+        """Return the features of this light that Cycles' own lights lack, as a phrase for a message."""
         return "a position and a radius of its image"
 
     @property
@@ -138,15 +139,18 @@ def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, F
     distance : (...)
         The distance to the ball's surface, 0 from outside.
     ratio : (...)
-        The solid angle of a piece of the surface at the centre, over that at the point; 0 from outside.
+        The solid angle that a piece of the surface at the exit subtends at the centre, divided by the solid angle that
+        it subtends at the point; 0 from outside.
     """
-    along = (point * direction).sum(axis=-1)
+    projection = (point * direction).sum(axis=-1)
     margin = radius * radius - (point * point).sum(axis=-1)
     # R times the cosine between the direction and the surface normal at the exit.
-    exit_cosine = np.sqrt(np.maximum(along * along + margin, 0.0))
+    exit_cosine = np.sqrt(np.maximum(projection * projection + margin, 0.0))
     # The form of the root that has no cancellation.
     distance = np.where(
-        along < 0.0, exit_cosine - along, margin / np.where(exit_cosine + along > 0.0, exit_cosine + along, 1.0)
+        projection < 0.0,
+        exit_cosine - projection,
+        margin / np.where(exit_cosine + projection > 0.0, exit_cosine + projection, 1.0),
     )
     inside = margin > 0.0
     distance = np.where(inside, distance, 0.0)
@@ -155,7 +159,10 @@ def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, F
 
 
 def directions_to_ball(point: Floats, map_direction: Floats, radius: Real) -> Floats:
-    """Return directions (..., 3) from points to the points of a ball in directions (..., 3) from its centre."""
+    """Return unit directions (..., 3) from points (..., 3) to the surface of a ball about the origin.
+
+    `map_direction` (..., 3) is the unit direction from the centre to the point of the surface.
+    """
     towards = radius * map_direction - point
     length = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)
     return np.where(length > 0.0, towards / np.where(length > 0.0, length, 1.0), ZENITH)

@@ -3,11 +3,12 @@
 For a diffuse surface, the best pdf is in proportion to radiance times cosine. The points (`points`) are in proportion
 to the radiance. For each bin of normals (`bins`) their curve is cut into M *slots*, ranges of points with nearly the
 same sum of g, the bin's widened cosine. A sample draws a slot uniformly, then one of its points uniformly: the
-probability p of a point is 1 / (M c), c being the number of points in its slot. A point that outweighs a slot fills
-several.
+probability of a point is 1 / (M c), where c is the number of points in its slot. A point that outweighs a slot fills
+several. p is the resulting pdf of directions over solid angle.
 
-That is nearly the pdf q = m g / integral, which needs no table, m being the mean of the channels of the radiance. q
-enters the weight of multiple importance sampling; the ratio q / p = g M c / sum(g), close to 1, corrects it to p.
+p is nearly the pdf q = m g / integral, which needs no table. m is the mean of the channels of the radiance, and
+`integral` is that of m g over the sphere. q enters the weight of multiple importance sampling. The estimate, which
+divides by p, is one that divides by q, times the ratio q / p = g M c / sum(g), close to 1. The sum is over all points.
 
 The last bin is an additional one, for all directions: its g is 1.
 
@@ -34,8 +35,8 @@ CODE_BITS = 12
 """The number of bits of the code in a packed slot; the bits above are its first point."""
 
 _MAX_REPETITIONS = 2**CODE_BITS - MOST_POINTS
-# The weight of a point is at least the sum of a slot divided by this, so that no slot has more than `MOST_POINTS`.
-_FEW_POINTS = 2300
+# The least weight of a point is the sum of a slot divided by this, so that no slot has more than `MOST_POINTS`.
+_MIN_WEIGHTS_PER_SLOT = 2300
 
 
 def cut_slots(directions: Floats, integral: float) -> tuple[Ints32, Floats32]:
@@ -62,7 +63,7 @@ def cut_slots(directions: Floats, integral: float) -> tuple[Ints32, Floats32]:
             weights = bins.widened_cosine(a * x + b * y + c * z)
         total = float(weights.sum(dtype=np.float64))
         if total > 0.0:
-            slots[number] = pack_ranges(*cut_ranges(weights, SLOTS, least=total / (SLOTS * _FEW_POINTS)))
+            slots[number] = pack_ranges(*cut_ranges(weights, SLOTS, least=total / (SLOTS * _MIN_WEIGHTS_PER_SLOT)))
             numbers[number] = len(directions) / (integral * total), SLOTS / total
 
     # Threads run in parallel: NumPy releases the interpreter's lock.
@@ -98,26 +99,27 @@ def cut_ranges(values: Floats | Floats32, number: int, least: float = 0.0) -> tu
     nonzero, weights = np.flatnonzero(values > 0.0), np.maximum(values, least)
     cumulative = np.cumsum(weights, dtype=np.float64)
     longest = max(1, len(nonzero) // number)
-    while (parted := np.flatnonzero(np.diff(nonzero) > longest)).size > number // 4:
+    # The indices, in `nonzero`, of the values before a long run of zeros.
+    while (gaps := np.flatnonzero(np.diff(nonzero) > longest)).size > number // 4:
         longest *= 2
-    begin, end = nonzero[np.append(0, parted + 1)], nonzero[np.append(parted, len(nonzero) - 1)] + 1
+    begin, end = nonzero[np.append(0, gaps + 1)], nonzero[np.append(gaps, len(nonzero) - 1)] + 1
     before = cumulative[begin] - weights[begin]
     mass = cumulative[end - 1] - before
     # Each stretch between zeros has at least one range; the heaviest get the ranges that rounding down leaves over.
     shares = 1 + np.floor((number - len(mass)) * mass / mass.sum()).astype(np.int64)
     shares[np.argsort(-mass, kind="stable")[: number - shares.sum()]] += 1
     stretch = np.repeat(np.arange(len(mass)), shares)
-    within = np.arange(number) - np.repeat(np.cumsum(shares) - shares, shares)
-    targets = before[stretch] + mass[stretch] * within / shares[stretch]
+    number_in_stretch = np.arange(number) - np.repeat(np.cumsum(shares) - shares, shares)
+    targets = before[stretch] + mass[stretch] * number_in_stretch / shares[stretch]
     first = np.clip(np.searchsorted(cumulative, targets, side="right"), begin[stretch], end[stretch] - 1)
     # A value can be too small to change the sum.
-    first = np.where(within == 0, begin[stretch], first)
+    first = np.where(number_in_stretch == 0, begin[stretch], first)
     # A value that outweighs a range fills all ranges that begin with it, except the last if it has other values, too.
     starts, group, times = np.unique(first, return_inverse=True, return_counts=True)
     times = times[group]
     count = np.minimum(np.append(starts[1:], len(values))[group], end[stretch]) - first
     followers = np.searchsorted(nonzero, first + count) - np.searchsorted(nonzero, first, side="right")
-    parted_off = (times > 1) & (followers > 0)
-    rest = parted_off & np.append(np.diff(group) > 0, True)
-    count = np.where(rest, count - 1, np.where(times > 1, 1, count))
-    return first + rest, count, np.where(rest, 1, times - parted_off)
+    has_remainder = (times > 1) & (followers > 0)
+    is_remainder = has_remainder & np.append(np.diff(group) > 0, True)
+    count = np.where(is_remainder, count - 1, np.where(times > 1, 1, count))
+    return first + is_remainder, count, np.where(is_remainder, 1, times - has_remainder)

@@ -29,6 +29,7 @@ class BilinearWarp:
         middle = 0.5 * (self._rows + np.roll(self._rows, -1, axis=1))
         self._row_cumulative = np.concatenate([np.zeros((height + 2, 1)), np.cumsum(middle, axis=1)], axis=1) / width
         self._row_sums = self._row_cumulative[:, -1].copy()
+        # The positions in [0, 1] at which a strip begins and ends: the first and the last strip are halves.
         strips = np.arange(height + 1)
         first, last = np.where(strips == 0, 0.5, 0.0), np.where(strips == height, 0.5, 1.0)
         self._start = self._primitive(strips, first)
@@ -47,7 +48,7 @@ class BilinearWarp:
         return coordinates_to_directions(self.coordinates(u))
 
     def coordinates(self, u: ArrayLike) -> Floats:
-        """Map points (N, 2) of the unit square to map coordinates (N, 2): x along a row, y from the top, both to 1."""
+        """Map points (N, 2) of the unit square to map coordinates (N, 2): x along a row, y from the top, in [0, 1]."""
         u1, u2 = np.moveaxis(np.asarray(u, np.float64), -1, 0)
         height, width = len(self._rows) - 2, self._rows.shape[1]
         target = u2 * self._strip_cumulative[-1]
@@ -59,17 +60,17 @@ class BilinearWarp:
             before, after = self._row_cumulative[strip, column], self._row_cumulative[strip + 1, column]
             return np.asarray((1.0 - t) * before + t * after)
 
-        rest = u1 * row_cumulative(np.full(len(t), width))
+        row_target = u1 * row_cumulative(np.full(len(t), width))
         low, high = np.zeros(len(t), np.int64), np.full(len(t), width, np.int64)
         for _ in range(int(width).bit_length()):
             half = (low + high) // 2
-            beyond = row_cumulative(half) <= rest
+            beyond = row_cumulative(half) <= row_target
             low, high = np.where(beyond, half, low), np.where(beyond, high, half)
         low = np.minimum(low, width - 1)
         left = (1.0 - t) * self._rows[strip, low] + t * self._rows[strip + 1, low]
         after = (low + 1) % width
         right = (1.0 - t) * self._rows[strip, after] + t * self._rows[strip + 1, after]
-        x = (low + 0.5 + _invert_line(left, right, (rest - row_cumulative(low)) * width)) / width
+        x = (low + 0.5 + _invert_line(left, right, (row_target - row_cumulative(low)) * width)) / width
         return np.stack([x % 1.0, np.clip(y, 0.0, 1.0)], axis=-1)
 
     def _primitive(self, strip: Ints, t: Floats) -> Floats:

@@ -21,6 +21,7 @@ UNSUPPORTED = {
 
 ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 _RENDERED_PURPOSES = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+# The values of ``lightList:cacheBehavior`` with which the cached light list of a prim is used.
 _CONSULTING = ("consumeAndHalt", "consumeAndContinue")
 
 

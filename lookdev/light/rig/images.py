@@ -126,10 +126,10 @@ def unroll_ball(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]
 def ball_point(direction: Floats, kind: str) -> Floats:
     """Return the points (..., 2) of a ball, a disk of radius 1, for directions (..., 3) of a dome with the pole +y."""
     x, y, z = np.moveaxis(direction, -1, 0)
-    across = np.hypot(x, y)
-    angle = np.arctan2(across, z)
+    axis_distance = np.hypot(x, y)
+    angle = np.arctan2(axis_distance, z)
     radius = angle / np.pi if kind == "angular" else np.sin(angle / 2.0)
-    scale = radius / np.where(across > 0.0, across, 1.0)
+    scale = radius / np.where(axis_distance > 0.0, axis_distance, 1.0)
     return np.stack([scale * x, scale * y], axis=-1)
 
 
@@ -147,27 +147,29 @@ def ball_power(radiance: Floats32, kind: str) -> float:
 
 
 def _power(radiance: Floats32) -> float:
+    """Return the integral of the mean channel of a lat-long map (H, W, 3) over the sphere."""
     rows = len(radiance)
     edges = np.cos(np.pi * np.arange(rows + 1) / rows)
     return float((radiance.mean(axis=(1, 2), dtype=np.float64) * -np.diff(edges)).sum() * 2.0 * np.pi)
 
 
 def _unroll_pixels(ball: Floats, kind: str) -> Floats:
+    """Return the lat-long map (N, 2 N, 3) of the environment of a ball (N, N, 3)."""
     rows = len(ball)
-    fine = 2 * rows
+    fine_rows = 2 * rows
     pixels = np.empty((rows, 2 * rows, 3))
-    step = max(1, _STRIP // (4 * fine))
-    u = (np.arange(2 * fine) + 0.5) / (2 * fine)
+    step = max(1, _STRIP // (4 * fine_rows))
+    u = (np.arange(2 * fine_rows) + 0.5) / (2 * fine_rows)
     # Within this radius, bilinear look-ups read no texel beyond the rim.
-    inside = 1.0 - 2.0 * np.sqrt(2.0) / rows
+    inner_radius = 1.0 - 2.0 * np.sqrt(2.0) / rows
     for first in range(0, rows, step):
         last = min(first + step, rows)
-        v = 1.0 - (np.arange(2 * first, 2 * last) + 0.5) / fine
+        v = 1.0 - (np.arange(2 * first, 2 * last) + 0.5) / fine_rows
         towards = uv_to_direction(np.stack(np.broadcast_arrays(u, v[:, None]), axis=-1))
         # The map's x, y and z are the dome's z, x and y: `lookdev.light.dome.usd.DOME_Y`.
         point = ball_point(towards[..., (1, 2, 0)], kind)
         radius = np.hypot(point[..., 0], point[..., 1])[..., None]
-        point *= np.minimum(1.0, inside / np.maximum(radius, inside))
+        point *= np.minimum(1.0, inner_radius / np.maximum(radius, inner_radius))
         texels = look_up(ball, (1.0 + point[..., 0]) / 2.0, (1.0 - point[..., 1]) / 2.0)
         pixels[first:last] = texels.reshape(last - first, 2, 2 * rows, 2, 3).mean(axis=(1, 3))
     return pixels

@@ -168,8 +168,8 @@ def bias(x: Array, b: Array) -> Array:
 def contrast(x: Array, c: Array) -> Array:
     """Return x with higher contrast for c > 0.5, lower for c < 0.5 (Perlin's gain); 0 or 1 for x outside [0, 1].
 
-    SeExpr uses bias(1 - c, 2 x), which is equal, as a^log(b) = b^log(a). In the form here, the floor of the logarithm
-    affects only c.
+    SeExpr uses bias(1 - c, 2 x), which is equal, as a^log(b) = b^log(a). In the form here, the lower bound in
+    `logarithm` affects only c.
     """
     low = x < 0.5
     half = 0.5 * bias(np.where(low, 2.0 * x, 2.0 - 2.0 * x), 1.0 - c)
@@ -189,14 +189,15 @@ def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
 
 
 def _wrap_index(i: Array, period: float = _PERIOD) -> Array:
-    # Modulo of whole numbers. Half a unit over the period separates the quotient from the next integer. Below 3e6 its
-    # float32 error is at most 1/900, which is less than half a unit over 289.
+    # Modulo of whole numbers. (i + 0.5) / period is at least 0.5 / period away from any integer, so a smaller error
+    # does not change its floor. For i below 3e6, its float32 error is at most 1 / 900, and 0.5 / 289 is 1 / 578.
     return i - period * np.floor((i + 0.5) * (1.0 / period))
 
 
 def _permute(i: Array) -> Array:
-    # McEwan et al. 2012, section 2.2, with the linear coefficient of the authors' later code; up to 2.9e6, exact in
-    # float32 (their sum of two hashes as argument would not be).
+    # McEwan et al. 2012, section 2.2, with the linear coefficient of the authors' later code. i is at most 288, so the
+    # product is below 2.9e6, and its modulo is exact in float32. It would not be for the argument that the authors
+    # pass, a sum of two hashes.
     return _wrap_index((34.0 * i + 10.0) * i)
 
 

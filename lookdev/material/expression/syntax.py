@@ -198,7 +198,8 @@ class _Parser:
 
     def _parse(self, binding_power: int) -> ExpressionNode:
         """Parse an operand and the operators that bind tighter than `binding_power`."""
-        # Parentheses make no node, so depth does not count them. Each costs a call, with one for an operator between.
+        # Parentheses make no node, so `depth` does not count them. Each pair is a nested call, and an operator between
+        # two pairs is another.
         self._nesting += 1
         if self._nesting > 2 * _MAX_DEPTH:
             raise self._depth_error(self._token.position)

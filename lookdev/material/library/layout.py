@@ -33,8 +33,8 @@ class _Block:
 class _Statement:
     """A statement: `lead` has the blank lines and comments above it, `trail` the comment after it.
 
-    In a prim, a variant set or a variant, metadata and a body follow `head`, each after a gap. In any other statement,
-    `head` is the whole text.
+    In a prim, a variant set or a variant, metadata and a body follow `head`. `gaps` has the white space and comments
+    before each, by its opening bracket. In any other statement, `head` is the whole text.
     """
 
     lead: str = ""
@@ -192,10 +192,10 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
 
 def _moved_keys(before: Sequence[str], after: Sequence[str]) -> set[str]:
     """Return the keys in both sequences whose order among the common keys differs."""
-    both = {*before} & {*after}
-    old, new = ([key for key in keys if key in both] for keys in (before, after))
+    common = {*before} & {*after}
+    old, new = ([key for key in keys if key in common] for keys in (before, after))
     same = difflib.SequenceMatcher(None, old, new, autojunk=False).get_matching_blocks()
-    return both - {key for block in same for key in old[block.a : block.a + block.size]}
+    return common - {key for block in same for key in old[block.a : block.a + block.size]}
 
 
 def _renamed_keys(before: Sequence[_Statement], after: Sequence[_Statement]) -> dict[str, str]:

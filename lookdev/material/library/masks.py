@@ -35,7 +35,7 @@ class MaskImage:
 
 @dataclass(frozen=True)
 class PrimvarName:
-    """A float of the geometry; 0 where the mesh has no such primvar."""
+    """A primvar of the geometry, a float or, for an input that is a colour, a colour; 0 where the mesh has none."""
 
     name: str
 

@@ -54,7 +54,8 @@ class _Grid(ImagePoints):
         return np.ones(())
 
     def view(self) -> Floats:
-        # Squared cosines are uniform over the disc. 387 / 1024 is near the golden section: they are even over st too.
+        # Squared cosines are uniform over the disc that a sphere's image is. 387 / 1024 is near the golden section, so
+        # that they are spread evenly over st, too.
         squares: Floats = (np.arange(1024) * 387 % 1024 + 0.5) / 1024
         return np.asarray(np.sqrt(squares).reshape(32, 32))
 
@@ -115,7 +116,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
 
 
 def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
-    """Return the connection of an input of the preview: that of the layer with most weight, if it decides the input."""
+    """Return the connection of an input of the preview; [] if no layer with more than half of the weight has one."""
     covers = np.array([1.0, *(_coverage(layer) * (layer.mode == "over") for layer, _ in layers[1:])])
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
     decisive = int(np.argmax(weights))

@@ -16,7 +16,7 @@ from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, OutputS
 
 _TYPES = Sdf.ValueTypeNames
 LAYER_PARTS = ("", "Mask", "Enabled", "Mode")
-"""The ends of the names of a layer's inputs."""
+"""The ends of the names of a layer's inputs of a LookdevLayers; "" is the input that is connected to the layer."""
 
 
 @dataclass(frozen=True)

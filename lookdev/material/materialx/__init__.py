@@ -90,7 +90,7 @@ def import_materialx(file: Path) -> ImportedDocument:
 
 
 def write_usda(imported: ImportedDocument, path: Path, *, replace: bool = False) -> None:
-    """Write imported materials as looks, each a layer LookdevDisney; an only material is the default prim.
+    """Write imported materials as looks, each a layer LookdevDisney; a single material is the default prim.
 
     Image paths relative to the document become relative to `path`. Raises OutputError where `path` exists, unless
     `replace`, or is not the path of a USD file.

@@ -24,7 +24,7 @@ MATERIALX_TYPES = {"float": "float", "color": "color3"}
 """MaterialX's type of a parameter, by its kind."""
 
 _VALUE_INPUTS = {"constant": "value"}
-"""The input that has the value of a node, by the category of nodes that pass one on."""
+"""The input whose value a node passes on unchanged, by the node's category."""
 
 _WRAPS: dict[str, Wrap] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 _SPLITTERS = ("extract", "swizzle", "separate3", "separate4")

@@ -3,15 +3,16 @@
 Each fit is a function of one number. Five fits are means of directional albedos over all views, weighted by the square
 of the views' cosines:
 
-- `lost`: 1 minus that of Disney's specular lobe with a Fresnel term of 1, by alpha.
-- `hidden`: the additional reflection of this lobe with shadowing by correlated heights, as other models have, by alpha.
-- `sheen`: that of MaterialX's `sheen_bsdf` in mode ``conty_kulla`` (Estevez and Kulla 2017), by its roughness.
+- `lost`: 1 minus the albedo of Disney's specular lobe with a Fresnel term of 1, as a function of alpha.
+- `hidden`: how much larger this albedo is with height-correlated shadowing, as other models have, by alpha.
+- `sheen`: the albedo of MaterialX's `sheen_bsdf` in mode ``conty_kulla`` (Estevez and Kulla 2017), by its roughness.
 - `fuzz`: the same in mode ``zeltner`` (Zeltner, Burley and Chiang 2022).
 - `rough`: that of `oren_nayar_diffuse_bsdf` without energy compensation (Oren and Nayar 1994), by its roughness.
 
-`sheen`, `fuzz` and `rough` use MaterialX's own formulas. `edge` is the reflectance at grazing incidence, at most 1,
-with which Schlick's term fits the Fresnel term of a dielectric best up to 80 degrees, by the square root of its normal
-reflectance over `MIN_ROOT_OF_WHITE_F90`. A residual is the largest error.
+`sheen`, `fuzz` and `rough` use MaterialX's own formulas. The sixth fit, `edge`, is f90, at most 1: the reflectance at
+grazing incidence of the Schlick term that is closest to the Fresnel term of a dielectric from 0 to 80 degrees. It is a
+function of sqrt(f0) / `MIN_SQRT_F0_OF_UNIT_F90`, where f0 is the dielectric's reflectance at normal incidence. A
+residual is the largest error.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ from lookdev.brdf.lobes import DirectionPair
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.closures.rational import Degree, RationalProblem, fit_rational
 from lookdev.closures.setups import WHITE, disney_lobe
-from lookdev.material.translate.lobes import FITS_FILE, MIN_ROOT_OF_WHITE_F90
+from lookdev.material.translate.lobes import FITS_FILE, MIN_SQRT_F0_OF_UNIT_F90
 
 _POINTS = np.linspace(0.0, 1.0, 41)
-_ABOVE, _BELOW = Degree(3, 0, 3), Degree(2, 0, 2)
+_NUMERATOR_DEGREE, _DENOMINATOR_DEGREE = Degree(3, 0, 3), Degree(2, 0, 2)
 _CELLS = (48, 32)
 
 
@@ -40,8 +41,10 @@ def multiple_scattering_energy(alpha: float) -> float:
 
 
 def overshadowed_energy(alpha: float) -> float:
-    """Return the light that only separable shadowing removes, not correlated (Heitz 2014, section 5.3)."""
+    """Return how much more a lobe reflects with height-correlated than with separable shadowing.
 
+    See Heitz 2014, section 5.3.
+    """
     return _mean_over_views(
         lambda view: _lobe_albedo(view, alpha, correlated=True) - _lobe_albedo(view, alpha, correlated=False)
     )
@@ -84,6 +87,7 @@ def fuzz_albedo(roughness: float) -> float:
 
 
 def oren_nayar_albedo(roughness: float) -> float:
+    """Return the albedo of Oren and Nayar's diffuse reflection of white."""
     variance = roughness * roughness
     a, b = 1.0 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
 
@@ -96,7 +100,8 @@ def oren_nayar_albedo(roughness: float) -> float:
 
 
 def grazing_reflectance(share: float) -> float:
-    root = MIN_ROOT_OF_WHITE_F90 * share
+    """Return f90 of the Schlick term for a dielectric; `share` is sqrt(f0) / `MIN_SQRT_F0_OF_UNIT_F90`."""
+    root = MIN_SQRT_F0_OF_UNIT_F90 * share
     ior = (1.0 + root) / (1.0 - root)
     c = np.cos(np.radians(np.linspace(0.0, 80.0, 81)))
     g = np.sqrt(ior * ior + c * c - 1.0)
@@ -122,7 +127,9 @@ def make_table() -> dict[str, dict[str, object]]:
     for name, function in FUNCTIONS.items():
         target = np.array([function(float(x)) for x in _POINTS])
         fitted = fit_rational(
-            RationalProblem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)), _ABOVE, _BELOW
+            RationalProblem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)),
+            _NUMERATOR_DEGREE,
+            _DENOMINATOR_DEGREE,
         )
         error = np.abs(np.asarray(fitted(_POINTS)) - target).max()
         residual = float(f"{error:.2g}")

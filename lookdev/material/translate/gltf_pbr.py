@@ -17,15 +17,17 @@ def _layers(p: Parameters) -> list[StackLayer]:
     color, metallic, base_roughness = p["base_color"], p["metallic"], p["roughness"]
     presence = _presence(p)
     f0 = scale(np.minimum(scale(p["specular_color"], lobes.f0_of_ior(p["ior"])), 1.0), p["specular"])
-    emerging, interface = lobes.mix_with_metal(
+    emerging_light, interface = lobes.mix_with_metal(
         color, lobes.Interface(f0, p["specular"], base_roughness), lobes.Interface(color, 1.0, base_roughness), metallic
     )
     weight = lobes.max_channel(p["sheen_color"])
     hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
-    emerging = lobes.color_under_sheen(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
+    emerging_light = lobes.color_under_sheen(
+        emerging_light, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"]
+    )
     roughness, anisotropic = _disney_roughness(p)
     layers = lobes.base_and_coat(
-        emerging,
+        emerging_light,
         interface,
         p["normal"],
         presence=presence,
@@ -54,12 +56,12 @@ def _disney_roughness(p: Parameters) -> tuple[Real, Real]:
     Its alphas are ``mix(roughness^2, 1, strength^2)`` and ``roughness^2``.
     """
     roughness, strength = p["roughness"], p["anisotropy_strength"]
-    across = np.maximum(roughness * roughness, 1e-5)
-    along = mix(across, 1.0, strength * strength)
-    quotient = across / along
+    alpha_y = np.maximum(roughness * roughness, 1e-5)
+    alpha_x = mix(alpha_y, 1.0, strength * strength)
+    quotient = alpha_y / alpha_x
     # The ratio of the alphas is at most ten; beyond, the narrower alpha stays.
     aspect2 = np.maximum(quotient, 0.1)
-    return np.sqrt(across / np.sqrt(aspect2)), (1.0 - aspect2) * (1.0 / 0.9)
+    return np.sqrt(alpha_y / np.sqrt(aspect2)), (1.0 - aspect2) * (1.0 / 0.9)
 
 
 GLTF_PBR = Translation(
@@ -72,7 +74,7 @@ GLTF_PBR = Translation(
         "tangent": Loss(Reason.TANGENT),
         "occlusion": Loss("the light that reaches a point is traced"),
         "transmission": Loss(Reason.TRANSMISSION),
-        "specular_color": Loss(Reason.HUE_AT_GRAZING, gray=True),
+        "specular_color": Loss(Reason.HUE_AT_GRAZING, unless_gray=True),
         "iridescence": Loss(Reason.THIN_FILM),
         "iridescence_ior": Loss(Reason.THIN_FILM, "iridescence"),
         "iridescence_thickness": Loss(Reason.THIN_FILM, "iridescence"),

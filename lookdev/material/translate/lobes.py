@@ -25,8 +25,8 @@ from lookdev.brdf.vectors import Array, Real, are_equal, mean, mix, mix_color, s
 FITS_FILE = Path(__file__).parent / "data" / "fits.json"
 """The file of fits, which `lookdev.material.translate.fitting` writes."""
 
-MIN_ROOT_OF_WHITE_F90 = 0.2
-"""The square root of f0 from which on f90 of a dielectric is 1: that of an index of refraction of 1.5."""
+MIN_SQRT_F0_OF_UNIT_F90 = 0.2
+"""The least square root of f0 with which f90 of a dielectric is 1: that of an index of refraction of 1.5."""
 
 WHITE: Array = np.ones(3)
 
@@ -48,8 +48,8 @@ def f0_of_ior(ior: Real) -> Real:
 
 
 def f90_of_f0(f0: Real) -> Real:
-    """Return the grazing reflectance, (...), with which Schlick's term fits the Fresnel term of a dielectric best."""
-    share = np.minimum(np.sqrt(f0) * (1.0 / MIN_ROOT_OF_WHITE_F90), 1.0)
+    """Return f90, (...), of the Schlick term that is closest to the Fresnel term of a dielectric (the fit `edge`)."""
+    share = np.minimum(np.sqrt(f0) * (1.0 / MIN_SQRT_F0_OF_UNIT_F90), 1.0)
     return np.where(share > 0.999, 1.0, np.clip(load_fit("edge")(share), 0.0, 1.0))
 
 
@@ -125,7 +125,7 @@ class Interface:
         return cls(scale(tint, weight * f0), max_channel(tint) * weight * f90_of_f0(f0), roughness)
 
     def mean_withheld(self) -> Real:
-        """Return the approximate mean over all views, (...), of the light that the lobe of `coat` withholds."""
+        """Return the mean over all views, (...), of the light that the lobe of `coat` withholds; approximate."""
         grazing = ggx_reflectance(_MEAN_COSINE, np.maximum(self.roughness * self.roughness, 0.001), np.zeros(()))
         return mean(self.f0) * (1.0 - self._roughness_fit("lost") - grazing) + self.f90 * grazing
 
@@ -164,14 +164,14 @@ def mix_with_metal(
 
     `weight`, (...), multiplies the reflection of the metal.
     """
-    emerging = dielectric.emerging_light(color)
+    emerging_light = dielectric.emerging_light(color)
     if not are_equal(metalness, 0.0):
-        emerging = mix_color(emerging, scale(metal.scattered_light(), weight), metalness)
-    return emerging, dielectric.mix_with(metal.tint_by(scale(WHITE, weight)), metalness)
+        emerging_light = mix_color(emerging_light, scale(metal.scattered_light(), weight), metalness)
+    return emerging_light, dielectric.mix_with(metal.tint_by(scale(WHITE, weight)), metalness)
 
 
 def base_and_coat(
-    emerging: Array,
+    emerging_light: Array,
     interface: Interface,
     normal: Array,
     *,
@@ -187,14 +187,14 @@ def base_and_coat(
 
     Parameters
     ----------
-    emerging : (..., 3)
+    emerging_light : (..., 3)
         The light that leaves the base through the coat.
     presence, coat_presence : (...)
         The presence of the base, and that of the coat, by default the same.
     roughness : (...)
         The roughness of an anisotropic lobe; by default that of `interface`.
     """
-    color = scale(emerging, 1.0 / np.maximum(1.0 - interface.mean_withheld(), 0.01))
+    color = scale(emerging_light, 1.0 / np.maximum(1.0 - interface.mean_withheld(), 0.01))
     rough = interface.roughness if roughness is None else roughness
     coat_presence = presence if coat_presence is None else coat_presence
     return [

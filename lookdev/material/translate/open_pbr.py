@@ -21,12 +21,14 @@ def _layers(p: Parameters) -> list[StackLayer]:
     presence, thin = p["geometry_opacity"], p["geometry_thin_walled"] == "1"
     dielectric = lobes.Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
     metal = lobes.Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
-    emerging, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
+    emerging_light, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
     tint = _tint(p)
-    emerging = lobes.color_under_sheen(emerging * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"])
+    emerging_light = lobes.color_under_sheen(
+        emerging_light * tint, p["fuzz_weight"], p["fuzz_color"], "fuzz", p["fuzz_roughness"]
+    )
     roughness, anisotropic = _disney_roughness(base_roughness, p["specular_roughness_anisotropy"])
     layers = lobes.base_and_coat(
-        emerging,
+        emerging_light,
         interface.tint_by(tint),
         p["geometry_normal"],
         presence=presence,
@@ -68,8 +70,8 @@ def _ior(p: Parameters) -> Real:
 def _coated_roughness(p: Parameters) -> Real:
     """Return the roughness of the base as it appears through the coat."""
     base_alpha, coat_alpha = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
-    both = np.sqrt(np.sqrt(np.minimum(2.0 * coat_alpha * coat_alpha + base_alpha * base_alpha, 1.0)))
-    return mix(p["specular_roughness"], both, p["coat_weight"])
+    coated = np.sqrt(np.sqrt(np.minimum(2.0 * coat_alpha * coat_alpha + base_alpha * base_alpha, 1.0)))
+    return mix(p["specular_roughness"], coated, p["coat_weight"])
 
 
 def _tint(p: Parameters) -> Array:
@@ -88,10 +90,10 @@ def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
 
     Its alphas are ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
     """
-    across = 1.0 - anisotropy
-    along2 = 2.0 / (1.0 + across * across)
-    # The fourth root of the alphas' product, whose ratio is at most ten.
-    return roughness * np.sqrt(np.sqrt(along2 * np.maximum(across, 0.1))), lobes.disney_anisotropy(anisotropy)
+    aspect = 1.0 - anisotropy
+    squared_scale = 2.0 / (1.0 + aspect * aspect)
+    # The fourth root of the product of the alphas, whose ratio is at most ten.
+    return roughness * np.sqrt(np.sqrt(squared_scale * np.maximum(aspect, 0.1))), lobes.disney_anisotropy(anisotropy)
 
 
 OPEN_PBR_SURFACE = Translation(
@@ -102,7 +104,7 @@ OPEN_PBR_SURFACE = Translation(
     _layers,
     {
         "base_diffuse_roughness": Loss(Reason.DIFFUSE_ROUGHNESS),
-        "specular_color": Loss(Reason.HUE_AT_GRAZING, gray=True),
+        "specular_color": Loss(Reason.HUE_AT_GRAZING, unless_gray=True),
         "transmission_weight": Loss(Reason.TRANSMISSION),
         **{
             f"transmission_{name}": Loss(Reason.VOLUME, "transmission_weight")
@@ -114,7 +116,7 @@ OPEN_PBR_SURFACE = Translation(
             for name in ("radius", "radius_scale", "scatter_anisotropy")
         },
         "fuzz_weight": Loss(Reason.SHEEN),
-        "coat_color": Loss(Reason.HUE_AT_GRAZING, "coat_weight", gray=True),
+        "coat_color": Loss(Reason.HUE_AT_GRAZING, "coat_weight", unless_gray=True),
         "thin_film_weight": Loss(Reason.THIN_FILM),
         "thin_film_thickness": Loss(Reason.THIN_FILM, "thin_film_weight"),
         "thin_film_ior": Loss(Reason.THIN_FILM, "thin_film_weight"),

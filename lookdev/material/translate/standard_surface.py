@@ -22,10 +22,10 @@ def _layers(p: Parameters) -> list[StackLayer]:
     roughness = mix(p["specular_roughness"], 1.0, coat_weight * p["coat_affect_roughness"] * p["coat_roughness"])
     dielectric = lobes.Interface.from_ior(p["specular_IOR"], roughness, p["specular_color"], p["specular"])
     metal = lobes.Interface(scale(p["base_color"], p["base"]), 1.0, roughness)
-    emerging, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness)
+    emerging_light, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness)
     thin = p["thin_walled"] == "1"
     layers = lobes.base_and_coat(
-        emerging * tint,
+        emerging_light * tint,
         interface.tint_by(tint),
         normal,
         presence=presence,
@@ -59,7 +59,7 @@ STANDARD_SURFACE = Translation(
     _layers,
     {
         "diffuse_roughness": Loss(Reason.DIFFUSE_ROUGHNESS),
-        "specular_color": Loss(Reason.HUE_AT_GRAZING, gray=True),
+        "specular_color": Loss(Reason.HUE_AT_GRAZING, unless_gray=True),
         "specular_rotation": Loss(Reason.ROTATION, "specular_anisotropy"),
         "transmission": Loss(Reason.TRANSMISSION),
         **{
@@ -70,13 +70,13 @@ STANDARD_SURFACE = Translation(
         "subsurface": Loss(Reason.SUBSURFACE),
         **{f"subsurface_{name}": Loss(Reason.SUBSURFACE, "subsurface") for name in ("radius", "scale", "anisotropy")},
         "sheen": Loss(Reason.SHEEN),
-        "coat_color": Loss(Reason.HUE_AT_GRAZING, "coat", gray=True),
+        "coat_color": Loss(Reason.HUE_AT_GRAZING, "coat", unless_gray=True),
         "coat_rotation": Loss(Reason.ROTATION, "coat_anisotropy"),
         "thin_film_thickness": Loss(Reason.THIN_FILM),
         "thin_film_IOR": Loss(Reason.THIN_FILM, "thin_film_thickness"),
         "emission": Loss(Reason.EMISSION),
         "emission_color": Loss(Reason.EMISSION, "emission"),
-        "opacity": Loss("the surface is there in part, by the mean of the colour", gray=True),
+        "opacity": Loss("the surface is there in part, by the mean of the colour", unless_gray=True),
         "tangent": Loss(Reason.TANGENT),
     },
 )

@@ -14,7 +14,7 @@ from lookdev.brdf.vectors import Parameters
 from lookdev.material import Input
 
 _NORMALS = {"Tworld": (1.0, 0.0, 0.0)}
-"""The default of an input by the geometric property that it has; of others, the shading normal."""
+"""The default of a vector by the input's ``defaultgeomprop``; without an entry here, it is the shading normal."""
 
 
 class Reason(StrEnum):
@@ -36,12 +36,13 @@ class Reason(StrEnum):
 class Loss:
     """The reason why an input that differs from its default is lost, wholly or in part.
 
-    Nothing is lost where the input that it `needs` is constantly 0 or black, or where a `gray` one has no hue.
+    Nothing is lost where another input, which the input `needs`, is constantly 0 or black. With `unless_gray`, nothing
+    is lost where the input is a constant colour without hue.
     """
 
     reason: str
     needs: str = ""
-    gray: bool = False
+    unless_gray: bool = False
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,8 @@ class Translation:
         base. Code generation traces the function, which is plain NumPy.
     loss_reasons
         Why inputs are lost, by their names.
-    changed
-        The parameters that differ from those of the definition.
+    overrides
+        The parameters that differ from those of the definition, by name.
     """
 
     name: str
@@ -86,13 +87,13 @@ class Translation:
         return {name: _read_parameter(name, port) for name, port in ports.items()} | dict(self.overrides)
 
     def losses(self, inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
-        """Yield the inputs, of those that are set, that are lost, wholly or in part, each with the reason."""
+        """Yield each input that is set and is lost, wholly or in part, with the reason; `inputs` are those set."""
         for name, value in inputs.items():
             loss = self.loss_reasons.get(name)
             if loss is None or value == self.parameters[name].default:
                 continue
             needed = inputs.get(loss.needs, self.parameters[loss.needs].default) if loss.needs else 1.0
-            hueless = loss.gray and isinstance(value, tuple) and len(set(value)) == 1
+            hueless = loss.unless_gray and isinstance(value, tuple) and len(set(value)) == 1
             if needed not in (0.0, (0.0, 0.0, 0.0)) and not hueless:
                 yield name, str(loss.reason)
 

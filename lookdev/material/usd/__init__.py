@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import MASK, MODELS, Mode, Parameter, index_of_excluding_model, layer_shaders
+from lookdev.brdf import MASK, MODELS, Mode, Parameter, find_mode_conflict, layer_shaders
 from lookdev.brdf.parameters import expand_tokens
 from lookdev.errors import Fault, LookError, ModelError, nearest_hint
 from lookdev.material import UNITS, Displacement, Input, Layer, Look, Mask, depends_on_view
@@ -274,10 +274,10 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
     """Add faults of modes that the layers beneath rule out, and of tokens that layers of one model must share."""
     for number, (attribute, layer) in enumerate(layers):
         beneath = [layer_below for _, layer_below in layers[:number]]
-        excluding = index_of_excluding_model(layer.mode, [stack_layer.model for stack_layer in (*beneath, layer)])
-        if excluding is not None:
+        conflict = find_mode_conflict(layer.mode, [stack_layer.model for stack_layer in (*beneath, layer)])
+        if conflict is not None:
             models = " or ".join(model.identifier for model in MODELS.values() if layer.mode in model.modes)
-            message = f"cannot be '{layer.mode}': {layers[excluding][1].name} is a {layers[excluding][1].model} layer"
+            message = f"cannot be '{layer.mode}': {layers[conflict][1].name} is a {layers[conflict][1].model} layer"
             hint = f"only a {models} layer over nothing but {models} layers can {layer.mode}; use 'over'"
             network.add_fault(f"{attribute.GetPath()}Mode", message, hint)
         if number and all(layer_below.model == layer.model for layer_below in beneath):

@@ -19,7 +19,7 @@ SOBEL_SCALE = 1.0 / 16.0
 
 
 class _Formula(NamedTuple):
-    """An expression of inputs with their defaults. It is linear in each of the inputs `linear`, the others fixed."""
+    """An expression of inputs with their defaults; linear in each of the inputs `linear` while the others are fixed."""
 
     text: str
     defaults: dict[str, float]

@@ -197,7 +197,7 @@ class UsdNode:
         return constant(*default) if term is None else term
 
     def read_numbers(self, name: str, *default: float) -> tuple[float, ...]:
-        """Return a constant input with the same number of channels as its default."""
+        """Return the channels of a constant input, as many as its default has; NotCarriedError where it is computed."""
         term = self.reader.read_term(self.attribute(name), len(default))
         if term is None:
             return default

@@ -102,8 +102,8 @@ def tangent_normal(node: UsdNode, encoded: NodeValue, scale: NodeValue) -> NodeV
     if scale.numbers == (1.0,) * len(scale.numbers or ()) and scale.numbers:
         return replace(centred, tangent=True)
     pair = convert_channels(scale, 2)
-    wide = node.terms.join_channels(node.terms.channel(pair, 0), node.terms.channel(pair, 1), constant(1.0))
-    return replace(node.terms.apply("{a} * {b}", {"a": centred, "b": wide}, ("a", "b")), tangent=True)
+    factors = node.terms.join_channels(node.terms.channel(pair, 0), node.terms.channel(pair, 1), constant(1.0))
+    return replace(node.terms.apply("{a} * {b}", {"a": centred, "b": factors}, ("a", "b")), tangent=True)
 
 
 def read_texcoord(node: UsdNode) -> NodeValue:

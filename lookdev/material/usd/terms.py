@@ -132,10 +132,10 @@ class Terms:
         return NodeValue(name, width, {name: leaf}, leaf=leaf)
 
     def apply(self, template: str, operands: Mapping[str, NodeValue], linear: Sequence[str] = ()) -> NodeValue:
-        """Return the value of a template, which has the names of operands in braces; it applies per channel.
+        """Return the value of a template, an expression with the names of operands in braces, for each channel.
 
-        The template is linear in each of the operands `linear`, the others fixed. Raises NotCarriedError where the
-        expression is too large, or an operand is a bump.
+        The template is linear in each of the operands `linear` if the others are fixed. Raises NotCarriedError where
+        the expression is too large, or an operand is a bump.
         """
         if any(operand.alpha for operand in operands.values()):
             colors = {name: replace(operand, alpha=None) for name, operand in operands.items()}
