@@ -9,9 +9,9 @@ bounding sphere), ``turn``, the rotation of the light about z in radians, and ``
 drawn from the BSDF alone: then no other macro or variable of sampling exists.
 
 ``parameters``
-    Of the shader: their values are those of `LightCode`.
+    Parameters of the shader, whose values are in `LightCode`.
 ``functions``
-    In front of the shader.
+    Functions, which precede the shader.
 ``setup``
     Runs at each shading point, with ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble.
     ``front_samples`` and ``back_samples`` are the numbers of directions for light from the viewer's side of the surface
@@ -207,7 +207,7 @@ def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: boo
 
 
 def _function_lines(head: str, values: Sequence[Scalar]) -> Lines:
-    """Return the lines of a function that assigns values to the outputs in its head, or else returns them."""
+    """Return the lines of a function that assigns values to the outputs in its head, or returns them if it has none."""
     components = {"float": ("",), "vector": ("[0]", "[1]", "[2]")}
     outputs = [name + part for kind, name in re.findall(r"output (\w+) (\w+)", head) for part in components[kind]]
     block = Block("v", indent=1)
