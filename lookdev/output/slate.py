@@ -23,6 +23,7 @@ _INK = np.float32(0.92)
 _PAGE = np.float32(0.12)
 
 BandLine = tuple[str, str]
+"""A line of text on a band: the text at its left, and the text at its right."""
 
 FONT = "DroidSans"
 """A font that ships with OpenImageIO, under the Apache License 2.0."""

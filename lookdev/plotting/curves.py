@@ -28,9 +28,9 @@ from lookdev.plotting.subject import PlotSubject
 from lookdev.reference.albedo import CELLS, integrate_albedo
 
 _AXIS_LABELS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
-_HORIZON_MARGIN = 1e-6
-_MIN_COSINE = np.sin(np.radians(1.0))
-_DECADES = 4.0
+_HORIZON_MARGIN = 1e-6  # least angle between a direction and the horizon, in degrees
+_MIN_COSINE = np.sin(np.radians(1.0))  # cosine of a direction that is a degree above the horizon
+_DECADES = 4.0  # of a polar plot with a log scale
 _ALBEDO_VIEWS = 19
 _DRAFT_CELLS = (16, 8)
 
@@ -45,18 +45,18 @@ def plot_cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plo
     """
     figure, ax, (*_, values), columns = _draw_subjects(subjects, options, cartesian_values)
     if options.axis == "theta_i":
-        still = f"view θo = {options.theta:g}°"
+        fixed_angles = f"view θo = {options.theta:g}°"
     else:
         other = "θd" if options.axis == "theta_h" else "θh"
-        still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
-    ax.set(xlabel=f"{_AXIS_LABELS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
+        fixed_angles = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
+    ax.set(xlabel=f"{_AXIS_LABELS[options.axis]} (degrees)", ylabel=_f_label(options), title=fixed_angles)
     scale_values(ax, options, values["inner"])
     draw_legend(ax)
     return Plot(figure, {f"{options.axis} (degrees)": values["x"], **columns})
 
 
 def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are a degree above the horizon."""
+    """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are over a degree from the horizon."""
     count = options.size or 721
     low = -options.limit if options.axis == "theta_i" else 0.0
     # Even in the root of theta_h, as a MERL file is: dense at the peak of most surfaces.

@@ -18,7 +18,7 @@ from lookdev.plotting.subject import PlotSubject
 
 _SAMPLES = 1 << 18
 _CELLS = 32, 64  # along the cosine, of both sides, and along the azimuth
-_NODES = 8
+_NODES = 8  # of Gauss's rule in a cell, along each axis
 _MIN_EXPECTED = 5.0
 """The expected number below which cells are merged, as is usual for the test."""
 _MAX_CELL_ERROR = 0.1

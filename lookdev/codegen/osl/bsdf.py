@@ -81,7 +81,7 @@ class BrdfCode:
     transmits
         Whether light can come from the back.
     crosses_surface
-        Whether a lobe is tilted and crosses the horizon.
+        Whether a lobe `crosses_surface`.
     see_through
         Whether setup defines a ``float presence``.
     light_sampled
@@ -164,7 +164,7 @@ def trace_lobes(
 
 
 def _side_condition(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
-    """Return the condition that both directions are above a lobe's own horizon, or None if it has none."""
+    """Return, for a lobe that `crosses_surface`, the condition that both directions are above its horizon."""
     if not lobe.crosses_surface:
         return None
     local_o, local_i = lobe.local_directions(wo, wi)

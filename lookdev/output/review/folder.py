@@ -12,7 +12,8 @@ from lookdev.output.exr import read_header
 from lookdev.output.frame_name import FRAME_PATTERN, frame_files
 from lookdev.output.manifest import STATE_FOLDER, read_manifest
 from lookdev.output.review.page import ReviewFrame, ReviewReel, Version, WrittenPage, write_review_page
-from lookdev.scene.charts.props import FOLDER, STRIP
+from lookdev.scene.charts.props import FOLDER as PROPS_FOLDER
+from lookdev.scene.charts.props import STRIP as PROPS_STRIP_KEY
 
 PAGE_FOLDER = "review"
 """Default folder of the page inside the output folder."""
@@ -59,7 +60,7 @@ def review(
 
 
 def read_version(folder: Path, page: Path) -> Version:
-    """Return the frames of an output folder, with the reference props over each.
+    """Return the frames of an output folder, each with the frame of reference props to composite over it, if any.
 
     Damaged frames are left out and listed among the problems. The folder `page` is skipped. Raises OutputError where no
     frame is left.
@@ -68,7 +69,7 @@ def read_version(folder: Path, page: Path) -> Version:
         raise OutputError(f"{folder}: no such folder; the output folder of a job would be right")
     folder = folder.absolute()
     reels: dict[tuple[str, str, str], list[ReviewFrame]] = {}
-    problems, digests_in_doubt = list[str](), set[str]()
+    problems, doubted_digests = list[str](), set[str]()
     for name, file in frame_files(folder):
         if name.look == STATE_FOLDER or file.is_relative_to(page):
             continue
@@ -80,24 +81,26 @@ def read_version(folder: Path, page: Path) -> Version:
         if "digest" not in header:
             problems.append(f"{file}: is left out: not written by lookdev")
             continue
-        if "charts.doubt" in header and header["digest"] not in digests_in_doubt:
-            digests_in_doubt.add(header["digest"])  # one picture has several names
+        # The header states a doubt about the frame's props (`lookdev.checks.charts`). One picture has several names,
+        # but its doubt is listed once.
+        if "charts.doubt" in header and header["digest"] not in doubted_digests:
+            doubted_digests.add(header["digest"])
             problems.append(f"{file}: {header['charts.doubt']}")
         reels.setdefault(name.reel, []).append(ReviewFrame(file, name.number, header))
     if not reels:
         reason = f": {'; '.join(map(shorten, problems[:_MAX_PROBLEMS]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{reason}")
     props = {
-        frame.file.relative_to(folder / FOLDER): frame.file
+        frame.file.relative_to(folder / PROPS_FOLDER): frame.file
         for (look, _, _), frames in reels.items()
         for frame in frames
-        if look == FOLDER and STRIP in frame.header
+        if look == PROPS_FOLDER and PROPS_STRIP_KEY in frame.header
     }
     if props and not _has_props(folder):
         props.clear()
     complete = []
-    for key, frames in sorted(reels.items(), key=lambda item: item[0][0] == FOLDER):  # props after the looks
-        if key[0] != FOLDER:
+    for key, frames in sorted(reels.items(), key=lambda item: item[0][0] == PROPS_FOLDER):  # props after the looks
+        if key[0] != PROPS_FOLDER:
             frames = [replace(frame, props_file=props.get(frame.file.relative_to(folder / key[0]))) for frame in frames]
         complete.append(ReviewReel(*key, tuple(frames)))
     return Version(folder.name, folder, tuple(complete), tuple(problems))

@@ -38,8 +38,8 @@ _PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")
 class Document:
     """The scenes of a job, one of which is visible, and the looks with their edits.
 
-    `scene_key` has the names of the visible look and rig. The number of a look is its number in the visible scene.
-    Methods are thread-safe.
+    `scene_key` has the names of the visible look and rig. Looks are numbered by their order in `distinct_looks` of the
+    visible scene. Methods are thread-safe.
     """
 
     def __init__(self, edited_job: EditedJob, recovery: Recovery | None = None) -> None:
@@ -99,6 +99,7 @@ class Document:
 
     @property
     def _originals(self) -> list[Look]:
+        """The looks of the visible scene without the edits of their files, by number."""
         return distinct_looks(self._scene)
 
     @property
@@ -147,7 +148,7 @@ class Document:
         return self._looks.open_look(self._current_job, self.scene_key, number, self._workspace.state)
 
     def edit(self, edit: Edit) -> bool:
-        """Change a constant of a look; return whether shaders change, and not only the value of a uniform.
+        """Change a constant of a look; return whether shaders change: False if only the value of a uniform does.
 
         Raises LookdevError, and changes nothing, if there is no such parameter, or it cannot have the value.
         """
@@ -288,7 +289,10 @@ class Document:
             raise
 
     def _adopt_state(self, scene: Scene, before: list[Look]) -> bool:
-        """Show the present state and store it for recovery; return whether shaders change."""
+        """Show the present state and store it for recovery; return whether shaders change.
+
+        `scene` and `before` are the scene and the visible looks before the change of state.
+        """
         choices = self.choices
         if not self._has_scene(self.scene_key):
             self.scene_key = (choices["looks"][0], choices["rigs"][0])

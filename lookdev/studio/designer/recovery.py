@@ -31,9 +31,11 @@ def state_folder() -> Path:
 
 @dataclass(frozen=True)
 class UnsavedWork:
-    """Unsaved work: file contents, each with the digest of the file that was on disk; variants; seconds of the epoch.
+    """The unsaved work of a Designer.
 
-    `visible` has the names of the visible look and rig.
+    `files` has the edited contents of files, each with the digest of the content that was known to be on disk.
+    `variants` are those of `EditState`. `time` is in seconds since the epoch. `visible` has the names of the visible
+    look and rig.
     """
 
     files: Mapping[Path, tuple[bytes, str]]

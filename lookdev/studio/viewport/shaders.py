@@ -82,7 +82,7 @@ class Shadows(IntEnum):
             return cls.TRACED
         if asset.sheet or not (look.program.transmits or look.program.see_through):
             return cls.NONE
-        # For lights that are not plain, the distance of the occluder matters.
+        # In a rig that is not plain, a shadow depends on the distance or the group of its occluder.
         return cls.BEHIND if rig.plain else cls.TRACED
 
 
