@@ -27,7 +27,7 @@ from lookdev.plotting import PlotSubject, model_subject
 _TRIALS = 128  # random starts
 _COARSE_STEP = 4  # the starts are compared, and followed, with every fourth pair of directions
 _SPARSE_STEP, _EFFECT_POINTS = 16, 4  # parameters without effect are found with every 16th pair, at 4 random points
-_DIFFERENCE_STEP = 1e-6
+_DIFFERENCE_STEP = 1e-6  # of a number in [0, 1], for a derivative
 _NO_EFFECT = 1e-9
 """The change of the loss, relative to the data, below which a parameter has no effect."""
 

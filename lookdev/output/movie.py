@@ -94,11 +94,12 @@ def _movie_pictures(frames: FrameSequence, pictures: Iterable[Floats32], slate_f
 
 
 def _grid_pages(frames: FrameSequence) -> Iterator[Floats32]:
+    """Yield a page of the pictures of all looks, side by side, for each step in time."""
     looks = len(frames.labels)
     cells = frames.pictures(SOURCE_SIZE)
-    most = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
+    max_cell = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
     while pictures := list(islice(cells, looks)):
-        cell = min(max(OVERVIEW_CELLS[0], *(side for picture in pictures for side in picture.shape[:2])), most)
+        cell = min(max(OVERVIEW_CELLS[0], *(side for picture in pictures for side in picture.shape[:2])), max_cell)
         yield sheet_page(pictures, frames.labels, frames.title, cell=cell).astype(np.float32) / np.float32(255.0)
 
 

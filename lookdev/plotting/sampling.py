@@ -16,7 +16,7 @@ from lookdev.plotting.figure import LUMINANCE, Plot, PlotValues, create_figure, 
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
-_SAMPLES = 1 << 18
+_SAMPLES = 1 << 18  # directions drawn for the histogram of weights, and for the test
 _CELLS = 32, 64  # along the cosine, of both sides, and along the azimuth
 _NODES = 8  # of Gauss's rule in a cell, along each axis
 _MIN_EXPECTED = 5.0

@@ -26,10 +26,10 @@ from lookdev.plotting.figure import (
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
-_DECADES = 4.0
-_PIXELS = 160
+_DECADES = 4.0  # of the radius of a lobe, with a log scale
+_PIXELS = 160  # along a side of the picture of a sphere
 _DOME = "studio"
-_SAMPLES = 48
+_SAMPLES = 48  # samples of a pixel, of the surface and of the dome each
 _RECURRENCE_ROOT = 1.1673039782614187
 """Positive root of x^5 = x + 1: its inverse powers are the steps of the recurrence in 4 dimensions (Roberts 2018)."""
 

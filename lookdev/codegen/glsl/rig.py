@@ -56,13 +56,15 @@ _LAMP = {
 """Parameters of GLSL functions, by name; the ``out`` parameters are the numbers of a traced result, in order."""
 
 _FIELD = "lamp_{}"
+"""The name of the GLSL variable that has a field of a lamp's row."""
 
 
 @dataclass(frozen=True)
 class RigFunctions:
     """The text of a rig's functions, after `functions.PRELUDE`, and the values that they read.
 
-    The caller first sets the globals ``rig_place`` and the shading frame, by ``rig_meet_surface``.
+    The caller first calls ``rig_meet_surface``, which sets the globals ``rig_place``, the shading point, and the
+    shading frame.
 
     ``rig_arriving``
         Returns the light from a direction, divided by the density with which all strategies together draw the

@@ -18,6 +18,7 @@ from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_
 from lookdev.errors import CodegenError
 
 _AXES = ("X", "Y", "Z")
+# Blender's identifiers of the input sockets of Math and of Vector Math, in order.
 _SOCKETS = ("Value", "Value_001", "Value_002")
 _VECTOR_SOCKETS = ("Vector", "Vector_001", "Vector_002")
 

@@ -21,7 +21,7 @@ from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbols, vector_symbols
 
 _EXTENSION = {"black": "CLIP", "clamp": "EXTEND", "repeat": "REPEAT", "mirror": "MIRROR"}
-_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # the `ImageBinding.transform` that leaves coordinates unchanged
 
 
 def bind_inputs(builder: TreeBuilder, inputs: SymbolicSurface, names: Iterable[str]) -> tuple[AttributeBinding, ...]:

@@ -24,7 +24,11 @@ from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import TexturedRectangle
 
 BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
+"""The fields of a row that `cone_factor` and `focus_factor` of `lookdev.light.emission` read."""
+
 FALLOFF = ("virtual", "power", "fade", "fade_rise")
+"""The fields of a row that `falloff_factor` reads."""
+
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 """The fields of a row that `shadow_operations` reads."""
 

@@ -48,7 +48,7 @@ from lookdev.space import REC709, Space, matrix_from_rec709
 LivePredicate = Callable[[int, str], bool]
 """Returns whether a constant is live, from the number of its layer and its parameter (see `generate_program`)."""
 
-_CONSTANT_TYPES = (np.ndarray, float)
+_CONSTANT_TYPES = (np.ndarray, float)  # of a layer's values that are constants: others are symbols or tokens
 
 
 def generate_program(

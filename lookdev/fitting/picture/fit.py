@@ -26,6 +26,8 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Scene
 
 _PAGE_PIXELS = 1 << 18
+"""A photo with more pixels is shown in blocks of pixels, at least this number of them."""
+
 _PAGE_SAMPLES = 1 << 19
 """Samples of a picture of the page, over all of its pixels."""
 
@@ -42,7 +44,7 @@ class PictureFitRequest:
         The files to write, if any. A look that cannot be written is an error if the user named it (`look_named`), else
         a note.
     exposure
-        Whether the exposure of the picture is searched, too.
+        Whether the exposure of the picture is an unknown, too.
     pixels, settings
         The least number of pixels to render, if the picture divides into suitable blocks, and the extent of the search.
     """

@@ -237,7 +237,10 @@ class Search:
         return unit, loss
 
     def _polish(self, unit: Floats) -> bool:
-        """Take steps with new seeds and double the samples; return whether the last step is smaller than its error."""
+        """Take undamped steps, each with new seeds; return whether the last step is smaller than its error.
+
+        The first step has twice the samples of `_follow`; they are doubled after each step, up to `final_samples`.
+        """
         samples, derivative_samples = 2 * self.settings.samples, 2 * self.settings.derivative_samples
         is_small = False
         for number in range(self.settings.rounds):

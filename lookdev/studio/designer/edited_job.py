@@ -33,7 +33,7 @@ from lookdev.studio.roots import is_below
 
 _LOOK = re.compile(r"look\[(\d+)\]")
 _FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")
-_MAX_PARENT_FOLDERS = 2  # of a path that is relative to the job's folder
+_MAX_PARENT_FOLDERS = 2  # largest number of ".." in a path that is relative to the job's folder
 _MAX_READ_BYTES = 1 << 20  # bytes of a file that are searched for a material
 _BINARY_USD = b"PXR-USDC"
 

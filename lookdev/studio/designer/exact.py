@@ -216,9 +216,9 @@ def backend_title(backend: str) -> str:
 
 
 def view_task(scene: Scene, view: RequestedView, backend: str) -> SceneTask:
-    """Return the task of a picture, reduced to the size that the backend renders in time."""
-    shrink = min(1.0, MAX_SIDE[backend] / max(view.size))
-    width, height = (max(4, round(shrink * side)) for side in view.size)
+    """Return the task of a picture, whose longer side is at most `MAX_SIDE` of the backend."""
+    scale = min(1.0, MAX_SIDE[backend] / max(view.size))
+    width, height = (max(4, round(scale * side)) for side in view.size)
     small_scene = replace(scene, camera=view.camera, film=replace(scene.film, resolution=(width, height)))
     return scene_task(small_scene, Sampling(passes=("direct",)), backend, "cpu")
 

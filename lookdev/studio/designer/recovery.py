@@ -115,7 +115,7 @@ class Recovery:
         return has_record
 
     def _find_earlier(self) -> UnsavedWork | None:
-        records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_age, reverse=True)
+        records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_modification_time, reverse=True)
         for record in records:
             try:
                 if not self._is_locked(record):
@@ -144,7 +144,7 @@ class Recovery:
         return record.with_suffix(".lock")
 
 
-def _age(file: Path) -> float:
+def _modification_time(file: Path) -> float:
     try:
         return file.stat().st_mtime
     except OSError:

@@ -21,8 +21,8 @@ from lookdev.studio.explorer.surfaces import Surfaces
 DOME = "studio"
 """The built-in environment map that lights spheres, in the page and in the renderer."""
 
-_DOME_SAMPLES = 4096
-_PAIR_COUNT = 2048
+_DOME_SAMPLES = 4096  # directions drawn from the dome for the page
+_PAIR_COUNT = 2048  # pairs of directions with reference values
 
 
 def live_parameters(model: str) -> frozenset[str]:

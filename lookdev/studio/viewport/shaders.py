@@ -89,7 +89,7 @@ class Shadows(IntEnum):
 def look_shaders(
     look: LookFunctions, rig: RigFunctions, corners: CornerTexels, shadows: Shadows, convex: bool
 ) -> LookShaders:
-    """Return the fragment shaders of a look under a rig, on an asset that may be `convex`."""
+    """Return the fragment shaders of a look under a rig; `convex` states whether the asset is convex."""
     visible, relight = _sections("visible.glsl"), _sections("relight.glsl")
     shadow = (files("lookdev") / "shaders" / "shadow.glsl").read_text(encoding="utf-8")
     constants = {

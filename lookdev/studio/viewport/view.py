@@ -39,7 +39,7 @@ INTERREFLECTION = "interreflection: light that other parts of the asset reflect 
 
 _HOLES = "light through holes: a surface with a presence below 1 casts a full shadow"
 
-_HALF_MAX = 65504.0
+_HALF_MAX = 65504.0  # largest half float
 
 
 @dataclass(frozen=True, eq=False)
