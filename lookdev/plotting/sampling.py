@@ -27,7 +27,7 @@ _MAX_CELL_ERROR = 0.1
 
 @dataclass(frozen=True)
 class ChiSquare:
-    """The statistic, its degrees of freedom, and the probability p of a statistic at least as large by chance.
+    """A test's result: the statistic, its degrees of freedom, and the probability p of one at least as large by chance.
 
     `resolved` is whether the integrals of the pdf over cells are exact enough for a valid test.
     """

@@ -1,4 +1,4 @@
-"""Surfaces that coincide with a surface do not shadow it: `lookdev.scene.shading.LIFT` in nodes.
+"""`lookdev.scene.shading.LIFT` as nodes: surfaces that coincide with a surface do not shadow it.
 
 The coordinates of a triangle's corners determine how far a position is rounded, but nodes cannot read them. The corners
 are assumed to be at most as far from the origin as the position, plus its distance to the viewer.
@@ -14,7 +14,7 @@ GROUP = "Lookdev Coincident"
 
 
 def add_lift(builder: TreeBuilder) -> NodeLink:
-    """Add the nodes that compute the lift: the height above a surface, in metres, below which its rays pass others."""
+    """Add the nodes that compute the lift, in metres: rays that leave a surface pass others up to this height."""
     position = NodeLink(builder.add("NewGeometry"), "Position")
     distance = NodeLink(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": position}), "Value")
     size = _add_math(builder, "ADD", distance, NodeLink(builder.add("CameraData"), "View Distance"))

@@ -34,8 +34,9 @@ _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vect
 # Directions drawn at a shading point from the BSDF, and from the light, unless the job or the lobes decide otherwise.
 _DIRECTIONS = 4
 
-# Share of a broad lobe in the directions drawn from the BSDF, without and with bounces. The lobe is light-sampled: it
-# needs these directions only for light that the asset reflects. Smaller shares are not better (docs/bench.md).
+# Factors of a broad lobe's share in the directions drawn from the BSDF, without and with bounces. The lobe is
+# light-sampled: it needs these directions only for light that the asset reflects. Smaller ones are not better
+# (docs/bench.md).
 _BROAD_SHARES = (0.05, 0.3)
 
 # In 1/sr. Russian roulette decides whether a direction drawn from the light is traced, if the BSDF's pdf and values are

@@ -24,7 +24,7 @@ from lookdev.space import REC709, error_in_rec709
 NOISE_LIMIT = 3.0
 """Largest difference of two versions of a pixel that noise explains, as the z of `lookdev.metrics.noise_ratio`.
 
-Where noise is Gaussian, 0.27 % of pixels exceed it by chance.
+Where noise is Gaussian, at most 0.27 % of pixels exceed it by chance.
 """
 
 SQUARE = 7

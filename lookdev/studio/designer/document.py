@@ -241,6 +241,7 @@ class Document:
         return enabled.index(self._solo[1]) if self._solo[1] in enabled else None
 
     def _enabled_layers(self, number: int) -> list[int]:
+        """Return the numbers, in its file, of a look's layers that are not muted."""
         return [entry.number for entry in self._open_look(number).outline.entries if entry.enabled]
 
     def undo(self, direction: int = -1) -> bool:
@@ -252,12 +253,14 @@ class Document:
             return self._adopt_state(*before)
 
     def _editable_location(self, number: int) -> LookLocation:
+        """Return the location of a look; raise LookdevError if the look cannot be edited."""
         location = self._location_or_reason(number)
         if isinstance(location, str):
             raise LookdevError(f"{location}: it cannot be edited here")
         return location
 
     def _variants_of(self, location: LookLocation) -> dict[str, str]:
+        """Return the variants that the job chooses for a look, replaced by those that only the page shows."""
         return {**location.variants, **self._workspace.state.variants.get(location.key, {})}
 
     def _image_roots(self, location: LookLocation) -> list[Path]:
@@ -279,6 +282,7 @@ class Document:
         )
 
     def _push_state(self, label: str, state: EditState, gesture: str = "") -> bool:
+        """Add a step to a new state and show it; return whether shaders change. If that fails, nothing changes."""
         before, history = (self._scene, self._visible_looks()), self._workspace.history.copy()
         revision, scene_key = self._revision, self.scene_key
         self._workspace.history.push(label, state, gesture)
