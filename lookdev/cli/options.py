@@ -26,7 +26,7 @@ AsJson = Annotated[bool, Option("--json", help="Write one JSON document instead 
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Print text of a command, without the characters of files and paths that control the terminal."""
+    """Print text of a command; control characters in it, such as those in names of files, do not reach the terminal."""
     typer.echo(replace_controls(text), err=err)
 
 

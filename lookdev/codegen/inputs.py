@@ -21,13 +21,16 @@ from lookdev.material.textures import resolve_texture, udim_tiles
 class SymbolicSurface:
     """The points of a surface at which code runs: a `lookdev.material.values.Surface` whose values are symbols.
 
-    Equal reads of a texture are one look-up. Only `look_up` opens images: those that folding removes stay closed.
+    Equal reads of a texture are one look-up. Only `look_up` opens images, so an image whose look-ups fold away is never
+    opened.
     `resolve` returns the linear EXR file of a texture, or the file of the slopes of a height map.
     """
 
     graph: Graph
     resolve: Callable[[Texture | Bump], Path]
     attributes: dict[str, AttributeBinding] = field(default_factory=dict)
+    # The names of look-ups by all that distinguishes them; their images by name; and, for each symbol, the names of the
+    # attributes and look-ups that it depends on, its own look-up first.
     _lookups: dict[tuple[object, ...], str] = field(default_factory=dict)
     _images: dict[str, Texture | Bump] = field(default_factory=dict)
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -48,7 +51,7 @@ class SymbolicSurface:
         return {source for symbol in symbols for source in self._sources.get(symbol, ())}
 
     def label(self, name: str) -> str:
-        """Return the name of the file of a look-up, without its suffix."""
+        """Return the name, without suffix, of the file that a look-up reads."""
         source = self._images[name]
         return (source.height if isinstance(source, Bump) else source).file.stem
 
@@ -100,11 +103,11 @@ class SymbolicSurface:
         return source if source in self._images else None
 
     def _look_up_name(self, source: Texture | Bump) -> str:
-        """Return the name of the look-up of an image, a new one unless the same look-up exists."""
+        """Return the name of the look-up of an image; add the look-up unless an equal one exists."""
         texture = source.height if isinstance(source, Bump) else source
-        image = (texture.channel, texture.scale) if isinstance(source, Bump) else ()
-        address = texture.file, texture.colorspace, texture.wrap_s, texture.wrap_t, texture.st, texture.transform, image
-        name = self._lookups.setdefault(address, f"lookup{len(self._lookups)}")
+        height = (texture.channel, texture.scale) if isinstance(source, Bump) else ()
+        key = texture.file, texture.colorspace, texture.wrap_s, texture.wrap_t, texture.st, texture.transform, height
+        name = self._lookups.setdefault(key, f"lookup{len(self._lookups)}")
         self._images.setdefault(name, source)
         self._uv_attribute(texture.st)
         return name

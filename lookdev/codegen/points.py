@@ -51,7 +51,7 @@ class PointLayer:
         return {name: shape for name, shape in ({"mask": ()} | shapes).items() if name not in computed}
 
     def stack_layer(self, numbers: Mapping[str, Array], view: Array) -> StackLayer:
-        """Return the layer with `numbers` from the table; `view`, (...), has the cosines of views and its normal."""
+        """Return the layer with `numbers` from the table; `view` (...) is the cosine between view and normal."""
         parameters = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
         computed = {

@@ -287,7 +287,10 @@ class ProgramSource:
         return tuple(file for look_up in self.look_ups for file in look_up.files.values())
 
     def check_plugin(self, look: str) -> None:
-        """Raise CodegenError if a BSDF of Mitsuba's own scenes cannot be the look: deltas, UV sets, primvars."""
+        """Raise CodegenError if the look cannot be a BSDF plug-in in a scene of Mitsuba.
+
+        It cannot if it has deltas, several UV sets, or primvars.
+        """
         if self.deltas:
             raise CodegenError(f"{look}: scatters along single directions; Mitsuba's own plug-ins do that")
         uvs = {binding.attribute for binding in self.attributes if binding.kind == "uv"}

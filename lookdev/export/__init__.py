@@ -1,4 +1,4 @@
-"""What a job becomes for other programs: a .blend, scenes of Mitsuba, a job of a farm; copies of the example jobs."""
+"""Export of jobs to other programs: a .blend, scenes of Mitsuba, a job of a farm; and copies of the example jobs."""
 
 from dataclasses import dataclass
 from pathlib import Path

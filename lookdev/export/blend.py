@@ -55,7 +55,7 @@ def export_blend(
     pack
         Pack images into the .blend; otherwise they are copied to the folder ``<stem>_files`` next to it.
     command
-        The exporter; its last argument is a file with the task.
+        The command of the exporting process; the path of a file with the task is appended as its last argument.
     timeout
         The time that the exporter may take, in seconds for each look.
 

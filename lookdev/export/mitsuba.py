@@ -27,10 +27,11 @@ from lookdev.scene import Camera, Pose
 
 Matrix = Floats
 
-# From Mitsuba's axes, with y up, and the columns of its environment maps to the axes here, with z up.
+# From Mitsuba's axes, with y up, to the axes here, with z up; it also maps the columns of an environment map to ours.
 _Y_UP_TO_Z_UP = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 # Mitsuba's rectangles and disks emit along +z.
 _FLIP_Z = np.diag([1.0, -1.0, -1.0, 1.0])
+# Fields of `Emission` that an exported light can have; all others must have their defaults.
 _EXPORTED_FIELDS = {"color", "group", "path", "turns"}
 _VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
 
@@ -112,7 +113,7 @@ def _add_sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Flo
 
 
 def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setup, pose: Pose, folder: Path) -> None:
-    """Add a light in its pose, relative to the asset's centre; raise EnvironmentMapError if Mitsuba lacks the light."""
+    """Add a light in its pose, relative to the asset's centre; raise EnvironmentMapError if it is not exported."""
     gain, center = 2.0**setup.exposure, np.array(setup.scene.asset.center)
     turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, setup.scene.camera, center)
     if dome := light.world_dome:

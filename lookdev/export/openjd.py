@@ -27,7 +27,8 @@ from lookdev.plan.costs import estimate_costs
 from lookdev.plan.prepare import prepare_job
 from lookdev.run.manifest import input_files
 
-PLOT_SUFFIXES = (".yaml", ".yml", ".json")
+TEMPLATE_SUFFIXES = (".yaml", ".yml", ".json")
+"""Suffixes of a template's file; an output without one of them is the folder of a job bundle."""
 
 _CHUNK_SECONDS = 300.0  # long against the start and the preparation of a chunk, which take some seconds
 _TEMPLATE = Path(__file__).with_name("openjd.yaml")
@@ -72,7 +73,7 @@ def export_openjd(
     division = chunks or Division(min(max(math.ceil(sum(costs.frames) / _CHUNK_SECONDS), 1), len(tasks)))
     if division.count > max(len(tasks), 1):
         raise LookdevError(f"--chunks: a job of {len(tasks)} frames has at most as many chunks, not {division.count}")
-    bundle = out.suffix.lower() not in PLOT_SUFFIXES
+    bundle = out.suffix.lower() not in TEMPLATE_SUFFIXES
     template_file = out / "template.yaml" if bundle else out
     folder = template_file.parent.absolute()
     template = job_template(job, folder, division, requirements)

@@ -26,6 +26,7 @@ LOSSES: dict[str, Callable[[Floats], Floats]] = {"log": np.log1p, "cbrt": np.cbr
 MAX_ANGLE = 80.0
 """Degrees from the normal beyond which measured data are not used, as they are unreliable (Ngan et al. 2005)."""
 
+# Its multiples, modulo 1, are evenly spread in [0, 1).
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 

@@ -1,7 +1,7 @@
 """The search: many random starts, then least squares within bounds from the best few.
 
-Models broadcast over their parameters. One evaluation therefore gives all differences of the Jacobian: an axis of the
-parameters counts the number that is changed.
+Models broadcast over their parameters. One evaluation therefore gives all differences of the Jacobian: along the first
+axis of the parameters, each entry changes another number.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from lookdev.fitting.data import LOSSES, ReflectanceSamples, evaluate_pairs
 from lookdev.fitting.parameters import FreeParameter, free_parameters
 from lookdev.plotting import PlotSubject, model_subject
 
-_TRIALS = 128
-_COARSE_STEP = 4
-_SPARSE_STEP, _EFFECT_POINTS = 16, 4
-_DIFFERENCE_STEP = 1e-6
+_TRIALS = 128  # random starts
+_COARSE_STEP = 4  # the starts are compared, and followed, with every fourth pair of directions
+_SPARSE_STEP, _EFFECT_POINTS = 16, 4  # parameters without effect are found with every 16th pair, at 4 random points
+_DIFFERENCE_STEP = 1e-6  # of a number in [0, 1], for a derivative
 _NO_EFFECT = 1e-9
 """The change of the loss, relative to the data, below which a parameter has no effect."""
 
@@ -43,7 +43,9 @@ class ModelFit:
     loss, per_channel
         Root mean square of the differences of compressed f cos theta_i, in all and for each of red, green and blue.
     starts
-        The final loss of each followed start on a part of the data, best first.
+        The final loss of each followed start, on every fourth pair of directions, best first.
+    samples
+        The number of pairs of directions.
     seconds
         CPU time of all threads of the process together.
     """
@@ -109,7 +111,7 @@ def fit_model(
     loss
         One of `lookdev.fitting.data.LOSSES`.
     starts
-        The number of followed starts, the best of 128 random starts and the defaults.
+        The number of starts from which least squares run: the best of 128 random starts and the default values.
 
     Raises
     ------
@@ -153,7 +155,10 @@ def fit_model(
 def _select_effective(
     model: Model, constant: Parameters, free: Sequence[FreeParameter], data: ReflectanceSamples, loss: str
 ) -> Sequence[FreeParameter]:
-    """Return the parameters that change f at some random point; those of other forms of the model do not."""
+    """Return the parameters that change f at some random point.
+
+    Parameters of forms of the model that are not selected do not.
+    """
     problem = _Problem(model, constant, free, data.thin(_SPARSE_STEP), loss)
     points = np.random.default_rng(0).random((_EFFECT_POINTS, problem.size))
     effect = np.max([np.abs(problem.jacobian(point)).max(axis=0) for point in points], axis=0)
@@ -162,6 +167,8 @@ def _select_effective(
 
 
 class _Problem:
+    """The least squares problem of a fit, whose variables are `size` numbers in [0, 1] (`FreeParameter.unit`)."""
+
     def __init__(
         self, model: Model, constant: Parameters, free: Sequence[FreeParameter], data: ReflectanceSamples, loss: str
     ) -> None:
@@ -196,8 +203,10 @@ class _Problem:
         coarse = _Problem(self.model, self.constant, self.free, self.data.thin(_COARSE_STEP), self.loss)
         default = np.concatenate([parameter.unit(self.constant[parameter.name]) for parameter in self.free])
         trials = np.vstack([default, qmc.Sobol(self.size, rng=np.random.default_rng(seed)).random(_TRIALS)])
-        quality = np.concatenate([np.mean(coarse.residual(part) ** 2, axis=1) for part in np.array_split(trials, 8)])
-        best_starts = trials[np.argsort(quality)[:starts]]
+        trial_losses = np.concatenate(
+            [np.mean(coarse.residual(part) ** 2, axis=1) for part in np.array_split(trials, 8)]
+        )
+        best_starts = trials[np.argsort(trial_losses)[:starts]]
         ends = [coarse.follow(start, 40) for start in best_starts]
         ends.sort(key=lambda end: end[1])
         return self.follow(ends[0][0], 60)[0], tuple(loss for _, loss in ends)

@@ -39,7 +39,7 @@ _VIEW = _OUTPUTS.display_view()
 _PORTRAIT_SIZE = (768, 576)
 _PORTRAIT_SAMPLING = Sampling(samples=64, bounces=1)
 _AZIMUTH = -30.0  # degrees: two sides are visible
-_FILL = 0.85
+_FILL = 0.85  # of the frame, by the asset
 _MAX_COLORS = 24  # distinguishable colours
 _GOLDEN_RATIO = 0.6180339887498949
 

@@ -19,9 +19,9 @@ class InspectedLight:
     """A light: its kind, position, size and emission.
 
     `position` is None for an infinitely distant light. `shines` is the direction of its axis, None for a light that
-    emits to all sides. `sizes` has the names of the lights' fields. `value` is the radiance in nits, or, if `unit` is
-    ``"lux"``, the irradiance at right angles: linear Rec.709, times the mean of its image, without its shaping. Links
-    are the rules of `lookdev.light.emission.LightLink`.
+    emits to all sides. `sizes` are by the names of the light's fields. `value` is the radiance in nits, or, if `unit`
+    is ``"lux"``, the irradiance on a plane perpendicular to the light: linear Rec.709, times the mean of the light's
+    image, without its shaping. Links are the rules of `lookdev.light.emission.LightLink`.
     """
 
     path: str

@@ -40,7 +40,8 @@ class DisplayView:
     config
         `SHIPPED`, the path of a config, or ``ocio://`` and the name of one that is built into OpenColorIO.
     space
-        The config's name of linear Rec.709; where "", OpenColorIO identifies it by the interchange roles of the config.
+        The config's name of linear Rec.709. If it is empty, OpenColorIO identifies the space by the interchange roles
+        of the config.
     """
 
     view: str = VIEWS[0]
@@ -55,7 +56,7 @@ class DisplayView:
 
     @property
     def transform(self) -> ocio.Processor:
-        """The same transform, for any device; errors as `processor`."""
+        """The transform of `processor`, for any device; raises what `processor` raises."""
         return _processor(self)
 
     @property

@@ -3,9 +3,9 @@
 It is OpenColorIO's built-in ACES CG config with one more view, ``lookdev``, on every display of standard range, and as
 the default. The view does what Burley 2012, section 6.2, demands of a tone curve: it preserves colours over most of the
 range of the display, and rolls off the top end while it preserves colour and contrast. Each colour is scaled in linear
-Rec.709, so that its hue and saturation stay exactly the same. The scale follows from a curve on the luminance, in units
-of the largest luminance that Rec.709 shows of the colour's hue and saturation. In these units, luminance is the largest
-of R, G and B, the value V of HSV:
+Rec.709, so that its hue and saturation stay exactly the same. The scale is f(V) / V, where V is the value of HSV, the
+largest of R, G and B. V is also the colour's luminance, divided by the largest luminance that Rec.709 shows with the
+same hue and saturation.
 
     f(V) = V                                   for V <= KNEE
     f(V) = KNEE + a ln(1 + (V - KNEE) / a)     above, with a such that f(WHITE) = 1

@@ -19,7 +19,7 @@ def to_display(rgb: ArrayLike, view: DisplayView | str) -> Bytes:
     """Return linear Rec.709 light (H, W, 3) as code values of a display, (H, W, 3) uint8, rounded to nearest.
 
     `view` is a view, or the name of a view of the default display in the config that ships, whose ``Raw`` only
-    quantises. Errors as `display_codes`.
+    quantises. Raises what `display_codes` raises.
     """
     return quantise(display_codes(rgb, view))
 
@@ -27,7 +27,7 @@ def to_display(rgb: ArrayLike, view: DisplayView | str) -> Bytes:
 def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats32:
     """Return linear Rec.709 light (H, W, 3) as code values of a display in [0, 1]; `view` as `to_display`.
 
-    Raises OutputError as `DisplayView.processor`, or for pixels that are not finite.
+    Raises what `DisplayView.processor` raises, and OutputError for pixels that are not finite.
     """
     display_view = DisplayView(view) if isinstance(view, str) else view
     codes = np.array(rgb, dtype=np.float32, order="C")  # a copy: OpenColorIO works in place
@@ -42,7 +42,7 @@ def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats32:
 def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) -> Floats32:
     """Return premultiplied light (H, W, 3) with alpha (H, W) as code values and straight alpha, (H, W, 4) in [0, 1].
 
-    Light is divided by alpha before the view; pixels of alpha 0 become black. Errors as `display_codes`.
+    Light is divided by alpha before the view; pixels of alpha 0 become black. Raises what `display_codes` raises.
     """
     coverage = np.asarray(alpha, dtype=np.float32)[..., None]
     # In float64 and bounded, because division by a tiny alpha overflows.

@@ -25,6 +25,8 @@ from lookdev.safe_text import TextError, parse_json, read_text
 
 NAME = "manifest.json"
 FORMAT = 1
+"""The number of the format of manifests, which is written into each and checked when it is read."""
+
 STATE_FOLDER = ".lookdev"
 """Folder inside the output for runs, claims, logs, ledgers and temporary files."""
 

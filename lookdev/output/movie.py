@@ -1,8 +1,8 @@
 """Movies of turntables by PyAV: H.264 for browsers and players, ProRes 4444 and VP9 with alpha.
 
 Pictures become Y'CbCr of BT.709, limited range (ITU-R BT.709-6, items 3.2 to 3.4), in float32 and rounded once. Where
-chroma is halved, it is sited as H.264 and VP9 assume: on the left column, between two rows. Then the last column or row
-of a frame of odd size is repeated. Encoders run with a fixed number of threads, and containers have no time and no
+chroma is halved, it is sited as H.264 and VP9 assume: on the left column, between two rows. A frame of odd size first
+gets a copy of its last column or row. Encoders run with a fixed number of threads, and containers have no time and no
 random number, so that the same frames give the same bytes.
 """
 
@@ -27,16 +27,17 @@ from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet
 from lookdev.output.slate import draw_slate
 
 _KR, _KB = 0.2126, 0.0722  # BT.709-6, item 3.2
-_BT709, _LIMITED = 1, 1  # ITU-T H.273: primaries, transfer and matrix alike; FFmpeg's number of the range
+_BT709, _LIMITED = 1, 1  # ITU-T H.273's number of BT.709's primaries, transfer and matrix; FFmpeg's limited range
 _THREADS = 4
-_PAGE_WIDTH = 1920  # pixels, about, of a page of looks in step
+_PAGE_WIDTH = 1920  # approximate width of a page of all looks side by side, in pixels
 
 
 @dataclass(frozen=True)
 class Codec:
     """Encoding of a movie by FFmpeg's names.
 
-    `bits` are those of a sample. If it `halves_chroma`, chroma has half the resolution in both directions.
+    `bits` is the number of bits of a sample. If the codec `halves_chroma`, chroma has half the resolution in both
+    directions. If it has `alpha`, pictures have a fourth channel.
     """
 
     encoder: str
@@ -93,11 +94,12 @@ def _movie_pictures(frames: FrameSequence, pictures: Iterable[Floats32], slate_f
 
 
 def _grid_pages(frames: FrameSequence) -> Iterator[Floats32]:
+    """Yield a page of the pictures of all looks, side by side, for each step in time."""
     looks = len(frames.labels)
     cells = frames.pictures(SOURCE_SIZE)
-    most = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
+    max_cell = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
     while pictures := list(islice(cells, looks)):
-        cell = min(max(OVERVIEW_CELLS[0], *(side for picture in pictures for side in picture.shape[:2])), most)
+        cell = min(max(OVERVIEW_CELLS[0], *(side for picture in pictures for side in picture.shape[:2])), max_cell)
         yield sheet_page(pictures, frames.labels, frames.title, cell=cell).astype(np.float32) / np.float32(255.0)
 
 

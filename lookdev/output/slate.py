@@ -19,10 +19,11 @@ from lookdev.output.exr import read_header
 _LINES_PER_FRAME = 30  # lines of text in the height of a frame: 16 pixels each at 480
 _MIN_TEXT_SIZE = 8  # size of text in pixels
 _BAND_FACTOR = np.float32(0.35)  # factor of the picture behind text
-_INK = np.float32(0.92)
-_PAGE = np.float32(0.12)
+_INK = np.float32(0.92)  # code value of burned-in text
+_PAGE = np.float32(0.12)  # code value of a slate's page
 
 BandLine = tuple[str, str]
+"""A line of text on a band: the text at its left, and the text at its right."""
 
 FONT = "DroidSans"
 """A font that ships with OpenImageIO, under the Apache License 2.0."""

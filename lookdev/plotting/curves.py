@@ -28,11 +28,11 @@ from lookdev.plotting.subject import PlotSubject
 from lookdev.reference.albedo import CELLS, integrate_albedo
 
 _AXIS_LABELS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
-_HORIZON_MARGIN = 1e-6
-_MIN_COSINE = np.sin(np.radians(1.0))
-_DECADES = 4.0
-_ALBEDO_VIEWS = 19
-_DRAFT_CELLS = (16, 8)
+_HORIZON_MARGIN = 1e-6  # least angle between a direction and the horizon, in degrees
+_MIN_COSINE = np.sin(np.radians(1.0))  # cosine of a direction that is a degree above the horizon
+_DECADES = 4.0  # of a polar plot with a log scale
+_ALBEDO_VIEWS = 19  # points of an albedo curve
+_DRAFT_CELLS = (16, 8)  # of `integrate_albedo`, for a draft
 
 FRESNEL_RANGE = (-0.5, 8.0)
 """Range of the axis of offset and scaled responses."""
@@ -45,18 +45,18 @@ def plot_cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plo
     """
     figure, ax, (*_, values), columns = _draw_subjects(subjects, options, cartesian_values)
     if options.axis == "theta_i":
-        still = f"view θo = {options.theta:g}°"
+        fixed_angles_text = f"view θo = {options.theta:g}°"
     else:
         other = "θd" if options.axis == "theta_h" else "θh"
-        still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
-    ax.set(xlabel=f"{_AXIS_LABELS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
+        fixed_angles_text = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
+    ax.set(xlabel=f"{_AXIS_LABELS[options.axis]} (degrees)", ylabel=_f_label(options), title=fixed_angles_text)
     scale_values(ax, options, values["inner"])
     draw_legend(ax)
     return Plot(figure, {f"{options.axis} (degrees)": values["x"], **columns})
 
 
 def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are a degree above the horizon."""
+    """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are above the horizon by a degree."""
     count = options.size or 721
     low = -options.limit if options.axis == "theta_i" else 0.0
     # Even in the root of theta_h, as a MERL file is: dense at the peak of most surfaces.
@@ -130,9 +130,10 @@ def polar_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
 def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the rise of reflectance with theta_d.
 
-    For surfaces that scatter along single directions, it is the reflectance itself. For other surfaces it is f as in
-    Burley 2012, figure 10: the mean over theta_h from 1 to 4 degrees, less its value at theta_d = 0, divided by its
-    mean over theta_d from 45 to 80 degrees. Schlick's curve, offset and scaled alike, is beside it.
+    For surfaces that scatter along single directions, it is the reflectance itself. For other surfaces, f is shown as
+    in Burley 2012, figure 10: its mean over theta_h from 1 to 4 degrees, offset to 0 at theta_d = 0, and divided by the
+    mean of the result over theta_d from 45 to 80 degrees. Schlick's curve, offset and scaled in the same way, is beside
+    it.
     """
     kinds = {subject.is_delta for subject in subjects}
     if len(kinds) > 1:
@@ -262,7 +263,10 @@ def _mean_over_theta_h(subject: PlotSubject, theta_d: Floats, phi_d: float) -> F
 
 
 def _offset_and_scale(f: Floats, degrees: Floats) -> Floats:
-    """Return curves (n, c) less their first value, over their mean from 45 to 80 degrees; 0 for constant curves."""
+    """Return curves (n, c), offset to 0 at their first point, and divided by their mean from 45 to 80 degrees.
+
+    Constant curves become 0.
+    """
     offset = f - f[:1]
     within = (degrees >= 45.0) & (degrees <= 80.0)
     if not within.any():

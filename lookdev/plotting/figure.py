@@ -90,7 +90,7 @@ def create_figure(
 
 
 def legend_label(label: str) -> str:
-    """Return a label for a legend: shortened, and escaped from the mathematics of matplotlib."""
+    """Return a label for a legend: shortened, with the signs escaped that begin mathematics in matplotlib."""
     label = label if len(label) <= _MAX_LABEL_LENGTH else f"{label[: _MAX_LABEL_LENGTH - 1]}…"
     return label.replace("$", r"\$")
 
@@ -110,7 +110,7 @@ def rgb_columns(label: str, colors: Floats) -> dict[str, Floats]:
 
 
 def split_channels(values: Floats, options: PlotOptions) -> dict[str, Floats]:
-    """Return the curves to draw of colours (..., 3), by the suffix of their label."""
+    """Return the curves that are drawn for colours (..., 3), by the suffix of their label: three, or the luminance."""
     if options.channels == "rgb":
         return {f".{name}": values[..., index] for index, name in enumerate("rgb")}
     return {"": values @ LUMINANCE}
@@ -125,7 +125,10 @@ def draw_curves(
     marker: str = "None",
     height: Callable[[Floats], Floats] = lambda values: values,
 ) -> dict[str, Floats]:
-    """Draw colours (n, 3) of surfaces as curves over x (n,), at a height for each value, and return them as columns."""
+    """Draw colours (n, 3) of surfaces as curves over x (n,), and return the curves as columns.
+
+    `height` maps the values of a curve to the heights at which they are drawn.
+    """
     columns: dict[str, Floats] = {}
     for index, (label, values) in enumerate(zip(unique_labels(subjects), colors, strict=True)):
         for channel, (ending, curve) in enumerate(split_channels(values, options).items()):

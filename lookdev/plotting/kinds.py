@@ -17,8 +17,8 @@ from lookdev.plotting.subject import PlotSubject
 class PlotKind:
     """A kind of plot: a description, the function that draws it, its options, and its largest number of surfaces.
 
-    `values` returns the numbers of one surface, for other ways to draw them; for a difference, of each surface. `draft`
-    returns coarser numbers, for kinds that are too slow for interaction.
+    `values` returns the numbers of one surface, for other ways to draw them; those of a difference are the slice of the
+    surface. `draft` returns coarser numbers, for kinds that are too slow for interaction.
     """
 
     description: str

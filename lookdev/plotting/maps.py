@@ -25,7 +25,8 @@ from lookdev.plotting.figure import (
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
-_PIXELS = 256
+_PIXELS = 256  # along a side of a slice
+# Position in the slice, in [0, 1], text, rotation in degrees, and horizontal and vertical alignment.
 _MARKS = (
     (0.03, 0.5, "specular peak", 90, "center", "center"),
     (0.5, 0.97, "Fresnel peak", 0, "center", "top"),
@@ -70,24 +71,30 @@ def plot_difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Pl
     theta, wo, wi = slice_grid(options)
     first, second = (evaluate_f(subject, wo, wi, options.cosine) for subject in subjects)
     above = (wo[..., 2] > 0.0) & (wi[..., 2] > 0.0)
-    root = np.where(above, np.cbrt(second @ LUMINANCE) - np.cbrt(first @ LUMINANCE), np.nan)
+    root_difference = np.where(above, np.cbrt(second @ LUMINANCE) - np.cbrt(first @ LUMINANCE), np.nan)
     figure, axes = create_figure(3, size=(3.9, 3.9))
     columns = _angles(theta)
     for ax, f, label in zip(axes[0], (first, second), unique_labels(subjects), strict=False):
         _draw_image(ax, f, label, options)
         columns |= rgb_columns(label, f)
     # A percentile: models grow without bound in a corner, whose maximum would leave no colours for the rest.
-    limit = float(np.nanpercentile(np.abs(root), 98.0)) or 1.0
+    limit = float(np.nanpercentile(np.abs(root_difference), 98.0)) or 1.0
     image = axes[0, 2].imshow(
-        root, origin="lower", extent=(0, 90, 0, 90), cmap="RdBu_r", vmin=-limit, vmax=limit, interpolation="nearest"
+        root_difference,
+        origin="lower",
+        extent=(0, 90, 0, 90),
+        cmap="RdBu_r",
+        vmin=-limit,
+        vmax=limit,
+        interpolation="nearest",
     )
     axes[0, 2].set(xlabel="θh (degrees)", facecolor="black", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
     figure.colorbar(image, ax=axes[0, 2], shrink=0.8, extend="both")
     # The mean is over the picture, d theta_h d theta_d, not over solid angles.
-    rms, relative = float(np.sqrt(np.nanmean(root**2))), _relative_difference(first[above], second[above])
+    rms, relative = float(np.sqrt(np.nanmean(root_difference**2))), _relative_difference(first[above], second[above])
     axes[0, 2].set_title(f"difference of cube roots, rms {rms:.3g}", fontsize=9)
     figure.suptitle(_title(options), fontsize=9)
-    columns["difference of cube roots"] = root.ravel()
+    columns["difference of cube roots"] = root_difference.ravel()
     return Plot(
         figure, columns, (f"rms of cube roots {rms:.4g}", f"largest difference of f {relative:.4g} of the peak")
     )

@@ -16,9 +16,9 @@ from lookdev.plotting.figure import LUMINANCE, Plot, PlotValues, create_figure, 
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
-_SAMPLES = 1 << 18
+_SAMPLES = 1 << 18  # directions drawn for the histogram of weights, and for the test
 _CELLS = 32, 64  # along the cosine, of both sides, and along the azimuth
-_NODES = 8
+_NODES = 8  # of Gauss's rule in a cell, along each axis
 _MIN_EXPECTED = 5.0
 """The expected number below which cells are merged, as is usual for the test."""
 _MAX_CELL_ERROR = 0.1
@@ -27,7 +27,7 @@ _MAX_CELL_ERROR = 0.1
 
 @dataclass(frozen=True)
 class ChiSquare:
-    """The statistic, its degrees of freedom, and the probability p of a statistic at least as large by chance.
+    """A test's result: the statistic, its degrees of freedom, and the probability p of one at least as large by chance.
 
     `resolved` is whether the integrals of the pdf over cells are exact enough for a valid test.
     """

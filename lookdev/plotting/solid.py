@@ -26,16 +26,19 @@ from lookdev.plotting.figure import (
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
-_DECADES = 4.0
-_PIXELS = 160
+_DECADES = 4.0  # of the radius of a lobe, with a log scale
+_PIXELS = 160  # along a side of the picture of a sphere
 _DOME = "studio"
-_SAMPLES = 48
+_SAMPLES = 48  # samples of a pixel, of the surface and of the dome each
 _RECURRENCE_ROOT = 1.1673039782614187
-"""Positive root of x^5 = x + 1; its powers are the steps of the recurrence in four dimensions (Roberts 2018)."""
+"""Positive root of x^5 = x + 1: its inverse powers are the steps of the recurrence in 4 dimensions (Roberts 2018)."""
 
 
 def plot_lobes(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot f for one view and all lights above the horizon as the radius of a surface; the view is a line."""
+    """Plot f for one view, and light from all directions above the horizon, as the radius of a surface.
+
+    The view is a line.
+    """
     theta, phi, view = lobe_grid(options)
     figure, axes = create_figure(len(subjects), size=(4.6, 4.4), projection="3d")
     columns = {"theta_i (degrees)": np.repeat(np.degrees(theta), len(phi))}
@@ -64,7 +67,10 @@ def plot_lobes(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
-    """Return theta (n,) and phi (2n,) of lights, denser near the mirrored view, where lobes are narrow; the view."""
+    """Return theta (n,) and phi (2n,) of directions to the light, and the view (3,).
+
+    The angles are denser near the mirrored view, where lobes are narrow.
+    """
     count = options.size or 96
     theta = _graded_grid(0.0, 0.5 * np.pi, np.radians(options.theta), count)
     phi = _graded_grid(-np.pi, np.pi, 0.0, 2 * count) + np.radians(options.phi)
@@ -72,7 +78,7 @@ def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
 
 
 def lobe_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return `wi` and f, (theta, phi, 3), of the lights of `lobe_grid`."""
+    """Return the directions `wi` to the light of `lobe_grid`, and f for them, both (n, 2n, 3)."""
     theta, phi, view = lobe_grid(options)
     wi = spherical_direction(theta[:, None], phi[None, :])
     return {"wi": wi, "f": evaluate_f(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
@@ -104,9 +110,9 @@ def plot_spheres(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def sphere_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return radiances (k, 3) under the `point` light and the `dome`, of the k pixels inside, numbered row by row.
+    """Return the radiances (k, 3) of the k pixels inside a sphere, under the `point` light and under the `dome`.
 
-    The first row is the lowest.
+    `pixel` (k,) has the numbers of the pixels, which count row by row from the lowest row.
     """
     count = options.size or _PIXELS
     x, y = np.meshgrid(*[(np.arange(count) + 0.5) / count * 2.0 - 1.0] * 2)

@@ -76,7 +76,7 @@ class Roots:
         return file
 
     def replace_names(self, text: str) -> str:
-        """Return the text of a surface for a command line: names of files become paths."""
+        """Return a text that specifies a surface, with paths in place of the names of files, for a command line."""
         for name in sorted(self.paths, key=len, reverse=True):
             text = re.sub(rf"(^|[=]){re.escape(name)}(?=$|[/:@#,])", lambda m: f"{m[1]}{self.paths[name]}", text)  # noqa: B023
         return text

@@ -39,7 +39,10 @@ class Ticket:
 
 
 class PageSocket:
-    """The websocket of one page. When the page is gone, its tasks are cancelled, and its newest ticket by `cancel`."""
+    """The websocket of one page, with its tasks and the ticket of its newest computation.
+
+    When the page is gone, the tasks are cancelled, and `cancel` is called with the ticket.
+    """
 
     def __init__(self, socket: WebSocket, cancel: Callable[[Ticket], None]) -> None:
         self._socket = socket

@@ -76,9 +76,10 @@ _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def function_lines(program: ProgramWriter | ProgramSource, head: str) -> list[str]:
-    """Return the lines of the function with this head, whose ``out`` parameters are outputs of the program.
+    """Return the lines of a function that computes outputs of the program.
 
-    An output has 1 or 3 numbers. Uniforms of the program are written as literals.
+    `head` is the function's name and parameters; each ``out`` parameter has the name of an output, which has 1 or 3
+    numbers. Uniforms of the program are written as literals.
     """
     outputs = re.findall(r"out \w+ (\w+)", head)
     needed: set[int] = set()

@@ -50,9 +50,10 @@ _WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2, "black": 3}
 class LookFunctions:
     """The text of a look's functions, after `functions.PRELUDE` and `TEXTURE_FUNCTIONS`, and the values that they read.
 
-    The caller first sets these globals: each attribute, by the name of its parameter; ``mesh_normal``,
+    The caller first sets these globals: for each attribute, the global with the name of its parameter; ``mesh_normal``,
     ``mesh_tangent``, ``mesh_facet`` and ``viewer``, in world space; ``hand``, the handedness of the mesh's frame. Then
-    it sets ``wo_x`` to ``wi_z``, in the shading frame and above its horizon, and the random numbers ``u1`` and ``u2``.
+    it sets the directions ``wo_x`` to ``wi_z``, in the shading frame and above its horizon, and the random numbers
+    ``u1`` and ``u2``.
     ``inside`` is above 0 where the viewer is inside the solid.
 
     ``look_read()``
@@ -96,7 +97,7 @@ def look_functions(
     lines = [_DIRECTIONS, _MESH]
     lines += [f"uniform {'vec3' if len(values) == 3 else 'float'} {name};" for name, values in numbers.items()]
     lines += [f"uniform highp sampler2D look_table{number};" for number in range(len(program.tables))]
-    mesh_variables = {"shading_tangent"}  # the tangents are `mesh_tangent`
+    mesh_variables = {"shading_tangent"}  # its value is the global `mesh_tangent`
     bindings = [binding for binding in program.attributes if binding.parameter not in mesh_variables]
     lines += [f"{_TYPES[binding.kind]} {binding.parameter};" for binding in bindings]
     for look_up in program.look_ups:

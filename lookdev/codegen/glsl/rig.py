@@ -56,16 +56,19 @@ _LAMP = {
 """Parameters of GLSL functions, by name; the ``out`` parameters are the numbers of a traced result, in order."""
 
 _FIELD = "lamp_{}"
+"""The name of the GLSL variable that has a field of a lamp's row."""
 
 
 @dataclass(frozen=True)
 class RigFunctions:
     """The text of a rig's functions, after `functions.PRELUDE`, and the values that they read.
 
-    The caller first sets the globals ``rig_place`` and the shading frame, by ``rig_meet_surface``.
+    The caller first calls ``rig_meet_surface``, which sets the globals ``rig_place``, the shading point, and the
+    shading frame.
 
     ``rig_arriving``
-        Returns the light from a direction, over the density of all strategies that draw it.
+        Returns the light from a direction, divided by the density with which all strategies together draw the
+        direction.
     ``rig_draw``
         Draws a direction, and returns the light from there.
     ``rig_meet_occluders``, ``rig_passed``
@@ -104,7 +107,7 @@ def rig_functions(
 ) -> RigFunctions:
     """Return the functions of lights.
 
-    For each slot, `lights_by_slot` has the numbers of the lights that illuminate it, `groups` its shadow group.
+    For each slot, `lights_by_slot` has the numbers of the lights that illuminate it, and `groups` has its shadow group.
     """
     rig = CodedRig.from_lights(lights)
     domes = tuple(None if light.constant else light.map_dome for light in rig.domes)
@@ -115,11 +118,15 @@ def rig_functions(
         if dome is not None:
             assert dome.bins_file is not None, "it is sampled"
             numbers.append(np.load(dome.bins_file.path).astype(np.float64).ravel())
+    # For each slot, and each light in the rig's order: 1 if the light illuminates the slot, else 0.
     marks_start = sum(map(len, numbers))
-    order = [next(k for k, light in enumerate(lights) if light is coded) for coded in (*rig.lamps, *rig.domes)]
+    rig_order = [next(k for k, light in enumerate(lights) if light is coded) for coded in (*rig.lamps, *rig.domes)]
     numbers.append(
-        np.array([[number in slot_lights for number in order] for slot_lights in lights_by_slot], np.float64).ravel()
+        np.array(
+            [[number in slot_lights for number in rig_order] for slot_lights in lights_by_slot], np.float64
+        ).ravel()
     )
+    # For each set of groups that a shadow link excludes, and each slot: 1 if the slot casts a shadow, else 0.
     casting_start = sum(map(len, numbers))
     groups = groups or [0] * len(lights_by_slot)
     numbers.append(

@@ -18,6 +18,7 @@ from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_
 from lookdev.errors import CodegenError
 
 _AXES = ("X", "Y", "Z")
+# Blender's identifiers of the input sockets of Math and of Vector Math, in order.
 _SOCKETS = ("Value", "Value_001", "Value_002")
 _VECTOR_SOCKETS = ("Vector", "Vector_001", "Vector_002")
 
@@ -32,12 +33,12 @@ NodeTerm: TypeAlias = "GraphNode | Triple"
 
 
 Operand: TypeAlias = "Scalar | Triple | NodeLink"
-"""What a socket of a node is set to or linked with: a term, or a constant."""
+"""The input of a socket of a node: a constant, a term that another node computes, or the output of a node."""
 
 
 @dataclass(frozen=True)
 class _Recipe:
-    """The node that computes a term, and the terms or constants of its sockets."""
+    """The node that computes a term: its `kind` and `properties`, the operands of its sockets, and its `output`."""
 
     kind: str
     inputs: Mapping[str, Operand]
@@ -47,7 +48,10 @@ class _Recipe:
 
 
 GroupMatcher: TypeAlias = "Callable[[GraphNode], tuple[str, Mapping[str, Scalar]] | None]"
-"""Returns the name of a group whose output ``"Value"`` computes a graph's node, and its inputs; None without one."""
+"""Returns the name of a group whose output ``"Value"`` computes a graph's node, and the values of the group's inputs.
+
+It returns None if no group computes the node.
+"""
 
 
 class TreeBuilder:
@@ -124,7 +128,7 @@ class TreeBuilder:
         return x, y, z
 
     def prepare(self, roots: Iterable[Sequence[Scalar]]) -> None:
-        """Plan vectors that are built later: scalars that are built first then become components of them."""
+        """Plan vectors before they are built, so that scalars built in the meantime become components of them."""
         self._plan([term for root in roots if _is_term(term := _term(root))])
 
     def tree(self, inputs: Sequence[GroupSocket] = (), outputs: Sequence[GroupSocket] = ()) -> NodeTree:

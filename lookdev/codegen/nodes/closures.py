@@ -28,7 +28,8 @@ def add_closures(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -
     """Add the closures of a BSDF, traced in `graph`, to a tree.
 
     `frame` has tangent, bitangent and normal in world space, (3, 3). Its symbols, and those of `WO`, are bound in the
-    tree. Return the output of the closures' sum, None without closures, and whether light passes through.
+    tree. Return two values: the output that sums the closures, or None if there are no closures; and whether light
+    passes through.
     """
     lobes = present_lobes(graph, bsdf)
     closures = _merge_closures(
@@ -79,8 +80,8 @@ def _merge_closures(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closu
     for closure, label in closures:
         if are_equal(closure.weight, 0.0):
             continue
-        others = {**vars(closure), "weight": 0.0, "frame": closure.frame.normal}
-        key = tuple(element for value in others.values() for element in elements_of(value))
+        values_without_weight = {**vars(closure), "weight": 0.0, "frame": closure.frame.normal}
+        key = tuple(element for value in values_without_weight.values() for element in elements_of(value))
         if key in merged:
             first, labels = merged[key]
             closure = replace(first, weight=first.weight + closure.weight)
@@ -159,8 +160,8 @@ def _glossy_inputs(builder: TreeBuilder, closure: Closure, frame: Array) -> Sock
     x, y = closure.alpha_x, closure.alpha_y
     if are_equal(x, y):
         return {"Roughness": add_value(builder, np.sqrt(x))}
-    aspect2 = y / x
-    anisotropy = (1.0 - aspect2) * (1.0 / 0.9) if closure.kind in ("metal", "conductor") else np.sqrt(aspect2) - 1.0
+    s_squared = y / x
+    anisotropy = (1.0 - s_squared) * (1.0 / 0.9) if closure.kind in ("metal", "conductor") else np.sqrt(s_squared) - 1.0
     return {
         "Roughness": add_value(builder, np.sqrt(np.sqrt(x * y))),
         "Anisotropy": add_value(builder, anisotropy),

@@ -29,7 +29,8 @@ from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
-# Fourth coordinate of the white noise. It differs from the components of positions, so that the channels differ.
+# Fourth coordinate of the white noise. Each channel hashes the four coordinates in another order: if this one were
+# equal to a component of the position, two channels could be equal.
 _NOISE_SEED = 0.7548776662
 
 
@@ -57,7 +58,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
 
     axes = {name: symbols(graph, [f"{name}_{axis}" for axis in "xyz"]) for name in ("t", "b", "n", "facet")}
     world = scale(axes["t"], wi[..., 0]) + scale(axes["b"], wi[..., 1]) + scale(axes["n"], wi[..., 2])
-    # The light must be on the same side of the shading normal's plane and of the facet.
+    # The direction must be on the same side of the facet as of the plane perpendicular to the shading normal.
     facet_cosine = dot(world, axes["facet"])
     valid = facet_cosine * wi[..., 2] > 0.0
     transmits = any(lobe.transmits for lobe in lobes)
@@ -111,7 +112,7 @@ def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Array, Array]:
     mixture = trace_mixture(graph, lobes)
     assume_positive(graph, mixture.wo[..., 2])
     u1, u2 = np.minimum(symbols(graph, ("u1", "u2")), ONE_MINUS_EPSILON)
-    # Built from the last lobe to the first: the result is the direction of the first lobe whose `below` is true.
+    # Built from the last lobe to the first: the result is the direction of the first lobe whose `is_below_end` is true.
     *others, last = mixture.choices(u1)
     wi = last.lobe.draw(last.remapped, u2)
     for choice in reversed(others):

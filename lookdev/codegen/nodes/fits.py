@@ -1,4 +1,4 @@
-"""Fits (`lookdev.closures.fits`) as groups: a long polynomial that several lobes need is one node in each of them."""
+"""Fits (`lookdev.closures.fits`) as groups of nodes: wherever a lobe needs a long polynomial, it is a single node."""
 
 from __future__ import annotations
 

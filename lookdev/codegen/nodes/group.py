@@ -28,11 +28,12 @@ class TracedGroup:
         self._input = self.builder.add("NodeGroupInput")
 
     def add_inputs(self, parameters: Mapping[str, Parameter], values: Parameters, panel: str = "") -> Parameters:
-        """Add sockets for parameters, and return their values inside the group.
+        """Add sockets for parameters, and return the parameters' values inside the group.
 
-        A value inside is the symbols of a socket, or a constant at which terms vanish. `values` are tokens, and arrays
-        of the graph outside. Names of sockets begin with that of their panel. A parameter that follows another, and has
-        its value, shares its socket.
+        `values` are the values outside: tokens, and arrays of the graph outside. Inside, a value is the symbols of a
+        socket. A token, and a constant at which terms of the model vanish, has no socket and is the same inside. A
+        parameter that follows another one and has the same value shares the socket of the other. The name of a socket
+        begins with that of its panel.
         """
         inner_values: dict[str, Array | str] = {}
         for name, value in values.items():
@@ -60,7 +61,10 @@ class TracedGroup:
     def tree(
         self, values: Mapping[GroupSocket, Real], shader: NodeLink | None = None, *, has_shader: bool = True
     ) -> NodeTree:
-        """Return the tree, whose outputs are `values` of the graph and, if it `has_shader`, a shader, black if None."""
+        """Return the tree, whose outputs are `values` of the group's graph and, if `has_shader`, a shader first.
+
+        The shader is black if `shader` is None.
+        """
         self.builder.prepare(_vector_elements(values.values()))
         inputs: dict[str, SocketValue | NodeLink] = {
             socket.name: add_value(self.builder, value) for socket, value in values.items()
@@ -74,7 +78,10 @@ class TracedGroup:
         return self.builder.tree(self._sockets, outputs)
 
     def add_to(self, outer: TreeBuilder, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
-        """Add a node of the finished group, with the values of its sockets, to the tree outside; return its name."""
+        """Add a node of the finished group, with the values of its sockets, to the tree outside; return its name.
+
+        `shaders` are the outputs that are linked to the sockets of shaders, by name.
+        """
         values = self.input_values(tree)
         outer.prepare(_vector_elements(values.values()))
         inputs = {name: add_value(outer, value) for name, value in values.items()}

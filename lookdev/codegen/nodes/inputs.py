@@ -21,7 +21,7 @@ from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbols, vector_symbols
 
 _EXTENSION = {"black": "CLIP", "clamp": "EXTEND", "repeat": "REPEAT", "mirror": "MIRROR"}
-_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # the `ImageBinding.transform` that leaves coordinates unchanged
 
 
 def bind_inputs(builder: TreeBuilder, inputs: SymbolicSurface, names: Iterable[str]) -> tuple[AttributeBinding, ...]:
@@ -115,7 +115,7 @@ def _is_tile(coordinate: Array, number: int) -> BooleanArray:
 
 
 def _copy_coordinates(s: Array, wrap: str) -> tuple[Array, ...]:
-    """Return the coordinates, in an image and beside it, whose look-ups with a black border add up to the wrapped one.
+    """Return the coordinates at which look-ups with a black border add up to one look-up at `s` with this wrap mode.
 
     Bilinear weights are tents about texel centres. So an image that repeats or mirrors is the sum of its copies, of
     which at most two overlap.
@@ -131,7 +131,7 @@ def _copy_coordinates(s: Array, wrap: str) -> tuple[Array, ...]:
 
 
 def _wrap_derivative(s: Array, wrap: str) -> Array:
-    """Return the derivative of an axis's wrapping: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
+    """Return the derivative of a wrapped coordinate by `s`: -1 in mirrored copies, 0 beyond a clamped edge, or 1."""
     if wrap == "mirror":
         whole: Array = np.floor(s)
         return 1.0 - 2.0 * (whole - 2.0 * np.floor(0.5 * whole))

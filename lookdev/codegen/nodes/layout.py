@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 from lookdev.codegen.source import NodeLink, ShaderNode
 
+# In Blender's units: the distance of columns, the gap between nodes of a column, and the heights of a node's header, of
+# a socket or property, and of the three fields of a vector that is not linked.
 _COLUMN = 220.0
 _GAP = 30.0
 _HEADER, _ROW, _VECTOR = 90.0, 24.0, 90.0

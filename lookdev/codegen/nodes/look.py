@@ -56,7 +56,10 @@ _PART_PARAMETERS = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECT
 
 @dataclass(frozen=True)
 class _ShaderPart:
-    """The shader of consecutive layers; values of the material's graph: their presence, the reflectance of a coat."""
+    """The shader of consecutive layers, their presence, and their reflectance if they are a coat.
+
+    Presence and reflectance are values of the material's graph.
+    """
 
     shader: NodeLink
     presence: Real
@@ -125,7 +128,10 @@ class _Material:
         )
 
     def _add_model_layers(self, stack: Sequence[StackLayer], names: Sequence[str], part_name: str) -> _ShaderPart:
-        """Add the groups of layers of one model; `part_name` ends their names, and is empty for a whole look."""
+        """Add the groups of layers of one model.
+
+        `part_name` is appended to the groups' names; it is empty if the layers are the whole look.
+        """
         model = model_named(stack[0].model)
         if len(stack) == 1:
             group = TracedGroup(f"Lookdev {model.title} {part_name}".strip())
@@ -142,7 +148,10 @@ class _Material:
         part_name: str,
         on_finished: Callable[[NodeTree], None] = lambda tree: None,
     ) -> _ShaderPart:
-        """Finish a group that shades with `stack`, its layers; call `on_finished` with its tree, then add the group."""
+        """Finish a group that shades with `stack`, the layers inside it, and add a node of it to the material's tree.
+
+        `on_finished` is called with the group's tree before the node is added.
+        """
         bsdf = stack_bsdf(stack)
         shader, transmits = _add_group_closures(group, bsdf)
         outputs: dict[str, Real] = {}
@@ -179,7 +188,7 @@ class _Material:
             for name, value in blended.items()
         }
         group = TracedGroup(f"Lookdev {model.title} {part_name}".strip())
-        shading = replace(stack[0], parameters=group.add_inputs(parameters, values))
+        blended_layer = replace(stack[0], parameters=group.add_inputs(parameters, values))
 
         def add_layers_group(tree: NodeTree) -> None:
             names_read = [name for name in group.input_values(tree) if name in symbol_names]
@@ -189,7 +198,7 @@ class _Material:
                 vector = parameters[name].kind != "float"
                 bind_symbols(self._graph, self._builder, symbol_names[name], NodeLink(node, name), vector=vector)
 
-        return self._finish_group(group, [shading], part_name, add_layers_group)
+        return self._finish_group(group, [blended_layer], part_name, add_layers_group)
 
     def _mix_parts(
         self, parts: Sequence[_ShaderPart], stack: Sequence[StackLayer], names: Sequence[str]
@@ -245,7 +254,7 @@ def _add_group_closures(group: TracedGroup, bsdf: Bsdf) -> tuple[NodeLink | None
 def _layer_over(
     builder: TreeBuilder, above: NodeLink, below: NodeLink | None, mask: Real, coverage: Real
 ) -> NodeLink | None:
-    """Layer a shader over another one, which it hides in proportion to `coverage`."""
+    """Layer a shader, scaled by `mask`, over another one, which it hides in proportion to `coverage`."""
     if below is not None and are_equal(mask, coverage) and not are_equal(mask, 0.0) and not are_equal(mask, 1.0):
         inputs = {"Fac": add_value(builder, mask), "Shader": below, "Shader_001": above}
         return NodeLink(builder.add("MixShader", inputs=inputs), "Shader")

@@ -47,11 +47,11 @@ VARYING = frozenset((*WI, "u1", "u2"))
 class TracedLobe:
     """The scalar expressions of one lobe of a mixture.
 
-    `value` (3) and `density` are those of `LobeTerms`, `below` is that of `LobeChoice`. `wi` (3) is the direction
-    drawn, in the surface's frame. `share` is a constant if the lobe is present at every point. The code of a lobe runs
-    where the condition `side` is true; if it is None, where light is on the lobe's side of the shading normal.
-    The lights' factors for diffuse lobes apply if it `is_diffuse`. Its light is recorded in `group`, one of
-    `LOBE_GROUPS`, without that of `parts`, the parts of `value` in other groups.
+    `value` (3) and `density` are those of `LobeTerms`, `is_below_end` is that of `LobeChoice`. `wi` (3) is the
+    direction drawn, in the surface's frame. `share` is a constant if the lobe is present at every point. The code of a
+    lobe runs where the condition `side` is true; if `side` is None, it runs where the light is on the lobe's side of
+    the shading normal. The lights' factors for diffuse lobes apply if the lobe `is_diffuse`. Its light is recorded in
+    `group`, one of `LOBE_GROUPS`, except for `parts`: these are parts of `value` that are recorded in other groups.
     """
 
     name: str
@@ -60,7 +60,7 @@ class TracedLobe:
     share: Scalar
     value: tuple[Scalar, ...]
     density: Scalar
-    below: Scalar
+    is_below_end: Scalar
     wi: tuple[Scalar, ...]
     light_sampled: bool
     is_diffuse: bool
@@ -80,14 +80,16 @@ class BrdfCode:
     ----------
     transmits
         Whether light can come from the back.
-    crosses
-        Whether a lobe leans across the horizon.
+    crosses_surface
+        Whether a lobe `crosses_surface`.
     see_through
         Whether setup defines a ``float presence``.
     light_sampled
         Whether a lobe is light-sampled.
+    features
+        The lines that define the colours of `features` of `emit_brdf`.
     groups
-        Those in `LOBE_GROUPS` of all lobes and deltas, in that order.
+        The groups of all lobes and deltas, in the order of `LOBE_GROUPS`.
     """
 
     setup: tuple[str, ...]
@@ -112,11 +114,12 @@ class BrdfCode:
 class TracedMixture:
     """The scalar expressions of a mixture: its lobes, the sum of their shares, and its densities by name.
 
-    A density is a function of a symbol of the same name, the sum of the lobes' densities.
+    The names are ``"pdf"`` and, if a lobe is light-sampled, ``"bsdf_sampled_pdf"``. A density is an expression of the
+    symbol that has its name, and whose value is the sum of the lobes' densities.
     """
 
     lobes: tuple[TracedLobe, ...]
-    total: Scalar
+    total_share: Scalar
     densities: Mapping[str, Scalar]
 
 
@@ -146,7 +149,7 @@ def trace_lobes(
             elements_of(lobe.share)[0],
             value=tuple(elements_of(term.value)),
             density=elements_of(term.density)[0],
-            below=elements_of(choice.is_below_end)[0],
+            is_below_end=elements_of(choice.is_below_end)[0],
             wi=tuple(elements_of(lobe.draw(choice.remapped, symbol(graph, "u2")))),
             light_sampled=light_sampled(lobe),
             is_diffuse=lobe.group == "diffuse",
@@ -161,7 +164,7 @@ def trace_lobes(
 
 
 def _side_condition(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
-    """Return the condition for a lobe that crosses the horizon to be above 0; None for other lobes."""
+    """Return, for a lobe that `crosses_surface`, the condition that both directions are above its horizon."""
     if not lobe.crosses_surface:
         return None
     local_o, local_i = lobe.local_directions(wo, wi)
@@ -182,21 +185,20 @@ def emit_brdf(
 
     Parameters
     ----------
-    spell
+    symbol_text
         Returns the text of symbols and uniforms (`Block`).
-    by_group
+    splits_diffuse
         Whether evaluate sets ``f_diffuse``.
     recorded
         Whether setup sets ``int delta_group[]``, and evaluate sets ``f_lobe[]``, with `splits_diffuse` also
-        ``f_lobe_diffuse[]``. An index of these is that of a group among the groups of this code, in the order of
-        `LOBE_GROUPS`.
+        ``f_lobe_diffuse[]``. Entry i of the last two is that of group i of `BrdfCode.groups`.
     features
         Triples of numbers that depend on the view alone, by the names of the colours that they become in a fragment of
         their own.
     """
     lobes = mixture.lobes
     see_through = isinstance(presence, GraphNode) or presence < 1.0
-    values = [value for lobe in lobes for value in (*lobe.direction_values(), *lobe.wi, lobe.below)]
+    values = [value for lobe in lobes for value in (*lobe.direction_values(), *lobe.wi, lobe.is_below_end)]
     values += [lobe.side for lobe in lobes if lobe.side is not None]
     varying = dependent_nodes(values, VARYING)
     invariant = _invariant_nodes(values, varying)
@@ -211,7 +213,7 @@ def emit_brdf(
     setup.prepare([*(lobe.share for lobe in lobes), *invariant, presence, *delta_values])
     for index, lobe in enumerate(lobes):
         setup.define(f"share_{index}", lobe.share, comment=lobe.name)
-    setup.define("shares", mixture.total)
+    setup.define("shares", mixture.total_share)
     if see_through:
         setup.write(f"float presence = {setup.expression(presence)};")
     for node in invariant:
@@ -312,8 +314,8 @@ def _side_lines(
 ) -> Iterable[str]:
     """Return the lines that sum lobes: common subexpressions first, then each lobe in a block guarded by its share.
 
-    With `has_light_sampled`, the densities of lobes that are not light-sampled have a sum of their own. With
-    `splits_diffuse`, the values of diffuse lobes have one. `group_indices` are as in `_evaluate_lines`.
+    With `has_light_sampled`, the densities of lobes that are not light-sampled are also summed separately. With
+    `splits_diffuse`, the values of diffuse lobes are. `group_indices` are as in `_evaluate_lines`.
     """
     groups = [reachable_nodes(lobe.direction_values(), stop=setup.variables) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
@@ -369,8 +371,8 @@ def _side_lines(
 def _sample_lines(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
     """Return the lines that choose a lobe by u1 and sample it."""
     block = setup.inner_block("d", indent=3)
-    block.prepare([lobe.below for lobe in lobes[:-1]])
-    conditions = [f"if ({strip_parentheses(block.expression(lobe.below))}) " for lobe in lobes[:-1]]
+    block.prepare([lobe.is_below_end for lobe in lobes[:-1]])
+    conditions = [f"if ({strip_parentheses(block.expression(lobe.is_below_end))}) " for lobe in lobes[:-1]]
     # The last lobe has no condition: u1 is in its range if no other condition is true.
     for index, (lobe, condition) in enumerate(zip(lobes, [*conditions, ""], strict=False)):
         inner = block.inner_block(f"d{index}_", indent=4)

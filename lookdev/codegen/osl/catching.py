@@ -1,8 +1,8 @@
 """Sections of the light integral's template for scenes with a shadow catcher.
 
 A frame is three renders, which the number in ``caught`` selects: 1 shows the asset, 2 the ground with the asset, 3 the
-ground without it. Surfaces that a render does not show are holdouts. This concerns camera rays alone; later in a path,
-rays meet all surfaces.
+ground without it. Surfaces that a render does not show are holdouts, but only for camera rays: later in a path, rays
+meet all surfaces.
 """
 
 from __future__ import annotations

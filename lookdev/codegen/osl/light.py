@@ -9,17 +9,17 @@ bounding sphere), ``turn``, the rotation of the light about z in radians, and ``
 drawn from the BSDF alone: then no other macro or variable of sampling exists.
 
 ``parameters``
-    Of the shader: their values are those of `LightCode`.
+    Parameters of the shader, whose values are in `LightCode`.
 ``functions``
-    In front of the shader.
+    Functions, which precede the shader.
 ``setup``
     Runs at each shading point, with ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble.
     ``front_samples`` and ``back_samples`` are the numbers of directions for light from the viewer's side of the surface
     and, with ``TRANSMITS``, from the other side.
 ``sample``
     Draws sample ``number`` of the pixel, for the other side if ``back`` is 1. Sets ``wi``, ``radiance`` and, if the
-    probability of the draw is not exactly the pdf, ``ratio``, the pdf over the probability. Numbers of a pixel count
-    from 0, separately for front and back.
+    probability of the draw is not exactly the pdf, ``ratio``, the pdf divided by the probability. Numbers of a pixel
+    count from 0, separately for front and back.
 ``density``
     Adds the pdf of ``wi`` at front and back, times the samples of each side, to ``density``, and sets ``radiance``.
 ``lookup``
@@ -50,7 +50,7 @@ SECTIONS = ("parameters", "functions", "setup", "sample", "density", "lookup")
 
 Lines: TypeAlias = tuple[str, ...]
 
-_FIELD = "lamps[at + LAMP_{}]"
+_FIELD = "lamps[at + LAMP_{}]"  # a field of the row of a lamp that begins at `at`
 _ROW = "float lamps[], int at"
 _MEET = "vector p, vector w, output float distance, output float pdf"
 _DRAW = "vector p, float u1, float u2, output vector w, output float distance, output float pdf"
@@ -67,7 +67,7 @@ _PART_HEADS = {
     "part": f"void rect_part_draw({_ROW}, {_DRAW.replace('vector p,', f'vector p, {_PART},')})",
 }
 _SAMPLES = ("    int samples = int(control[2]);",)
-# `cycles.scene` passes the number of samples, a power of two, times 1 plus half the element's turn.
+# `cycles.scene` passes the number of samples, a power of two, times 1 + e / 720: e is the asset's rotation in degrees.
 _SAMPLES_AND_TURN = ("    int samples = 1 << int(floor(log2(control[2]) + 0.01));",)
 
 
@@ -207,7 +207,7 @@ def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: boo
 
 
 def _function_lines(head: str, values: Sequence[Scalar]) -> Lines:
-    """Return the lines of a function that assigns values to the outputs in its head, or else returns them."""
+    """Return the lines of a function that assigns values to the outputs in its head, or returns them if it has none."""
     components = {"float": ("",), "vector": ("[0]", "[1]", "[2]")}
     outputs = [name + part for kind, name in re.findall(r"output (\w+) (\w+)", head) for part in components[kind]]
     block = Block("v", indent=1)

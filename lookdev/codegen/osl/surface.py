@@ -31,14 +31,17 @@ from lookdev.scene.shading import LIFT
 
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
+# Directions drawn at a shading point from the BSDF, and from the light, unless the job or the lobes decide otherwise.
 _DIRECTIONS = 4
 
-# Share of a broad lobe in the directions drawn from the BSDF, without and with bounces. The lobe is light-sampled: it
-# needs these directions only for light that the asset reflects. Smaller shares are not better (docs/bench.md).
+# Factors of a broad lobe's share in the directions drawn from the BSDF, without and with bounces. The lobe is
+# light-sampled: it needs these directions only for light that the asset reflects. Smaller ones are not better
+# (docs/bench.md).
 _BROAD_SHARES = (0.05, 0.3)
 
-# In 1/sr. Few of the light's directions are traced for which a glossy BSDF has a smaller pdf, and smaller values. This
-# does not raise the error of a metal; roulette on more directions does not save more time (docs/bench.md).
+# In 1/sr. Russian roulette decides whether a direction drawn from the light is traced, if the BSDF's pdf and values are
+# smaller than this. This does not raise the error of a metal; roulette on more directions does not save more time
+# (docs/bench.md).
 _MIN_TRACED_PDF = 0.01
 
 
@@ -61,7 +64,7 @@ def generate_surface(
     ----------
     look
         Its constants are folded. Textures that only absent lobes read are not looked up.
-    replaced
+    replacements
         Lines that replace sections of the template, by the sections' names; the benchmark omits parts of the shader.
     """
     sampling, lights = setting.sampling, setting.lights
@@ -74,7 +77,7 @@ def generate_surface(
     constant = all(light.constant for light in lights)
     samples_light = sampling.ibl_samples != 0 and not constant
     counts = _direction_counts(lobes, sampling.brdf_samples, sampling.ibl_samples, bounces, constant_light=constant)
-    # If only one direction is drawn, it is not for light from behind.
+    # A single direction is drawn for light from the front.
     from_behind = min(counts.ibl, counts.ibl_onward) > 1
     if samples_light:
         share = _BROAD_SHARES[bounces > 0]
@@ -252,8 +255,9 @@ def _direction_counts(
 
 
 def _counts_with_bounces(brdf: int, ibl: int) -> DirectionCounts:
-    """Return numbers of directions that are smaller after a bounce.
+    """Return the numbers of directions at the first hit, and smaller ones after a bounce.
 
-    Every path adds a sample there. A path continues only if a direction is drawn from the BSDF, so at least one is.
+    After a bounce, every path adds a sample. A path continues only if a direction is drawn from the BSDF, so at least
+    one is.
     """
     return DirectionCounts(brdf, ibl, max(1, brdf // 4), -(-ibl // 2))

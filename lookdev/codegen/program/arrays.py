@@ -58,8 +58,8 @@ class _Step:
 class CompiledProgram:
     """f of a stack of layers as a program: steps that run once, and steps that run for each pair of directions.
 
-    Values have numbers. `constants` are values by number; `symbols` are numbers of symbols by name; `result` are the
-    numbers of the three channels of f.
+    A value is a constant, a symbol or the result of a step; each has a number. `constants` are values by number;
+    `symbols` are the numbers of symbols by name; `result` are the numbers of the three channels of f.
     """
 
     shared_steps: tuple[_Step, ...]
@@ -69,11 +69,11 @@ class CompiledProgram:
     result: tuple[int, ...]
     two_sided: bool
 
-    def f(self, wo: Floats, wi: Floats, numbers: Mapping[str, float]) -> Floats:
-        """Return f (n, 3) for directions (n, 3), as `lookdev.brdf.evaluate` does for layers with these parameters."""
+    def f(self, wo: Floats, wi: Floats, symbol_values: Mapping[str, float]) -> Floats:
+        """Return f (n, 3) for directions (n, 3), as `lookdev.brdf.evaluate` does, with these values of symbols."""
         values_once: dict[int, Real] = {
             **self.constants,
-            **{number: numbers[name] for name, number in self.symbols.items() if name in numbers},
+            **{number: symbol_values[name] for name, number in self.symbols.items() if name in symbol_values},
         }
         for step in self.shared_steps:
             values_once[step.result] = step.run(*(values_once[number] for number in step.operands))

@@ -1,4 +1,4 @@
-"""The functions of `lookdev.light`, traced, and as operations whose symbols are the fields of a light's row."""
+"""The functions of `lookdev.light`, traced and written as operations; their symbols are the fields of a light's row."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import TexturedRectangle
 
 BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
+"""The fields of a row that `cone_factor` and `focus_factor` of `lookdev.light.emission` read."""
+
 FALLOFF = ("virtual", "power", "fade", "fade_rise")
+"""The fields of a row that `falloff_factor` reads."""
+
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 """The fields of a row that `shadow_operations` reads."""
 
@@ -130,9 +134,10 @@ def trace_shadow(field: str = "{}") -> TracedFunctions:
 
 
 def trace_parts(field: str = "{}") -> TracedFunctions:
-    """Return the functions of a part of a picture, which begins at part_s and part_t and has the same size in both.
+    """Return the functions of a part of a picture, at the symbols p, w, u1, u2, part_s, part_t and size.
 
-    These numbers are fractions of the picture's sides.
+    The part begins at part_s and part_t, and extends by `size` along both sides; these numbers are fractions of the
+    picture's sides.
 
     ``angle``
         Roughly the solid angle of the part from p (`lookdev.light.picture`).
@@ -170,19 +175,19 @@ def trace_ball(field: str = "{}") -> TracedFunctions:
     ``share``
         The share of its light that arrives at p.
     ``meet``
-        Whether a direction w from p meets the dome, the distance, and the solid angle at the dome's centre over the
-        solid angle at p.
+        1 if a ray from p along w meets the dome, else 0; the distance; and the solid angle that a piece of the dome
+        there subtends at the dome's centre, divided by the one that it subtends at p.
     ``draw``
         The direction from p to the point where the direction `onto` from the centre meets the dome.
     """
     row = LampSymbols(field)
     start, radius = row.fields("a", "b")
     p, w, onto = map(row.vector, ("p", "w", "onto"))
-    hits, distance, around = exit_ball(p, w, radius)
+    hits, distance, solid_angle_ratio = exit_ball(p, w, radius)
     inside = np.where(hits, 1.0, 0.0)
     return {
         "share": lambda: elements_of(fade_factor(p, start, radius)),
-        "meet": lambda: [*elements_of(inside), *elements_of(distance), *elements_of(around)],
+        "meet": lambda: [*elements_of(inside), *elements_of(distance), *elements_of(solid_angle_ratio)],
         "draw": lambda: elements_of(directions_to_ball(p, onto, radius)),
     }
 

@@ -46,7 +46,9 @@ from lookdev.scene.shading import shading_frame
 from lookdev.space import REC709, Space, matrix_from_rec709
 
 LivePredicate = Callable[[int, str], bool]
-_CONSTANT_TYPES = (np.ndarray, float)
+"""Returns whether a constant is live, from the number of its layer and its parameter (see `generate_program`)."""
+
+_CONSTANT_TYPES = (np.ndarray, float)  # of a layer's values that are constants: others are symbols or tokens
 
 
 def generate_program(
@@ -60,8 +62,8 @@ def generate_program(
 ) -> ProgramSource:
     """Generate the program of a look.
 
-    Constants are folded and named, so that looks that differ in numbers alone share one program. For inputs of
-    `lookdev.material.change.look_with_live_inputs`, the program has derivatives.
+    Constants are folded and named, so that looks that differ in numbers alone share one program. The program has
+    derivatives with respect to the inputs that `lookdev.material.change.look_with_live_inputs` makes live.
 
     Parameters
     ----------

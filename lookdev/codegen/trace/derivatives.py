@@ -16,7 +16,7 @@ from lookdev.codegen.trace.graph import Graph, GraphNode, Scalar, Symbol, post_o
 def derivatives(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar]:
     """Return the derivatives of nodes and constants with respect to a named symbol."""
     tangents: dict[GraphNode, Scalar] = {}
-    calculus = _GraphOperations(graph)
+    operations = _GraphOperations(graph)
 
     def tangent_of(value: Scalar) -> Scalar:
         return tangents[value] if isinstance(value, GraphNode) else 0.0
@@ -28,7 +28,7 @@ def derivatives(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar
             operand_tangents = [tangent_of(value) if node.op != "look_up" else 0.0 for value in node.args]
             is_varying = any(isinstance(value, GraphNode) or value != 0.0 for value in operand_tangents)
             rule = _RULES.get(node.op) if is_varying else None
-            tangents[node] = rule(calculus, node, *node.args, *operand_tangents) if rule else 0.0
+            tangents[node] = rule(operations, node, *node.args, *operand_tangents) if rule else 0.0
     return [tangent_of(value) for value in roots]
 
 

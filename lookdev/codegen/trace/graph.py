@@ -16,6 +16,7 @@ from lookdev.brdf.table import NumberTable
 from lookdev.errors import CodegenError
 
 Scalar: TypeAlias = "GraphNode | float | bool"
+"""A traced number or truth: a node, or a constant."""
 
 
 class Uniform(float):

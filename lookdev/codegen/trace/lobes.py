@@ -16,10 +16,13 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
 WO = ("wo_x", "wo_y", "wo_z")
-WI = ("wi_x", "wi_y", "wi_z")
+"""Symbols of the direction to the viewer, in the shading frame."""
 
+WI = ("wi_x", "wi_y", "wi_z")
+"""Symbols of the direction to the light, in the shading frame."""
 
 INSIDE = "inside"
+"""Symbol of a number that is above 0 where the viewer is inside the solid."""
 
 
 def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:

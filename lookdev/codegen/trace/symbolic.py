@@ -2,7 +2,7 @@
 
 A `SymbolicArray` implements ``__array_ufunc__`` (NEP 13) and ``__array_function__`` (NEP 18), so the NumPy code of a
 model runs on it unchanged. If all elements of a result fold to constants, the result is an ordinary array, or a
-`UniformArray` where some constants are uniforms.
+`UniformArray` where some constants are uniforms: numbers of a look, to which generated code refers by name (`Uniform`).
 """
 
 from __future__ import annotations
@@ -70,7 +70,10 @@ class SymbolicArray(NDArrayOperatorsMixin):
 
 
 class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
-    """An ordinary array of constants, some of which are uniforms; operations that are not traced drop the uniforms."""
+    """An array of constants, some of which are uniforms (`Uniform`), in `elements`.
+
+    Traced operations keep uniforms. Other operations return ordinary arrays, whose constants have no names.
+    """
 
     graph: Graph
     elements: NDArray[np.object_] | None = None
@@ -96,7 +99,7 @@ class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
 
 
 def uniforms(graph: Graph, value: SymbolicLike) -> Array:
-    """Return an array of floats whose elements are `uniform` numbers."""
+    """Return an array of floats whose elements are uniforms, as `uniform` makes them."""
     elements = np.frompyfunc(uniform, 1, 1)
     return _wrap(graph, elements(np.asarray(value).astype(object)))
 

@@ -1,4 +1,4 @@
-"""Vector operations in expression graphs, which have components only: dot, cross product and normalization."""
+"""Recognize vector operations in expression graphs, whose nodes are scalars: dot, cross product and normalization."""
 
 from __future__ import annotations
 

@@ -26,6 +26,8 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Scene
 
 _PAGE_PIXELS = 1 << 18
+"""A photo with more pixels is shown in blocks of pixels, at least this number of them."""
+
 _PAGE_SAMPLES = 1 << 19
 """Samples of a picture of the page, over all of its pixels."""
 
@@ -42,7 +44,7 @@ class PictureFitRequest:
         The files to write, if any. A look that cannot be written is an error if the user named it (`look_named`), else
         a note.
     exposure
-        Whether the exposure of the picture is searched, too.
+        Whether the exposure of the picture is an unknown, too.
     pixels, settings
         The least number of pixels to render, if the picture divides into suitable blocks, and the extent of the search.
     """
@@ -63,7 +65,11 @@ class PictureFitRequest:
 
 @dataclass(frozen=True, eq=False)
 class PictureFit:
-    """The result for a frame of a job, the files that were written, and notes for the user."""
+    """The result for a frame of a job, the files that were written, and notes for the user.
+
+    `block` is the side of the blocks of the picture's pixels that were compared. `noise_from` is the source of the
+    noise.
+    """
 
     request: PictureFitRequest
     frame: str
@@ -153,9 +159,11 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
     block = block_side(photo.size, request.pixels)
     with live_frame(job, frame, look, unknowns) as live:
         scene = live.scene_at(photo.size, block)
-        first = live.render(scene, live.initial_values, False, request.settings.samples, (0, 1))
+        first_halves = live.render(scene, live.initial_values, False, request.settings.samples, (0, 1))
         see_through = any(source.see_through for source in scene.shaders)
-        target = Target.from_photo(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
+        target = Target.from_photo(
+            photo, block, first_halves[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through
+        )
         result = Search(partial(live.render, scene), target, unknowns, request.settings, report).run()
         before = {unknown.name: unknown.constant.value for unknown in unknowns}
         picture_fit = PictureFit(
@@ -218,9 +226,9 @@ def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[U
 def _check_request(
     request: PictureFitRequest, photo: Photo, frame: JobFrame, look: Look
 ) -> tuple[PictureFitRequest, tuple[str, ...]]:
-    """Return the request and notes; a look that cannot be written is removed from it, unless the user named it.
+    """Return the request and notes; if a look that the user did not name cannot be written, the request loses it.
 
-    Raises LookdevError if picture and job do not match, or if a file cannot be written.
+    Raises LookdevError if picture and job do not match, or if another file cannot be written.
     """
     width, height = photo.size
     if frame.scene.film.resolution != photo.size:

@@ -1,4 +1,4 @@
-"""A frame of a job whose look has live inputs, and the worker that renders it and its derivatives by them."""
+"""A frame whose look has live inputs, and the worker that renders it and its derivatives with respect to them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ BACKEND = "mitsuba"
 
 @dataclass(frozen=True, eq=False)
 class JobFrame:
-    """A frame of a job: its look, its light, its turntable and pose."""
+    """A frame of a job: the tables of its look, rig and turntable, its number in the turntable, and its scene."""
 
     table: JobLook
     rig: JobIbl | JobRig
@@ -98,7 +98,10 @@ class LiveFrame:
         samples: int,
         seeds: tuple[int, int],
     ) -> Floats:
-        """Return halves (2, 1 + P, H, W, 4); derivatives by numbers that no look reads are 0."""
+        """Return halves (2, 1 + P, H, W, 4): the arguments and the result are those of `search.RenderLook`.
+
+        Derivatives with respect to numbers that no look reads are 0.
+        """
         bindings = {key: self._live[key] for key in self._unknowns if key in self._live}
         live_values = {binding.parameter: values[self._unknowns[key].name] for key, binding in bindings.items()}
         symbols = [symbol for binding in bindings.values() for symbol in binding.symbols] if with_derivatives else []

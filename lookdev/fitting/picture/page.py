@@ -23,9 +23,10 @@ _MAX_NOISE = 4.0
 
 @dataclass(frozen=True, eq=False)
 class FitPictures:
-    """Pictures of the page, linear (H, W, 3): the photo, renders of both looks, and standard errors of differences.
+    """Pictures of the page, linear (H, W, 3): the photo, renders of the look before and after the fit, and noise.
 
-    `is_compared` (H, W) are the pixels that were compared.
+    The noise is the standard error of the difference between a render and the photo. `is_compared` (H, W) are the
+    pixels that were compared.
     """
 
     photo: Floats
@@ -103,8 +104,10 @@ def _warnings(result: SearchResult) -> Iterator[str]:
             f"The difference that is left is {result.misfit:.1f} times the picture's noise: something else than these "
             "parameters differs. Errors are multiplied by that."
         )
-    if len(result.starts) > 1 and not result.starts[1][1] and result.starts[1][0] < 1.2 * result.after + 1e-12:
-        yield "Another start ended elsewhere at about the same loss: the result may be one of several."
+    if len(result.starts) > 1:
+        second_loss, is_near_result = result.starts[1]
+        if not is_near_result and second_loss < 1.2 * result.after + 1e-12:
+            yield "Another start ended elsewhere at about the same loss: the result may be one of several."
 
 
 def _difference(name: str, render: Floats, noise: Floats, pictures: FitPictures) -> tuple[str, bytes]:
@@ -128,7 +131,10 @@ def _png(pixels: Bytes) -> bytes:
 
 
 def _loss_chart(curve: Sequence[LossPoint], noise: float) -> dict[str, Any]:
-    """Return a chart of the loss of every render on a logarithmic axis; x and y are in [0, 1]."""
+    """Return a chart of the loss of every render on a logarithmic axis; x and y are in [0, 1].
+
+    Lines connect the accepted steps of each followed start; the renders of other stages are points alone.
+    """
     losses = np.array([max(point.loss, 1e-12) for point in curve])
     floor = max(min(losses.min(), noise if noise > 0.0 else losses.min()), losses.max() * 1e-8)
     low, high = np.floor(np.log10(floor)), np.ceil(np.log10(losses.max()) + 1e-9)

@@ -24,9 +24,11 @@ from lookdev.fitting.picture.target import Target
 from lookdev.fitting.picture.unknowns import Unknown
 
 RenderLook = Callable[[Mapping[str, tuple[float, ...]], bool, int, tuple[int, int]], Floats]
-"""Function of values of a look's unknowns by name, of whether to differentiate, of samples and of seeds.
+"""A function that renders a look.
 
-It returns halves (2, 1 + P, H, W, 4): a picture, and its derivatives by each number of each unknown, in order.
+Its arguments are the values of the unknowns by name, whether to differentiate, the samples per pixel of a half, and the
+seeds of the two halves. It returns halves (2, 1 + P, H, W, 4): a picture, and, if it differentiates, its derivatives
+with respect to each of the P numbers of the unknowns, in order.
 """
 
 _BOUND_MARGIN = 5e-4
@@ -46,9 +48,12 @@ _CORRELATED = 0.95
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """The extent of the search: numbers of starts, steps and rounds, and samples per pixel of a half.
+    """The extent of the search.
 
-    A derivative needs fewer samples than a picture, as it is multiplied by the remaining difference.
+    It renders `start_count` starts, follows the best `followed_count` by at most `steps` steps each, and refines the
+    best end in at most `rounds` rounds. Samples are those of a pixel in a half: `start_samples` of a start, `samples`
+    of a step, `final_samples` of the last rounds. A derivative needs fewer, `derivative_samples`, as it is multiplied
+    by the remaining difference.
     """
 
     start_count: int = 12
@@ -64,7 +69,11 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class LossPoint:
-    """A point of the loss curve: the stage, the number of the start, the loss, and whether the step is accepted."""
+    """A render of the search: its stage, the number of its start, its loss, and whether its step is accepted.
+
+    The stages are ``"start"``, ``"follow"``, ``"refine"`` and ``"end"``. In the stage ``"refine"``, the number is that
+    of the round.
+    """
 
     stage: str
     start: int
@@ -81,8 +90,8 @@ class SearchResult:
         is nan for a number without effect.
     without_effect, undetermined
         Names of numbers that change no pixel, and of numbers whose error is larger than a quarter of the slider.
-    alike
-        Pairs of numbers that the picture does not separate well, and the correlation of their errors.
+    correlated_pairs
+        Names of pairs of numbers that the picture does not separate well, and the correlation of their errors.
     before, after, noise
         The loss at the look's original values, the loss at the result, and the part of the loss that is the picture's
         noise.
@@ -126,7 +135,10 @@ class _LocalModel:
 
 @dataclass(eq=False)
 class Search:
-    """A search for the unknowns of a look whose renders are nearest to a target."""
+    """A search for the values of a look's unknowns at which its renders are nearest to a target.
+
+    It varies units: the numbers of all unknowns, one after the other, scaled to similar ranges (`Unknown.unit`).
+    """
 
     render: RenderLook
     target: Target
@@ -195,7 +207,7 @@ class Search:
         return [trials[n] for n in order], losses[0]
 
     def _follow(self, unit: Floats, number: int, earlier_ends: Sequence[Floats]) -> tuple[Floats, float]:
-        """Take damped steps from a start, all with the same seeds; return the last units, and their loss.
+        """Take damped steps from the units of a start, all with the same seeds; return the last units, and their loss.
 
         Steps end when they are smaller than the error of the result, or near the end of an earlier start.
         """
@@ -225,7 +237,10 @@ class Search:
         return unit, loss
 
     def _polish(self, unit: Floats) -> bool:
-        """Take steps with new seeds and double the samples; return whether the last step is smaller than its error."""
+        """Take undamped steps, each with new seeds; return whether the last step is smaller than its error.
+
+        The first step has twice the samples of `_follow`; they are doubled after each step, up to `final_samples`.
+        """
         samples, derivative_samples = 2 * self.settings.samples, 2 * self.settings.derivative_samples
         is_small = False
         for number in range(self.settings.rounds):
@@ -268,13 +283,13 @@ class Search:
         named_errors = list(zip(names, errors, strict=True))
         undetermined = [name for name, error in named_errors if error > _UNDETERMINED]
         without_effect = [name for name, error in named_errors if np.isnan(error) and not interrupted]
-        at_bound = self._snap_to_bounds(unit)
-        values, spread = {}, {}
+        final_unit = self._snap_to_bounds(unit)
+        values, value_errors = {}, {}
         for unknown, part in self._slices():
-            values[unknown.name] = tuple(map(float, unknown.value(at_bound[part])))
-            spread[unknown.name] = tuple(map(float, errors[part] * unknown.rate(at_bound[part])))
+            values[unknown.name] = tuple(map(float, unknown.value(final_unit[part])))
+            value_errors[unknown.name] = tuple(map(float, errors[part] * unknown.rate(final_unit[part])))
         return SearchResult(
-            values, spread, tuple(without_effect), tuple(undetermined),
+            values, value_errors, tuple(without_effect), tuple(undetermined),
             tuple(_correlated_pairs(names, covariance, errors)), before, loss, noise, misfit,
             tuple((end, bool(np.abs(end_unit - unit).max() < _SAME_END_DISTANCE)) for end_unit, end in ends),
             tuple(self._curve), (self._initial_picture, picture), converged, interrupted,
@@ -282,11 +297,11 @@ class Search:
         )  # fmt: skip
 
     def _render_halves(self, unit: Floats, samples: int, seeds: tuple[int, int]) -> tuple[Floats, Floats]:
-        halves = self._render_slopes(unit, False, samples, seeds)
+        halves = self._render_in_units(unit, False, samples, seeds)
         return halves[0, 0], halves[1, 0]
 
-    def _render_slopes(self, unit: Floats, with_derivatives: bool, samples: int, seeds: tuple[int, int]) -> Floats:
-        """Return halves (2, 1 + P, H, W, C), exposed: a picture, and its derivatives by units."""
+    def _render_in_units(self, unit: Floats, with_derivatives: bool, samples: int, seeds: tuple[int, int]) -> Floats:
+        """Return halves (2, 1 + P, H, W, C): a picture, multiplied by the exposure, and its derivatives by units."""
         parts = [(unknown, unit[part]) for unknown, part in self._slices()]
         values = {
             unknown.name: tuple(map(float, unknown.value(part))) for unknown, part in parts if not unknown.is_exposure
@@ -294,22 +309,28 @@ class Search:
         channels = self.target.value.shape[-1]
         halves = self.render(values, with_derivatives, samples, seeds)[..., :channels].astype(np.float64)
         light = np.array([1.0, 1.0, 1.0, 0.0])[:channels]  # alpha is not exposed
+        # The factor of the exposure; 1 if the exposure is not an unknown.
         gain = {unknown.is_exposure: 2.0 ** float(unknown.value(part)[0]) for unknown, part in parts}.get(True, 1.0)
         halves *= gain * light + (1.0 - light)
-        picture_and_slopes, index = [halves[:, 0]], 1
+        picture_and_derivatives, index = [halves[:, 0]], 1
         for unknown, part in parts if with_derivatives else ():
             if unknown.is_exposure:
-                picture_and_slopes.append(np.log(2.0) * unknown.rate(part)[0] * light * halves[:, 0])
+                picture_and_derivatives.append(np.log(2.0) * unknown.rate(part)[0] * light * halves[:, 0])
                 continue
             for rate in unknown.rate(part):
-                picture_and_slopes.append(rate * halves[:, index])
+                picture_and_derivatives.append(rate * halves[:, index])
                 index += 1
-        return np.stack(picture_and_slopes, axis=1)
+        return np.stack(picture_and_derivatives, axis=1)
 
     def _local_model(self, unit: Floats, halves: tuple[Floats, Floats], samples: int) -> _LocalModel:
-        """Return the local model; derivatives have their own seeds, so that their noise is independent."""
-        derivatives = self._render_slopes(unit, True, samples, self._next_seeds())[:, 1:]
-        first, second = (np.stack([slope[self._is_compared] for slope in half], axis=-1) for half in derivatives)
+        """Return the local model at units, from the halves rendered there.
+
+        Derivatives are rendered with their own seeds, so that their noise is independent.
+        """
+        derivatives = self._render_in_units(unit, True, samples, self._next_seeds())[:, 1:]
+        first, second = (
+            np.stack([derivative[self._is_compared] for derivative in half], axis=-1) for half in derivatives
+        )
         a, b = (half[self._is_compared] for half in halves)
         mean = 0.5 * (first + second)
         weighted = mean * self._weight[:, None]

@@ -18,7 +18,7 @@ from lookdev.errors import LookdevError
 from lookdev.fitting.picture.photo import Photo
 
 _MIN_RELATIVE_ERROR = 0.02
-"""The least error of a pixel, relative to its brightness, so that no few pixels outweigh all others."""
+"""The least error of a pixel, relative to its brightness, so that a few pixels do not outweigh all others."""
 
 _MIN_DARK_ERROR = 0.02
 """The least error of a pixel, relative to the mean brightness, for dark pixels."""

@@ -15,7 +15,7 @@ from lookdev.material import Look
 from lookdev.material.change import Constant, constant_named
 
 _LOGARITHMIC_END = 100.0
-"""The end of a slider from which on the search uses the logarithm of 1 plus the number, as for exponents."""
+"""If a slider ends at this number or above, as for exponents, the search uses the logarithm of 1 plus the number."""
 
 _EXPOSURE = Parameter("exposure", "float", 0.0, (-10.0, 10.0), (-2.0, 2.0))
 _NAME_WITH_RANGE = re.compile(r"([^=]+)=(.+)\.\.(.+)")
@@ -73,7 +73,7 @@ class Unknown:
         return np.clip(np.expm1(scaled) if self._is_logarithmic else scaled, self.low, self.high)
 
     def rate(self, unit: Floats) -> Floats:
-        """Return the derivatives of values by units."""
+        """Return the derivatives of values with respect to units."""
         return np.asarray(self._scale * (np.exp(unit * self._scale) if self._is_logarithmic else np.ones_like(unit)))
 
 

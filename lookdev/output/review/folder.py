@@ -59,7 +59,7 @@ def review(
 
 
 def read_version(folder: Path, page: Path) -> Version:
-    """Return the frames of an output folder, with the reference props over each.
+    """Return the frames of an output folder, each with the frame of reference props to composite over it, if any.
 
     Damaged frames are left out and listed among the problems. The folder `page` is skipped. Raises OutputError where no
     frame is left.
@@ -68,7 +68,7 @@ def read_version(folder: Path, page: Path) -> Version:
         raise OutputError(f"{folder}: no such folder; the output folder of a job would be right")
     folder = folder.absolute()
     reels: dict[tuple[str, str, str], list[ReviewFrame]] = {}
-    problems, digests_in_doubt = list[str](), set[str]()
+    problems, doubted_digests = list[str](), set[str]()
     for name, file in frame_files(folder):
         if name.look == STATE_FOLDER or file.is_relative_to(page):
             continue
@@ -80,8 +80,10 @@ def read_version(folder: Path, page: Path) -> Version:
         if "digest" not in header:
             problems.append(f"{file}: is left out: not written by lookdev")
             continue
-        if "charts.doubt" in header and header["digest"] not in digests_in_doubt:
-            digests_in_doubt.add(header["digest"])  # one picture has several names
+        # The header states a doubt about the frame's props (`lookdev.checks.charts`). One picture has several names,
+        # but its doubt is listed once.
+        if "charts.doubt" in header and header["digest"] not in doubted_digests:
+            doubted_digests.add(header["digest"])
             problems.append(f"{file}: {header['charts.doubt']}")
         reels.setdefault(name.reel, []).append(ReviewFrame(file, name.number, header))
     if not reels:

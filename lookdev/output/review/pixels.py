@@ -22,13 +22,16 @@ from lookdev.output.exr import frame_space, read_layer, read_rec709
 from lookdev.space import REC709, error_in_rec709
 
 NOISE_LIMIT = 3.0
-"""z above which noise does not explain a pixel: 0.27 % of pixels exceed it by chance, where noise is Gaussian."""
+"""Largest difference of two versions of a pixel that noise explains, as the z of `lookdev.metrics.noise_ratio`.
+
+Where noise is Gaussian, at most 0.27 % of pixels exceed it by chance.
+"""
 
 SQUARE = 7
 """Side in pixels of the squares over which z is computed, here, and on the page by default."""
 
 CHANGED_SHARE = 0.003
-"""Share of the asset's pixels beyond z = 3 above which a frame counts as changed."""
+"""A frame counts as changed if a larger share of the asset's pixels exceeds `NOISE_LIMIT`."""
 
 _ZLIB_LEVEL = 4  # of zlib: higher levels do not compress noise better
 _HALF_MAX = float(np.finfo(np.float16).max)

@@ -38,8 +38,8 @@ _PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")
 class Document:
     """The scenes of a job, one of which is visible, and the looks with their edits.
 
-    `scene_key` has the names of the visible look and rig. The number of a look is its number in the visible scene.
-    Methods are thread-safe.
+    `scene_key` has the names of the visible look and rig. Looks are numbered by their order in `distinct_looks` of the
+    visible scene. Methods are thread-safe.
     """
 
     def __init__(self, edited_job: EditedJob, recovery: Recovery | None = None) -> None:
@@ -99,6 +99,7 @@ class Document:
 
     @property
     def _originals(self) -> list[Look]:
+        """The looks of the visible scene without the edits of their files, by number."""
         return distinct_looks(self._scene)
 
     @property
@@ -147,7 +148,7 @@ class Document:
         return self._looks.open_look(self._current_job, self.scene_key, number, self._workspace.state)
 
     def edit(self, edit: Edit) -> bool:
-        """Change a constant of a look; return whether shaders change, and not only the value of a uniform.
+        """Change a constant of a look; return whether shaders change: False if only the value of a uniform does.
 
         Raises LookdevError, and changes nothing, if there is no such parameter, or it cannot have the value.
         """
@@ -240,6 +241,7 @@ class Document:
         return enabled.index(self._solo[1]) if self._solo[1] in enabled else None
 
     def _enabled_layers(self, number: int) -> list[int]:
+        """Return the numbers, in its file, of a look's layers that are not muted."""
         return [entry.number for entry in self._open_look(number).outline.entries if entry.enabled]
 
     def undo(self, direction: int = -1) -> bool:
@@ -251,12 +253,14 @@ class Document:
             return self._adopt_state(*before)
 
     def _editable_location(self, number: int) -> LookLocation:
+        """Return the location of a look; raise LookdevError if the look cannot be edited."""
         location = self._location_or_reason(number)
         if isinstance(location, str):
             raise LookdevError(f"{location}: it cannot be edited here")
         return location
 
     def _variants_of(self, location: LookLocation) -> dict[str, str]:
+        """Return the variants that the job chooses for a look, replaced by those that only the page shows."""
         return {**location.variants, **self._workspace.state.variants.get(location.key, {})}
 
     def _image_roots(self, location: LookLocation) -> list[Path]:
@@ -278,6 +282,7 @@ class Document:
         )
 
     def _push_state(self, label: str, state: EditState, gesture: str = "") -> bool:
+        """Add a step to a new state and show it; return whether shaders change. If that fails, nothing changes."""
         before, history = (self._scene, self._visible_looks()), self._workspace.history.copy()
         revision, scene_key = self._revision, self.scene_key
         self._workspace.history.push(label, state, gesture)
@@ -288,7 +293,10 @@ class Document:
             raise
 
     def _adopt_state(self, scene: Scene, before: list[Look]) -> bool:
-        """Show the present state and store it for recovery; return whether shaders change."""
+        """Show the present state and store it for recovery; return whether shaders change.
+
+        `scene` and `before` are the scene and the visible looks before the change of state.
+        """
         choices = self.choices
         if not self._has_scene(self.scene_key):
             self.scene_key = (choices["looks"][0], choices["rigs"][0])

@@ -33,7 +33,7 @@ from lookdev.studio.roots import is_below
 
 _LOOK = re.compile(r"look\[(\d+)\]")
 _FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")
-_MAX_PARENT_FOLDERS = 2  # of a path that is relative to the job's folder
+_MAX_PARENT_FOLDERS = 2  # largest number of ".." in a path that is relative to the job's folder
 _MAX_READ_BYTES = 1 << 20  # bytes of a file that are searched for a material
 _BINARY_USD = b"PXR-USDC"
 
@@ -47,7 +47,7 @@ class ParsedJob:
 
 
 class EditedJob:
-    """The job that a Designer edits: its file, its original `content`, and caches of what edited contents parse to."""
+    """The job that a Designer edits: its file, its original `content`, and caches of parsed contents."""
 
     def __init__(self, file: Path, content: bytes) -> None:
         self.file = file
@@ -161,8 +161,8 @@ class EditedJob:
                 label = f"assign {Path(material_table.material).stem} to {targets}"
                 if not prims:
                     return label, assign_to_rest(text, look_number, material_table).encode()
-                covering = self._assignment(parsed_job, name, part).assign
-                return label, assign_material(text, look_number, prims, material_table, covering).encode()
+                covering_assign = self._assignment(parsed_job, name, part).assign
+                return label, assign_material(text, look_number, prims, material_table, covering_assign).encode()
         raise LookdevError(
             "an assignment needs 'part', 'prims' and 'material'; its removal needs 'part', and 'unassign' = true"
         )
@@ -222,7 +222,7 @@ def shipped_lights(job: Job) -> dict[str, JobIbl | JobRig]:
 
 
 def _tables(job: Job) -> list[JobLook | JobAssign]:
-    """Return the tables of a job that can have a material."""
+    """Return the tables of a job that can have a material: its looks, each after its assignments."""
     tables: list[JobLook | JobAssign] = []
     for look in job.look:
         tables += [*look.assign, look]

@@ -49,6 +49,7 @@ class RequestedView:
 
 
 Deliver = Callable[[dict[str, Any], Mapping[str, NDArray[Any]]], None]
+"""Receives facts about a picture, and its arrays by name (see `ExactRenderer.render`)."""
 
 
 @dataclass
@@ -104,7 +105,7 @@ class ExactRenderer:
             worker.cancel(digest)
 
     def render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
-        """Render rounds of a scene until the error is small, and deliver the sum after each round; runs in `thread`.
+        """Render rounds of a scene until the error is small, and deliver their sum after each round; runs in `thread`.
 
         `deliver` receives facts about the picture, and arrays: ``beauty`` (h, w, 3), premultiplied and linear;
         ``direct`` (h, w, 3), its part from light that reaches the surface directly; and ``alpha`` (h, w). Row 0 is at
@@ -215,9 +216,9 @@ def backend_title(backend: str) -> str:
 
 
 def view_task(scene: Scene, view: RequestedView, backend: str) -> SceneTask:
-    """Return the task of a picture, reduced to the size that the backend renders in time."""
-    shrink = min(1.0, MAX_SIDE[backend] / max(view.size))
-    width, height = (max(4, round(shrink * side)) for side in view.size)
+    """Return the task of a picture, whose longer side is at most `MAX_SIDE` of the backend."""
+    scale = min(1.0, MAX_SIDE[backend] / max(view.size))
+    width, height = (max(4, round(scale * side)) for side in view.size)
     small_scene = replace(scene, camera=view.camera, film=replace(scene.film, resolution=(width, height)))
     return scene_task(small_scene, Sampling(passes=("direct",)), backend, "cpu")
 

@@ -40,7 +40,7 @@ background = "ibl"
 def open_document(
     file: Path | None, builtin: str | None = None, material: Path | None = None, *, recovers: bool = False
 ) -> Document:
-    """Open a job (.toml), or an asset with its own materials or a given one.
+    """Open a job (.toml), or an asset with its own materials or with `material`.
 
     With `recovers`, the document stores unsaved work, and offers the work of an earlier Designer. An asset gets a new
     job in the working folder, which is not on disk until it is saved.
@@ -60,7 +60,7 @@ def open_document(
         return Document(EditedJob(file.absolute(), _content(file)), recovery)
     stem = str(builtin) if file is None else file.stem
     job = _recoverable_job(recovery) or _free_path(Path.cwd() / f"{stem}.toml")
-    if job.exists():  # the Designer whose unsaved work is offered has saved it
+    if job.exists():  # an earlier Designer saved this job, and left later, unsaved work, which is offered
         return Document(EditedJob(job, _content(job)), recovery)
     asset = f"builtin = {_quote(str(builtin))}" if file is None else f"usd = {_quote(_path_for_job(file, job))}"
     material_line = f"material = {_quote(_path_for_job(material, job))}\n" if material else ""

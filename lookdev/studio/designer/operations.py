@@ -20,7 +20,7 @@ from lookdev.studio.designer.rows import read_source
 from lookdev.studio.designer.sources import LookLocation, OpenedLook
 
 FolderOperation = Callable[[Path], object]
-"""A function that edits a file: a hidden copy beside the look's file."""
+"""A function that edits the file at a path, which is a hidden copy beside the look's file."""
 
 
 def parse_operation(

@@ -31,9 +31,11 @@ def state_folder() -> Path:
 
 @dataclass(frozen=True)
 class UnsavedWork:
-    """Unsaved work: file contents, each with the digest of the file that was on disk; variants; seconds of the epoch.
+    """The unsaved work of a Designer.
 
-    `visible` has the names of the visible look and rig.
+    `files` has the edited contents of files, each with the digest of the content that was known to be on disk.
+    `variants` are those of `EditState`. `time` is in seconds since the epoch. `visible` has the names of the visible
+    look and rig.
     """
 
     files: Mapping[Path, tuple[bytes, str]]
@@ -113,7 +115,7 @@ class Recovery:
         return has_record
 
     def _find_earlier(self) -> UnsavedWork | None:
-        records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_age, reverse=True)
+        records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_modification_time, reverse=True)
         for record in records:
             try:
                 if not self._is_locked(record):
@@ -142,7 +144,7 @@ class Recovery:
         return record.with_suffix(".lock")
 
 
-def _age(file: Path) -> float:
+def _modification_time(file: Path) -> float:
     try:
         return file.stat().st_mtime
     except OSError:

@@ -44,9 +44,10 @@ MakeRoute = Callable[[Callable[..., Any]], BaseRoute]
 
 
 class Routes:
-    """Methods that answer requests of the page, by `json_route`, `raw_route` and `socket_route`, and their state.
+    """A class of methods that answer requests of the page, and their state.
 
-    `uploads` are the paths whose bodies may be larger than others.
+    The decorators `json_route`, `raw_route` and `socket_route` give a method its path. `uploads` are the paths of
+    requests whose bodies may be larger than others.
     """
 
     uploads: ClassVar[tuple[str, ...]] = ()

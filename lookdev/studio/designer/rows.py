@@ -39,7 +39,8 @@ def layer_rows(
             continue
         layer = look.layers[index]
         is_own = layer.model in MODELS
-        uniform = index if solo is None else 0 if solo == entry.number else None
+        # The layer's index in the look that the viewport draws, which names its uniforms; None if it is not drawn.
+        drawn_index = index if solo is None else 0 if solo == entry.number else None
         yield {
             "number": entry.number,
             "index": index,
@@ -50,22 +51,22 @@ def layer_rows(
             "modes": [mode for mode in MODES if is_own and mode in MODELS[layer.model].modes],
             "own": is_own,
             "title": MODELS[layer.model].title if is_own else layer.model,
-            "parameters": [*_parameter_rows(index, layer, uniform, folder)],
+            "parameters": [*_parameter_rows(index, layer, drawn_index, folder)],
             "mask": _source_row(layer.mask, folder) if index else None,
         }
         index += 1
 
 
-def _parameter_rows(index: int, layer: Layer, uniform: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
+def _parameter_rows(index: int, layer: Layer, drawn_index: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
     if index > 0:
         # A solo layer is drawn without its mask, so the mask is not a uniform.
-        yield _parameter_row(uniform if uniform else None, MASK, layer.mask)
+        yield _parameter_row(drawn_index if drawn_index else None, MASK, layer.mask)
         yield from _number_rows("mask", layer.mask)
     if layer.model in MODELS:
         for parameter in MODELS[layer.model].parameters.values():
             if parameter.file is None:
                 value = layer.inputs.get(parameter.name)
-                yield {**_parameter_row(uniform, parameter, value), "source": _source_row(value, folder)}
+                yield {**_parameter_row(drawn_index, parameter, value), "source": _source_row(value, folder)}
                 yield from _number_rows(parameter.name, value)
 
 
@@ -77,16 +78,16 @@ def _number_rows(owner: str, value: Any) -> Iterator[dict[str, Any]]:
             yield _parameter_row(None, parameter, float(number))
 
 
-def _parameter_row(uniform: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
+def _parameter_row(drawn_index: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
     constant = isinstance(value, float | int | str | tuple)
-    live = uniform is not None and isinstance(value, float | tuple)
+    live = drawn_index is not None and isinstance(value, float | tuple)
     return {
         "name": parameter.name,
         "kind": parameter.kind,
         "default": parameter.default,
         "value": value if constant else None,
         "varies": "" if constant or value is None else describe_source(value),
-        "uniform": live_name(uniform, parameter.name) if live and uniform is not None else "",
+        "uniform": live_name(drawn_index, parameter.name) if live and drawn_index is not None else "",
         "soft": parameter.soft,
         "hard": parameter.hard,
         "choices": parameter.choices,

@@ -63,6 +63,7 @@ class SourceFiles:
     def __init__(self) -> None:
         self._original_contents: dict[Path, bytes] = {}
         self._known_digests: dict[Path, str] = {}
+        # For each file: its inode, size and time when its content was last read, and the digest of that content.
         self._stamps: dict[Path, tuple[tuple[int, int, int], str]] = {}
         self._read_cached = lru_cache(256)(self._read_look)
 

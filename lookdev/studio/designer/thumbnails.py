@@ -29,8 +29,10 @@ def thumbnail(preset: Preset) -> Path:
 
     Raises LookdevError if the preset has faults, or the cache cannot be written.
     """
-    rooms = ("brdf", "light", "plotting", "material")
-    key = hashlib.sha256(f"{code_digest(*rooms)} {file_digest(preset.file)} {preset.prim} {SIZE}".encode()).hexdigest()
+    packages = ("brdf", "light", "plotting", "material")
+    key = hashlib.sha256(
+        f"{code_digest(*packages)} {file_digest(preset.file)} {preset.prim} {SIZE}".encode()
+    ).hexdigest()
     with _lock:
         return cached_files("thumbnails", key, lambda: (Content.store_bytes(_draw(preset), ".png"),))[0].path
 

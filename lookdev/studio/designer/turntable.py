@@ -54,13 +54,17 @@ class TurntableRuns:
             self._cancelled.clear()
             self._number += 1
             job = self._job()
-            turns = TurntableFrames(job.turntable, job.output / FOLDER, job.camera.azimuth)
-            exr = [file for turntable in turns.turntables for file in turns.files(look, rig, turntable)]
+            turntable_frames = TurntableFrames(job.turntable, job.output / FOLDER, job.camera.azimuth)
+            exr = [
+                file
+                for turntable in turntable_frames.turntables
+                for file in turntable_frames.files(look, rig, turntable)
+            ]
             self._files = [file.with_suffix(".png") for file in exr]
             self._state = {
                 "state": "rendering",
                 "run": self._number,
-                "output": str(turns.output / look / rig),
+                "output": str(turntable_frames.output / look / rig),
                 "total": len(exr),
                 "pending": len(exr),
                 "done": 0,
@@ -71,7 +75,9 @@ class TurntableRuns:
                 "notes": [],
             }
             # A daemon: Python does not wait for it at exit, and workers end with the process.
-            self._thread = threading.Thread(target=self._run, args=(job, scene, look, rig, turns), daemon=True)
+            self._thread = threading.Thread(
+                target=self._run, args=(job, scene, look, rig, turntable_frames), daemon=True
+            )
             self._thread.start()
 
     def cancel(self) -> None:
@@ -98,14 +104,16 @@ class TurntableRuns:
             file = self._files[number]
         return file if file.is_file() else None
 
-    def _run(self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turns: TurntableFrames) -> None:
+    def _run(
+        self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turntable_frames: TurntableFrames
+    ) -> None:
         # Not at the top: its imports are slow, and a page needs them only here.
         from lookdev.run.render import render_setups
 
         try:
             setup = _setup(job, scene(), look, rig)
             outputs = job.outputs.model_copy(update={"png": True})
-            _, result = render_setups([setup], turns, outputs, job.render.background, report=self._report)
+            _, result = render_setups([setup], turntable_frames, outputs, job.render.background, report=self._report)
             end_state = "cancelled" if result.interrupted else "done" if not self._state["failed"] else "failed"
             self._update_state(state=end_state)
         except KeyboardInterrupt:

@@ -26,8 +26,8 @@ from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import encode_packet
 from lookdev.studio.websocket import PageSocket, SocketMessage, Ticket, log
 
-_MAX_WAITING = 64
-_MAX_LOGGED = 20
+_MAX_WAITING = 64  # requests of a page that wait; the oldest is dropped for a further one
+_MAX_LOGGED = 20  # refused messages of a page that are logged
 _CONCURRENT_REQUESTS = 3
 """Number of requests of one page that are computed at the same time."""
 

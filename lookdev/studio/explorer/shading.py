@@ -21,8 +21,8 @@ from lookdev.studio.explorer.surfaces import Surfaces
 DOME = "studio"
 """The built-in environment map that lights spheres, in the page and in the renderer."""
 
-_DOME_SAMPLES = 4096
-_PAIR_COUNT = 2048
+_DOME_SAMPLES = 4096  # directions drawn from the dome for the page
+_PAIR_COUNT = 2048  # pairs of directions with reference values
 
 
 def live_parameters(model: str) -> frozenset[str]:
@@ -72,7 +72,7 @@ def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
     rng = np.random.default_rng(3)
     w = rng.normal(size=(2, _PAIR_COUNT, 3))
     w[..., 2] = np.abs(w[..., 2]) + 0.05
-    # Half of the lights are near the mirrored view, where peaks are.
+    # Half of the directions to the light are near the mirrored view, where peaks are.
     near = slice(0, _PAIR_COUNT // 2)
     w[0] /= np.linalg.norm(w[0], axis=-1, keepdims=True)
     spread = 10.0 ** rng.uniform(-3.0, -0.3, (_PAIR_COUNT // 2, 1))
@@ -99,9 +99,9 @@ def dome() -> PlotValues:
     height, width = light.table.shape[:2]
     theta, phi = (np.arange(height) + 0.5) / height * np.pi, (np.arange(width) + 0.5) / width * 2.0 * np.pi
     sine, cosine = np.sin(theta)[:, None], np.cos(theta)[:, None]
-    toward = np.stack([sine * np.cos(phi), sine * np.sin(phi), np.broadcast_to(cosine, (height, width))], axis=-1)
+    directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), np.broadcast_to(cosine, (height, width))], axis=-1)
     origin = np.zeros(3)
-    radiance = np.concatenate([light.radiance(origin, toward), light.pdf(origin, toward)[..., None]], axis=-1)
+    radiance = np.concatenate([light.radiance(origin, directions), light.pdf(origin, directions)[..., None]], axis=-1)
     samples = light.sample(origin, qmc.Sobol(2, rng=0).random(_DOME_SAMPLES))
     density, emitted = light.pdf(origin, samples), light.radiance(origin, samples)
     rows = [np.concatenate([samples, density[:, None]], axis=-1), np.pad(emitted, ((0, 0), (0, 1)))]

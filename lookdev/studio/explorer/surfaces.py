@@ -30,37 +30,40 @@ _CACHE_SIZE = 64
 
 @dataclass(frozen=True)
 class _LayersKey:
-    """A key of layers of constants, without the value of the parameter named `moving`."""
+    """A hashable key of layers of constants, without the value of the parameter `moving`, which a slider moves.
+
+    A layer has a model, a mode, a mask, and the names and values of its parameters.
+    """
 
     layers: tuple[tuple[str, str, float, tuple[tuple[str, str | tuple[float, ...]], ...]], ...]
     moving: str
 
     @classmethod
     def of(cls, layers: Sequence[StackLayer], moving: str) -> _LayersKey:
-        frozen = []
+        layer_keys = []
         for layer in layers:
             values = tuple(
                 (name, value if isinstance(value, str) else tuple(np.ravel(value).tolist()))
                 for name, value in layer.parameters.items()
                 if name != moving
             )
-            frozen.append((layer.model, layer.mode, float(np.asarray(layer.mask)), values))
-        return cls(tuple(frozen), moving)
+            layer_keys.append((layer.model, layer.mode, float(np.asarray(layer.mask)), values))
+        return cls(tuple(layer_keys), moving)
 
 
 @lru_cache(maxsize=_CACHE_SIZE)
-def _compile_layers_of(frozen: _LayersKey) -> CompiledProgram:
+def _compile_layers_of(key: _LayersKey) -> CompiledProgram:
     def make_layers(graph: Graph) -> list[StackLayer]:
         layers = []
-        for name, mode, mask, values in frozen.layers:
+        for name, mode, mask, values in key.layers:
             model = MODELS[name]
             numbers: dict[str, object] = {
                 parameter: value if isinstance(value, str) else np.array(value if len(value) > 1 else value[0])
                 for parameter, value in values
             }
-            if moving := model.parameters.get(frozen.moving):
-                wide = [f"{moving.name}_{i}" for i in range(3)]
-                numbers[moving.name] = symbol(graph, moving.name) if moving.kind == "float" else symbols(graph, wide)
+            if moving := model.parameters.get(key.moving):
+                names = [f"{moving.name}_{i}" for i in range(3)]
+                numbers[moving.name] = symbol(graph, moving.name) if moving.kind == "float" else symbols(graph, names)
             layers.append(StackLayer(name, numbers, np.asarray(mask), mode))  # type: ignore[arg-type]
         return layers
 
@@ -95,7 +98,7 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
 
 @dataclass
 class Surfaces:
-    """Surfaces by text in which files have the names of `roots`; the last ones that were read are cached."""
+    """The surfaces that texts specify; files have the names of `roots` in them. The newest subjects are cached."""
 
     roots: Roots
     library: Path | None = None

@@ -38,6 +38,6 @@ class Buffers:
         return name
 
     def rows(self, numbers: Elements, width: int) -> Mapping[str, str | int]:
-        """Add numbers (n,), or texels (n, 4), as a texture with rows of `width` texels; as `texture` does."""
+        """Add numbers (n,), or texels (n, 4), as a texture with rows of `width` texels; return what `texture` does."""
         padded = np.pad(numbers, ((0, -len(numbers) % width), *[(0, 0)] * (numbers.ndim - 1)))
         return self.texture(padded.reshape(-1, width, *numbers.shape[1:]))

@@ -28,7 +28,7 @@ _FIXED_TEXELS = 2  # of a corner, before the attributes of looks: position, hand
 
 @dataclass(frozen=True)
 class TriangleRange:
-    """The triangles of a slot of the asset: `first` up to, without, `last`."""
+    """The triangles of a slot of the asset: those from `first` to `last` - 1."""
 
     slot: int
     first: int
@@ -149,6 +149,7 @@ def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
     keys = np.ascontiguousarray(positions.reshape(-1, 3) + np.float32(0.0)).view(np.dtype((np.void, 12))).ravel()
     _, representative, inverse = np.unique(keys, return_index=True, return_inverse=True)
     triangles = inverse.reshape(-1, 3)
+    # For each vertex, the triangle whose number it has; for each triangle, the corner that has its number; -1 for none.
     owner = np.full(len(representative), -1)
     last = np.full(count, -1)
     for corner in range(3):

@@ -23,7 +23,8 @@ FIRST_BITS = 0x00800000
 """The bits of the smallest normal float32."""
 
 _NEIGHBOURS = 8  # clusters on each side along the curve among which the nearest neighbour is searched
-# At least one in 32 clusters is joined in each step: few boxes of equal size are mutual nearest neighbours.
+# Of boxes of equal size, few are mutual nearest neighbours. If a step would join fewer than one in 32 clusters, it
+# joins neighbours along the curve instead.
 _MAX_CLUSTERS_PER_JOIN = 32
 _MAX_LEAF_TRIANGLES = 4  # largest number of triangles in a leaf
 _TRIANGLE_COST = 1.2  # cost of a triangle test, relative to that of a box test
@@ -36,7 +37,7 @@ class _Tree:
     """A binary tree: its nodes are `leaves` triangles, then inner nodes, each of which joins two earlier nodes.
 
     Boxes `low` and `high` are (3, n); `children` are those of the inner nodes, (2, n - leaves). Step `k` of the
-    construction made the nodes from ``steps[k]`` up to, without, ``steps[k + 1]``. The last node is the root.
+    construction made the nodes from ``steps[k]`` to ``steps[k + 1] - 1``. The last node is the root.
     """
 
     low: Floats32

@@ -82,14 +82,14 @@ class Shadows(IntEnum):
             return cls.TRACED
         if asset.sheet or not (look.program.transmits or look.program.see_through):
             return cls.NONE
-        # For lights that are not plain, the distance of the occluder matters.
+        # In a rig that is not plain, a shadow depends on the distance or the group of its occluder.
         return cls.BEHIND if rig.plain else cls.TRACED
 
 
 def look_shaders(
     look: LookFunctions, rig: RigFunctions, corners: CornerTexels, shadows: Shadows, convex: bool
 ) -> LookShaders:
-    """Return the fragment shaders of a look under a rig, on an asset that may be `convex`."""
+    """Return the fragment shaders of a look under a rig; `convex` states whether the asset is convex."""
     visible, relight = _sections("visible.glsl"), _sections("relight.glsl")
     shadow = (files("lookdev") / "shaders" / "shadow.glsl").read_text(encoding="utf-8")
     constants = {

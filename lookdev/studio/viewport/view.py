@@ -39,7 +39,7 @@ INTERREFLECTION = "interreflection: light that other parts of the asset reflect 
 
 _HOLES = "light through holes: a surface with a presence below 1 casts a full shadow"
 
-_HALF_MAX = 65504.0
+_HALF_MAX = 65504.0  # largest half float
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class SceneView:
 
 
 class _Part(TypedDict):
-    """A slot of the asset: its path, the number of its look, and its triangles, `first` up to, without, `last`."""
+    """A slot of the asset: its path, the number of its look, and its triangles, from `first` to `last` - 1."""
 
     path: str
     look: int
@@ -62,9 +62,10 @@ class _Part(TypedDict):
 
 
 def slider_constants(look: Look) -> LivePredicate:
-    """Return the constants of a look that are uniforms, which change without compilation: those that the look states.
+    """Return the constants of a look that are uniforms: those that the look states, and the masks above the base.
 
-    Other constants are folded: the shader of a look without sheen has no code of sheen.
+    A uniform changes without compilation. Other constants are folded: the shader of a look without sheen has no code of
+    sheen.
     """
     is_stated = stated_constants(look)
     return lambda number, name: is_stated(number, name) or (name == "mask" and number > 0)
