@@ -295,7 +295,7 @@ def test_a_set_without_variants_and_one_with_too_many_are_faults(
     (folder / "car.usda").write_text(none)
     asset = f'{CAR}, prim = "/Car"'
     assert faults(make, 'variants = { none = "*" }', asset) == ["car.usda: /Car: variant set 'none' has no variants ()"]
-    monkeypatch.setattr("lookdev.material.variants.MOST_COMBINATIONS", 1)
+    monkeypatch.setattr("lookdev.material.variants.MAX_COMBINATIONS", 1)
     (message,) = faults(make, 'variants = { finish = "*" }', asset)
     assert message.startswith("car.usda: /Car: '*' expands to 2 combinations of variants, at most 1")
 
@@ -303,13 +303,13 @@ def test_a_set_without_variants_and_one_with_too_many_are_faults(
 def test_the_looks_and_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     star = 'variants = { finish = "*" }\n'
     two = star + '[[look]]\nname = "two"\n' + star
-    monkeypatch.setattr(expand, "MOST_COMBINATIONS", 4)
+    monkeypatch.setattr(expand, "MAX_COMBINATIONS", 4)
     monkeypatch.setattr(schema, "MAX_FRAMES", 8)
     assert len(make(two).job.look) == 4
     monkeypatch.setattr(schema, "MAX_FRAMES", 7)
     with pytest.raises(FaultsError, match=r"turntable: 4 looks under 1 lights .* make 8 frames"):
         make(two)
-    monkeypatch.setattr(expand, "MOST_COMBINATIONS", 3)
+    monkeypatch.setattr(expand, "MAX_COMBINATIONS", 3)
     with pytest.raises(FaultsError, match=r"look: '\*' expands to variants that make 4 looks, at most 3"):
         make(two)
 

@@ -69,7 +69,7 @@ LAMP = '#usda 1.0\ndef SphereLight "Lamp" {}\n'
         ("check leaf.usda --depth deep", "'deep' is not one of 'quick', 'default', 'full'"),
         ("check leaf.usda --variants wear", "SET=VARIANT is needed"),
         ("check leaf.usda --backend node", "there is no backend 'node' (did you mean 'nodes'?)"),
-        ("check", "a job or a look is needed"),
+        ("check", "all checks but that of stability need a job or a look"),
         ("check none.usda", "none.usda"),
         ("export blend suzanne.toml", "Missing option '-o' / '--out'"),
         ("export blend none.toml -o look.blend", "none.toml"),

@@ -92,7 +92,7 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
 
 def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render_file: RenderFile) -> None:
     plan = case.make_plan(case.make_job(tmp_path))
-    with pytest.raises(LookdevError, match="no frame of the job was rendered yet"):
+    with pytest.raises(LookdevError, match="no frame of the job is rendered, so no time of a frame is known"):
         store_measured_chunks(plan, Division(2))
     render_file(only=("gold/city/element.0001",))
     assert read_header(tmp_path / "out/gold/city/element.0001.exr")["seconds"] == "0.125"
@@ -115,7 +115,7 @@ def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render_file:
 
 
 def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render_file: RenderFile) -> None:
-    with pytest.raises(OutputError, match="no run of 'lookdev render' has left its plan there"):
+    with pytest.raises(OutputError, match="no run of 'lookdev render' has recorded a plan there"):
         read_status(tmp_path / "out")
     case.misbehave(tmp_path, element_0002=["failed"])
     render_file(chunk=Chunk(1, Division(2)))

@@ -26,7 +26,7 @@ STRIP = Strip("bottom", 0.5, (case.WIDTH, case.HEIGHT))
 @pytest.fixture(autouse=True)
 def _measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Replace the readings of props, which other tests cover: this worker renders no props."""
-    monkeypatch.setattr(Strip, "too_small", lambda self: "")
+    monkeypatch.setattr(Strip, "size_note", lambda self: "")
     monkeypatch.setattr("lookdev.checks.charts.check_charts", lambda *_: ())
     monkeypatch.setattr("lookdev.checks.charts.charts_doubts", lambda readings: [DOUBT])
     monkeypatch.setattr("lookdev.checks.charts.charts_header", lambda readings: {"charts.doubt": DOUBT})

@@ -248,7 +248,7 @@ def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
     with pytest.raises(WorkerError, match=f"no scheduler of Dask answers at {address}.*'dask scheduler'"):
         make_executor(address, tmp_path).__enter__()
     for address in ("nowhere", "tpc://127.0.0.1:8786"):
-        with pytest.raises(LookdevError, match=f"'{address}' is no address .*: write dask:tcp://HOST:8786"):
+        with pytest.raises(LookdevError, match=f"'{address}' is not an address .*: write dask:tcp://HOST:8786"):
             make_executor(address, tmp_path).__enter__()
     files = WorkerFiles(tmp_path, lambda name: tmp_path / name, ())
     with pytest.raises(LookdevError, match="has workers of its own"):
