@@ -54,6 +54,8 @@ def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
 
 
 def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]:
+    # Where each shape starts: `faces.all_points` and `faces.all_faces` among all points and faces, `faces.faces` and
+    # `faces.corners` among the valid faces and their corners.
     faces = Faces.collect(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)

@@ -61,7 +61,7 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     excess, cross = ((eta - external_ior) * (eta + external_ior) - k * k) * inverse, eta * k * inverse
     real = excess + cos2
     a, b = square_root(real, cross)
-    is_real = real >= 0.0
+    is_real = real >= 0.0  # whether a >= b
     b2, plus = b * b, cos_theta + a
     # For similar media b and cos - a are small: cos^2 - a^2 = -(excess + b^2) does not cancel.
     minus = np.where(is_real, (excess + b2) / np.maximum(plus, TINY), cos_theta - a)
@@ -73,8 +73,8 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     return reflectance
 
 
-# Born and Wolf, 1.5 (34) and 14.2: 1 minus the reflectance of each polarisation. `perpendicular` is that of r_s, and
-# `one_minus_ratio` is 1 - |r_p / r_s|^2, with r_p / r_s as above.
+# Born and Wolf, 1.5 (34) and 14.2: 1 minus the reflectance of each polarisation. `perpendicular` is 1 - |r_s|^2, and
+# `one_minus_ratio` is 1 - |r_p / r_s|^2, with r_s and r_p / r_s as above.
 def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
     """Return ``1 - conductor_fresnel(cos_theta, eta, k)`` in air for unpolarised light, without cancellation."""
     cos2 = cos_theta * cos_theta
@@ -90,6 +90,7 @@ def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
 def square_root(real: Real, half: Real) -> tuple[Array, Array]:
     """Return a and b, both at least 0, of ``a + ib``, the square root of ``real + 2i half``, with half at least 0."""
     # a^2 - b^2 = real and a b = half. The larger part comes first: the smaller one, as a difference, would cancel.
+    # `is_real` is whether the real part a is the larger one.
     large = np.sqrt(0.5 * (np.sqrt(real * real + 4.0 * half * half) + np.absolute(real)))
     small = half / np.maximum(large, TINY)
     is_real = real >= 0.0

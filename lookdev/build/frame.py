@@ -1,7 +1,7 @@
 """The geometry that each look of a job renders, the ground, and the cameras, which frame it or come from a USD file.
 
-Cages are refined by their size in the frame of a camera that frames the cages themselves. The camera of the scenes
-frames the rendered geometry: the displaced limit surface.
+There are two cameras. The first frames the control cages: their size in its frame determines the level of refinement.
+The second, the camera of the scenes, frames the rendered geometry: the displaced limit surface.
 """
 
 from __future__ import annotations
@@ -144,7 +144,8 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
     reach = math.tan(math.radians(0.5 * fov))
     pixels_across_strip = strip.resolution[0 if strip.upright else 1]
     half_angle = math.atan(reach * pixels_across_strip / resolution[0])
-    # The part of the tangent of half the angle of view that the asset covers at most.
+    # The largest fraction of the frame that the asset covers, in the direction across the strip. With a margin, it is a
+    # ratio of tangents: of half the angle of the asset's sphere, and of half the angle of view.
     covered = (
         fill
         if camera.margin is None
@@ -201,7 +202,10 @@ def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[A
 
 
 def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Camera) -> Ground:
-    """Return the ground of an asset; raise AssetError if the camera is not above it."""
+    """Return the ground of an asset; raise AssetError if the camera is not above it.
+
+    `table` is the table ``[ground]`` of the job file: the ground's kind, material, height and size.
+    """
     height = float(cached_outline(asset)[:, 2].min()) if table.height is None else table.height
     above = float(camera.position[2]) - height
     if above <= 0.0:
@@ -217,7 +221,8 @@ def job_grounds(
 ) -> dict[str, Ground]:
     """Return the ground for each look of a job; all grounds have the same material.
 
-    Raises LookError as `read_any_look`, and AssetError as `ground_under`.
+    `table` is the table ``[ground]`` of the job file. Raises LookError as `read_any_look` does, and AssetError as
+    `ground_under` does.
     """
     look = None
     if table.material is not None:

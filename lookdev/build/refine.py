@@ -25,10 +25,12 @@ from lookdev.material import Look
 from lookdev.scene import Camera
 from lookdev.scene.displace import as_cage, is_displaced
 
-_ROOM = "refined"
+_ROOM = "refined"  # the folder of the cache for refined assets and levels of refinement
 
 _MAX_CORNERS = 32_000_000
-"""The most refined corners of an asset whose level the job states; they take about 8 GB during refinement."""
+"""The maximum number of corners of an asset after refinement, if the job states the level.
+
+This many corners take about 8 GB during refinement."""
 
 
 class Refiner:
@@ -45,9 +47,10 @@ class Refiner:
         self._assets: dict[tuple[int, tuple[int, ...]], tuple[Asset, Asset]] = {}
 
     def refine(self, asset: Asset, camera: Camera, displaced: Collection[int] = ()) -> tuple[Asset, tuple[str, ...]]:
-        """Return the asset with cages refined for a camera, and notes; `displaced` and errors as `refinement_levels`.
+        """Return the asset with its cages refined for a camera, and notes for the user.
 
-        Raises AssetError also if the level that the job states makes too many faces.
+        `displaced` has the numbers of displaced meshes. Raises AssetError as `refinement_levels` does, and if the level
+        that the job states makes too many corners of faces.
         """
         if all(mesh.subdivision is None for mesh in asset.meshes):
             return asset, ()

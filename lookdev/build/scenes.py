@@ -70,6 +70,7 @@ def build_scenes(
     job, rigs, rig_keys = vary_lights(job, wedges, lights, findings, sampled=sampled)
     for name, variation in wedges.looks.items():
         materials[name] = vary_looks(materials[variation.base], variation, findings)
+    # For each look of the job, the last of `read_materials`: its `material`, or else the material of its last `assign`.
     own_looks = [looks[-1] for looks in materials.values() if looks]
     placed_lights = [rig.lights for rig in rigs if not rig.is_fitted]
     if not findings.faults and own_looks and placed_lights:
@@ -102,7 +103,11 @@ def build_scenes(
 
 @dataclass(frozen=True)
 class _RenderedAssets:
-    """The asset, the look of each slot and the camera of each look of a job, by its name, and all parts' paths."""
+    """What the looks of a job render.
+
+    `assets`, `looks` and `cameras` have, by the name of a look, its asset, the look of each slot, and its camera.
+    `parts` has the paths of all parts of all assets.
+    """
 
     assets: Mapping[str, Asset]
     looks: Mapping[str, Mapping[str, Look]]

@@ -66,18 +66,19 @@ def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Fram
     sigma = closure_table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
     # The floor: Cycles divides by 1 minus an albedo that is nearly 1, in float32.
     sigma = np.maximum(sigma, 0.01)
-    # Further scattering loses nothing of white, and leaves about the square of any other colour.
+    # Single scattering loses the part 1 - `single` of the light. Multiple scattering, which the closure adds, restores
+    # all of it for a white base colour. For any other colour, it restores about the share colour^2 of this part.
     single = np.expand_dims(rough_diffuse_albedo(sigma, closure_fit("retro")(cos_theta)), -1)
     base_color = reflected / mix(single, 1.0, _square(np.minimum(reflected, 1.0)))
     return Closure("rough_diffuse", np.ones(3), frame=frame, f0=base_color, roughness=sigma)
 
 
-# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)): the term of Hanrahan and Krueger 1993 without Fss, which
-# depends on little but the view. The directional albedo of this GGX is 1 - cos_theta ln(1 + 1 / cos_theta); that of
-# the whole term is quadratic in roughness.
+# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)). This is the term of Hanrahan and Krueger 1993 without its
+# factor Fss. Fss depends on little but the view. The directional albedo of this GGX is
+# 1 - cos_theta ln(1 + 1 / cos_theta); that of the whole term is quadratic in roughness.
 def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
     """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, Lambert where Fss is below 1."""
-    # The mean of cos^2 theta_d is about 1/2.
+    # Only the view's factor of Fss, at the mean of cos^2 theta_d, which is about 1/2.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
     ggx_weight, diffuse_weight = 2.5 * fss, 0.625 * (1.0 - fss)
     cosine = np.maximum(cos_theta, TINY)
@@ -111,8 +112,9 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         apparent = apparent_alphas(alphas, wo, closure_table()["shapes"]["anisotropic"])
         # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
-        # Shadowing removes about the part of a wider lobe that the limit cuts off. In the 2012 variant, shadowing does
-        # not depend on the alphas.
+        # If alpha_x exceeds 1, the closure is narrower than Disney's lobe. Shadowing of that wider lobe removes about
+        # the part that the limit cuts off: the factor is the limited alpha_x over the original one. In the 2012
+        # variant, shadowing does not depend on the alphas.
         shadowing = x / alphas[0]
     ratio, grazing = (closure_fit(f"specular_{name}{variant}")(cos_theta, apparent.ratio) for name in ("", "grazing_"))
     # The cosine of a typical light to the half vector.
@@ -121,9 +123,10 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         shadowing = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical_cosine, p["roughness"])
     ratio, grazing = (np.clip(shadowing * value, 0.001, 1.0) for value in (ratio, grazing))
     schlick_mean = schlick_weight(typical_cosine) * apparent.skew
-    # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
-    # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b. Here g is `grazing`, f `metal_f0`,
-    # b `metal_mean`, r `ratio`, and s `schlick_mean`.
+    # Let B be the albedo of the closure GGX of weight 1, and b = `metal_mean` the mean of Schlick's weight over it. A
+    # metal of weight g = `grazing` and f = `metal_f0` reflects g B (f (1 - b) + b). Disney's lobe reflects
+    # r B (f0 (1 - s) + s), with r = `ratio` and s = `schlick_mean`. The parts with Schlick's weight are equal,
+    # r s = g b.
     metal_mean = ratio * schlick_mean / grazing
     fresnel = mix_color(p["f0"], np.ones(3), schlick_mean)
     if not are_equal(p["filmThickness"], 0.0):
@@ -146,7 +149,9 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     )
     if not is_exact(p):
         return closures
-    # With the same B, a conductor reflects B g F(c) at its own typical cosine c, where Schlick's weight is its mean.
+    # F is the exact reflectance of the metal. A conductor of weight g, here `grey`, reflects g B F(c). Disney's lobe
+    # reflects r B F(c). In each, c is the cosine at which Schlick's weight (1 - c)^5 equals its mean: b for the
+    # conductor, s for the lobe.
     reflected_metal, target = (
         metal_fresnel(p, 1.0 - np.power(np.clip(value, 0.0, 1.0), 0.2)) for value in (metal_mean, schlick_mean)
     )
@@ -165,8 +170,9 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 class ApparentAlphas:
     """The alphas (...) of the isotropic lobes that an anisotropic lobe resembles from one view.
 
-    ratio, cosine : arguments of the fits of these names.
-    skew : factor of the mean of Schlick's weight.
+    ratio : the alpha for the fits of ratios of albedos, ``specular_<variant>`` and ``specular_grazing_<variant>``.
+    cosine : the alpha for the fit of the typical cosine, ``specular_cosine_<variant>``.
+    skew : multiplies the mean of Schlick's weight; 1 for an isotropic lobe.
     """
 
     ratio: Array
@@ -177,9 +183,10 @@ class ApparentAlphas:
 def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> ApparentAlphas:
     """Return the alphas for views `wo`, (..., 3): the mean from above, the alpha along the azimuth at grazing views.
 
-    `shape` has three numbers. `azimuth` is the weight of the squared alpha along the azimuth, against the product of
-    both alphas, in the squared alpha of the ratio. `skew` is the exponent of the aspect ratio in `ApparentAlphas.skew`,
-    for a lobe of mean alpha 1 at grazing views. `skew_rise` is the increase of this exponent up to a view from above.
+    `shape` has three numbers. `azimuth`, in [0, 1], is a weight: the square of `ApparentAlphas.ratio` is the mixture of
+    alpha_x alpha_y (at 0) and the squared alpha along the view's azimuth (at 1). `ApparentAlphas.skew` is a power of
+    the aspect ratio alpha_x / alpha_y. `skew` is the exponent for a lobe of mean alpha 1 at grazing views. `skew_rise`
+    is the increase of this exponent up to a view from above.
     """
     mean2 = alphas[0] * alphas[1]
     along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])

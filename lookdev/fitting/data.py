@@ -1,4 +1,4 @@
-"""The data of a fit: f at pairs of directions, the centres of cells of a MERL file, where nothing is interpolated.
+"""The data of a fit: f at pairs of directions, the centres of cells of a MERL file, so that no f is interpolated.
 
 A loss is the root mean square of the difference of f cos theta_i of two surfaces, compressed or not.
 
@@ -53,8 +53,8 @@ def evaluate_pairs(
 ) -> ReflectanceSamples:
     """Evaluate a surface at counts of theta_h, theta_d and phi_d, up to `limit` degrees from the normal.
 
-    theta_h is in even steps of its root. Each pair is rotated about the normal by a different azimuth, so that an
-    anisotropic model cannot fit a tangent direction that the data do not have. Raises LookdevError if f is 0
+    theta_h is in even steps of its square root. Each pair is rotated about the normal by a different azimuth, so that
+    an anisotropic model cannot fit a tangent direction that the data do not have. Raises LookdevError if f is 0
     everywhere, or anywhere not finite.
     """
     h, d, phi = (_cell_centres(count, size) for count, size in zip(counts, MERL_SIZE, strict=True))

@@ -1,7 +1,7 @@
 """The search: many random starts, then least squares within bounds from the best few.
 
-Models broadcast over their parameters. One evaluation therefore gives all differences of the Jacobian: along the first
-axis of the parameters, each entry changes another number.
+Models broadcast over their parameters. One evaluation therefore gives all finite differences of the Jacobian: the
+parameters have an additional first axis, and each of its entries has one number changed.
 """
 
 from __future__ import annotations
@@ -157,7 +157,7 @@ def _select_effective(
 ) -> Sequence[FreeParameter]:
     """Return the parameters that change f at some random point.
 
-    Parameters of forms of the model that are not selected do not.
+    A parameter of a form of the model that is not selected changes nothing, and is left out.
     """
     problem = _Problem(model, constant, free, data.thin(_SPARSE_STEP), loss)
     points = np.random.default_rng(0).random((_EFFECT_POINTS, problem.size))

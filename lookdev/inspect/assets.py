@@ -175,7 +175,10 @@ def _inspect_material(path: str, bound: BoundLook) -> InspectedMaterial:
 
 
 def _image_count(look: Look) -> int:
-    """Return the number of images that a look reads, before folding."""
+    """Return the number of image files that a look names in its inputs, masks, bumps and displacement.
+
+    Constants are not folded yet: the shader of the look may read fewer images.
+    """
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     heights = [look.displacement.height] if look.displacement else []
     leaves = (leaf.height if isinstance(leaf, Bump) else leaf for leaf in leaf_sources([*sources, *heights]))

@@ -132,7 +132,10 @@ class Plan:
         return tuple(_due_pictures(self.frames, self.frame_suffixes))
 
     def pending(self) -> tuple[FrameTask, ...]:
-        """Return the tasks to render, scene by scene; `copies` has the other files of a frame with a done file."""
+        """Return the tasks to render, scene by scene: those of frames without a done file.
+
+        A frame with a done file is not rendered: `copies` makes its other files.
+        """
         return tuple(frame.task for frame in self.frames if _done_path(frame.files) is None)
 
     def copies(self) -> tuple[Copy, ...]:
@@ -298,7 +301,7 @@ def _due_pictures(frames: tuple[PlannedFrame, ...], suffixes: Sequence[str]) -> 
 
 
 def _is_due(picture: Path, frame: Path) -> bool:
-    # The EXR is written first: a picture older than it is of the frame that it replaced.
+    # The EXR is written first. A picture that is older than the EXR therefore shows the previous frame.
     if not picture.is_file():
         return True
     status = picture.stat()

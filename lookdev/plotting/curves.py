@@ -59,7 +59,7 @@ def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are above the horizon by a degree."""
     count = options.size or 721
     low = -options.limit if options.axis == "theta_i" else 0.0
-    # Even in the root of theta_h, as a MERL file is: dense at the peak of most surfaces.
+    # theta_h is evenly spaced in its square root, as in a MERL file: densely at the peak of most surfaces.
     unit = np.linspace(0.0, 1.0, count)
     degrees = options.limit * unit**2 if options.axis == "theta_h" else np.linspace(low, options.limit, count)
     angle, fixed, phi = np.radians(degrees), np.radians(options.theta), np.radians(options.phi)

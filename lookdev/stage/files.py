@@ -22,7 +22,7 @@ BYTES_VARIABLE = "LOOKDEV_LAYER_BYTES"
 DEFAULT_BYTES = 1 << 30
 
 NOT_UTF8 = "holds text that is not UTF-8"
-"""The message for a file whose text USD cannot quote."""
+"""The problem of a file with text that is not UTF-8. A message of USD that quotes such text cannot be decoded."""
 
 _MAX_DEPTH = 256  # brackets inside each other in a text layer; USD's stack overflows at some ten thousand
 

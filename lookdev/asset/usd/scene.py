@@ -131,6 +131,7 @@ class UsdScene:
                 if (shape_and_surface := self._surfaces[key]) is not None:
                     number, surface = shape_and_surface
                     copies = self._gprims.copies(prim, surface)
+                    # A Points prim has a copy of the surface for each point of positive width.
                     if copies is not None and len(copies) == 0:
                         self._note("without a point of a width, left out", prim)
                         continue

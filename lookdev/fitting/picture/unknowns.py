@@ -25,8 +25,8 @@ _NAME_WITH_RANGE = re.compile(r"([^=]+)=(.+)\.\.(.+)")
 class Unknown:
     """A constant that is searched between `low` and `high`; starts are drawn within `start_range`.
 
-    The search scales numbers to units: linearly, by the width of `start_range`, or by the logarithm of 1 plus the
-    number.
+    The search works with scaled numbers, called units. A unit is the number divided by the width of `start_range`, or
+    the logarithm of 1 plus the number, divided by the logarithm of 1 plus the end of `start_range`.
     """
 
     constant: Constant
@@ -59,16 +59,16 @@ class Unknown:
         return float(np.log1p(high)) if self._is_logarithmic else high - low
 
     def unit(self, value: Floats) -> Floats:
-        """Return the units of values."""
+        """Return values, (..., width), scaled to units."""
         scaled = np.log1p(value) if self._is_logarithmic else np.asarray(value, np.float64)
         return np.asarray(scaled / self._scale)
 
     def units(self, number: float) -> Floats:
-        """Return the units (width,) of a number for all components."""
+        """Return a number scaled to units and repeated for each component, (width,)."""
         return np.repeat(self.unit(np.array(number)), self.width)
 
     def value(self, unit: Floats) -> Floats:
-        """Return the values of units, clipped to the bounds."""
+        """Return units, (..., width), scaled back to values and clipped to the bounds."""
         scaled = unit * self._scale
         return np.clip(np.expm1(scaled) if self._is_logarithmic else scaled, self.low, self.high)
 

@@ -96,6 +96,7 @@ class _Checker:
                 self._check_float(condition, "the condition of '?'")
                 return "color" if "color" in (self.kind(yes), self.kind(no)) else "float"
             case syntax.ApplyNode(name=name, function=function, arguments=arguments):
+                # "each": the function takes floats and colours, and is applied to each channel.
                 if function.domain == "each":
                     return "color" if "color" in [self.kind(argument) for argument in arguments] else "float"
                 for argument in arguments:

@@ -21,6 +21,8 @@ def _layers(p: Parameters) -> list[StackLayer]:
     presence, thin = p["geometry_opacity"], p["geometry_thin_walled"] == "1"
     dielectric = lobes.Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
     metal = lobes.Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
+    # `emerging_light`, (..., 3), is the light that leaves the base, at first through the specular interface alone. The
+    # coat tints it, and the fuzz covers it.
     emerging_light, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
     tint = _tint(p)
     emerging_light = lobes.color_under_sheen(
@@ -75,7 +77,11 @@ def _coated_roughness(p: Parameters) -> Real:
 
 
 def _tint(p: Parameters) -> Array:
-    """Return the factor (..., 3) on the base's colour: the coat's colour, and the loss by reflection between both."""
+    """Return the factor (..., 3) on the base's colour: the coat's colour, times the darkening by the coat.
+
+    Light that the coat's surface reflects back to the base is absorbed there in part. This darkens the base.
+    """
+    # `internal` approximates the reflectance of the coat's surface for diffuse light from below.
     internal = 1.0 - (1.0 - lobes.f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
     dielectric = mix_color(p["base_color"], p["subsurface_color"], p["subsurface_weight"])
     base = mix_color(dielectric, scale(p["base_color"], np.minimum(p["specular_weight"], 1.0)), p["base_metalness"])
