@@ -124,6 +124,11 @@ def _to_z_up(vectors: _Vectors) -> _Vectors:
 def _single_precision(
     points: Floats, shapes: Sequence[PolygonShape], used_points: Indices, begins: Indices
 ) -> Floats32:
+    """Return the used points (n, 3) in single precision; raise AssetError if a coordinate is not finite or too large.
+
+    `used_points` (n,) has the index of each among all points of the shapes. `begins` (s + 1,) is where each shape
+    starts among all points.
+    """
     # NaN fails both comparisons.
     if not (points.max() <= MAX_COORDINATE and points.min() >= -MAX_COORDINATE):
         is_bounded = np.abs(points) <= MAX_COORDINATE

@@ -1,7 +1,7 @@
 """The geometry that each look of a job renders, the ground, and the cameras, which frame it or come from a USD file.
 
-There are two cameras. The first frames the control cages: their size in its frame determines the level of refinement.
-The second, the camera of the scenes, frames the rendered geometry: the displaced limit surface.
+Control cages are framed twice. The first camera frames the cages themselves; their size in its frame determines the
+level of refinement. The second, the camera of the scenes, frames the rendered geometry: the displaced limit surface.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def job_cameras(
     Parameters
     ----------
     assets
-        The refined and displaced asset of each look.
+        The asset of each look, with its control cages, or refined and displaced.
     shot
         The camera that ``camera.usd`` names.
 

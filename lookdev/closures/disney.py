@@ -73,8 +73,9 @@ def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Fram
     return Closure("rough_diffuse", np.ones(3), frame=frame, f0=base_color, roughness=sigma)
 
 
-# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)). This is the term of Hanrahan and Krueger 1993 without its
-# factor Fss. Fss depends on little but the view. The directional albedo of this GGX is
+# The term, after Hanrahan and Krueger 1993, is 1.25 / pi (Fss (1 / (cos_theta_i + cos_theta_o) - 1/2) + 1/2). GGX of
+# alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)). The term is therefore 2.5 Fss times this GGX, and 0.625 (1 - Fss)
+# times Lambert's 1 / pi. Fss depends on little but the view. The directional albedo of this GGX is
 # 1 - cos_theta ln(1 + 1 / cos_theta); that of the whole term is quadratic in roughness.
 def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
     """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, Lambert where Fss is below 1."""

@@ -248,6 +248,7 @@ def _scale_note(options: PlotOptions) -> str:
 
 
 def _reflectance(bsdf: Bsdf, wo: Floats) -> Floats:
+    """Return the reflectance (..., 3) of a surface that scatters along single directions, for views (..., 3)."""
     total = np.zeros(wo.shape)
     for delta in bsdf.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)):
         if not delta.transmits:
@@ -269,7 +270,7 @@ def _offset_and_scale(f: Floats, degrees: Floats) -> Floats:
     """
     offset = f - f[:1]
     within = (degrees >= 45.0) & (degrees <= 80.0)
-    if not within.any():
+    if not within.any():  # no point of the curves is from 45 to 80 degrees
         raise LookdevError("fresnel: curves are scaled by 45 to 80 degrees; a larger --limit and --size would be right")
     mean = np.abs(offset[within].mean(axis=0, keepdims=True))
     return np.asarray(offset / np.where(mean > 1e-9 * np.abs(f[within]).max(), mean, np.inf))

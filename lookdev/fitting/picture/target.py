@@ -70,6 +70,7 @@ class Target:
             color, variance = np.concatenate([color, alpha], -1), np.concatenate([variance, noise], -1)
         else:
             weights = weights * (covered >= 1.0 - 1e-6)
+        # A block has weight within the picture's mask; for an opaque look, only where the asset covers all of it.
         if (weights > 0.0).sum() < 16:
             count = f"{int((weights > 0.0).sum())} blocks of {block} x {block} pixels"
             raise LookdevError(

@@ -103,7 +103,7 @@ def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
             value = ", ".join(f"{number:g}" for number in constant.value)
             raise LookdevError(f"{text}: the look has {value}, which is not in {low:g}..{high:g}")
         unknowns.append(Unknown(constant, low, high, (max(start_range[0], low), min(start_range[1], high))))
-    if not unknowns:
+    if not unknowns:  # `names` is empty: there is nothing to fit
         raise LookdevError("no parameter is to be found; --parameters roughness,baseColor would be right")
     return tuple(unknowns)
 
