@@ -33,7 +33,10 @@ IMPORT_MODULES: dict[ImportProgram, str] = {
     "lookdev": "lookdev.bench.scale_job",
     "blender": "lookdev.cycles.plain_import",
 }
-"""The module that each way runs as a process."""
+"""The module that runs as a process to load a file, by the program whose loading it measures.
+
+Elsewhere in this file, `way` is one of these keys: "lookdev", a job, or "blender", Blender's own import.
+"""
 
 _SIDE, _LIGHT, _BOUNCES = 64, "studio", 2
 _LOOK = """#usda 1.0
@@ -135,9 +138,10 @@ CASES: dict[str, Callable[[Path], None]] = {"quads": write_quads, "instances": w
 
 @dataclass(frozen=True)
 class StartTimes:
-    """Seconds from the start of a process until its frames are planned and until its first sample.
+    """The times of one process, in seconds from its start, until it has planned its frames and has its first sample.
 
-    With Blender's import, `planned` is when it is done. `memory` is the peak of each process in bytes.
+    With Blender's import, `planned` is the time when the import is done. `way` is the program, a key of
+    `IMPORT_MODULES`. `memory` has the peak of each of its processes in bytes.
     """
 
     case: str

@@ -84,7 +84,11 @@ def following_numbers(layer: StackLayer) -> frozenset[str]:
 
 
 def point_layer(layer: StackLayer, constants: Mapping[str, float | list[float]]) -> PointLayer:
-    """Return the part of a layer at points that its code depends on, with some of its numbers as constants."""
+    """Return a layer without the numbers that vary from point to point, as the generator of its code takes it.
+
+    It has the model, the tokens and the mode of the layer, and the names of the numbers that follow others. `constants`
+    are the numbers that are constants in the code, by name.
+    """
     return PointLayer(layer.model, layer_tokens(layer), layer.mode, constants, following_numbers(layer))
 
 

@@ -77,7 +77,7 @@ class Backend:
     spaces: tuple[Space, ...] = (REC709,)  # working spaces of its light
     passes: tuple[str, ...] = ("samples",)  # the names of those of `PASSES` that it renders
     can_catch_shadows: bool = False  # renders shadow catchers
-    has_isolated_parts: bool = False  # parts of a convex asset neither shadow nor reflect one another
+    has_isolated_parts: bool = False  # no rays between parts of a convex asset: no shadows, no reflections
     can_prepare: bool = False  # its worker compiles a scene ahead of the frames
     check_device: Callable[[str], None] = lambda device: None  # raises RenderError if this machine lacks the device
     version: Callable[[], str] = _cycles_version  # changes when the same task gives other pixels
@@ -121,7 +121,11 @@ def _generate_principled(look: Look, setting: SourceSetting) -> GeneratedSource:
 
 
 def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
-    """Return the gaps: every lamp, because directions sampled from a model pass lamps, which then count as portals."""
+    """Return a sentence for each light that backend `nodes-exact` cannot render: all lamps, and some domes.
+
+    Rays in directions that are sampled from a model pass through lamps. A lamp on the way then counts as a portal, and
+    portals are how the world detects rays that left a surface (`lookdev.codegen.nodes.exact`).
+    """
     lamps = [
         f"{light_label(light, number)}: the rays of this backend find no lamps, only domes"
         for number, light in enumerate(lights, start=1)
