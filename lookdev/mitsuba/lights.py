@@ -146,7 +146,7 @@ class SceneLights(ABC):
         return tuple(self._mi.Float(0.0) for _ in self._control_names)
 
     def split_by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
-        """Return arriving light, then its part of each recorded group: the light itself if it is of it, else 0."""
+        """Return the light that arrives from one light, then the part from each recorded group: all of it or 0."""
         specular, diffuse = arriving
         masks = [controls[-1] == number for number in range(self.groups)]
         return [

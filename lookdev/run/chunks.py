@@ -1,8 +1,9 @@
 """The chunks of a job: its frames divided in the same way for all runs, on any machine at any time.
 
-By default, the division depends on the job and the numbers of chunks and machines alone, by estimated costs. It does
-not depend on the frames on disk, which change while chunks are rendered. On request, before the first chunk, the frames
-are divided by measured times. The state folder of the output stores this division for all runs.
+By default, the frames are divided by estimated costs. This division depends on the job and the numbers of chunks and
+machines alone. It does not depend on the frames on disk, which change while chunks are rendered. On request, before the
+first chunk, the frames are divided by measured times. The state folder of the output then stores this division for all
+runs.
 """
 
 from __future__ import annotations
