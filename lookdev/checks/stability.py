@@ -322,7 +322,7 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, re
 def _difference(gain: float, halves: Halves, reference: Halves) -> float:
     """Return the squared difference of two pictures over the noise of their halves; inf if their coverage differs.
 
-    The first picture is divided by `gain`, the factor by which its scene is brighter.
+    The exact first picture is `gain` times the second, so it is divided by `gain` before.
     """
     a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
     c, d = np.float64(reference.a), np.float64(reference.b)

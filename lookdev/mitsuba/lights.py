@@ -130,7 +130,7 @@ class SceneLights(ABC):
     def camera_radiance(
         self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
     ) -> tuple[list[Color3f], Bool]:
-        """Return the radiance along rays of lights that the camera sees, nearer than a distance, and a mask of the hits.
+        """Return the radiance of the visible lights that rays hit nearer than a distance, and a mask of these hits.
 
         The radiance is a list: the sum over all lights, then over each recorded group.
         """
