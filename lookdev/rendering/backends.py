@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from lookdev.material import Look
 
 RENDER_VERSION = 5
-"""To be raised when the package renders the same frame task to other pixels than before."""
+"""A number to raise when Cycles backends render the same frame task to other pixels than before."""
 
 NODES_VERSION = 1
-"""To be raised when backend `nodes` alone does so."""
+"""A number to raise when backend `nodes` alone renders the same frame task to other pixels than before."""
 
 MITSUBA_VERSION = 5
-"""To be raised when `lookdev.mitsuba` does so."""
+"""A number to raise when `lookdev.mitsuba` renders the same frame task to other pixels than before."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
-"""The worker of Cycles."""
+"""The command that starts the worker of Cycles: program and arguments."""
 
 
 @cache
@@ -83,7 +83,8 @@ class Backend:
     version: Callable[[], str] = _cycles_version  # changes when the same task gives other pixels
 
 
-# Workers read this registry to decode tasks, and do not generate sources: so generators are imported where they run.
+# Workers read this registry to decode tasks, but do not generate sources. Generators are therefore imported where they
+# run, and not at the top.
 def _generate_exact(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.osl.surface import generate_surface
 
