@@ -1,9 +1,11 @@
 """The cache of derived files, and atomic writing: a file is written whole or not at all.
 
 The cache has two kinds of files. The folder ``content`` has files named by the SHA-256 of their bytes: `Content`. All
-other folders have small records. A record holds the value of a key, numbers or the names of content files, with a
-checksum. Each file is checked when it is read, once in a process unless it changes. A damaged file counts as missing:
-the user gets a note, and the file is made again.
+other folders have small records, JSON files. A record has the value of a key, with a checksum; the value is numbers or
+names of content files. A parameter `room` is the name of such a folder, relative to the cache.
+
+Each file is checked when it is read, a content file once in a process unless it changes. A damaged file counts as
+missing: the user gets a note, and the file is made again.
 """
 
 from __future__ import annotations
@@ -80,7 +82,10 @@ def write_file(file: Path, content: str | bytes) -> None:
 
 @contextmanager
 def output_errors(path: Path, problem: str = "cannot be written", *, name_file: bool = False) -> Iterator[None]:
-    """Raise OutputError with a problem of `path`, or with `name_file` of the file that failed, for an OSError."""
+    """Turn an OSError of the block into an OutputError that states `path`, the problem and the reason.
+
+    With `name_file`, it states the file that the OSError names, if it names one, instead of `path`.
+    """
     try:
         yield
     except OSError as error:
@@ -128,9 +133,10 @@ def file_digest(path: Path) -> str:
 
 @cache
 def code_digest(*rooms: str) -> str:
-    """Return a digest of the code of `rooms`, by default all rooms, and of the versions of Python and NumPy.
+    """Return a digest of the code of the subpackages `rooms`, and of the versions of Python and NumPy.
 
-    The keys of derived files contain it, so that no version of the code loads the files of another.
+    `rooms` are names of folders in the package lookdev; without any, the digest is of the whole package. The keys of
+    derived files contain the digest, so that no version of the code loads the files of another.
     """
     import numpy as np
 
@@ -139,7 +145,7 @@ def code_digest(*rooms: str) -> str:
 
 @cache
 def package_digest(*rooms: str) -> str:
-    """Return a digest of the code of `rooms`, by default all rooms; it is the same on every machine."""
+    """Return a digest of the code of the subpackages `rooms`, or else of the whole package; equal on every machine."""
     digest = hashlib.sha256()
     package = Path(__file__).parent
     for folder in [package / room for room in rooms] or [package]:

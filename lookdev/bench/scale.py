@@ -1,7 +1,7 @@
 """Large assets: seconds and memory up to the first sample of a job, against Blender's own import of the same file.
 
-The files have sizes of production. Each is measured in fresh processes, in turn, from the start of the process. The
-cache has only data of light and look, as after any earlier job; assets are derived anew.
+The files have sizes of production. Each file is measured from the start of a fresh process. The processes run one after
+the other. The cache has only data of the light and the look, as after any earlier job; assets are derived anew.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ IMPORT_MODULES: dict[ImportProgram, str] = {
     "lookdev": "lookdev.bench.scale_job",
     "blender": "lookdev.cycles.plain_import",
 }
-"""The module that each way runs as a process."""
+"""The module that runs as a process to load a file, by the program whose loading it measures.
+
+Elsewhere in this file, `way` is one of these keys: "lookdev", a job, or "blender", Blender's own import.
+"""
 
 _SIDE, _LIGHT, _BOUNCES = 64, "studio", 2
 _LOOK = """#usda 1.0
@@ -62,7 +65,7 @@ def write_quads(file: Path, side: int = 1000) -> None:
 
 
 def write_instances(file: Path, side: int = 100, faces: int = 100) -> None:
-    """Write a point instancer of ``side^2`` sheets, each of ``faces^2`` quads, beside one another in 2 m."""
+    """Write a point instancer of ``side^2`` sheets, each of ``faces^2`` quads, side by side in a square of 2 m."""
     stage = _new_stage(file)
     instancer = UsdGeom.PointInstancer.Define(stage, f"{_ROOT}/many")
     _define_sheet(stage, f"{_ROOT}/many/sheet", faces)
@@ -74,7 +77,7 @@ def write_instances(file: Path, side: int = 100, faces: int = 100) -> None:
 
 
 def write_meshes(file: Path, count: int = 20_000) -> None:
-    """Write boxes, each a mesh, a hundred to a group, beside one another in 2 m."""
+    """Write `count` boxes side by side in a square of 2 m. Each is a mesh; a hundred meshes make a group."""
     stage = _new_stage(file)
     side = int(np.ceil(np.sqrt(count)))
     for number, center in enumerate(_cell_centers(side)[:count].tolist()):
@@ -102,7 +105,7 @@ def _new_stage(file: Path) -> Any:
 
 
 def _cell_centers(side: int) -> Floats:
-    """Return the middles of the cells of a square of 2 m."""
+    """Return the centres (side^2, 3), in metres, of ``side^2`` cells in a square of 2 m in the plane z = 0."""
     along = (2.0 * np.arange(side) + 1.0) / side - 1.0
     x, y = np.meshgrid(along, along)
     return np.stack([x.ravel(), y.ravel(), np.zeros(side * side)], axis=-1)
@@ -135,9 +138,10 @@ CASES: dict[str, Callable[[Path], None]] = {"quads": write_quads, "instances": w
 
 @dataclass(frozen=True)
 class StartTimes:
-    """Seconds from the start of a process until its frames are planned and until its first sample.
+    """The times of one process, in seconds from its start, until it has planned its frames and has its first sample.
 
-    With Blender's import, `planned` is when it is done. `memory` is the peak of each process in bytes.
+    With Blender's import, `planned` is the time when the import is done. `way` is the program, a key of
+    `IMPORT_MODULES`. `memory` has the peak of each of its processes in bytes.
     """
 
     case: str
@@ -173,7 +177,10 @@ class ScaleBenchmark(Benchmark):
                 yield
 
     def medians(self, case: str, way: ImportProgram) -> tuple[float, float, int]:
-        """Return the median seconds until frames are planned, and until the first sample, and the largest memory."""
+        """Return the median seconds until frames are planned and until the first sample, and the largest memory.
+
+        The memory, in bytes, is the sum over the processes of a run.
+        """
         starts = [start for start in self.starts if (start.case, start.way) == (case, way)]
         planned, sample = (
             statistics.median(getattr(start, name) for start in starts) for name in ("planned", "sample")
@@ -187,6 +194,7 @@ class ScaleBenchmark(Benchmark):
             planned, sample, memory = self.medians(case, way)
             row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / MEGABYTE:.0f}", "", ""]
             if way != "lookdev":
+                # The last two cells: seconds to the first sample and memory of lookdev, divided by those of this row.
                 _, ours, our_memory = self.medians(case, "lookdev")
                 row[-2:] = f"x{ours / sample:.2f}", f"x{our_memory / memory:.2f}"
             rows.append(row)

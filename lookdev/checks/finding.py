@@ -50,7 +50,7 @@ class CheckFinding:
     passed: bool  # the two sides agree, or the check was skipped
     summary: str  # one line with the figures
     figures: dict[str, float] = field(default_factory=dict)
-    details: tuple[str, ...] = ()  # the worst cases, one a line; `lookdev eval` reads those of points
+    details: tuple[str, ...] = ()  # the worst cases, one a line; `lookdev eval` reads lines of "points" and "stability"
     plots: tuple[FindingPlot, ...] = ()
     skipped: str = ""  # the reason why the check, or a part of it, was not run
 

@@ -21,9 +21,10 @@ from lookdev.material.values import SourceValues, look_layers
 
 @dataclass(frozen=True)
 class _RandomPoints(ImagePoints):
-    """Random points with views and with all UV sets and primvars, in [0, 1).
+    """`count` random points of a surface, with views, and with values in [0, 1) of all UV sets and primvars.
 
-    A quarter of the points lacks a primvar, half have mirrored UVs.
+    A primvar has its fallback at the first quarter of the points, which lack it. About half of the points have mirrored
+    UVs.
     """
 
     rng: np.random.Generator
@@ -56,7 +57,10 @@ class _RandomPoints(ImagePoints):
 
 
 def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
-    """Return the layers of a look at random points, (count,), with unchanged constants; errors as in `look_bsdf`."""
+    """Return the layers of a look, with its inputs as numbers at `count` random points.
+
+    Inputs that are constants remain single numbers. Raises the errors of `look_bsdf`.
+    """
     return look_layers(look, _RandomPoints(rng, count))
 
 
@@ -84,7 +88,11 @@ def following_numbers(layer: StackLayer) -> frozenset[str]:
 
 
 def point_layer(layer: StackLayer, constants: Mapping[str, float | list[float]]) -> PointLayer:
-    """Return the part of a layer at points that its code depends on, with some of its numbers as constants."""
+    """Return a layer without the numbers that vary from point to point, as the generator of its code takes it.
+
+    It has the model, the tokens and the mode of the layer, and the names of the numbers that follow others. `constants`
+    are the numbers that are constants in the code, by name.
+    """
     return PointLayer(layer.model, layer_tokens(layer), layer.mode, constants, following_numbers(layer))
 
 

@@ -1,11 +1,13 @@
 """Stability of models in NumPy and inside Cycles under extreme parameters, directions, lights and geometry.
 
-At points, a value must be finite and not negative on both sides. The float32 value is judged by its backward error
-(Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5): its error must be at most the change of the exact
-value when the inputs change by `MAX_BACKWARD_ERROR` roundings. For any formula, that change is large where a highlight
-of 0.25 degrees is at the horizon, and small elsewhere. The relative error is reported, too.
+At points, the value of a model is f and its pdf. It must be finite and not negative in float64 (NumPy) and in float32
+(Cycles). The float32 value is judged by its backward error (Higham 2002, "Accuracy and Stability of Numerical
+Algorithms", 1.5). Its unit is a rounding: the relative change 2^-24 of every input. A value passes if its error is at
+most the change of the exact value under `MAX_BACKWARD_ERROR` roundings. For any formula, that change is large where a
+highlight of 0.25 degrees is at the horizon, and small elsewhere. A value also passes if its relative error is at most
+`MAX_RELATIVE_ERROR`. The relative error is reported, too.
 
-In scenes, the difference of pictures that must be equal is compared with the noise of their halves.
+In scenes, the difference of two pictures that must be equal is compared with the noise of their halves.
 """
 
 from __future__ import annotations
@@ -37,27 +39,28 @@ from lookdev.scene import Camera, Pose, Sampling, Scene
 DepthName = Literal["quick", "default", "full"]
 
 MAX_RELATIVE_ERROR = 2e-4
-"""Relative error that a float32 value may have in any case."""
+"""The relative error that a float32 value may have, whatever its backward error is."""
 
 VISIBLE = 1e-4
-"""In 1/sr: below this value, errors are relative to it."""
+"""The least f or pdf, in 1/sr, that an error is relative to: the errors of smaller values are divided by this."""
 
 MAX_BACKWARD_ERROR = 64.0
-"""Backward error, in roundings, that a float32 value may have: formulas have some ten operations, each rounded."""
+"""The backward error, in roundings, that a float32 value may have: formulas have some ten operations, each rounded."""
 
 MAX_DIFFERENCE = 2.0
-"""Limit of the squared difference of two pictures over that of their halves.
+"""The limit of the squared difference of two pictures, divided by the noise that their halves show.
 
-Equal scenes have 1 on average. The rest is for heavy tails.
+Two pictures of equal scenes have 1 on average. The limit is larger because the noise has heavy tails.
 """
 
-_ROUNDING = 2.0**-24
-_PERTURBATIONS = 8
-_WORST = 5
+_ROUNDING = 2.0**-24  # the largest relative error of a number that is rounded to float32
+_PERTURBATIONS = 8  # random changes of all inputs by a rounding, of which the largest change of the value counts
+_WORST = 5  # failed cases that a finding lists
+# Cases a stack.
 _COUNTS: dict[DepthName, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
-# The number of sets of parameters, and the samples for each view of a set.
+# For the albedo: the number of sets of parameters, and the samples for each view of a set.
 _ENERGY: dict[DepthName, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
-_VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)
+_VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)  # cosines of the views
 _SIZE = (32, 32)
 _SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 
@@ -116,7 +119,7 @@ def look_stack(look: Look) -> tuple[PointLayer, ...]:
 
 
 def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> CheckFinding:
-    """Evaluate extreme cases of a stack in NumPy and inside Cycles; sample moderate cases in NumPy."""
+    """Evaluate extreme cases of a stack in NumPy and inside Cycles; estimate albedos of moderate cases in NumPy."""
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
         expected = join_columns(evaluate_numpy(cases.batch))
@@ -170,17 +173,17 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
 
 @dataclass(frozen=True, eq=False)
 class _Float32Error:
-    excess: Floats  # error over its limit, (n,)
-    median: float  # relative error
-    ill_conditioned: float  # share of values beyond RELATIVE
-    backward_error: float  # largest backward error of those, in roundings
+    excess: Floats  # (n,): for each case, the largest error of a value over its limit; more than 1 fails
+    median: float  # the median relative error of the visible values
+    ill_conditioned: float  # the share of values whose relative error is above MAX_RELATIVE_ERROR
+    backward_error: float  # the largest backward error of those values, in roundings
 
 
 def _measure_error(batch: Batch, actual: Floats, expected: Floats, rng: np.random.Generator) -> _Float32Error:
     if not len(actual):
         return _Float32Error(np.zeros(0), 0.0, 0.0, 0.0)
     size = np.maximum(expected, VISIBLE)
-    # The largest change of the exact value when every input changes by a rounding.
+    # The largest change of the exact value when all inputs change by a rounding, and the rounding of the value itself.
     rounding_change = _ROUNDING * size
     for _ in range(_PERTURBATIONS):
         rounding_change = np.maximum(
@@ -198,11 +201,14 @@ def _measure_error(batch: Batch, actual: Floats, expected: Floats, rng: np.rando
 
 
 def _perturb(batch: Batch, rng: np.random.Generator) -> Batch:
-    """Change every input by a rounding.
+    """Change all inputs by a relative rounding, up or down at random.
 
-    Only the cosine of directions is changed, because the half vector of opposite directions is exact. Where light is
-    transmitted, the other components are changed, too, because the view is refracted. Where the normal is tilted, all
-    components are changed by a rounding of 1.
+    Of directions, only the z component (the cosine) is changed. The reason is the half vector of nearly opposite
+    directions: the sums of their x and y components are exact in float32, and a change of the components by a rounding
+    would turn it. In two cases, x and y are changed, too. If light is transmitted, they are changed by a relative
+    rounding, because the view is refracted. If the normal is tilted, all components are changed by a rounding of 1.
+
+    In the code, `moved` (n, 3) is the mask of the components that are changed by a relative rounding.
     """
 
     def perturb_values(values: Floats, low: float = -np.inf, high: float = np.inf) -> Floats:
@@ -246,7 +252,10 @@ def _energy_limit(layers: Sequence[PointLayer]) -> float:
 
 
 def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> float:
-    """Return the largest albedo over sets of moderate parameters and views, minus five standard errors."""
+    """Return a lower bound of the largest albedo over sets of moderate parameters, views and channels.
+
+    The bound of an albedo is its estimate minus five standard errors.
+    """
     sets, samples = _ENERGY[depth]
     numbers = moderate_numbers(layers, sets, rng)
     repeated = tuple({name: np.repeat(value, samples, axis=0) for name, value in layer.items()} for layer in numbers)
@@ -265,7 +274,10 @@ def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, dept
 
 
 def check_scenes(look: Look, cases: Sequence[SceneCase], render: RenderHalves) -> Iterator[CheckFinding]:
-    """Render a look in degenerate scenes; check that pictures are finite, not negative, within bounds, and alike."""
+    """Render a look in degenerate scenes; yield a finding for each.
+
+    A picture must be finite, not negative, within the bounds of its case, and equal to the picture of its base case.
+    """
     pictures: dict[str, Halves] = {}
     for case in cases:
         subject = f"{look.name}, {case.name}"
@@ -308,7 +320,10 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, re
 
 
 def _difference(gain: float, halves: Halves, reference: Halves) -> float:
-    """Return the squared difference of two pictures over the noise of their halves; inf if their coverage differs."""
+    """Return the squared difference of two pictures over the noise of their halves; inf if their coverage differs.
+
+    The exact first picture is `gain` times the second, so it is divided by `gain` before.
+    """
     a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
     c, d = np.float64(reference.a), np.float64(reference.b)
     noise = float((((a - b) ** 2 + (c - d) ** 2) / 4.0).sum())

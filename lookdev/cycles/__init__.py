@@ -1,4 +1,4 @@
-"""The renderer: the only room that imports bpy; it runs in a process of its own (``python -m lookdev.cycles``).
+"""The renderer: the only subpackage that imports bpy; it runs in a process of its own (``python -m lookdev.cycles``).
 
 `version` has every difference between Blender 4.5 and 5.2, `engine` runs Cycles and returns pixels, `scene` builds
 Blender's data, `shaders` compiles generated OSL, `render` makes frames, `points` evaluates BSDFs, `__main__`

@@ -21,13 +21,20 @@ from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
 from lookdev.light import Light, RigOrigin, lights_code
 
+# The values of an array parameter of a shader, which `array_text` writes into its compiled code.
 AttributeNumbers = Ints32 | Floats32
 
 RECORD_PROPERTY = "lookdev_record"
-"""The property of objects with the numbers of the parts of light that shaders record."""
+"""The name of a property of Blender's objects that selects which parts of the light shaders record.
+
+Its value is three numbers of parts; 0 is no part (`BlenderScene.select_recorded_parts`).
+"""
 
 CAUGHT_PROPERTY = "lookdev_caught"
-"""The property of objects with the number of the part of a shadow-catcher frame that is rendered."""
+"""The name of a property of Blender's objects that selects which render of a shadow-catcher frame shaders show.
+
+Its value is three numbers: the number of one of the three renders in `lookdev.codegen.osl.catching`, then 0 and 0.
+"""
 
 _SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
 _ATTRIBUTE_SOCKETS = {
@@ -64,7 +71,11 @@ def compile_osl(source: ShaderSource) -> Path:
 
 
 def _constant_definitions(source: ShaderSource) -> list[str]:
-    """Return definitions of a look's constants: numbers, or, for those that vary, elements of parameters."""
+    """Return the lines of OSL that define a look's constants as macros.
+
+    A constant is a number in the text. A varying one (`source.varying`) is an element of a parameter of type color
+    instead, so that its value can change without a new compilation.
+    """
     values = {number: repr(value) for number, value in enumerate(source.constants)}
     values |= {number: f"look_values_{i // 3}[{i % 3}]" for i, number in enumerate(source.varying)}
     parameters = " ".join(f"color look_values_{i} = 0," for i in range(-(-len(source.varying) // 3)))
@@ -75,7 +86,11 @@ def _constant_definitions(source: ShaderSource) -> list[str]:
 
 
 def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, ...]]:
-    """Return the varying constants of the source of that number, as properties of objects: three values each."""
+    """Return the varying constants of a source as properties of objects, by name; a property has three values.
+
+    `number` is the index of the source among the shaders of its scene. It is part of the properties' names. The last
+    property is padded with 0.
+    """
     values = [source.constants[i] for i in source.varying]
     values += [0.0] * (-len(values) % 3)
     return {f"look_{number}_{i}": tuple(values[3 * i : 3 * i + 3]) for i in range(len(values) // 3)}
@@ -86,8 +101,8 @@ def build_surface_material(
 ) -> bpy.types.Material:
     """Create the material of a look whose shader integrates the light.
 
-    Its varying constants are the properties `varying_values` of that number. Cycles reads the properties of an object
-    anew for each render and compiles nothing.
+    The material reads its varying constants from the properties of objects that `varying_values` names for the same
+    `number`. Cycles reads these properties anew for each render, and compiles nothing.
     """
     code = lights_code(lights, sampled=source.directions[1] > 0, rig_origin=rig_origin)
     parameters = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}

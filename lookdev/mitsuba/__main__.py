@@ -1,6 +1,9 @@
 """The worker: reads tasks from standard input and writes results to standard output, one JSON object a line.
 
-The process ends at once when the input ends, also by the death of the parent.
+The process ends at once when its input ends. It also does so when its parent dies.
+
+A task is a frame (`FrameTask`) or a picture with derivatives (`DerivativeTask`). Backend `mitsuba` does not prepare
+scenes ahead of their frames (`Backend.can_prepare`): any other task is an error.
 """
 
 from __future__ import annotations
@@ -22,7 +25,10 @@ if TYPE_CHECKING:
 
 
 class _Scenes:
-    """The scenes of the latest tasks; most next tasks have the same scene."""
+    """The scenes of the latest frame and of the latest picture with derivatives.
+
+    They are stored because the next task mostly has the same scene.
+    """
 
     def __init__(self, answers: AnswerStream, requests: TaskQueue) -> None:
         self._answers = answers

@@ -1,12 +1,19 @@
 """Pictures with their derivatives by live inputs of looks, estimated along the same paths.
 
-The densities by which directions are drawn and paths selected and ended are not differentiated. So an estimate of
+A live input is an input of a look whose value is an argument of a render (`DerivativeTask.values`), and not a constant
+of the look's program.
 
-    f(wi, x) L(wi) / pdf(wi)    has the derivative    df/dx L / pdf + f dL/dx / pdf,
+Directions are drawn, and paths selected and ended, with densities that are not differentiated. So an estimate of
 
-whose mean is the derivative of the integral, as no edge of the picture moves with an input. The derivatives of f, and
-of its diffuse part where that has other light, are outputs of the look's program (`codegen.trace.derivatives`). The
-loops are those of `lookdev.mitsuba.integrator`; its lists (`lookdev.mitsuba.dual`) have derivatives here.
+    f(wi, x) L(wi) / pdf(wi)    has the derivative    df/dx L / pdf + f dL/dx / pdf.
+
+Here, f is the BSDF times the cosine, wi a direction, x a live input, and L the light from wi. The mean of this
+derivative is the derivative of the integral, because no edge of the picture moves with an input.
+
+The look's program has the derivatives of f among its outputs (`codegen.trace.derivatives`). If diffuse and specular
+lobes reflect different light, it also has those of the diffuse part of f. The loops over paths are those of
+`lookdev.mitsuba.integrator`. They compute with lists (`lookdev.mitsuba.dual`). Here, a list has a value and, after it,
+its derivatives; for a frame it has the value alone.
 """
 
 from __future__ import annotations
@@ -33,11 +40,11 @@ from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
-_LAUNCH_SAMPLES = 1 << 21  # samples, each with four numbers and their derivatives
+_LAUNCH_SAMPLES = 1 << 21  # the most samples of a launch, divided by 1 + P for P derivatives
 
 
 class DerivativeScene:
-    """A scene task whose looks have live inputs."""
+    """The geometry and the lights of a scene task whose looks have live inputs; they serve all values of the inputs."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask) -> None:
         self.task = task
@@ -74,7 +81,7 @@ class DerivativeScene:
 
 
 class LiveSurface(SurfacePoints):
-    """A surface whose looks have derivatives by some symbols."""
+    """Points of a surface; the look's responses there have derivatives by the numbers that `symbols` names."""
 
     def __init__(
         self, looks: SceneLooks, symbols: Sequence[str], split: bool, *position: *tuple[UInt, UV, Vector3f, Bool]
@@ -141,7 +148,10 @@ class DerivativeEstimator(Estimator):
     def duals(
         self, view: KernelView, rectangle: FramePart, count: int, seed: UInt, first: UInt, shift: UInt
     ) -> list[Float]:
-        """Return radiance and coverage, then the derivatives of these four channels by each symbol; as `pixels`."""
+        """Return the four channels of radiance and coverage, then their derivatives by each symbol.
+
+        The arguments are those of `Estimator.render_pixels`.
+        """
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
         radiance, coverage, _ = self._estimate(view, rectangle, lane, seed, first, shift)

@@ -1,4 +1,7 @@
-"""Lists of a colour or number and its derivatives by the inputs of a fit; for a frame, the list has no derivatives."""
+"""Duals: lists of a colour or number, then its derivatives by the inputs of a fit.
+
+For a frame, the list has the colour or number alone.
+"""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ class Geometry:
         self._shadow_scenes: dict[tuple[int, ...], TracedScene] = {}
 
     def assign_looks(self, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
-        """Set the look of each slot, and the group of each slot, which shadows of some lights may exclude."""
+        """Set the look of each slot, and the group of parts of each slot; a light's shadow may exclude groups."""
         self._look_of_row = device_array(self._mi.UInt32, np.asarray(looks)[self._slots])
         self._groups = np.asarray(groups)[self._slots] if groups else self._slots
         self._shadow_scenes = {(): self.scene}
@@ -124,7 +124,7 @@ class Geometry:
         return mesh
 
     def shadow_scene(self, excluded: tuple[int, ...]) -> TracedScene:
-        """Return the scene of the parts that cast shadows of a light that excludes some groups."""
+        """Return the scene of the parts that cast the shadows of a light: all but the `excluded` groups of parts."""
         if excluded not in self._shadow_scenes:
             self._shadow_scenes[excluded] = self._scene(~np.isin(self._groups, excluded))
         return self._shadow_scenes[excluded]

@@ -1,7 +1,8 @@
 """The interface of the estimator to a scene's lights: one dome, or a rig of lamps and domes (`lookdev.mitsuba.rig`).
 
-Points are about the geometry's centre, directions in world space. `turns` are two angles in radians: that of lights
-that turn with the rig, and that of the others.
+Points are relative to the geometry's centre; directions are in world space. `turns` is a pair of rotations about z, in
+radians, as in `lookdev.mitsuba.view.KernelView`. `turns.x` rotates lights that turn with the rig, `turns.y` all other
+lights. Both rotate, because the asset is fixed: the turn of the asset becomes a turn of camera and lights backwards.
 """
 
 from __future__ import annotations
@@ -25,17 +26,25 @@ from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, 
 _SPLIT = ("diffuse", "specular")
 
 LightSample = tuple[Vector3f, Color3f, Float, Float, tuple[Float, ...]]
-"""A direction from a light, its radiance, its distance, its density, and the light's controls."""
+"""A direction drawn from a light, the radiance from there, the light's distance, the density, the light's controls.
+
+`Lighting.draw` defines radiance and density, `SceneLights` the controls.
+"""
 
 
 class Direction:
-    """Directions from which light arrives at a surface, of density `own_density`.
+    """Directions `w` from which light arrives at a surface, and the density with which they were drawn.
 
-    Where `weighed` is 1, the density of directions drawn from the light is added. `occluders` has the distance of the
-    first part that casts shadows, for each set of `SceneLights.shadow_excluded`. Where `is_straight`,
-    light passes the surface without reflection.
+    `own_density` is the number of directions that are drawn from the BSDF, times their pdf; for a delta direction it is
+    1. `Lighting.arriving` divides the radiance by ``own_density + weighed * d``. Here, d is the density of the
+    directions that are drawn from the lights. `weighed` is 1 if these can be the same direction: the result then has
+    the weight of the balance heuristic. It is 0 for delta directions, which are never drawn from lights.
 
-    Not a dataclass, as `SurfacePoints`.
+    `occluders` has, for each set in `SceneLights.shadow_excluded`, the distance of the first part that casts a shadow.
+    Where `active` is false, no light arrives. `is_straight` is true for light that passes an absent surface without
+    reflection.
+
+    The class is not a dataclass, for the reason that `SurfacePoints` states.
     """
 
     def __init__(
@@ -55,17 +64,30 @@ class Lighting(Protocol):
     """The light at points of a surface, from which a number of directions is drawn."""
 
     def arriving(self, direction: Direction) -> list[Arriving]:
-        """Return the sum over lights of unoccluded radiance over density, as `SceneLights.split_by_group`."""
+        """Return the unoccluded radiance over the density: the sum over all lights, then over each recorded group.
+
+        The list is that of `SceneLights.split_by_group`; the density is described at `Direction`.
+        """
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
-        """Return direction `number` of sample `index`, its radiance, distance, the density of all directions, controls.
+        """Draw direction `number` of sample `index` from the lights.
 
-        The radiance is multiplied by the ratio of that density to the one with which the direction was drawn.
+        The density is the sum of the densities of all directions that are drawn from the lights at the point. The
+        radiance is multiplied by q / p. Here, q is the light's pdf in that sum, and p the pdf with which the direction
+        was in fact drawn: a dome draws from a table, which only approximates q.
         """
 
 
 class SceneLights(ABC):
-    """All lights of a scene, and their shadow controls: excluded parts, colour, end, factors of lobes.
+    """All lights of a scene, and their controls: of shadows, of the response of lobes, and of recording.
+
+    The controls of a light are a tuple of numbers. A control that no light of the scene needs is left out. In order:
+
+    - ``spares``: the index of the light's set in `shadow_excluded`, the groups of parts that cast no shadow of it;
+    - `SHADOW_FIELDS`: whether the light casts shadows, the distance in metres at which shadows end, the width of the
+      zone before that end in which they fade, the exponent of the fading, and the colour of shadows;
+    - ``diffuse`` and ``specular`` (`_SPLIT`): the factors of the light that these lobes reflect;
+    - ``group``: the index of the group of lights in which the light is recorded.
 
     Attributes
     ----------
@@ -76,11 +98,13 @@ class SceneLights(ABC):
     groups
         The number of groups of lights whose light is recorded separately.
     shadow_excluded
-        The sets of groups of parts that the shadow of some light excludes.
+        The distinct sets of parts, as indices of groups of parts, that lights exclude from their shadows. A single
+        empty set if no light excludes any.
     shadowed
-        Whether the light that passes an occluder depends on its distance.
+        Whether some light's shadow is not the default, which is black and has no end. Only then does the share of light
+        that passes an occluder depend on the distance from the shading point to the occluder.
     split
-        Whether diffuse and specular lobes reflect different light.
+        Whether the factors of some light for diffuse and specular lobes are not 1.
     """
 
     sampled = True
@@ -101,12 +125,15 @@ class SceneLights(ABC):
 
     @abstractmethod
     def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
-        """Return the lighting of a surface; `count` directions are drawn from it, on `both_sides` or in front."""
+        """Return the light at a surface, from which `count` directions are drawn: in front, or on `both_sides`."""
 
     def camera_radiance(
         self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
     ) -> tuple[list[Color3f], Bool]:
-        """Return the radiance of visible lights nearer than a distance (all, then by group), and where one is hit."""
+        """Return the radiance of the visible lights that rays hit nearer than a distance, and a mask of these hits.
+
+        The radiance is a list: the sum over all lights, then over each recorded group.
+        """
         return [self._mi.Color3f(0.0)], self._mi.Bool(False)
 
     def controls(self, rows: LampRows, lamp: UInt) -> tuple[Float, ...]:
@@ -119,7 +146,7 @@ class SceneLights(ABC):
         return tuple(self._mi.Float(0.0) for _ in self._control_names)
 
     def split_by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
-        """Return light, and the part of it from each recorded group."""
+        """Return the light that arrives from one light, then the part from each recorded group: all of it or 0."""
         specular, diffuse = arriving
         masks = [controls[-1] == number for number in range(self.groups)]
         return [
@@ -134,10 +161,10 @@ class SceneLights(ABC):
     def shadow_shares(
         self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], is_straight: bool = False
     ) -> Arriving:
-        """Return the shares of light that reach specular and diffuse lobes; light that `is_straight` meets no lobe.
+        """Return the shares of a light that specular and diffuse lobes receive, past occluders.
 
-        `distance` is that of the light; `occluders` has the distance of the first occluder for each set of
-        `shadow_excluded`.
+        `distance` is the distance of the light. `occluders` has the distance of the first occluder for each set in
+        `shadow_excluded`. Light that `is_straight` passes the surface and meets no lobe: no factor of a lobe applies.
         """
         mi = self._mi
         values = dict(zip(self._control_names, controls, strict=True))
@@ -159,7 +186,7 @@ class SceneLights(ABC):
 
 
 def split_count(count: UInt) -> tuple[UInt, UInt]:
-    """Return the numbers of directions in front and behind, as in the shader."""
+    """Return how many of `count` directions are drawn in front of the surface, and behind it, as in the shader."""
     return count - count // 2, count // 2
 
 
@@ -170,7 +197,11 @@ def rotate_z(v: Vector3f, angle: Float) -> Vector3f:
 
 
 class OneDome(SceneLights):
-    """A dome in world axes. The directions of all samples are stratified over its slots."""
+    """A single dome in world axes, which `turns.x` rotates.
+
+    The directions of all samples of a pixel are stratified over the slots of the dome's table. A slot is a piece of the
+    curve through the dome's points (`lookdev.light.dome.slots`).
+    """
 
     def __init__(self, mi: Mitsuba, dome: Dome) -> None:
         super().__init__(mi, CodedRig.from_lights((dome,)))

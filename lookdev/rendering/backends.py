@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from lookdev.material import Look
 
 RENDER_VERSION = 5
-"""To be raised when the package renders the same frame task to other pixels than before."""
+"""A number to raise when Cycles backends render the same frame task to other pixels than before."""
 
 NODES_VERSION = 1
-"""To be raised when backend `nodes` alone does so."""
+"""A number to raise when backend `nodes` alone renders the same frame task to other pixels than before."""
 
 MITSUBA_VERSION = 5
-"""To be raised when `lookdev.mitsuba` does so."""
+"""A number to raise when `lookdev.mitsuba` renders the same frame task to other pixels than before."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
-"""The worker of Cycles."""
+"""The command that starts the worker of Cycles: program and arguments."""
 
 
 @cache
@@ -77,13 +77,14 @@ class Backend:
     spaces: tuple[Space, ...] = (REC709,)  # working spaces of its light
     passes: tuple[str, ...] = ("samples",)  # the names of those of `PASSES` that it renders
     can_catch_shadows: bool = False  # renders shadow catchers
-    has_isolated_parts: bool = False  # parts of a convex asset neither shadow nor reflect one another
+    has_isolated_parts: bool = False  # no rays between parts of a convex asset: no shadows, no reflections
     can_prepare: bool = False  # its worker compiles a scene ahead of the frames
     check_device: Callable[[str], None] = lambda device: None  # raises RenderError if this machine lacks the device
     version: Callable[[], str] = _cycles_version  # changes when the same task gives other pixels
 
 
-# Workers read this registry to decode tasks, and do not generate sources: so generators are imported where they run.
+# Workers read this registry to decode tasks, but do not generate sources. Generators are therefore imported where they
+# run, and not at the top.
 def _generate_exact(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.osl.surface import generate_surface
 
@@ -121,7 +122,11 @@ def _generate_principled(look: Look, setting: SourceSetting) -> GeneratedSource:
 
 
 def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
-    """Return the gaps: every lamp, because directions sampled from a model pass lamps, which then count as portals."""
+    """Return a sentence for each light that backend `nodes-exact` cannot render: all lamps, and some domes.
+
+    Rays in directions that are sampled from a model pass through lamps. A lamp on the way then counts as a portal, and
+    portals are how the world detects rays that left a surface (`lookdev.codegen.nodes.exact`).
+    """
     lamps = [
         f"{light_label(light, number)}: the rays of this backend find no lamps, only domes"
         for number, light in enumerate(lights, start=1)

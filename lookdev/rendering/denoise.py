@@ -1,4 +1,6 @@
-"""Denoising: halves mixed with the raw ones so that no frame becomes worse, and the measured error of the result.
+"""Denoising: denoised halves of a frame are mixed with the raw halves, and the error of the result is measured.
+
+A frame is rendered as two independent halves of its samples. The mixture prevents that denoising makes a frame worse.
 
 - Firmino, A., Frisvad, J. R. and Jensen, H. W. 2022. Progressive Denoising of Monte Carlo Rendered Images. Computer
   Graphics Forum 41(2): mixing by estimated errors.
@@ -17,14 +19,15 @@ from lookdev.metrics import EPSILON, reference_of_halves, relmse_of_halves
 # Tuned on the 14 cells of `lookdev bench --denoise-trial --seed 0`; figures are reported from another seed.
 _WINDOW = 13  # pixels along the window in which errors are averaged for the weights of a mixture
 _USUAL_BIAS = 0.1  # squared bias assumed of denoised pixels, over the raw error, besides the measured one
-# A residual is clipped to this, relative to the colour, or to this quantile of the frame's, whichever is larger.
+# A residual is a mixed half minus its raw half, relative to the colour. Residuals are clipped to the larger of two
+# limits: the number _LARGE_RESIDUAL, and the quantile _USUAL_RESIDUALS of the frame's absolute residuals.
 _LARGE_RESIDUAL, _USUAL_RESIDUALS = 0.3, 0.8
 _LEAST_GAIN = 1.1  # raw over mixed error of a frame: below it the raw halves stay, as both errors are estimates
 
 
 @dataclass(frozen=True)
 class Denoised:
-    """Halves (H, W, 3), and the relMSE of their mean, the picture."""
+    """The two halves (H, W, 3) of a frame after denoising, and the relMSE of their mean, which is the picture."""
 
     a: Floats
     b: Floats
@@ -32,7 +35,9 @@ class Denoised:
 
 
 def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats32], Floats32]) -> Denoised:
-    """Denoise two independent renders of equal cost, and measure the error of their mean.
+    """Denoise two independent renders a and b of equal cost, and measure the error of their mean.
+
+    `smooth` is the denoiser D: it returns the denoised colours of a half.
 
     Each half is denoised by itself, so D(a) does not depend on the noise of b. With m the picture without noise and E
     the mean over all renders, ``E (D(a) - m) (D(b) - m)`` is the square of the bias, and
@@ -59,8 +64,9 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats
     weight = _smooth_weight(smooth_a, smooth_b, a, b, 1.0 / (typical**2 + EPSILON), covered)
     mixed_a, mixed_b = (half + weight * (smoothed - half) for smoothed, half in ((smooth_a, a), (smooth_b, b)))
     mixed = np.maximum(0.5 * (mixed_a + mixed_b), 0.0)
-    # Errors are relative to a guess of the picture. In a bright guess an outlier would hide its own error; with glints,
-    # a dark guess is too dark, and errors are too large. So the mixture has to win with both.
+    # Errors are relative to a guess of the noise-free picture, and no single guess is safe. The bright guess includes
+    # outliers of the raw picture, so an outlier hides its own error. The dark guess misses glints, so all errors there
+    # are too large. The mixture must therefore have the smaller error with both guesses.
     dark, bright = np.minimum(typical, mixed), np.maximum(np.maximum(typical, mixed), 0.5 * (a + b))
     errors = [
         _mixed_and_raw_error(mixed_a, mixed_b, a, b, 1.0 / (guess**2 + EPSILON), covered) for guess in (dark, bright)
@@ -84,11 +90,15 @@ def _mixed_and_raw_error(
 
 
 def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools) -> Floats:
-    """Return the weight of the smooth halves in the mixture of least error, (H, W, 1)."""
+    """Return the weight (H, W, 1) of the smooth halves in the mixture with the raw halves that has the least error.
+
+    `scale` multiplies squared errors.
+    """
     raw = _neighbourhood_mean(0.25 * (a - b) ** 2 * scale, covered)
     error = 0.25 * (smooth_a - smooth_b) ** 2 + (smooth_a - a) * (smooth_b - b)
     smooth = _neighbourhood_mean(error * scale, covered) + _USUAL_BIAS * raw
-    # The covariance of the smooth and the raw mean: a smooth half has the noise of its own raw half alone.
+    # The covariance of the smooth mean and the raw mean. A smooth half has noise of its own raw half only, so the
+    # product of half differences estimates it.
     both = _neighbourhood_mean(0.25 * (smooth_a - smooth_b) * (a - b) * scale, covered)
     spread = raw + smooth - 2.0 * both
     weight = np.clip((raw - both) / np.where(spread > 0.0, spread, 1.0), 0.0, 1.0)
@@ -96,10 +106,11 @@ def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, sca
 
 
 def _neighbourhood_mean(error: Floats, covered: Bools) -> Floats:
-    """Return the mean error of the neighbours of each pixel, (H, W), over the channels; without the pixel itself.
+    """Return the mean error (H, W) of the neighbours of each pixel, over the channels, without the pixel itself.
 
-    Only pixels on the asset count. The noise of a pixel is independent of its neighbours', so a weight that does not
-    depend on the pixel's own error does not favour whichever picture that noise happens to be near.
+    Only pixels on the asset count. The noise of a pixel is independent of the noise of its neighbours. A weight from
+    the neighbours alone is therefore independent of the pixel's own noise. With its own error in the weight, each pixel
+    would prefer the picture, raw or smooth, that its noise makes look better by chance.
     """
     from scipy.ndimage import uniform_filter  # imported here as in `lookdev.metrics`
 

@@ -35,7 +35,7 @@ def cached_source(
         return backend.generate(look, setting)
     settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
     inputs = replace(look, source=""), *settings
-    # The code of the whole package: many rooms contribute to a source.
+    # The code of the whole package: many subpackages contribute to a source.
     text = f"{code_digest()} {backend.name} {inputs!r} {image_digests} {light_code!r}"
     key = hashlib.sha256(text.encode()).hexdigest()
     if (value := load_cached(_CACHE_FOLDER, key)) is not None:

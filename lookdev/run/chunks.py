@@ -1,8 +1,9 @@
 """The chunks of a job: its frames divided in the same way for all runs, on any machine at any time.
 
-By default, the division depends on the job and the numbers of chunks and machines alone, by estimated costs. It does
-not depend on the frames on disk, which change while chunks are rendered. On request, before the first chunk, the frames
-are divided by measured times. The state folder of the output stores this division for all runs.
+By default, the frames are divided by estimated costs. This division depends on the job and the numbers of chunks and
+machines alone. It does not depend on the frames on disk, which change while chunks are rendered. On request, before the
+first chunk, the frames are divided by measured times. The state folder of the output then stores this division for all
+runs.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def chunks_data(plan: Plan, division: Division) -> dict[str, object]:
 
 
 def remove_divisions(state: Path) -> None:
-    """Remove the stored divisions from a state folder; all frames of the output are done."""
+    """Remove the stored divisions from a state folder; to be called once all frames of the output are done."""
     for file in state.glob("chunks.*.json"):
         file.unlink(missing_ok=True)
 
@@ -110,7 +111,7 @@ def _chunk_ends(plan: Plan, division: Division) -> tuple[int, ...]:
 
 
 def _stored_ends(plan: Plan, division: Division) -> tuple[int, ...] | None:
-    """Return the ends of the chunks of a stored division; None where there is none, or it is damaged."""
+    """Return the index after the last frame of each chunk of a stored division; None if it is missing or damaged."""
     file = _division_file(plan, division)
     try:
         ends = parse_json(read_text(file), file)
