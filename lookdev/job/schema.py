@@ -166,7 +166,7 @@ class JobCamera(JobTable):
 
 
 # The validator of options of the light integrals, which the backends exact and mitsuba have.
-_USED_FOR_DIRECTIONS = used_if(lambda backend: backend.directions)
+_FOR_LIGHT_INTEGRALS = used_if(lambda backend: backend.directions)
 
 
 class JobRender(JobTable):
@@ -187,10 +187,10 @@ class JobRender(JobTable):
     )
     bounces: Annotated[int, Field(ge=0, le=64)] = key(Sampling.bounces, "Indirect bounces; 0: only direct light.")
     # At least one: only directions of the BRDF sample narrow lobes and indirect light.
-    brdf_samples: Annotated[int, Field(ge=1, le=64), _USED_FOR_DIRECTIONS] | None = key(
+    brdf_samples: Annotated[int, Field(ge=1, le=64), _FOR_LIGHT_INTEGRALS] | None = key(
         None, "Directions drawn from the BRDF per shading point, by the exact backend; default: by the look."
     )
-    ibl_samples: Annotated[int, Field(ge=0, le=64), _USED_FOR_DIRECTIONS] | None = key(
+    ibl_samples: Annotated[int, Field(ge=0, le=64), _FOR_LIGHT_INTEGRALS] | None = key(
         None, "Directions drawn from the light per shading point, by the exact backend; default: by the look."
     )
     # It reaches the shader as a float32, times 64 for the rounds and halves of a frame, and must be exact.
