@@ -66,7 +66,21 @@ BACKEND_FEATURES: dict[str, BackendFeature] = {
         lambda backend, kind: "renders no shadow catcher",
         lambda backend: ('kind = "plane"',),
     ),
+    "light integrals": BackendFeature(
+        lambda backend, value: backend.directions,
+        lambda backend, value: "does not use it",
+    ),
 }
+
+
+def backend_supports(name: str) -> AfterValidator:
+    """Return the validator of a key that needs a feature of `BACKEND_FEATURES`; the key ``backend`` comes before it."""
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        check_feature(name, info.data.get("backend", ""), value)
+        return value
+
+    return AfterValidator(check)
 
 
 def check_feature(name: str, backend_name: str, value: Any) -> None:
@@ -74,24 +88,9 @@ def check_feature(name: str, backend_name: str, value: Any) -> None:
 
     A backend that does not exist raises nothing here: the key of the backend reports it.
     """
-    _check(BACKEND_FEATURES[name], backend_name, value)
-
-
-def used_if(is_used: Callable[[Backend], bool]) -> AfterValidator:
-    """Return the validator of a key that only some backends use; the key of the backend comes before it."""
-    feature = BackendFeature(lambda backend, value: is_used(backend), lambda backend, value: "does not use it")
-
-    def check(value: Any, info: ValidationInfo) -> Any:
-        _check(feature, info.data.get("backend", ""), value)
-        return value
-
-    return AfterValidator(check)
-
-
-def _check(feature: BackendFeature, backend_name: str, value: Any) -> None:
-    backend = BACKENDS.get(backend_name)
+    feature, backend = BACKEND_FEATURES[name], BACKENDS.get(backend_name)
     if backend is None or feature.available(backend, value):
         return
-    others = [name for name, other in job_backends().items() if feature.available(other, value)]
+    others = [other_name for other_name, other in job_backends().items() if feature.available(other, value)]
     hints = (*feature.hint(backend), *([f"backend = {_quote_names(others)}"] if others else []))
     raise key_error(f"backend '{backend.name}' {feature.problem(backend, value)}", ", or ".join(hints))

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, field_validator
 
-from lookdev.job.features import check_feature, used_if
+from lookdev.job.features import backend_supports, check_feature
 from lookdev.job.keys import (
     Degrees,
     Exposure,
@@ -165,10 +165,6 @@ class JobCamera(JobTable):
         return math.degrees(2.0 * math.atan(self.sensor_width / (2.0 * focal_length)))
 
 
-# The validator of options of the light integrals, which the backends exact and mitsuba have.
-_FOR_LIGHT_INTEGRALS = used_if(lambda backend: backend.directions)
-
-
 class JobRender(JobTable):
     """How frames are rendered."""
 
@@ -176,7 +172,9 @@ class JobRender(JobTable):
     backend: BackendName = key(
         "exact", ". ".join(f"{name}: {backend.help}" for name, backend in job_backends().items()) + "."
     )
-    device: Device = key("cpu", "Cycles' device; exact runs on cpu only, the other backends on any.")
+    device: Annotated[Device, backend_supports("device")] = key(
+        "cpu", "Cycles' device; exact runs on cpu only, the other backends on any."
+    )
     error: Annotated[float, Field(gt=0.0, le=1.0)] | None = key(
         Sampling.error, "Target relMSE of a frame: samples are added until its estimate is at most this."
     )
@@ -187,20 +185,20 @@ class JobRender(JobTable):
     )
     bounces: Annotated[int, Field(ge=0, le=64)] = key(Sampling.bounces, "Indirect bounces; 0: only direct light.")
     # At least one: only directions of the BRDF sample narrow lobes and indirect light.
-    brdf_samples: Annotated[int, Field(ge=1, le=64), _FOR_LIGHT_INTEGRALS] | None = key(
+    brdf_samples: Annotated[int, Field(ge=1, le=64), backend_supports("light integrals")] | None = key(
         None, "Directions drawn from the BRDF per shading point, by the exact backend; default: by the look."
     )
-    ibl_samples: Annotated[int, Field(ge=0, le=64), _FOR_LIGHT_INTEGRALS] | None = key(
+    ibl_samples: Annotated[int, Field(ge=0, le=64), backend_supports("light integrals")] | None = key(
         None, "Directions drawn from the light per shading point, by the exact backend; default: by the look."
     )
     # It reaches the shader as a float32, times 64 for the rounds and halves of a frame, and must be exact.
     seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = key(Sampling.seed, "Seed of all random choices.")
-    denoise: Literal["off", "measured"] = key(
+    denoise: Annotated[Literal["off", "measured"], backend_supports("denoise")] = key(
         Sampling.denoise,
         "'measured': by Open Image Denoise, mixed with the raw picture so that no frame is worse; the "
         "error is that of the result, bias included. Exact backend only.",
     )
-    space: Space = key(
+    space: Annotated[Space, backend_supports("space")] = key(
         REC709,
         "The space of light, and of the EXRs: linear 'rec709', or 'acescg', to which looks and lights are "
         "converted. Backends exact and mitsuba.",
@@ -212,12 +210,6 @@ class JobRender(JobTable):
         + f". Every frame has {', '.join(ALWAYS_WRITTEN[:-1])} and {ALWAYS_WRITTEN[-1]}.",
     )
     background: Background = key("black", "Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b].")
-
-    @field_validator("device", "denoise", "space")
-    @classmethod
-    def _check_backend_support(cls, value: object, info: ValidationInfo) -> object:
-        check_feature(info.field_name or "", info.data.get("backend", ""), value)
-        return value
 
     @field_validator("passes")
     @classmethod

@@ -225,7 +225,7 @@ def test_a_material_of_another_model_covers_parts_and_its_losses_are_noted(make:
     assert "lama.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in messages
 
 
-def test_built_in_assets_are_dressed_by_part_have_uvs_for_any_look_and_no_collections(make: Make) -> None:
+def test_built_in_assets_have_looks_by_part_uvs_for_any_look_and_no_collections(make: Make) -> None:
     built_in = 'builtin = "shaderball"'
     prepared = make(assign("dirt.usda", "*/base"), built_in)
     assert look_by_part(prepared) == {"/shaderball/body": "neutral", "/shaderball/base": 1.0}

@@ -41,7 +41,7 @@ def looks_side_by_side(
     looks: Mapping[str, Sequence[Layer]], shape: Asset, light: Light, size: tuple[int, int]
 ) -> Scene:
     """Return copies of an asset with one slot, five in a row, each with a look of its own."""
-    meshes, instances, wears = [], [], {}
+    meshes, instances, look_of_slot = [], [], {}
     for number, (name, layers) in enumerate(looks.items()):
         row, column = divmod(number, 5)
         matrix = np.eye(4)
@@ -49,9 +49,9 @@ def looks_side_by_side(
         slots = np.full_like(shape.meshes[0].face_slots, number)
         meshes.append(replace(shape.meshes[0], name=name, face_slots=slots))
         instances.append(Instance(number, matrix, f"/{name}"))
-        wears[f"/{name}"] = Look(name, tuple(layers))
-    asset = make_asset("looks", meshes, instances, [replace(shape.slots[0], path=path) for path in wears])
-    return Scene(asset, wears, (light,), orbit_camera(asset.center, asset.radius), Film(size))
+        look_of_slot[f"/{name}"] = Look(name, tuple(layers))
+    asset = make_asset("looks", meshes, instances, [replace(shape.slots[0], path=path) for path in look_of_slot])
+    return Scene(asset, look_of_slot, (light,), orbit_camera(asset.center, asset.radius), Film(size))
 
 
 def heads_under_lights(folder: Path, size: int, names: Sequence[str] = tuple(LIGHTS_OF_HEADS)) -> Scene:

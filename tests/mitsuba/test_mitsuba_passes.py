@@ -59,8 +59,8 @@ def task_of(
 ) -> FrameTask:
     asset = pair()
     camera = orbit_camera(asset.center, 0.8 * asset.radius)
-    wears = {slot.path: look for slot, look in zip(asset.slots, looks, strict=True)}
-    scene = Scene(asset, wears, lights or (near_the_pair(), grey()), camera, Film(SIZE))
+    look_of_slot = {slot.path: look for slot, look in zip(asset.slots, looks, strict=True)}
+    scene = Scene(asset, look_of_slot, lights or (near_the_pair(), grey()), camera, Film(SIZE))
     sampling = Sampling(**{"samples": 64, "bounces": 2, "passes": passes} | sampling_options)  # type: ignore[arg-type]
     return frame_task(scene_task(scene, sampling, "mitsuba"), pose, f"{passes} {sampling_options}")
 

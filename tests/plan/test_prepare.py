@@ -1,4 +1,4 @@
-"""What a job names, read and planned: every fault at once, and who wears which look."""
+"""What a job names, read and planned: every fault at once, and the look of each part."""
 
 import gc
 from dataclasses import replace

@@ -31,8 +31,8 @@ const saved = async () => {
   await until(() => at("status").textContent.startsWith("saved"));
   return at("status").textContent;
 };
-const unnamed = () => [...document.querySelectorAll("input, select, button, textarea")].filter((each) =>
-  !each.labels?.length && !each.getAttribute("aria-label") && !each.textContent).map((each) => each.outerHTML);
+const unnamed = () => [...document.querySelectorAll("input, select, button, textarea")].filter((input) =>
+  !input.labels?.length && !input.getAttribute("aria-label") && !input.textContent).map((input) => input.outerHTML);
 """
 
 # Assets and looks whose pictures docs/designer.md compares.
@@ -45,15 +45,15 @@ CELLS = [
     *(("parts", look) for look in ("own_red", "racing", "workshop")),
 ]
 
-DRESS = (
-    "const dress = async (part, prims, look) => { typed(at('part'), part); await until(() => at('assign-look'));"
+ASSIGN = (
+    "const assign = async (part, prims, look) => { typed(at('part'), part); await until(() => at('assign-look'));"
     " at('assign-look').click(); await until(() => at('assigning').open);"
     " const options = [...at('assigning-prims').options];"
-    " typed(at('assigning-prims'), options.find((each) => each.text.startsWith(prims)).value, 'input');"
+    " typed(at('assigning-prims'), options.find((option) => option.text.startsWith(prims)).value, 'input');"
     " typed(at('assigning-search'), look, 'input'); at('assigning-looks').querySelector('button').click();"
     " await until(() => !at('assigning').open); };"
-    "const hubs = () => [...at('part').options].filter((each) => each.text.endsWith('Hub')).length;"
-    "const wears = () => at('assignment').querySelector('.assigned-look').textContent;"
+    "const hubs = () => [...at('part').options].filter((option) => option.text.endsWith('Hub')).length;"
+    "const partLook = () => at('assignment').querySelector('.assigned-look').textContent;"
 )
 """Functions of a script that assigns looks to parts by the page's dialog."""
 

@@ -53,7 +53,7 @@ def assignment(document: Document, part: str) -> Any:
     return document.status()["job"]["assignments"][part]
 
 
-def test_a_part_wears_another_look_and_the_saved_job_shows_it(document: Document, job: Path) -> None:
+def test_a_part_has_another_look_and_the_saved_job_shows_it(document: Document, job: Path) -> None:
     before, text = looks_of_parts(document), job.read_text()
     assert assignment(document, WINDOWS)["variants"] == {"metal": "copper"}
     assert assignment(document, "/Car/Wheels/BackLeft/Tire")["by"] == "asset"
@@ -87,7 +87,7 @@ def test_a_part_wears_another_look_and_the_saved_job_shows_it(document: Document
     assert looks_of_parts(document)[WINDOWS] == "FrostedPlastic"
 
 
-def test_one_of_several_instances_is_dressed(document: Document) -> None:
+def test_one_of_several_instances_has_a_look_of_its_own(document: Document) -> None:
     hubs = assignment(document, "/Car/Wheels/FrontLeft/Hub")["paths"]
     assert len(hubs) == 4
     paint = "../materials/car_paint.usda"
@@ -97,7 +97,7 @@ def test_one_of_several_instances_is_dressed(document: Document) -> None:
     assert looks[hubs[3]] == "CarPaint"
 
 
-def test_everything_else_wears_a_look(document: Document) -> None:
+def test_everything_else_has_a_look(document: Document) -> None:
     document.assign_look({"part": WINDOWS, "prims": [], "material": "../materials/frosted_plastic.usda"})
     looks = looks_of_parts(document)
     # The look's own material has the look's name.
@@ -156,7 +156,7 @@ def test_a_job_that_is_changed_on_disk_is_loaded_or_written_over(document: Docum
     assert looks_of_parts(document)["/Car/Chimney"] == "CarPaint"
 
 
-def test_unsaved_dressing_survives_a_crash(job: Path) -> None:
+def test_unsaved_assignments_survive_a_crash(job: Path) -> None:
     document = open_document(job, recovers=True)
     document.choose("workshop", "courtyard")
     document.assign_look({"part": "/Car/Body", "unassign": True})

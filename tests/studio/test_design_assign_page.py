@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from design_page import DRESS, DesignPage
+from design_page import ASSIGN, DesignPage
 from served import start_server
 from usd_text import job_toml, material
 
@@ -23,7 +23,7 @@ def matt(name: str, scope: str = "") -> str:
 @pytest.fixture(scope="module")
 def job(tmp_path_factory: pytest.TempPathFactory, toy_car: str) -> Path:
     """Return a job of the toy car, all in one look, with looks beside it."""
-    folder = tmp_path_factory.mktemp("dressed")
+    folder = tmp_path_factory.mktemp("assigned")
     before, chrome = toy_car.split('def Material "Chrome"')
     toy_car = before + matt("Chrome", "/Car/Looks") + chrome.partition("\n        }\n")[2]
     (folder / "toy_car.usda").write_text(re.sub("</Car/Looks/(Paint|Glass|Rubber)>", "</Car/Looks/Chrome>", toy_car))
@@ -53,20 +53,20 @@ def page(open_page: DesignPage, job: Path) -> Iterator[DesignPage]:
     assert job.read_text() == JOB
 
 
-def test_parts_are_dressed_and_the_job_says_so(page: DesignPage, job: Path) -> None:
+def test_looks_are_assigned_to_parts_and_the_job_says_so(page: DesignPage, job: Path) -> None:
     assert page.js(
-        DRESS + "const states = [];"
-        "await dress('/Car/Body', 'this part', 'frosted'); await until(() => wears().startsWith('FrostedPlastic'));"
-        "states.push(wears(), at('undo').title);"
-        "await dress('/Car/Wheels/FrontLeft/Hub', 'only /Car/Wheels/FrontLeft/Hub', 'brushed');"
-        "await until(() => wears().startsWith('BrushedMetal'));"
-        "states.push(wears(), hubs());"
+        ASSIGN + "const states = [];"
+        "await assign('/Car/Body', 'this part', 'frosted'); await until(() => partLook().startsWith('FrostedPlastic'));"
+        "states.push(partLook(), at('undo').title);"
+        "await assign('/Car/Wheels/FrontLeft/Hub', 'only /Car/Wheels/FrontLeft/Hub', 'brushed');"
+        "await until(() => partLook().startsWith('BrushedMetal'));"
+        "states.push(partLook(), hubs());"
         "at('undo').click(); await until(() => hubs() === 1);"
         "at('redo').click(); await until(() => hubs() === 2);"
-        "await dress('/Car/Lamps/Left', '/Car.collection:trim', 'brushed');"
-        "await until(() => wears().startsWith('BrushedMetal')); states.push(wears());"
+        "await assign('/Car/Lamps/Left', '/Car.collection:trim', 'brushed');"
+        "await until(() => partLook().startsWith('BrushedMetal')); states.push(partLook());"
         "await until(() => !at('unassign-look').disabled); at('unassign-look').click();"
-        "await until(() => !wears().startsWith('BrushedMetal')); states.push(wears());"
+        "await until(() => !partLook().startsWith('BrushedMetal')); states.push(partLook());"
         "await answered(); states.push((await saved()).split('/').pop(), at('save').disabled); return states;"
     ) == [
         "FrostedPlasticassigned to /Car/Body",
@@ -87,7 +87,7 @@ def test_parts_are_dressed_and_the_job_says_so(page: DesignPage, job: Path) -> N
 
 def test_a_new_look_is_made_of_a_preset_and_a_wrong_pattern_is_named(page: DesignPage, job: Path) -> None:
     assert page.js(
-        DRESS + "typed(at('part'), '/Car/Chimney'); await until(() => at('assign-look'));"
+        ASSIGN + "typed(at('part'), '/Car/Chimney'); await until(() => at('assign-look'));"
         "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: 'p', bubbles: true}));"
         "await until(() => at('assigning').open);"
         "typed(at('assigning-prims'), 'typed', 'input'); typed(at('assigning-typed'), '/Car/Ch*', 'input');"
@@ -97,7 +97,7 @@ def test_a_new_look_is_made_of_a_preset_and_a_wrong_pattern_is_named(page: Desig
         "await until(() => at('adding').open && at('adding-presets').childElementCount > 60);"
         "typed(at('adding-search'), 'red plastic', 'input'); at('adding-presets').querySelector('button').click();"
         "await until(() => at('naming').open); const name = at('name').value; typed(at('name'), 'pipe.usda');"
-        "at('naming-save').click(); await until(() => wears().startsWith('Pipe')); await answered();"
-        "return [...fits, name, wears()];"
+        "at('naming-save').click(); await until(() => partLook().startsWith('Pipe')); await answered();"
+        "return [...fits, name, partLook()];"
     ) == ["fits 1 of 13 parts", "fits no part", "red_plastic.usda", "Pipeassigned to /Car/Ch*"]
     assert (job.parent / "pipe.usda").is_file()

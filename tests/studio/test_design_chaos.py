@@ -44,7 +44,7 @@ class Script:
     asked: int = 0
     edited: list[float] = field(default_factory=list)  # when each edit was answered
     saved: int = 0  # the last state whose saving was answered
-    dressed: int = 0  # how often the job was asked for an assign more
+    asked: int = 0  # how often the job was asked for an assign more
     worn: int = 0  # how often it was answered
     kept: int = 0  # assigns of the job whose saving was answered
     counts: Counter[str] = field(default_factory=Counter)
@@ -61,9 +61,9 @@ class Script:
                     self.send("/stack", look=0, op="duplicate", layer=1)
                     self.send("/history", redo=False)
                 if self.asked % 11 == 0:
-                    self.dressed += 1
+                    self.asked += 1
                     # Each pattern fits the part; the number of assigns is the state of the job.
-                    prims = [f"/plane{'*' * self.dressed}"]
+                    prims = [f"/plane{'*' * self.asked}"]
                     self.send("/assign", part="/plane", prims=prims, material="car_paint.usda")
                     self.worn += 1
                 if self.asked % 9 == 0:
@@ -107,7 +107,7 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
             client.join()
         on_disk = state_of(read_look(look)) if script.saved or look.read_text().count("0.42") == 0 else 0
         assert script.saved <= on_disk <= script.asked, number
-        assert script.kept <= assigns_on_disk(job) <= script.dressed, number
+        assert script.kept <= assigns_on_disk(job) <= script.asked, number
         document = open_document(None, "plane", look, recovers=True)
         if document.status()["recovery"] is not None:
             offered += 1
@@ -115,7 +115,7 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
         state = state_of(document.looks[0]) if script.edited or document.is_unsaved(0) else 0
         on_disk_alone = document.status()["job"]["new"] and job.exists()
         worn = assigns_on_disk(job) if on_disk_alone else len(document.job.look[0].assign)
-        assert script.worn <= worn <= script.dressed, number
+        assert script.worn <= worn <= script.asked, number
         answered = len(script.edited)
         assert state <= script.asked, number
         in_flight += state > answered

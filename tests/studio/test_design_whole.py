@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from batches import finish, start
-from design_page import DRESS, DesignPage
+from design_page import ASSIGN, DesignPage
 from pxr import Sdf, Usd, UsdGeom
 from served import start_server
 
@@ -30,8 +30,8 @@ asset = { usd = "asset.usda" }
 camera = { elevation = 20 }
 
 [[look]]
-name = "dressed"
-material = "lower.usda"      # until its parts are dressed
+name = "two_looks"
+material = "lower.usda"      # until its parts have looks
 
 [[ibl]]
 name = "studio"
@@ -100,9 +100,9 @@ def test_what_is_saved_is_rendered_as_it_was_shown(job: Path, tab: Any) -> None:
         page = load(tab, server.url)
         before = render_viewport(page, 0)
         page.js(
-            DRESS
-            + "await dress('/Ball/Upper', 'this part', 'upper'); await until(() => wears().startsWith('CarPaint'));"
-            "await dress('/Ball/Lower', 'this part', 'lower'); await until(() => wears().includes('/Ball/Lower'));"
+            ASSIGN
+            + "await assign('/Ball/Upper', 'this part', 'upper'); await until(() => partLook().startsWith('CarPaint'));"
+            "await assign('/Ball/Lower', 'this part', 'lower'); await until(() => partLook().includes('/Ball/Lower'));"
             "const pick = async (name) => { typed(at('part'), name); await until(() => at('layer-0')); };"
             "const add = async (preset) => { const count = layers().length; at('layer-add').click();"
             " await until(() => at('adding').open && at('adding-presets').childElementCount > 60);"
@@ -130,7 +130,7 @@ def test_what_is_saved_is_rendered_as_it_was_shown(job: Path, tab: Any) -> None:
     np.testing.assert_allclose(again, pictures[0], rtol=1e-5, atol=1e-6)
     assert np.abs(again - before)[..., :3].mean() > 0.05 * np.abs(before)[..., :3].mean()
     finish(start(job), 0)
-    (frame,) = (job.parent / "out" / "dressed" / "studio").glob("*.exr")
+    (frame,) = (job.parent / "out" / "two_looks" / "studio").glob("*.exr")
     beauty, alpha = read_frame(frame)
     error = read_layer(frame, "error")
     assert error is not None

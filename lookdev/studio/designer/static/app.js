@@ -2,7 +2,7 @@
 // The Designer's page. It consists of panels, each with its HTML and its behaviour.
 
 import { Designer, showMessage } from "./designer.js";
-import { byId } from "./elements.js";
+import { byId } from "./viewport/elements.js";
 import { panels } from "./panels.js";
 
 const POLL = 3000; // milliseconds between requests for the server's status

@@ -2,7 +2,14 @@
 // The picked part: its look, the words of the job that assign it, and the dialog that assigns
 // another look.
 
-import { byId, fileName, makeButton, makeElement, makeOptions, openDialog } from "./elements.js";
+import {
+  byId,
+  fileName,
+  makeButton,
+  makeElement,
+  makeOptions,
+  openDialog,
+} from "./viewport/elements.js";
 import { askFileName } from "./files.js";
 import { choosePreset } from "./presets.js";
 
@@ -15,9 +22,9 @@ const aside = `
   </section>`;
 
 const body = `
-  <dialog id="assigning" aria-label="Dress">
+  <dialog id="assigning" aria-label="Assign a look">
     <form method="dialog">
-      <label>Dress <select id="assigning-prims"></select></label>
+      <label>Assign a look to <select id="assigning-prims"></select></label>
       <label id="assigning-other">Paths, globs and collections, apart by spaces
         <input type="text" id="assigning-typed" list="assigning-known" autocomplete="off"
           spellcheck="false"></label>
@@ -207,7 +214,7 @@ class Assign {
       look: "the look's own material",
       asset: "as the asset has it",
     }[by];
-    const title = job.locked || "Choose the look that this part, or more of the asset, wears (P)";
+    const title = job.locked || "Choose a look for this part, or for more of the asset (P)";
     byId("assignment").replaceChildren(
       makeElement(
         "p",
@@ -218,13 +225,13 @@ class Assign {
       makeElement(
         "div",
         { className: "tools" },
-        makeButton("Dress…", title, () => this.assign(), {
+        makeButton("Assign…", title, () => this.assign(), {
           id: "assign-look",
           disabled: Boolean(job.locked) || !paths.length,
         }),
         makeButton(
-          "Take off",
-          `Take ${pattern} out of what is assigned`,
+          "Unassign",
+          `Remove the assignment to ${pattern} from the job`,
           () => this.designer.request("assign", { part: this.assignment.paths[0], unassign: true }),
           { id: "unassign-look", disabled: by !== "assign" || Boolean(job.locked) },
         ),

@@ -2,7 +2,7 @@
 // The record that the panels share: the viewport, the scene with its document, and requests to the
 // server.
 
-import { byId, makeElement, makeOptions } from "./elements.js";
+import { byId, makeElement, makeOptions } from "./viewport/elements.js";
 import { Viewport } from "./viewport/viewport.js";
 
 const LARGEST_CANVAS = 1024; // pixels of its width

@@ -2,7 +2,7 @@
 // The exact picture: the renderer's picture of the viewport's scene. It replaces the viewport's
 // picture, stands beside a wipe, or is compared in a difference.
 
-import { byId, makeElement } from "./elements.js";
+import { byId, makeElement } from "./viewport/elements.js";
 import { parsePacket } from "./viewport/packets.js";
 
 const REST = 150; // milliseconds without a change, after which the page requests a picture

@@ -1,7 +1,14 @@
 // @ts-check
 // Files: saving, unsaved work of an earlier Designer, and files that changed on disk.
 
-import { byId, fileName, formatTime, makeButton, makeElement, openDialog } from "./elements.js";
+import {
+  byId,
+  fileName,
+  formatTime,
+  makeButton,
+  makeElement,
+  openDialog,
+} from "./viewport/elements.js";
 
 const header = `
   <button type="button" id="save"

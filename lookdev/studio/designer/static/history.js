@@ -1,7 +1,7 @@
 // @ts-check
 // Undo and redo.
 
-import { byId } from "./elements.js";
+import { byId } from "./viewport/elements.js";
 
 const header = `
   <button type="button" id="undo" title="Undo (Ctrl+Z)" disabled>Undo</button>

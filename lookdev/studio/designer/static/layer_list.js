@@ -2,7 +2,7 @@
 // The list of a look's layers, the top one first. The pointer and keys choose, move, mute and
 // rename layers.
 
-import { byId, makeButton, makeElement, setLabel } from "./elements.js";
+import { byId, makeButton, makeElement, setLabel } from "./viewport/elements.js";
 
 export class LayerList {
   /** `panel` is the panel of the layers (layers.js). */

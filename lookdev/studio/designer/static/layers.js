@@ -2,7 +2,14 @@
 // The layers of the picked part's look: variants, the list with the top layer first, and the
 // parameters of the chosen layer.
 
-import { byId, makeButton, makeElement, makeOptions, makeSentence, setLabel } from "./elements.js";
+import {
+  byId,
+  makeButton,
+  makeElement,
+  makeOptions,
+  makeSentence,
+  setLabel,
+} from "./viewport/elements.js";
 import { LayerList, renameLayer } from "./layer_list.js";
 import { layerInspector } from "./parameters.js";
 import { choosePreset, savePreset } from "./presets.js";

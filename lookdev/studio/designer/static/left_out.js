@@ -1,7 +1,7 @@
 // @ts-check
 // The list of the light's effects that the viewport's picture lacks.
 
-import { byId, makeElement } from "./elements.js";
+import { byId, makeElement } from "./viewport/elements.js";
 
 const aside = `
   <section>

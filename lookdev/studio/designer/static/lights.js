@@ -2,8 +2,8 @@
 // The lights of the rig: intensity, tint, temperature, on or off. Like the exposure, these are
 // settings of the view.
 
-import { fromHex, toHex } from "./color.js";
-import { byId, makeElement, makeRow, setLabel } from "./elements.js";
+import { fromHex, toHex } from "./viewport/color.js";
+import { byId, makeElement, makeRow, setLabel } from "./viewport/elements.js";
 
 const NEUTRAL = 6500; // kelvin, where the temperature's slider begins
 const formatStops = (stops) => `${stops > 0 ? "+" : ""}${stops.toFixed(1)}`;

@@ -9,7 +9,7 @@ import {
   makeRow,
   makeSentence,
   setLabel,
-} from "./elements.js";
+} from "./viewport/elements.js";
 
 const MASK_KINDS = {
   number: "a number",
@@ -146,8 +146,8 @@ class SourceEditor {
       case "part":
         return [
           makeSentence(
-            "A look does not know which part wears it. Dress the part in a look of its own, " +
-              "under Part, or give the asset a primvar.",
+            "A look does not know which part it is assigned to. " +
+              "Assign the part a look of its own, under Part, or give the asset a primvar.",
           ),
         ];
       default:

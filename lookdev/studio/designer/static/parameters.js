@@ -1,7 +1,7 @@
 // @ts-check
 // The parameters of the chosen layer. Each has a row with a slider, a colour or a choice.
 
-import { fromHex, toHex } from "./color.js";
+import { fromHex, toHex } from "./viewport/color.js";
 import {
   makeButton,
   makeElement,
@@ -9,7 +9,7 @@ import {
   makeSentence,
   setLabel,
   spaceWords,
-} from "./elements.js";
+} from "./viewport/elements.js";
 import { maskEditor, sourceEditor } from "./mask.js";
 
 const sliderStep = ([low, high]) => Number(((high - low) / 200).toPrecision(1));

@@ -1,7 +1,7 @@
 // @ts-check
 // The dialogs of presets: the user chooses one from the library by its picture, or saves one.
 
-import { byId, makeElement, makeOptions, openDialog, spaceWords } from "./elements.js";
+import { byId, makeElement, makeOptions, openDialog, spaceWords } from "./viewport/elements.js";
 
 const body = `
   <dialog id="adding" aria-label="Add a layer">

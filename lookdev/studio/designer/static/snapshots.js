@@ -1,7 +1,7 @@
 // @ts-check
 // Snapshots: pictures with the state of the looks. The user compares two, and goes back to one.
 
-import { byId, formatTime, openDialog } from "./elements.js";
+import { byId, formatTime, openDialog } from "./viewport/elements.js";
 
 const header = `
   <button type="button" id="snapshot"

@@ -1,7 +1,7 @@
 // @ts-check
 // The turntable: the server renders it in the background, and a player replaces the viewport.
 
-import { byId } from "./elements.js";
+import { byId } from "./viewport/elements.js";
 
 const RATE = 12; // frames a second
 const POLL = 500; // milliseconds between requests for the progress

@@ -1,13 +1,13 @@
 // @ts-check
 // The view: exposure, rotations, background and shadow; the pointer on the picture; its progress.
 
-import { byId } from "./elements.js";
+import { byId } from "./viewport/elements.js";
 import { followPointer } from "./pointer.js";
 
 const stage = `
   <p id="progress"></p>
   <p id="hints">drag: orbit · right drag: pan · wheel: zoom · shift-drag: turn the light
-    · click: pick · P: dress · F: frame as rendered</p>`;
+    · click: pick · P: assign a look · F: frame as rendered</p>`;
 
 const aside = `
   <section>

@@ -1,7 +1,7 @@
 // @ts-check
 // The page: its tabs and options, the selected surface, keys, copying and saving.
 import { SphereRenderer } from "./ball.js";
-import { byId, makeElement } from "./elements.js";
+import { byId, makeElement } from "./viewport/elements.js";
 import { ExactFrame } from "./exact.js";
 import { gl, isSupported, Shaders } from "./gl.js";
 import { Link } from "./link.js";

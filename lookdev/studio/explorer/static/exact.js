@@ -1,6 +1,6 @@
 // @ts-check
 // The renderer's frame of the selected surface, on request; it replaces the sphere.
-import { decodeSrgb } from "./color.js";
+import { decodeSrgb } from "./viewport/color.js";
 import { drawColors } from "./views.js";
 import { option, selectedSurface, wordsOf } from "./state.js";
 

@@ -3,7 +3,7 @@
 // horizon.
 import { gl, bindTarget, linkProgram, parameterLookup, growCanvas, isSupported } from "./gl.js";
 import { DECADES } from "./axes.js";
-import { luminance } from "./color.js";
+import { luminance } from "./viewport/color.js";
 import { state } from "./state.js";
 
 const VERTEX = `#version 300 es

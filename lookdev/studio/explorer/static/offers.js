@@ -1,6 +1,6 @@
 // @ts-check
 // The left side: the surfaces in the plots, and the models, presets, looks and files to add.
-import { makeElement } from "./elements.js";
+import { makeElement } from "./viewport/elements.js";
 import { colorOf, nameOf, notify, removeSurface, state } from "./state.js";
 
 const surfaceList = document.getElementById("surfaces"),

@@ -1,7 +1,7 @@
 // @ts-check
 // The plot: requests and caches the numbers of each surface, and draws those that have arrived.
 import { DECADES, formatShort, readTheme } from "./axes.js";
-import { hexCodes } from "./color.js";
+import { hexCodes } from "./viewport/color.js";
 import {
   notify,
   colorOf,

@@ -1,8 +1,8 @@
 // @ts-check
 // The parameters of the selected surface: sliders with units and ranges, and the publication's
 // sentence about each.
-import { fromHex, toHex } from "./color.js";
-import { makeElement, setLabel } from "./elements.js";
+import { fromHex, toHex } from "./viewport/color.js";
+import { makeElement, setLabel } from "./viewport/elements.js";
 import { parameterGroup, parameterLookup } from "./gl.js";
 import { notify, nameOf, selectedSurface, state } from "./state.js";
 

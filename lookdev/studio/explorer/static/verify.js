@@ -1,6 +1,6 @@
 // @ts-check
 // Compares the browser's values at random pairs of directions with those of the models in float64.
-import { makeElement } from "./elements.js";
+import { makeElement } from "./viewport/elements.js";
 import { parameterLookup } from "./gl.js";
 import { nameOf, visibleSurfaces, wordsOf } from "./state.js";
 

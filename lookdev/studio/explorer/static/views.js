@@ -2,7 +2,7 @@
 // Draws the numbers of surfaces for each kind of plot. A view draws `items`, surfaces with their
 // numbers, and returns the function from a point of the canvas to the text of its readout.
 import { Axes, DECADES, formatShort, makeScale } from "./axes.js";
-import { encodeSrgb, luminance } from "./color.js";
+import { encodeSrgb, luminance } from "./viewport/color.js";
 import { colorOf, nameOf, option, state } from "./state.js";
 
 const RGB = { r: ["#c8322d", "#ff7a70"], g: ["#2b8a3e", "#6fcf87"], b: ["#2454c5", "#86a8ff"] };

@@ -21,4 +21,4 @@ export const hexCodes = (text) => text.match(/\w\w/g).map((digits) => parseInt(d
 
 /** Return the linear colour of "#rrggbb". */
 export const fromHex = (text) =>
-  hexCodes(text).map((code) => Number(decodeSrgb(code).toPrecision(4)));
+  hexCodes(text).map((code) => Number(decodeSrgb(code).toPrecision(5)));
