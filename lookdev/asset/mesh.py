@@ -111,7 +111,7 @@ class Slot:
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """The geometry of a render. `center` and `radius` are its bounding sphere in world space, in metres.
+    """The geometry of a render. `center` and `radius` are the smallest sphere around its faces, in metres.
 
     `convex` is True only if reflected light never meets the surface again, `sheet` only if transmitted light does not
     either, as with a flat card; such an asset has no indirect light. `revolved` is True only if every rotation about

@@ -1,22 +1,22 @@
-"""The points that determine an asset's silhouette from all directions, and the axis of its turntable."""
+"""The points that determine an asset's silhouette from all directions, and with it the sphere around the asset."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lookdev.arrays import Bools, Floats, Indices
-from lookdev.asset.bounds import grid_cells, smallest_ball
-from lookdev.asset.mesh import Asset, Mesh
+from lookdev.asset.mesh import Instance, Mesh
 from lookdev.asset.normals import concatenate
 
 _HULL_INSTANCES = 8  # a mesh with so many instances is first reduced to its hull: faster than to transform all points
 _FEW_POINTS = 32  # a mesh with at most so many points is not reduced to its hull
 _PART_POINTS = 2**11  # points of a part of a mesh
+_CELLS = 8  # of the grid by which these parts are split, along each side of the mesh's bounding box
 _COARSE, _FINE = 64, 1024  # planes of the coarse and of the fine polytope
 _MANY_POINTS = 2**18  # points outside the coarse polytope from which a fine one is built
 _SEEDS = 2**15  # points from which the fine polytope is built
@@ -24,18 +24,18 @@ _BLOCK = 2**20  # numbers in an intermediate array
 _TOLERANCE = 1e-12  # relative to the extent of all points
 
 
-def hull_points(asset: Asset) -> Floats:
-    """Return points (n, 3) of an asset in world space whose convex hull is that of all its faces.
+def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats:
+    """Return points (n, 3) in world space whose convex hull is that of the faces of all instances.
 
-    They determine the silhouette in every perspective view from outside. For an asset of several instances, a polytope
+    They determine the silhouette in every perspective view from outside. For several instances, a polytope
     is the hull of extreme points. Its corners are returned; everything else in or on it is dropped: first instances,
     then parts of them, by their bounding boxes, finally points.
     """
-    meshes = np.array([instance.mesh for instance in asset.instances])
-    uses = np.bincount(meshes, minlength=len(asset.meshes)).tolist()
-    clouds = {number: _mesh_points(asset.meshes[number], count) for number, count in enumerate(uses) if count}
-    placed = _PlacedClouds(clouds, meshes, np.array([instance.matrix for instance in asset.instances]))
-    if len(meshes) == 1:
+    mesh_numbers = np.array([instance.mesh for instance in instances])
+    uses = np.bincount(mesh_numbers, minlength=len(meshes)).tolist()
+    clouds = {number: _mesh_points(meshes[number], count) for number, count in enumerate(uses) if count}
+    placed = _PlacedClouds(clouds, mesh_numbers, np.array([instance.matrix for instance in instances]))
+    if len(instances) == 1:
         return placed.points()
     extremes = {
         number: np.concatenate([cloud[cloud.argmin(axis=0)], cloud[cloud.argmax(axis=0)]])
@@ -53,20 +53,6 @@ def hull_points(asset: Asset) -> Floats:
         polytope = polytope.grow(replace(placed, clouds=extremes).points(), _FINE)
         placed = placed.select_outside(polytope)
     return np.concatenate([polytope.corners, *placed.split().points_outside(polytope)])
-
-
-def turning_axis(points: Floats) -> tuple[float, float]:
-    """Return x and y of the turntable's axis: the centre of the smallest circle around the points (n, 3) from above."""
-    footprint = points[:, :2]
-    x, y = np.ascontiguousarray(footprint.T)
-
-    def farthest(center: Floats) -> tuple[Floats, float]:
-        squares = (x - center[0]) ** 2 + (y - center[1]) ** 2
-        index = int(squares.argmax())
-        return footprint[index], math.sqrt(squares[index])
-
-    east, north = smallest_ball(farthest, footprint.mean(axis=0)).tolist()
-    return east, north
 
 
 class _Polytope:
@@ -227,9 +213,10 @@ def _hull_points(points: Floats) -> Floats:
 
 
 def _split_cloud(points: Floats) -> list[Floats]:
+    """Return the points in runs of at most `_PART_POINTS`, sorted by the cells of a grid in their bounding box."""
     if len(points) <= _PART_POINTS:
         return [points]
-    sorted_points = points[
-        np.argsort(grid_cells(points, np.array([points.min(axis=0), points.max(axis=0)])), kind="stable")
-    ]
+    low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    cells = np.floor((points - low) * (0.999 * _CELLS / np.where(extent > 0.0, extent, 1.0)))
+    sorted_points = points[np.argsort(cells @ [_CELLS**2, _CELLS, 1.0], kind="stable")]
     return [sorted_points[start : start + _PART_POINTS] for start in range(0, len(sorted_points), _PART_POINTS)]

@@ -141,7 +141,7 @@ def _load_refined(key: str, cages: Asset) -> Asset | None:
 def cached_outline(asset: Asset) -> Floats:
     """Return the `hull_points` of an asset, (n, 3); the cache stores it if the asset has several instances."""
     if len(asset.instances) == 1:
-        return hull_points(asset)
+        return hull_points(asset.meshes, asset.instances)
     key = geometry_key(asset, (), ())
-    file = cached_file("outlines", key, ".npy", lambda path: np.save(path, hull_points(asset)))
+    file = cached_file("outlines", key, ".npy", lambda path: np.save(path, hull_points(asset.meshes, asset.instances)))
     return np.asarray(np.load(file.path))

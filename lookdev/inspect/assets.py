@@ -122,7 +122,7 @@ def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> I
     for instance in asset.instances:
         paths.setdefault(instance.mesh, {})[instance.path] = None
     sizes = [len(mesh.face_sizes) for mesh in asset.meshes]
-    points = hull_points(asset)
+    points = hull_points(asset.meshes, asset.instances)
     return Inspection(
         file=str(file),
         minimum=tuple(points.min(axis=0).tolist()),

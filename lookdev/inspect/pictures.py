@@ -59,7 +59,7 @@ def write_portrait(asset: Asset, picture: Path, report: ReportEvent = lambda eve
     looks = {name: _part_look(number, color) for number, (name, color) in enumerate(colors.items())}
     looks_by_part = {slot.path: looks[group] for slot, group in zip(asset.slots, groups, strict=True)}
     light = prepare_light(load_environment(builtin="white"))
-    camera = frame_fill(hull_points(asset), _PORTRAIT_SIZE, fill=_FILL, arcs=[(_AZIMUTH, 0.0)])
+    camera = frame_fill(hull_points(asset.meshes, asset.instances), _PORTRAIT_SIZE, fill=_FILL, arcs=[(_AZIMUTH, 0.0)])
     refined, _ = Refiner("auto", _PORTRAIT_SIZE[0]).refine(asset, camera)
     scene = Scene(refined, looks_by_part, (light,), camera, Film(_PORTRAIT_SIZE))
     setup = make_setup("parts", "white", scene, _PORTRAIT_SAMPLING)

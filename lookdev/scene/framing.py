@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.asset.silhouette import turning_axis
+from lookdev.asset.bounds import turning_axis
 from lookdev.errors import AssetError
 from lookdev.scene.camera import Camera
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from lookdev.arrays import Floats
-from lookdev.asset.silhouette import turning_axis
+from lookdev.asset.bounds import turning_axis
 from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
 

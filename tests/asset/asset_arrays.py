@@ -98,7 +98,8 @@ def check_asset(asset: Asset) -> None:
     for mesh in asset.meshes:
         check_mesh(mesh)
         assert 0 <= mesh.face_slots.min() <= mesh.face_slots.max() < len(asset.slots)
-    for points in world_points(asset):
+    for instance, placed in zip(asset.instances, world_points(asset), strict=True):
+        points = placed[asset.meshes[instance.mesh].corner_points]
         # In float64 from float32 points: the sum of squares rounds in the last digits.
         assert np.linalg.norm(points - asset.center, axis=1).max() <= asset.radius * (1.0 + 1e-12)
     assert len(asset.digest) == 64

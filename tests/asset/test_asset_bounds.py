@@ -15,8 +15,8 @@ from lookdev.asset.store import make_asset
 
 def cloud(points):
     points = np.asarray(points, np.float32)
-    none = np.zeros(0, np.int32)
-    return Mesh("cloud", points, none, none, none, np.zeros((0, 3), "f"), np.zeros((0, 3), "f"), {})
+    corners, none = np.arange(len(points), dtype=np.int32), np.zeros(0, np.int32)
+    return Mesh("cloud", points, corners, none, none, np.zeros((0, 3), "f"), np.zeros((0, 3), "f"), {})
 
 
 def sphere_of(points, *matrices):

@@ -8,8 +8,9 @@ import pytest
 from asset_arrays import affine
 
 from lookdev.asset import Asset, load_asset
+from lookdev.asset.bounds import bounding_sphere, turning_axis
 from lookdev.asset.mesh import Instance, Mesh, Slot
-from lookdev.asset.silhouette import hull_points, turning_axis
+from lookdev.asset.silhouette import hull_points
 
 DIRECTIONS = np.random.default_rng(0).normal(size=(3, 200))
 RNG = np.random.default_rng
@@ -109,14 +110,16 @@ def test_the_outline_has_the_hull_of_all_points_and_few_others(name: str, monkey
     expected, count = support(asset), sum(len(asset.meshes[instance.mesh].points) for instance in asset.instances)
     for many in (1 << 18, 0):  # of fewer points, and always, a finer polytope decides
         monkeypatch.setattr("lookdev.asset.silhouette._MANY_POINTS", many)
-        points = hull_points(asset)
+        points = hull_points(asset.meshes, asset.instances)
         # Both place the same points, in another order of sums.
         np.testing.assert_allclose((points @ DIRECTIONS).max(axis=0), expected, rtol=1e-12, atol=1e-9)
         assert len(points) <= part * count
 
 
 def test_points_of_no_face_do_not_count() -> None:
-    assert hull_points(asset_of(faces_of([[0, 0, 0], [1, 0, 0], [0, 1, 0], [50, 50, 50]]), [np.eye(4)])).max() == 1.0
+    asset = asset_of(faces_of([[0, 0, 0], [1, 0, 0], [0, 1, 0], [50, 50, 50]]), [np.eye(4)])
+    assert hull_points(asset.meshes, asset.instances).max() == 1.0
+    assert bounding_sphere(asset.meshes, asset.instances)[1] == pytest.approx(math.sqrt(0.5))
 
 
 @pytest.mark.parametrize(
@@ -137,4 +140,4 @@ def test_the_axis_is_the_middle_of_the_smallest_circle(footprint, axis) -> None:
 
 def test_a_revolved_asset_turns_about_its_centre() -> None:
     asset = load_asset(builtin="sphere")
-    assert math.dist(turning_axis(hull_points(asset)), asset.center[:2]) <= 1e-6 * asset.radius
+    assert math.dist(turning_axis(hull_points(asset.meshes, asset.instances)), asset.center[:2]) <= 1e-6 * asset.radius

@@ -102,7 +102,7 @@ def test_a_mesh_that_is_not_a_cage_stays_as_it_is(make: Make) -> None:
 def test_the_camera_frames_the_limit_surface(make: Make) -> None:
     """At fill 0.7, the widest pose covers 70 % of the frame."""
     scene = scene_of(make('[[look]]\nname = "two"', width=256))
-    points = hull_points(scene.asset)
+    points = hull_points(scene.asset.meshes, scene.asset.instances)
     camera = scene.camera
     extents = []
     for angle in np.linspace(0.0, 360.0, 360, endpoint=False):

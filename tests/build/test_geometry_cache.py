@@ -122,7 +122,7 @@ def test_the_outline_of_several_instances_is_found_once(tmp_path, monkeypatch) -
     monkey = load_asset(builtin="suzanne").meshes[0]
     turned = np.array([[0.0, -1.0, 0.0, 2.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     pair = make_asset("pair", [monkey], [Instance(0, np.eye(4)), Instance(0, turned)], [])
-    expected = hull_points(pair)
+    expected = hull_points(pair.meshes, pair.instances)
     np.testing.assert_array_equal(cached_outline(pair), expected)
     monkeypatch.delattr("lookdev.build.refine.hull_points")
     np.testing.assert_array_equal(cached_outline(pair), expected)

@@ -63,11 +63,13 @@ def cameras(folder: Path, camera: str = "") -> dict[str, Camera]:
 
 def test_all_looks_share_a_camera_that_frames_what_any_shows_or_each_has_its_own(folder: Path) -> None:
     shared = cameras(folder)
-    both = np.concatenate([hull_points(asset) for asset in SHOWN.values()])
+    both = np.concatenate([hull_points(asset.meshes, asset.instances) for asset in SHOWN.values()])
     assert shared["small"] == shared["large"] == frame_fill(both, (160, 90))
     separate = cameras(folder, 'framing = "each"\nfill = 0.5\nfov = 20\nelevation = 5')
     for look, asset in SHOWN.items():
-        assert separate[look] == frame_fill(hull_points(asset), (160, 90), fov=20.0, elevation=5.0, fill=0.5)
+        assert separate[look] == frame_fill(
+            hull_points(asset.meshes, asset.instances), (160, 90), fov=20.0, elevation=5.0, fill=0.5
+        )
 
 
 def test_a_margin_frames_bounding_spheres(folder: Path) -> None:
@@ -79,7 +81,7 @@ def test_a_margin_frames_bounding_spheres(folder: Path) -> None:
         assert wide[look] == frame_camera(*sphere, (160, 90), fov=70.0, elevation=5.0, margin=1.2)
     one = cameras(folder, "margin = 1.2")
     assert one["small"] == one["large"]
-    points = np.concatenate([hull_points(asset) for asset in SHOWN.values()])
+    points = np.concatenate([hull_points(asset.meshes, asset.instances) for asset in SHOWN.values()])
     assert one["small"].distance > separate["large"].distance
     assert np.linalg.norm(points - one["small"].target, axis=1).max() < one["small"].distance
 

@@ -82,7 +82,7 @@ OTHERS = [("suzanne", (1.0, 1.0, 1.0), 20.0), ("plane", (10.0, 1.0, 0.02), 0.0),
 @pytest.mark.parametrize(("name", "scale", "elevation"), quick_among([CARD, *OTHERS], [CARD]))
 def test_a_turntable_covers_what_it_is_framed_to(name: str, scale, elevation: float, worker: Worker, light_of) -> None:
     asset, size = stretch(load_asset(builtin=name), *scale), (100, 80)
-    camera = frame_fill(hull_points(asset), size, elevation=elevation)
+    camera = frame_fill(hull_points(asset.meshes, asset.instances), size, elevation=elevation)
     scene = Scene.of_look(asset, BLACK, light_of("white"), size, camera)
     # After half a turn, a plane about its axis covers what it covered before.
     alphas = [

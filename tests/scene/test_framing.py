@@ -10,8 +10,9 @@ from scipy.spatial import ConvexHull
 
 from lookdev.arrays import Floats
 from lookdev.asset import load_asset
+from lookdev.asset.bounds import turning_axis
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.silhouette import hull_points, turning_axis
+from lookdev.asset.silhouette import hull_points
 from lookdev.errors import AssetError
 from lookdev.job.schema import JobCamera
 from lookdev.scene import Camera, frame_camera, frame_fill
@@ -47,7 +48,8 @@ def points_of(name: str) -> Floats:
     """Return points; of a built-in asset, a thousand corners of its hull, because only these can be outermost."""
     if name in POINTS:
         return POINTS[name]
-    points = hull_points(make_sphere(64, 32) if name == "sphere" else load_asset(builtin=name))
+    asset = make_sphere(64, 32) if name == "sphere" else load_asset(builtin=name)
+    points = hull_points(asset.meshes, asset.instances)
     corners = points[ConvexHull(points).vertices]
     return corners[:: len(corners) // 1000 + 1]
 
