@@ -21,12 +21,12 @@ _selection_option = partial(Option, rich_help_panel="Selection")
 @app.command(rich_help_panel=_PANEL)
 def check(
     file: Annotated[Path | None, Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.")] = None,
-    html: Annotated[Path | None, Option(metavar="FILE", help="Write a page with plots too.")] = None,
+    html: Annotated[Path | None, Option(metavar="FILE", help="Also write a page with plots to FILE.")] = None,
     only: Annotated[
         str, Option(metavar="CHECKS", help="Some of points,albedo,image,stability; default: all but stability.")
     ] = "",
     stress: Annotated[
-        bool, Option("--stress", help="As '--only stability': extreme values; without FILE, all models.")
+        bool, Option("--stress", help="Check extreme values only ('--only stability'); without a file, of all models.")
     ] = False,
     depth: Annotated[Literal["quick", "default", "full"], Option(help="The number of cases to compare.")] = "default",
     seed: Annotated[int, Option(min=0, help="Seed of cases, positions and samples.")] = 0,
@@ -78,25 +78,34 @@ def evaluate(
 def bench(
     table: Annotated[
         Path | None,
-        _kind_option(metavar="FILE", help="Time to an error beside other renderers, growth, plots: for docs/bench.md."),
+        _kind_option(
+            metavar="FILE", help="Compare the time to an error with other renderers, and plot it, for docs/bench.md."
+        ),
     ] = None,
     profile: Annotated[
-        Path | None, _kind_option(metavar="FILE", help="Where a second of rendering goes: for docs/bench.md.")
+        Path | None, _kind_option(metavar="FILE", help="Measure where the time of rendering goes, for docs/bench.md.")
     ] = None,
     setup: Annotated[
         Path | None,
-        _kind_option(metavar="FILE", help="Whole commands, a first frame, changes of scene: for docs/bench.md."),
+        _kind_option(metavar="FILE", help="Time whole commands, first frames and changes of scene, for docs/bench.md."),
     ] = None,
-    sequence: Annotated[bool, _kind_option("--sequence", help="Turntables against a plain Blender script.")] = False,
-    scale: Annotated[bool, _kind_option("--scale", help="Large assets, against Blender's own import.")] = False,
-    denoise_trial: Annotated[
-        bool, _kind_option("--denoise-trial", help="Random denoised frames: is their error as measured?")
+    sequence: Annotated[
+        bool, _kind_option("--sequence", help="Compare turntables with a plain Blender script.")
     ] = False,
-    scenes: Annotated[str, _selection_option(metavar="NAMES", help="Scenes, separated by commas.")] = "",
-    ibls: Annotated[str, _selection_option(metavar="NAMES", help="Lights.")] = "",
-    looks: Annotated[str, _selection_option(metavar="NAMES", help="Looks.")] = "",
-    backends: Annotated[str, _selection_option(metavar="NAMES", help="Backends.")] = "",
-    samples: Annotated[str, _selection_option(metavar="NAMES", help="Increasing powers of two, like 4,16,64.")] = "",
+    scale: Annotated[bool, _kind_option("--scale", help="Compare large assets with Blender's own import.")] = False,
+    denoise_trial: Annotated[
+        bool,
+        _kind_option(
+            "--denoise-trial", help="Compare the estimated error of random denoised frames with the true one."
+        ),
+    ] = False,
+    scenes: Annotated[str, _selection_option(metavar="NAMES", help="Names of scenes, separated by commas.")] = "",
+    ibls: Annotated[str, _selection_option(metavar="NAMES", help="Names of lights, separated by commas.")] = "",
+    looks: Annotated[str, _selection_option(metavar="NAMES", help="Names of looks, separated by commas.")] = "",
+    backends: Annotated[str, _selection_option(metavar="NAMES", help="Names of backends, separated by commas.")] = "",
+    samples: Annotated[
+        str, _selection_option(metavar="COUNTS", help="Numbers of samples, increasing powers of two: 4,16,64.")
+    ] = "",
     resolution: Annotated[int | None, _selection_option(metavar="N", help="Side of the frame, pixels.")] = None,
     repeats: Annotated[int | None, _selection_option(metavar="N", help="Renders with each number of samples.")] = None,
     reference: Annotated[
@@ -105,9 +114,13 @@ def bench(
     seed: Annotated[int | None, _selection_option(metavar="N", help="Seed of the samples.")] = None,
     frames: Annotated[
         int | None,
-        _selection_option(metavar="N", help="Frames of the sequence whose growth is measured, or of the trial."),
+        _selection_option(
+            metavar="N", help="Number of frames: of a sequence whose growth is measured, or of the denoise trial."
+        ),
     ] = None,
-    everything: Annotated[bool, _selection_option("--all", help="Default to all names instead of a few.")] = False,
+    everything: Annotated[
+        bool, _selection_option("--all", help="Take all names where none are given, instead of a few.")
+    ] = False,
     fresh: Annotated[bool, Option("--fresh", help="Render references anew.")] = False,
     out: Annotated[Path, Option(metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
     show: Annotated[bool, Option("--list", help="Only list the names.")] = False,

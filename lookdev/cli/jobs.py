@@ -133,8 +133,8 @@ def plan(
         bool,
         Option(
             "--measured",
-            help="Divide by the render times of frames on disk, and store the chunks in the output folder; use it "
-            "before the first chunk is rendered.",
+            help="Divide the job by the render times of its finished frames, not by estimates, and store the "
+            "chunks in the output folder. Use it before the first chunk is rendered.",
         ),
     ] = False,
     as_json: AsJson = False,

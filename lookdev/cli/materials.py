@@ -49,7 +49,7 @@ InputOptions = Annotated[
 def list_presets(
     library: Folder = None,
     category: Annotated[str | None, Option(help="Only presets of this category.")] = None,
-    sheet: Annotated[Path | None, Option(metavar="FILE.png", help="Render a contact sheet too.")] = None,
+    sheet: Annotated[Path | None, Option(metavar="FILE.png", help="Also render a contact sheet to this file.")] = None,
 ) -> None:
     """List the presets of the library; the default of 'lookdev materials'."""
     from lookdev.material.library import library_folders, library_text, read_library

@@ -37,7 +37,10 @@ def plot(
         ),
     ],
     subjects: Subjects,
-    output: Annotated[Path, Option("--output", "-o", metavar="FILE", help="PNG, SVG, PDF, or CSV: the numbers.")],
+    output: Annotated[
+        Path,
+        Option("--output", "-o", metavar="FILE", help="The file to write: .png, .svg, .pdf, or .csv with the numbers."),
+    ],
     theta: Annotated[float, Option(help="Polar angle of the view, or the fixed angle, in degrees.")] = 45.0,
     phi: Annotated[float, Option(help="phi_d, or the azimuth of the view, in degrees.")] = 90.0,
     axis: Annotated[str, Option(help="Axis of cartesian: theta_h, theta_d or theta_i.")] = "theta_h",
