@@ -91,10 +91,10 @@ def frame_fill(
     The distance follows from planes through the camera that touch the asset. Let x be to the right, y up, and z towards
     the camera, relative to a point of the axis, and let the camera be at (a, b, d). A point is between the two planes
     through the camera with slopes ±t to the right and left if ``±(x - a) <= t (d - z)``. This is linear in the point,
-    so it holds for all points if ``S(±1, 0, t) <= ±a + t d``, with their support function ``S(v) = max v.(x, y, z)``. The
-    planes touch on both sides if ``d = (S(1, 0, t) + S(-1, 0, t)) / 2t`` and ``a = (S(1, 0, t) - S(-1, 0, t)) / 2``.
-    The same holds up and down, with b for a. The camera's d is the greater of the two distances. In the other
-    direction, planes of a smaller slope touch on both sides.
+    so it holds for all points if ``S(±1, 0, t) <= ±a + t d``, with their support function ``S(v) = max v.(x, y, z)``.
+    The planes touch on both sides if ``d = (S(1, 0, t) + S(-1, 0, t)) / 2t`` and
+    ``a = (S(1, 0, t) - S(-1, 0, t)) / 2``. The same holds up and down, with b for a. The camera's d is the greater of
+    the two distances. In the other direction, planes of a smaller slope touch on both sides.
 
     Parameters
     ----------
