@@ -150,8 +150,8 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
     reach = math.tan(math.radians(0.5 * fov))
     pixels_across_strip = strip.resolution[0 if strip.upright else 1]
     half_angle = math.atan(reach * pixels_across_strip / resolution[0])
-    # The largest fraction of the frame that the asset covers, in the direction across the strip. With `margin`, the frame
-    # contains the asset's sphere: the fraction is a ratio of tangents, of half its angle and of half the angle of view.
+    # The largest fraction of the frame that the asset covers, in the direction across the strip. With `margin`, it is a
+    # ratio of two tangents: of half the angle that the asset's sphere subtends, and of half the angle of view.
     covered = (
         fill
         if camera.margin is None
