@@ -121,7 +121,7 @@ def split_frames(scenes: Sequence[object], costs: Costs, division: Division) -> 
         return [*ends, len(scenes)] if scenes else []
 
     low = 0.0
-    # The least limit is found by bisection. At the first upper limit, all frames fit into one part in spite of rounding.
+    # Bisection finds the least limit. At the first upper limit, all frames fit into one part, in spite of rounding.
     high = 1.000001 * (sum(costs.frames) + costs.scene * sum(changes)) / weights[-1]
     while high - low > 1e-6 * high:
         middle = 0.5 * (low + high)

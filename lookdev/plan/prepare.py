@@ -73,8 +73,8 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Plan
     def prepare_card(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # `make_setups` reports the same error
-                # The built-in plane is marked as flat, and renders without bounces; the card is not, so that its shader
-                # has the bounces of the job.
+                # The built-in plane is marked as convex, and renders without bounces. The card is not, so that its
+                # shader has the bounces of the job.
                 plane = load_asset(builtin="plane")
                 card = make_asset("card", plane.meshes, plane.instances, plane.slots)
                 scene = Scene.of_look(card, look, lights[0], job.render.resolution)
