@@ -27,7 +27,7 @@ from lookdev.light.sphere import SphereLight
 
 
 def coded_light(lights: Sequence[Light]) -> CodedLight | None:
-    """Return a scene's only light if the OSL of its kind can render it; None if the lights are a `CodedRig`."""
+    """Return a scene's only light if the OSL of its kind can render it; None if they are rendered as a `CodedRig`."""
     if len(lights) == 1 and LIGHT_KINDS[lights[0].kind].osl is not None and is_plain(lights[0]):
         return cast(CodedLight, lights[0])
     return None
@@ -41,7 +41,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, rig_origin: RigOrigin
     Raises
     ------
     EnvironmentMapError
-        A light whose kind has OSL of its own is beside other lights.
+        There are several lights, and one of them is neither a lamp nor a dome.
     """
     if light := coded_light(lights):
         return light.code(sampled=sampled)
@@ -49,7 +49,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, rig_origin: RigOrigin
 
 
 def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
-    """Return a sentence for each light of a scene that Cycles' own lights cannot render; () if they render all."""
+    """Return a sentence for each reason why Cycles' own lights cannot render the lights of a scene; () if they can."""
     gaps = []
     for number, light in enumerate(lights, start=1):
         if gap := light.native_gap():

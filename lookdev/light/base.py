@@ -1,8 +1,9 @@
 """The interface of a light: radiance, pdf and sampling in NumPy, and the data that renderers and reports read.
 
 A kind of light is a frozen dataclass that derives from `Light`, and has a `LightKind` in
-`lookdev.light.kinds.LIGHT_KINDS`. There are three sorts. A lamp has `shapes`. A dome has a map (`map_dome`). A kind
-with OSL of its own (`LightKind.osl`) is rendered by this OSL if its light is the only one of its scene.
+`lookdev.light.kinds.LIGHT_KINDS`. Lamps have `shapes`, and domes have a map (`map_dome`); several of them form a rig. A
+kind can also have OSL of its own (`LightKind.osl`), which renders a light that is the only one of its scene. A kind
+that is neither a lamp nor a dome needs such OSL.
 """
 
 from __future__ import annotations
@@ -76,13 +77,13 @@ class Emitter(Protocol):
 
 
 class Light(Emitter):
-    """An emitter of a registered kind: a frozen dataclass of plain data that names its files.
+    """An emitter of a registered kind: a frozen dataclass of plain data, in which files are `Content` of the cache.
 
-    The defaults describe a light that is infinitely far, and that neither Blender nor Mitsuba has.
+    The defaults of its members describe a light that is infinitely far, and that neither Blender nor Mitsuba has.
     """
 
     kind: ClassVar[str]
-    """The name of its record in `LIGHT_KINDS`."""
+    """The key of its `LightKind` in `LIGHT_KINDS`."""
 
     version: ClassVar[int] = 1
     """The version of the kind's code, part of `digest`: raise it when equal fields give other radiance or samples."""
@@ -91,13 +92,13 @@ class Light(Emitter):
     """Whether it is infinitely far: its radiance depends on the direction alone."""
 
     one_sided: ClassVar[bool] = False
-    """Whether it emits only into the hemisphere about its -z. Then its axes matter even without `Shaping`."""
+    """Whether it emits along its -z axis, not to all sides. Then its axes matter even without `Shaping`."""
 
     position: Vector | None = None
     """Its position in metres; None if it has none."""
 
     shapes: ClassVar[Mapping[str, type[LampShape]]] = {}
-    """The types of a lamp's `LampShape`, by the names of their functions in generated code."""
+    """The shapes that lamps of this kind can have, by their names in generated code; empty for other lights."""
 
     @property
     @abstractmethod
@@ -145,12 +146,12 @@ class Light(Emitter):
 
     @property
     def map_dome(self) -> Dome | None:
-        """The dome light that has its map; None if it has no map."""
+        """The `Dome` with the light's map, which can be the light itself; None if it has no map."""
         return None
 
     @property
     def world_dome(self) -> Dome | None:
-        """Its `map_dome` if it is infinitely far; a world of Blender or Mitsuba renders it."""
+        """Its `map_dome` if it is infinitely far, else None. Such a dome is a world in Blender or Mitsuba."""
         return self.map_dome if self.far else None
 
     @property

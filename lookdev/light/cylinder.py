@@ -55,7 +55,8 @@ class Cylinder:
         axis_distance = np.sqrt(y * y + z * z)
         beyond_end = np.maximum(np.absolute(x) - self.length / 2, 0)
         side_distance = axis_distance - self.radius
-        # The visible side is treated as a rectangle of 2 radius by length, at the side's nearest point.
+        # The visible side is treated as a rectangle of 2 radius by length, at its nearest point. The cosine to the
+        # normal of the rectangle is the sine of the angle to the axis.
         squared, area = beyond_end * beyond_end + side_distance * side_distance, 2 * self.radius * self.length
         sine = axis_distance / np.sqrt(np.maximum(beyond_end * beyond_end + axis_distance * axis_distance, _TINY))
         return np.where(side_distance > 0, area * sine / (squared + area / (2 * math.pi)), 0)

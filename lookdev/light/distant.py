@@ -77,7 +77,8 @@ class DistantLight(Lamp):
 
     @property
     def size_factor(self) -> float:
-        # sin^2 loses its digits near 180 degrees, where cos^2 keeps them. UsdLux's two formulas agree at 180 degrees.
+        # UsdLux's formulas: 1 for an angle of 0, pi sin^2 of half the angle up to 180 degrees, pi (2 - sin^2) beyond.
+        # The last two agree at 180 degrees.
         sine = math.sin(self._half_angle) ** 2
         return math.pi * ((sine if self._half_angle <= math.pi / 2.0 else 2.0 - sine) or 1.0 / math.pi)
 
@@ -119,7 +120,7 @@ class DistantLight(Lamp):
 
     @property
     def _radiance_scale(self) -> float:
-        """The factor of the radiance that keeps the irradiance where `shape` has widened a cone that is too narrow."""
+        """The factor of the radiance that keeps the irradiance if `shape` has widened a cone that was too narrow."""
         projected = math.pi * math.sin(_MIN_HALF_ANGLE) ** 2
         return 1.0 if self._half_angle >= _MIN_HALF_ANGLE else self.size_factor / projected
 

@@ -32,7 +32,10 @@ _MIN_DISTANCE = 1e-6  # metres: falloffs clamp distances to it, so that no expon
 
 
 def slope(start: float, end: float) -> float:
-    """Return the `rise` of a `smooth_step` from `start` to `end`; if `end` is not greater 0, for a step of 0."""
+    """Return the `rise` of a `smooth_step` from `start` to `end`.
+
+    If `end` is not greater than `start` it is 0, and the step is 0 everywhere.
+    """
     return 1.0 / (end - start) if end > start else 0.0
 
 
@@ -71,8 +74,9 @@ def cone_factor(angle: Floats, cone: Real, start: Real, rise: Real) -> Floats:
 def beam_bound(
     cosine: Floats, squared_sine: Floats, cone: Real, start: Real, rise: Real, focus: Real, tint: Real
 ) -> Floats:
-    """Return an upper bound (...) of the factor of `Shaping`, as the mean over channels, in a cone of directions.
+    """Return an upper bound (...) of the factor of `Shaping`, without its profile, in a cone of directions.
 
+    The bound is that of the mean over channels.
     `cosine` (...) is the cosine of the angle between the emission along the cone's axis and the light's axis.
     `squared_sine` (...) is the squared sine of the cone's half angle; 1 stands for all directions. `cone`, `start` and
     `rise` are arguments of `cone_factor`, `focus` and `tint` (its mean channel) of `focus_factor`.
@@ -152,7 +156,8 @@ class Shadow:
     """The shadow controls of a light: `UsdLuxShadowAPI`.
 
     `distance` and `falloff` are in metres: `distance` is measured from the shading point to the occluder, `falloff` is
-    the length over which the shadow fades before it. A negative value switches either off.
+    the length over which the shadow fades before that. A negative `distance` means no limit, a negative `falloff` no
+    fading.
     """
 
     enable: bool = True
@@ -329,7 +334,7 @@ class Emission:
         """Return the emission with distances `scale` times as long."""
         shadow, falloff = self.shadow, self.falloff
         if shadow.distance >= 0.0:
-            # A negative falloff means no falloff, whatever its value.
+            # A negative falloff stays negative, and means no fading.
             shadow = replace(shadow, distance=scale * shadow.distance, falloff=scale * shadow.falloff)
         if falloff is None:
             return replace(self, shadow=shadow)

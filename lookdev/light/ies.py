@@ -1,5 +1,6 @@
 """IES profiles: the luminous intensity of a luminaire in each direction, from files of ANSI/IES LM-63.
 
+The `Shaping` of a light multiplies its radiance by a profile.
 The supported files are those of type C goniophotometry, LM-63-1991 to LM-63-2019. The fields for tilt, lamp and
 luminous opening are read and have no effect, as in the reference implementation of UsdLux.
 """
@@ -169,6 +170,7 @@ def profile_power(table: Floats) -> float:
     weights[1:] += mean - np.cos(vertical[1:])
     rings = candela @ weights
     total = float((np.diff(horizontal) * (rings[1:] + rings[:-1]) / 2.0).sum())
+    # Vertical angles cover pi / 2 for a hemisphere, or pi for the sphere; 1.6 is between the two.
     return total / (2.0 * np.pi * (1.0 if vertical[-1] - vertical[0] < 1.6 else 2.0))
 
 
@@ -217,12 +219,13 @@ def parse_profile(text: str, where: str) -> Floats:
 
 def _mirror_to_full_circle(horizontal: Floats, candela: Floats) -> tuple[Floats, Floats]:
     """Return horizontal angles from 0 to 360 and their values (H, V), mirrored from those of a symmetric luminaire."""
-    if horizontal[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees
+    if horizontal[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees: the mirror image of a is 540 - a
         angles = np.unique(np.concatenate([horizontal, (540.0 - horizontal) % 360.0, [0.0, 360.0]]))
         source = np.where((angles < 90.0) | (angles > 270.0), (540.0 - angles) % 360.0, angles)
         return angles, np.stack([np.interp(source, horizontal, column) for column in candela.T], axis=-1)
     if len(horizontal) == 1:
         return np.array([0.0, 360.0]), candela[[0, 0]]
+    # Angles from 0 to 90 are mirrored to 180, and angles from 0 to 180 to 360.
     for half in (90.0, 180.0):
         if horizontal[-1] == half:
             horizontal = np.concatenate([horizontal, 2.0 * half - horizontal[-2::-1]])

@@ -29,10 +29,10 @@ from lookdev.light.shape import LampShape, greatest_cosine
 SHAPES: dict[str, type[LampShape]] = {
     name: shape for kind in LIGHT_KINDS.values() for name, shape in kind.type.shapes.items()
 }
-"""Shapes of lamps by their names in generated code; the field ``kind`` of a lamp's row is an index in this order."""
+"""The shapes of lamps, by their names in generated code."""
 
 FIELDS = (
-    "kind",
+    "kind",  # index in `SHAPES`, -1 for a dome
     *("x", "y", "z"),  # position in metres; x and y are relative to the vertical axis about which the rig turns
     *(f"{axis}{i}" for axis in "xyz" for i in range(3)),  # x0 to z2: the components of the light's axes
     *("a", "b"),  # `Light.shape_numbers`
@@ -85,9 +85,9 @@ def estimate_irradiance(
 
 @dataclass(frozen=True)
 class RigOrigin:
-    """The position, in the world of the lights, of the origin of a shader's coordinates.
+    """The position of a shader's origin in the world of the lights.
 
-    `origin` is this position in metres, `axis` the x and y of the vertical axis about which a rig turns.
+    `origin` is in metres. `axis` is the x and y of the vertical axis about which the rig turns.
     """
 
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -212,6 +212,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCod
     """Return the values for the shader of a rig; without `sampled`, domes have no tables for sampling."""
     tables, excluded_sets = rig.tables(), rig.shadow_excluded
     group_count = 1 + max((group for excluded in excluded_sets for group in excluded), default=-1)
+    # The array `spared` has a flag for each set of excluded groups and each group: RIG_SPARED x RIG_GROUPS flags.
     counts = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_LIGHTS": len(rig.lamps) + len(rig.domes),

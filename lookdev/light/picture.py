@@ -44,7 +44,7 @@ def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
 def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
     """Return the means of a texture (H, W, 3) over the cells of each level: an array (2^k, 2^k) for level k.
 
-    A texel's value is the mean of its channels. Row and column 0 of an array are at (-x, -y) of the light. A black
+    The luminance of a texel is the mean of its channels. Row and column 0 of an array are at (-x, -y) of the light. A black
     texture counts as white.
     """
     values = picture.mean(axis=-1)[::-1, ::-1]
@@ -104,6 +104,8 @@ def cell_pdf(
     column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (target.s, target.t))
     probability = np.ones_like(target.s)
     for level in range(1, LEVELS + 1):
+        # The target is in row i and column j of this level, whose cells have `finest_cells` cells of the last level
+        # along a side.
         finest_cells = 2 ** (LEVELS - level)
         i, j = np.floor(row / finest_cells), np.floor(column / finest_cells)
         upper, left = np.floor(i / 2), np.floor(j / 2)

@@ -21,7 +21,7 @@ from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world, vector
 from lookdev.light.shape import FAR, LampShape
 
-EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
+EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))  # of example lights: down, and towards +y
 EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
 
 
@@ -36,7 +36,7 @@ class Lamp(Light):
     @property
     @abstractmethod
     def size_factor(self) -> float:
-        """The divisor of the radiance where the power is normalized (`UsdLuxLightAPI`): in m^2, or in steradians."""
+        """The divisor of the radiance if the power is normalized (`UsdLuxLightAPI`), in square metres or steradians."""
 
     def radiance(self, point: Floats, direction: Floats) -> Floats:
         local_point, local_direction = self._to_own_space(point), to_local(self.axes, direction)
@@ -83,7 +83,7 @@ class PlacedLight(Lamp):
             check_number("position", value)
         checked_axes(self.axes)
         for name, size in self.sizes.items():
-            check_number(name.split()[0], size, above=0.0)  # without the axis of a radius
+            check_number(name.split()[0], size, above=0.0)  # "radius x" is called "radius" in the message
 
     @property
     def sizes(self) -> Mapping[str, float]:

@@ -17,7 +17,7 @@ Axes = tuple[Vector, Vector, Vector]
 
 WORLD_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
-_SKEW = 1e-4  # the largest cosine between axes; float32 matrices of USD have 1e-6
+_SKEW = 1e-4  # the largest cosine between two axes that counts as rounding; float32 matrices of USD have 1e-6
 
 
 def placement(matrix: ArrayLike) -> tuple[Vector, Axes, Vector]:

@@ -136,6 +136,7 @@ class RectLight(PlacedLight):
     def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
+        # Column 0 of the texture is at +x, where s is 1, and row 0 is at +y, where t is 1.
         _, hit = spherical.intersect_rectangle(point, direction, self.width, self.height)
         return np.asarray(look_up(self.picture, 1.0 - hit.s, 1.0 - hit.t))
 

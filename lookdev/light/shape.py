@@ -53,8 +53,8 @@ class LampShape(Protocol):
 def cone_about(point: Floats, reach: Real) -> tuple[Floats, Floats]:
     """Return the `LampShape.cone` of a sphere of radius `reach` about the origin, seen from points (..., 3)."""
     squared = dot(point, point)
-    is_off_center = np.expand_dims(squared > 0, -1)
-    axis = np.where(is_off_center, -point, ZENITH) / np.expand_dims(np.sqrt(np.where(squared > 0, squared, 1)), -1)
+    away = np.expand_dims(squared > 0, -1)
+    axis = np.where(away, -point, ZENITH) / np.expand_dims(np.sqrt(np.where(squared > 0, squared, 1)), -1)
     return axis, np.minimum(reach * reach / np.where(squared > 0, squared, reach * reach), 1)
 
 

@@ -119,8 +119,8 @@ class Scene:
     @property
     def slot_lights(self) -> tuple[tuple[int, ...], ...]:
         """The indices of the lights that illuminate each slot of the asset, in the order of the slots."""
-        all_lights = tuple(range(len(self.lights)))
-        return tuple(self.lights_of_slot.get(slot.path, all_lights) for slot in self.asset.slots)
+        every = tuple(range(len(self.lights)))
+        return tuple(self.lights_of_slot.get(slot.path, every) for slot in self.asset.slots)
 
     def without_idle_lights(self) -> Scene:
         """Return the scene without lights that the camera does not see and that reach the asset in no pose.

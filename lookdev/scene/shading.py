@@ -57,9 +57,9 @@ def shading_frame(normal: Array, tangent: Array | None, facet: Array, viewer: Ar
     facet = scale(facet, np.where(dot(facet, viewer) < 0.0, -1.0, 1.0))
     side = np.where(dot(normal, facet) < 0.0, -1.0, 1.0)
     n = scale(normal, side)
-    cosine = dot(n, viewer)
-    bent = _unit(n + scale(viewer, MIN_COSINE - cosine))
-    n = np.where(np.expand_dims(cosine < MIN_COSINE, -1), bent, n)
+    lean = dot(n, viewer)  # the cosine between the normal and the viewer
+    bent = _unit(n + scale(viewer, MIN_COSINE - lean))
+    n = np.where(np.expand_dims(lean < MIN_COSINE, -1), bent, n)
     if tangent is None:
         t = perpendicular(n)
     else:

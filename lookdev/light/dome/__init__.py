@@ -1,7 +1,7 @@
 """Dome light: an environment map at infinity, whose radiance is the same at every shading point.
 
 Radiance is looked up bilinearly (`warp.lookup`), and `Dome.sample`, in NumPy, draws directions in proportion to it. The
-shader draws directions in proportion to radiance times approximately the cosine to the shading normal, from tables:
+shader draws directions nearly in proportion to radiance times the cosine to the shading normal, with three tables:
 
 - `points`: directions that are distributed in proportion to the radiance, along a curve over the sphere.
 - `bins`: groups of shading normals. The *widened cosine* of a bin replaces the cosine of its normals.
@@ -13,7 +13,7 @@ textures: the points are too many for an array, and the radiance needs interpola
 
 The shader reverses the bits of the sample number to get the slot's number. Any aligned block of 2^k sample numbers is
 therefore spread evenly along the curve of the points, and so over the light. A converged picture is a quadrature over
-the N points. Its expectation over the random choice of the points is the integral; docs/accuracy.md states the error of
+all points. Its expectation over the random choice of the points is the integral; docs/accuracy.md states the error of
 one set of points.
 """
 
@@ -136,10 +136,10 @@ class Dome(CodedLight):
         """Return the preprocessor lines with the sizes of the tables, which all domes share."""
         constants = {
             "SLOTS": slots.SLOTS,
-            "SLOTS_SHIFT": 33 - slots.SLOTS.bit_length(),
+            "SLOTS_SHIFT": 33 - slots.SLOTS.bit_length(),  # from 32 bits to the bits of a slot's number
             "CODE_BITS": slots.CODE_BITS,
             "MOST_POINTS": slots.MOST_POINTS,
-            "ALL": bins.COUNT,
+            "ALL": bins.COUNT,  # the number of the additional bin, for all directions
             "ALL_SLOTS": (bins.COUNT + 1) * slots.SLOTS,
             "BIN_NUMBERS": 2 * (bins.COUNT + 1),
             "ROWS": bins.ROWS,
@@ -185,7 +185,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
         warp = BilinearWarp(radiance.mean(axis=-1))
         pixels, directions = points.draw_points(radiance, warp, points.SIDE)
         slot_table, bin_table = slots.cut_slots(directions, warp.integral)
-        # Compression would save a quarter of 16 MB, and cost every start 0.1 s.
+        # Compression would save a quarter of 16 MB, and delay every start of a render by 0.1 s.
         texture = pixels.reshape(points.SIDE, points.SIDE, 4)
         points_file = Content.store_written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False))
         return points_file, write_table(slot_table), write_table(bin_table)

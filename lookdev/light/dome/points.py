@@ -6,7 +6,7 @@ neighbours in the square and, apart from the warp, in direction.
 
 The file of the points is an EXR of 1024 x 1024: point n is pixel (n mod 1024, n div 1024). R is the azimuth in radians,
 G the z of the direction, and B is m, the mean of the three channels of the radiance. A has the colour as two 12-bit
-integers, 4096 red + green, in units of 3 m / 4095.
+integers, 4096 red + green, in units of 3 m / 4095; blue is the rest of the sum 3 m.
 """
 
 from __future__ import annotations
