@@ -44,8 +44,8 @@ def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
 def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
     """Return the means of a texture (H, W, 3) over the cells of each level: an array (2^k, 2^k) for level k.
 
-    The luminance of a texel is the mean of its channels. Row and column 0 of an array are at (-x, -y) of the light. A black
-    texture counts as white.
+    The luminance of a texel is the mean of its channels. Row and column 0 of an array are at (-x, -y) of the light. A
+    black texture counts as white.
     """
     values = picture.mean(axis=-1)[::-1, ::-1]
     if not values.any():

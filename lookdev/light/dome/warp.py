@@ -65,10 +65,12 @@ class BilinearWarp:
         y = (strip - 0.5 + t) / height
 
         def row_cumulative(column: Ints) -> Floats:
+            """Return the cumulative sum up to the centre of a column, along the interpolated row at `t`."""
             before, after = self._row_cumulative[strip, column], self._row_cumulative[strip + 1, column]
             return np.asarray((1.0 - t) * before + t * after)
 
         row_target = u1 * row_cumulative(np.full(len(t), width))
+        # A bisection finds the column, `low`, after whose centre the target is reached.
         low, high = np.zeros(len(t), np.int64), np.full(len(t), width, np.int64)
         for _ in range(int(width).bit_length()):
             half = (low + high) // 2

@@ -20,6 +20,8 @@ UNSUPPORTED = {
 """The types of UsdLux that are not supported, and a hint for each."""
 
 ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+"""The predicate of prims to traverse: all that USD traverses by default, and those inside of instances."""
+
 _RENDERED_PURPOSES = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
 # The values of ``lightList:cacheBehavior`` with which USD uses the light list that is cached on a prim.
 _CONSULTING = ("consumeAndHalt", "consumeAndContinue")
