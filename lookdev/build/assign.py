@@ -1,6 +1,6 @@
 """Assignment of looks to the parts of an asset, for one ``[[look]]`` of a job.
 
-A part gets the first of these that exists:
+A *part* is a mesh or a GeomSubset of a mesh (`lookdev.scene.parts`). It gets the first of these that exists:
 
 1. the material of the first ``assign`` table of the ``[[look]]`` with a pattern that fits the part
 2. the ``material`` of the ``[[look]]``

@@ -204,6 +204,7 @@ def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | No
     else:
         for number, block in enumerate(assign_blocks):
             if number not in retained:
+                # If there are blank lines before and after the assign, one of them is removed with it.
                 blank = block.end < len(lines) and not lines[block.end].strip() and not lines[block.start - 1].strip()
                 edits.append((block.start, block.end + blank, ""))
         for index, table in assigns:
@@ -249,6 +250,7 @@ def _edit_assign(lines: Sequence[str], table: _Data) -> str:
     if document.unwrap() == table:
         return body
     _set_values(document, table)
+    # The headers of subtables get their full names again.
     return re.sub(r"(?m)^(\s*\[)(?=[^\[\n]*\]\s*(#.*)?$)", r"\1look.assign.", document.as_string())
 
 

@@ -81,7 +81,7 @@ class Copy:
 
 @dataclass(frozen=True)
 class Reel:
-    """The EXRs of a turntable of a look under a light, in the order of its frames."""
+    """The EXRs of a turntable of a look under a light or rig (`ibl`), in the order of the frames."""
 
     look: str
     ibl: str

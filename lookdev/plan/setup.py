@@ -1,4 +1,7 @@
-"""Setups: a look under a light with its generated sources, ready to be rendered in the poses of all turntables."""
+"""Setups: a look under a light, ready to be rendered in the poses of all turntables.
+
+A setup has the generated sources of its scene: the code or the nodes that a backend renders for each look.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ from lookdev.scene import Pose, Sampling, Scene
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A look under a light, ready to be rendered; `look` and `ibl` are their names, and the folders of the frames."""
+    """A look under a light, ready to be rendered.
+
+    `look` and `ibl` are their names, which are the folders of the frames. `ibl` can also be the name of a rig.
+    """
 
     look: str
     ibl: str
@@ -58,7 +64,10 @@ def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: Sce
 
 @dataclass(frozen=True)
 class TurntableFrames:
-    """The turntables of a job, which show every setup, the output folder, and the camera's azimuth in degrees."""
+    """The turntables of a job, its output folder, and the azimuth of its camera in degrees.
+
+    Every setup is shown in all turntables.
+    """
 
     turntables: tuple[JobTurntable, ...]
     output: Path

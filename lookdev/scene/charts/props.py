@@ -115,7 +115,7 @@ class Strip:
 
     @property
     def picture_size(self) -> tuple[float, float]:
-        """Width and height of the frame without the strip, in pixels."""
+        """The width and height in pixels of the frame without the strip, where the picture of the asset is."""
         width, height = self.resolution
         return (width - self.thickness, float(height)) if self.upright else (float(width), height - self.thickness)
 
@@ -180,6 +180,7 @@ class Strip:
     def size_note(self) -> str:
         """Return a note with a hint if the patches are too small to be measured; "" if they are large enough."""
         side = self.measured_boxes["black 2"].width
+        # A square with a side of n + 1 pixels contains at least n whole pixels along it.
         if side >= _MIN_PIXELS + 1.0:
             return ""
         least = math.ceil(1e3 * self.size * (_MIN_PIXELS + 1.0) / side) / 1e3
@@ -203,6 +204,7 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     shift_x, shift_y = (2.0 * shift * camera.reach for shift in camera.shift)
     target = camera.position + depth * (shift_x * right + shift_y * up - back)
     distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))
+    # Numbers are rounded, so that frames have the same digest on every machine.
     digits = 9 - math.floor(math.log10(distance))
     x, y, z = np.round(target, digits).tolist()
     straight = replace(camera, fov=_LENS, shift=(0.0, 0.0), lens=None, axis=camera.pivot)
