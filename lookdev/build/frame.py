@@ -49,7 +49,7 @@ def refine_and_frame(
     assigned
         The asset and its looks, by the name of the look of the job.
     shot
-        The camera that the job names.
+        The camera of a USD file that the job names; None if the job has none.
     keys
         The key in the job file of each look.
 

@@ -75,6 +75,7 @@ def default_config() -> str:
 
 
 def _is_config_name(value: str) -> bool:
+    """Return whether a value names a config that ships or is built into OpenColorIO, and is not a path."""
     return value == SHIPPED or value.startswith(BUILT_IN)
 
 

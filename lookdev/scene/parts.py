@@ -59,7 +59,7 @@ def assign_to_parts(
     """Return an asset in which all parts of a slot have the same choice, and the choice of each slot by its path.
 
     `choose` returns the choice for a part, for example its look; `parts` is the result of `asset_parts`. Meshes whose
-    instances have different choices are split. If there is none, the asset is the same object.
+    instances have different choices are split. If no mesh is split, the asset is the same object.
     """
     meshes, slots = list(asset.meshes), list(asset.slots)
     choice_of_slot: dict[str, Key] = {}
@@ -126,7 +126,7 @@ def fit_patterns(
     first_fits: dict[str, float] = {"": math.inf}
 
     def first_fit(path: str) -> float:
-        """Return the number of the first pattern that fits a path or one of its ancestors; inf if none does."""
+        """Return the index of the first pattern that fits a path or one of its ancestors; inf if none does."""
         if path not in first_fits:
             fitting = [*literal.get(path, ()), *(number for number, glob in globs if glob.match(path))]
             fitted.update(fitting)

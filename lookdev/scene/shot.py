@@ -14,8 +14,8 @@ from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
 
 _ASPECT_TOLERANCE = 0.01  # a smaller relative difference of two aspect ratios is not noticeable
-# The distance of the camera's target, as a fraction of that of the farthest point; the clip range then includes near
-# points.
+# The distance of the camera's target, as a fraction of that of the farthest point. `Camera.clip`, which depends on it,
+# then includes near points, too.
 _TARGET_DISTANCE = 0.1
 
 
