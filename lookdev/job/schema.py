@@ -61,7 +61,7 @@ DEFAULT_FOCAL_LENGTH = 50.0
 """Millimetres."""
 
 MAX_FRAMES = 250_000
-"""The maximum number of frame files of a job. A plan of so many takes at most 1.6 GB of memory and half a minute."""
+"""The maximum number of frame files of a job. A plan of this size takes at most 1.6 GB of memory and half a minute."""
 
 
 _EXPOSURE = "Exposure in stops: radiance is multiplied by 2^exposure."
