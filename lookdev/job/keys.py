@@ -151,7 +151,7 @@ def reject_key(word: Literal["without", "beside"], other: str, hint: str) -> Cal
 
 
 def alternative_to(other: str) -> AfterValidator:
-    """Return the validator of a key of which, and the key `other` before it, a table has exactly one."""
+    """Return the validator of a key if a table must have either this key or the key `other` before it, not both."""
 
     def check(value: str | None, info: ValidationInfo) -> str | None:
         # If `other` has a fault, it is absent from info.data, and counts as given.

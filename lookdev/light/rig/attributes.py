@@ -39,7 +39,7 @@ LOOKDEV_ATTRIBUTES: Mapping[str, str] = {
 }
 """The attributes of lights that this program adds to UsdLux's, in the namespace ``lookdev:``, and their types."""
 
-_VECTORS = (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)
+_VECTORS = (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)  # the types of a colour's value
 
 
 @cache
@@ -50,7 +50,10 @@ def schema_names(schema: str) -> tuple[str, ...]:
 
 @dataclass(eq=False)
 class RigReport:
-    """Faults and notes of the rig in `file`, in the order in which they occur."""
+    """Faults and notes of the rig in `file`, in the order in which they occur.
+
+    The keys of `notes` are the notes, so that each is there once.
+    """
 
     file: str
     faults: list[Fault] = field(default_factory=list)
@@ -77,7 +80,7 @@ class RigReport:
 class LightPrim:
     """Reads the attributes of a light prim at a time code; faults and notes go to the report.
 
-    A reader of an attribute without a value returns a default.
+    The methods that read an attribute return a default if it has no value.
     """
 
     def __init__(self, prim: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> None:
