@@ -1,1 +1,1 @@
-"""From a Job to its Scenes, in steps: expand, read, assign, refine, frame. Each step collects faults."""
+"""Building the scenes of a job from its files; `scenes.build_scenes` is the entry, and lists the steps."""

@@ -1,4 +1,4 @@
-"""The asset of a job as each of its looks composes it; equal compositions are read once."""
+"""Reader of a job's asset. A look can change variants and layers of the asset; equal compositions are read once."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ from lookdev.stage import Composed, Composition, compose, is_animated, variant_c
 
 @dataclass(frozen=True, eq=False)
 class ComposedAsset:
-    """An asset, its parts, and the stage that it was read from; a built-in asset has no stage."""
+    """An asset as a look composes it: geometry, parts (`asset_parts`), and the stage that it was read from.
+
+    A built-in asset has no stage: `composed` is None.
+    """
 
     asset: Asset
     parts: Mapping[MeshAtPath, tuple[Part, ...]]
@@ -34,7 +37,7 @@ class ComposedAsset:
 
     @cached_property
     def collections(self) -> Mapping[str, frozenset[str]]:
-        """The parts in each valid collection of the prims at and above parts."""
+        """The paths of the parts in each valid collection, for all collections on prims at or above a part."""
         members: dict[str, frozenset[str]] = {}
         for collection in collections_above(self.composed.stage, self.paths) if self.composed else ():
             with suppress(AssetError):
@@ -42,17 +45,17 @@ class ComposedAsset:
         return members
 
     def members(self, pattern: str) -> frozenset[str]:
-        """Return the parts that a collection includes; raise AssetError if there is no such collection."""
+        """Return the paths of the parts that a collection includes; raise AssetError if there is no such collection."""
         if self.composed is None:
             raise AssetError(f"'{pattern}': a built-in asset has no collections")
         return collection_members(self.composed.stage, pattern, self.paths)
 
     def has_prim(self, path: str) -> bool:
-        """Return whether the asset has a prim, rendered or not."""
+        """Return whether the asset's stage has a prim at a path, which need not be rendered."""
         return self.composed is not None and prim_at(self.composed.stage, path) is not None
 
     def bound_looks(self, materials: Iterable[str]) -> dict[str, BoundLook]:
-        """Return the looks of materials that the asset binds; errors as `read_bound_looks`."""
+        """Return the looks of materials that the asset binds, by path; raise the errors of `read_bound_looks`."""
         paths = dict.fromkeys(materials)
         if self.composed is not None and (unread := [path for path in paths if path not in self._bound]):
             self._bound.update(read_bound_looks(self.composed, unread))
@@ -60,7 +63,10 @@ class ComposedAsset:
 
 
 class AssetReader:
-    """Reads the asset of a job as looks compose it, each composition once."""
+    """Reads the asset of a job as each look composes it, each composition only once.
+
+    `table` is the table ``[asset]`` of the job file.
+    """
 
     def __init__(self, table: JobAsset) -> None:
         self._table = table
@@ -69,7 +75,7 @@ class AssetReader:
     def composition(self, look: JobLook) -> Composition | None:
         """Return the composition of the asset for a look; None for a built-in asset.
 
-        The variants of a look without a material are variants of the asset.
+        If a look has no material of its own, its variants are variants of the asset.
         """
         table = self._table
         if table.usd is None:
@@ -78,11 +84,15 @@ class AssetReader:
         return Composition(table.usd, look.layer, table.prim, tuple(variants.items()), table.missing)
 
     def variant_choices(self, look: JobLook) -> tuple[dict[str, str], ...]:
-        """Return the variants of the looks that a look without a material expands to; errors as `compose`."""
+        """Return the variants of each look to which a look without a material expands.
+
+        A variant ``"*"`` stands for all variants of its set. Raises the errors of `compose`.
+        """
         composition = self.composition(look)
         assert composition is not None, "a look of a built-in asset has a material, or no variants"
 
         def choices(selection: dict[str, str], variant_set: str) -> tuple[str, ...]:
+            """Return the variants of a variant set, if the variants `selection` are chosen."""
             variants = {**self._table.variants, **selection}
             fixed = tuple(choice for choice in variants.items() if choice[1] != "*")
             return variant_choices(compose(replace(composition, variants=fixed)), variant_set)
@@ -90,7 +100,7 @@ class AssetReader:
         return expand_wildcards(look.variants, choices, str(composition.file), composition.prim or "")
 
     def read(self, look: JobLook) -> ComposedAsset:
-        """Return the asset as a look composes it; raise AssetError, or FaultsError of `compose`."""
+        """Return the asset as a look composes it; raise AssetError, or the FaultsError of `compose`."""
         composition = self.composition(look)
         if composition not in self._assets:
             self._assets[composition] = self._read(composition)

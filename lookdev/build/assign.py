@@ -1,7 +1,12 @@
-"""The look of each part of an asset, for a look of a job.
+"""Assignment of looks to the parts of an asset, for one ``[[look]]`` of a job.
 
-It is that of the first `assign` that fits the part, else the job look's `material`, else the material that the asset
-binds, else the primvar displayColor. A part without any of these gets the grey of a photographer's card, with a note.
+A *part* is a mesh or a GeomSubset of a mesh (`lookdev.scene.parts`). It gets the first of these that exists:
+
+1. the material of the first ``assign`` table of the ``[[look]]`` with a pattern that fits the part
+2. the ``material`` of the ``[[look]]``
+3. the material that the asset binds to the part
+4. a look of the primvar displayColor
+5. the grey of a photographer's card, with a note
 """
 
 from __future__ import annotations
@@ -28,7 +33,10 @@ _COLOR, _OPACITY = "displayColor", "displayOpacity"
 
 @dataclass(frozen=True, eq=False)
 class AssignedAsset:
-    """An asset with the look of each slot, by the slot's path; `bound` are the slots with the asset's own looks."""
+    """An asset with the look of each slot, by the path of the slot.
+
+    `bound` has the paths of the slots whose looks come from the asset itself: its materials, or its displayColor.
+    """
 
     asset: Asset
     looks: Mapping[str, Look]
@@ -37,9 +45,10 @@ class AssignedAsset:
 
 @dataclass(frozen=True)
 class Assignment:
-    """The material that covers a part: that of the look's `assign` with this number, whose `pattern` fits the part.
+    """The origin of the material of a part in a ``[[look]]`` of a job.
 
-    If `assign` is None, it is the look's own `material`.
+    `assign` is the index of the ``assign`` table, whose `pattern` fits the part. If `assign` is None, the material is
+    that of the ``[[look]]`` itself.
     """
 
     assign: int | None = None
@@ -47,7 +56,10 @@ class Assignment:
 
 
 def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
-    """Return a look for each `assign` of a job's look, then one for its `material`; grey in place of a faulty one."""
+    """Return the look of each ``assign`` table of a ``[[look]]``, then that of its ``material`` if it has one.
+
+    `key` is the key of the ``[[look]]`` in the job file. A material with faults is replaced by grey.
+    """
     materials: list[Look] = []
     tables: tuple[JobAssign | JobLook, ...] = (*look.assign, look)
     for number, table in enumerate(tables):
@@ -65,14 +77,14 @@ def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
 def assign_looks(
     look: JobLook, materials: Sequence[Look], composed: ComposedAsset, key: str, findings: Findings
 ) -> AssignedAsset:
-    """Return the asset with the look of each of its slots, for a look of a job.
+    """Return the asset with the look of each of its slots, for a ``[[look]]`` of a job.
 
     Parameters
     ----------
     materials
-        As `read_materials` returns them.
+        The result of `read_materials`.
     key
-        The key of the look in the job: patterns that fit no part are faults below it.
+        The key of the ``[[look]]`` in the job file. A pattern that fits no part is a fault of a key below it.
 
     Raises
     ------
@@ -82,7 +94,7 @@ def assign_looks(
     assignments = assignments_of_parts(look, composed, key, findings)
 
     def material_number(part: Part) -> int | None:
-        """Return the number of the material of the job that covers a part."""
+        """Return the index in `materials` of the material of a part; None if the job assigns none to it."""
         assignment = assignments.get(part.path)
         if assignment is None:
             return None
@@ -93,6 +105,7 @@ def assign_looks(
     bound = composed.bound_looks(part.slot.material for part in uncovered if part.slot.material is not None)
 
     def choose(part: Part) -> int | str | None:
+        """Return an index in `materials`, else the path of a bound material, else the name of a primvar, else None."""
         if (number := material_number(part)) is not None:
             return number
         return part.slot.material if part.slot.material in bound else _display_primvar(part.mesh)
@@ -113,12 +126,15 @@ def assign_looks(
 
 
 def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findings: Findings) -> dict[str, Assignment]:
-    """Return the assignment of each part that a material of the job covers; patterns that fit no part are faults."""
-    owners = [(number, pattern) for number, assign in enumerate(look.assign) for pattern in assign.prims]
-    patterns = [(f"{key}.assign[{number}].prims", pattern) for number, pattern in owners]
+    """Return the assignment of each part to which the job assigns a material, by the part's path.
+
+    Patterns that fit no part are faults.
+    """
+    numbers_and_patterns = [(number, pattern) for number, assign in enumerate(look.assign) for pattern in assign.prims]
+    patterns = [(f"{key}.assign[{number}].prims", pattern) for number, pattern in numbers_and_patterns]
     first_assign = _match_patterns(patterns, composed, findings)
     allowed = _match_patterns([(f"{key}.parts", pattern) for pattern in look.parts or ()], composed, findings)
-    assignments = {path: Assignment(*owners[number]) for path, number in first_assign.items()}
+    assignments = {path: Assignment(*numbers_and_patterns[index]) for path, index in first_assign.items()}
     if look.material is not None:
         assignments |= {
             path: Assignment()
@@ -129,7 +145,7 @@ def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findi
 
 
 def loss_notes(lost: Iterable[Fault]) -> Iterator[str]:
-    """Yield notes on lost inputs of materials, one note for inputs of the same name and reason."""
+    """Yield notes on inputs that were lost in the translation of materials, one note for equal names and reasons."""
     alike: dict[tuple[str, str, str, str], list[Fault]] = {}
     for fault in lost:
         alike.setdefault((fault.file, fault.where.rpartition(".")[2], fault.what, fault.hint), []).append(fault)
@@ -139,7 +155,7 @@ def loss_notes(lost: Iterable[Fault]) -> Iterator[str]:
 
 
 def _display_primvar(mesh: Mesh) -> str | None:
-    """Return the primvar for the look of a mesh without a material, opacity before colour; None without both."""
+    """Return the primvar that gives a mesh without a material its look: opacity, if below 1, else colour, else None."""
     if (mesh.primvars.get(_OPACITY, np.ones(1)) < 1.0).any():
         return _OPACITY
     return _COLOR if _COLOR in mesh.primvars else None
@@ -148,7 +164,10 @@ def _display_primvar(mesh: Mesh) -> str | None:
 def _match_patterns(
     patterns: Sequence[tuple[str, str]], composed: ComposedAsset, findings: Findings
 ) -> Mapping[str, int]:
-    """Return the number of the first pattern that fits each part; `patterns` are pairs of a key and a pattern."""
+    """Return the index of the first pattern that fits each part, by the part's path; other parts are not in the result.
+
+    `patterns` are pairs of a key of the job file and a pattern. A pattern that fits no part is a fault of its key.
+    """
     members: dict[str, frozenset[str]] = {}
     broken = set()
     for key, pattern in patterns:

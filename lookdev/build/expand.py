@@ -1,4 +1,4 @@
-"""The looks of a job whose variants are ``"*"``: one look for each variant."""
+"""Expansion of the looks of a job: a look with a variant ``"*"`` becomes one look for each variant of the set."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from lookdev.material.variants import MAX_COMBINATIONS
 def expand_material(
     name: str, file: Path, prim: str | None, variants: Mapping[str, str]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield name and variants of each look of a material; raise LookError as `expand_variants`.
+    """Yield the name and the variants of each look to which a material expands.
 
-    A variant ``"*"`` expands to all variants of its set. The look of each variant is named ``<name>_<variant>``.
+    A variant ``"*"`` expands to all variants of its set. The look of each variant is named ``<name>_<variant>``. Raises
+    the LookError of `expand_variants`.
     """
     yield from _expand(name, variants, lambda: expand_variants(file, prim, variants))
 
 
 def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job, dict[str, str]]:
-    """Return the job with a look for each variant, and the key in the job file of each look.
+    """Return the job with expanded looks, and the key in the job file of each look by its name.
 
-    Raises FaultsError at once if there are too many looks or frames.
+    Raises FaultsError, before later steps can add faults, if there are too many looks or frames.
     """
     looks: list[JobLook] = []
     keys: dict[str, str] = {}
@@ -51,7 +52,7 @@ def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job
 
 
 def _expand_table(table: JobLook, assets: AssetReader) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield name and variants of each look that a table of the job expands to."""
+    """Yield the name and the variants of each look to which a ``[[look]]`` of the job expands."""
     if table.material is not None:
         yield from expand_material(table.name, table.material, table.prim, table.variants)
     else:
@@ -61,6 +62,7 @@ def _expand_table(table: JobLook, assets: AssetReader) -> Iterator[tuple[str, di
 def _expand(
     name: str, variants: Mapping[str, str], expand: Callable[[], Iterable[dict[str, str]]]
 ) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield names and variants; `expand` is called only if a variant is ``"*"``, and returns all combinations."""
     expanded = [variant_set for variant_set, variant in variants.items() if variant == "*"]
     for choice in expand() if expanded else [dict(variants)]:
         yield "_".join([name, *(choice[variant_set] for variant_set in expanded)]), choice

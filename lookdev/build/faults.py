@@ -1,4 +1,4 @@
-"""Faults and notes about the files of a job, collected so that all are reported together."""
+"""Collection of the faults and notes about the files of a job, so that all of them are reported together."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ class Findings:
         self.notes: list[str] = []
 
     def add(self, key: str, problem: str, hint: str = "") -> None:
-        """Add the fault of a key of the job."""
+        """Add a fault of a key of the job."""
         self.faults.append(Fault(self._file, key, problem, hint))
 
     def note(self, *notes: str) -> None:
-        """Add notes."""
+        """Add notes for the user."""
         self.notes += notes
 
     @contextmanager
     def collect(self, key: str) -> Iterator[None]:
-        """Add the errors of the file that a key of the job names, instead of raising them."""
+        """Turn errors that are raised in the context into faults; `key` is the key of the job that names the file."""
         try:
             yield
         except FaultsError as error:

@@ -1,7 +1,8 @@
-"""The geometry that each look of a job renders, the ground, and the cameras, which frame it or come from a USD file.
+"""The rendered geometry of each look of a job, the camera, and the ground.
 
-Control cages are framed twice. The first camera frames the cages themselves; their size in its frame determines the
-level of refinement. The second, the camera of the scenes, frames the rendered geometry: the displaced limit surface.
+A camera either frames the geometry, or comes from a USD file. If there are control cages, it is computed twice. The
+first camera frames the cages themselves, whose size in its frame determines the level of refinement. The second one,
+the camera of the scenes, frames the rendered geometry: the refined and displaced meshes.
 """
 
 from __future__ import annotations
@@ -35,25 +36,27 @@ from lookdev.scene.shot import shot_camera, shot_notes
 from lookdev.scene.uvs import add_missing_uvs, missing_primvar_notes
 from lookdev.stage import open_stage
 
-_STEP = 5.0  # degrees between two angles at which an outline is projected
+_STEP = 5.0  # degrees between two angles of the asset at which `overlap_notes` projects its outline
 
 
 def refine_and_frame(
     job: Job, assigned: Mapping[str, AssignedAsset], shot: UsdCamera | None, keys: Mapping[str, str], findings: Findings
 ) -> tuple[dict[str, Asset], dict[str, Camera]]:
-    """Return the refined and displaced asset of each look, and its camera.
+    """Return the refined and displaced asset, and the camera, of each look, by the look's name.
 
     Parameters
     ----------
+    assigned
+        The asset and its looks, by the name of the look of the job.
     shot
-        The camera that the job names.
+        The camera of a USD file that the job names; None if the job has none.
     keys
-        The key of each look in the job.
+        The key in the job file of each look.
 
     Raises
     ------
     FaultsError
-        With the faults of all looks.
+        The error has the faults of all looks.
     """
     cages = {name: cages_of_displaced(item.asset, item.looks) for name, item in assigned.items()}
     with findings.collect("camera"):
@@ -76,7 +79,7 @@ def refine_and_frame(
 
 
 def read_shot(job: Job, composed: ComposedAsset) -> UsdCamera | None:
-    """Return the camera that a job names, from the composed asset or from another file; None without a name."""
+    """Return the camera that ``camera.usd`` of a job names, from the asset or from another file; None without it."""
     if job.camera.usd is None:
         return None
     if job.camera.file is not None:
@@ -88,12 +91,12 @@ def read_shot(job: Job, composed: ComposedAsset) -> UsdCamera | None:
 def job_cameras(
     job: Job, assets: Mapping[str, Asset], shot: UsdCamera | None = None
 ) -> tuple[dict[str, Camera], tuple[str, ...]]:
-    """Return the camera of each look, and notes for the user.
+    """Return the camera of each look by its name, and notes for the user.
 
     Parameters
     ----------
     assets
-        The asset of each look, with its control cages, or refined and displaced.
+        The asset of each look, either with control cages, or refined and displaced.
     shot
         The camera that ``camera.usd`` names.
 
@@ -116,7 +119,10 @@ def job_cameras(
 
 
 def element_arcs(job: Job) -> tuple[Arc, ...]:
-    """Return the ranges of `Pose.element` in a job: the full range of a turntable of the asset, else one angle."""
+    """Return the distinct ranges of `Pose.element` in a job, one for each turntable.
+
+    The range of a turntable that does not turn the asset, or has one frame, is a single angle.
+    """
     azimuth = job.camera.azimuth
     arcs = []
     for turntable in job.turntable:
@@ -127,7 +133,7 @@ def element_arcs(job: Job) -> tuple[Arc, ...]:
 
 
 def _frame(job: Job, assets: list[Asset]) -> Camera:
-    """Return a camera that frames assets; they do not reach into the strip of reference props."""
+    """Return a camera that frames assets, so that they do not reach into the strip of reference props, if any."""
     camera, resolution = job.camera, job.render.resolution
     elevation, arcs = camera.elevation, element_arcs(job)
     fill = DEFAULT_FILL if camera.fill is None else camera.fill
@@ -144,13 +150,14 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
     reach = math.tan(math.radians(0.5 * fov))
     pixels_across_strip = strip.resolution[0 if strip.upright else 1]
     half_angle = math.atan(reach * pixels_across_strip / resolution[0])
-    # The largest fraction of the frame that the asset covers, in the direction across the strip. With a margin, it is a
-    # ratio of tangents: of half the angle of the asset's sphere, and of half the angle of view.
+    # The largest fraction of the frame that the asset covers, in the direction across the strip. With `margin`, it is a
+    # ratio of two tangents: of half the angle that the asset's sphere subtends, and of half the angle of view.
     covered = (
         fill
         if camera.margin is None
         else math.tan(math.asin(math.sin(half_angle) / camera.margin)) / math.tan(half_angle)
     )
+    # If the strip fits beside the asset, the frame stays. Otherwise the asset is framed in the rest of the frame.
     if 0.5 * (1.0 - covered) * pixels_across_strip >= strip.thickness:
         return frame(resolution, fov)
     picture_fov = math.degrees(2.0 * math.atan(reach * strip.picture_size[0] / resolution[0]))
@@ -158,12 +165,12 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
 
 
 def _outlines(assets: list[Asset]) -> Floats:
-    """Return the points of all outlines, (n, 3)."""
+    """Return the points (n, 3) of the outlines of all assets."""
     return np.concatenate([cached_outline(asset) for asset in assets])
 
 
 def _common_sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], float]:
-    """Return centre and radius of the sphere that bounds all assets."""
+    """Return the centre and the radius of a sphere that bounds all assets."""
     if len(assets) == 1:
         return assets[0].center, assets[0].radius
     meshes: list[Mesh] = []
@@ -175,14 +182,14 @@ def _common_sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], flo
 
 
 def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[Arc]) -> Iterator[str]:
-    """Yield a note if an asset reaches into a strip.
+    """Yield a note if an asset reaches into the strip of reference props.
 
     Parameters
     ----------
-    points
-        The asset's outline, (n, 3).
+    points : (n, 3)
+        The outline of the asset.
     arcs
-        The angles of the asset that the job shows.
+        The ranges of the asset's rotation in the job, `element_arcs`.
     """
     (width, height), box = strip.resolution, strip.box
     for start, sweep in arcs:
@@ -202,7 +209,7 @@ def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[A
 
 
 def ground_under(table: JobGround, asset: Asset, look: Look | None, camera: Camera) -> Ground:
-    """Return the ground of an asset; raise AssetError if the camera is not above it.
+    """Return the ground of an asset; raise AssetError if the camera is not above the ground.
 
     `table` is the table ``[ground]`` of the job file: the ground's kind, material, height and size.
     """
@@ -221,8 +228,8 @@ def job_grounds(
 ) -> dict[str, Ground]:
     """Return the ground for each look of a job; all grounds have the same material.
 
-    `table` is the table ``[ground]`` of the job file. Raises LookError as `read_any_look` does, and AssetError as
-    `ground_under` does.
+    `table` is the table ``[ground]`` of the job file. Raises the LookError of `read_any_look` and the AssetError of
+    `ground_under`.
     """
     look = None
     if table.material is not None:

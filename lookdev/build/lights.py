@@ -1,4 +1,7 @@
-"""The rigs of a job: their lights, the lights of wedges, and the placement of fitted rigs around the asset."""
+"""Reading of the lights of a job, ``[[ibl]]`` and ``[[rig]]``, with those of wedges and their placement at the asset.
+
+Both tables are called rigs here: an ``[[ibl]]`` is a rig of one dome light.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,11 @@ from lookdev.shipped import rig_file
 
 @dataclass(frozen=True)
 class RigLights:
-    """The lights of a rig of a job, and the rig's name; `rig` is None for an ``[[ibl]]``."""
+    """The lights of a rig of a job, in the colour space of the job.
+
+    `check_exposed` raises an error if shaders cannot compute with the lights at an exposure. `rig` is None for an
+    ``[[ibl]]``.
+    """
 
     name: str
     lights: tuple[Light, ...]
@@ -28,18 +35,24 @@ class RigLights:
 
     @property
     def is_fitted(self) -> bool:
-        """Whether the unit of the rig is the radius of the asset."""
+        """Whether the rig fits an asset of any size: its unit of length is then the radius of the asset."""
         return self.rig is not None and self.rig.fit
 
     def place_around(self, asset: Asset) -> tuple[Light, ...]:
-        """Return the lights around an asset: for comparable frames of all looks, the largest asset of the job."""
+        """Return the lights, scaled and moved to an asset if the rig is fitted.
+
+        For comparable frames, all looks of a job take the same asset, the largest one.
+        """
         if not self.is_fitted:
             return self.lights
         x, y, z = asset.center
         return tuple(light.rescale(asset.radius, (x, y, z)) for light in self.lights)
 
     def link_notes(self, parts: Collection[str]) -> Iterator[str]:
-        """Yield a note on each path that a light is linked to and that is neither a part nor an ancestor of one."""
+        """Yield a note on each path of a light link or shadow link at and below which there is no part.
+
+        `parts` has the paths of all parts.
+        """
         for rig_light in self.rig.rig_lights if self.rig else ():
             emission = rig_light.light.emission
             links = (emission.light_link, emission.shadow_link)
@@ -50,7 +63,10 @@ class RigLights:
 
 
 def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLights, ...]:
-    """Read the lights of a job; without `sampled`, domes have no tables with which shaders draw directions."""
+    """Read the rigs of a job; without `sampled`, domes have no tables with which shaders draw directions.
+
+    A rig with faults is left out.
+    """
     rigs: list[RigLights] = []
     for table in job.rigs:
         with findings.collect(job.key_of_rig(table.name)):
@@ -64,10 +80,9 @@ def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLigh
 def vary_lights(
     job: Job, wedges: Wedges, rigs: Sequence[RigLights], findings: Findings, *, sampled: bool
 ) -> tuple[Job, tuple[RigLights, ...], dict[str, str]]:
-    """Return the job with the lights of its wedges, all its lights, and the key in the job file of each.
+    """Return the job with the rigs that its wedges add, the lights of all rigs, and the job's key of each rig.
 
-    `rigs` are the lights that the job has without wedges. Lights that only differ in exposure and rotation share their
-    tables.
+    `rigs` has the lights of the job without wedges. Rigs that differ only in exposure and rotation share their lights.
     """
     keys = {rig.name: job.key_of_rig(rig.name) for rig in job.rigs}
     tables = {rig.name: rig for rig in job.rigs}
@@ -93,7 +108,7 @@ def vary_lights(
 def _read_table(
     job: Job, table: JobIbl | JobRig, values: Mapping[str, WedgeInput] | None = None, *, sampled: bool
 ) -> RigLights:
-    """Read the lights of a table of a job; `values` change those of a rig's lights."""
+    """Read the lights of an ``[[ibl]]`` or ``[[rig]]``; `values` are the `change_values` of a rig's lights."""
     space = job.render.space
     if isinstance(table, JobIbl):
         dome_map = load_dome(table.file, table.builtin, sampled=sampled)

@@ -1,7 +1,8 @@
-"""From control cages to rendered meshes: refined by their size in the frame, or to the level that the job states.
+"""Refinement of control cages to the rendered meshes, by their size in the frame or to the level that a job states.
 
-The cache stores refined assets, levels of refinement and outlines, so that the next run of a job reads them. The key is
-a digest of all that the result depends on, including the code that computes it.
+A *cage* is a mesh with subdivision rules. Refinement to level n divides each of its faces into 4^n. The cache stores
+refined assets, levels of refinement and outlines for the next run of a job. The key of an entry is a digest of all that
+the result depends on, including the code that computes it.
 """
 
 from __future__ import annotations
@@ -34,23 +35,25 @@ This many corners take about 8 GB during refinement."""
 
 
 class Refiner:
-    """Refines the cages of assets; a mesh that several looks share is refined once.
+    """Refines the cages of assets; a mesh that several looks share is refined only once.
 
-    `level` is the level of every cage, or "auto"; `width` is the width of the frame in pixels.
+    `level` is the level of every cage, or "auto" for levels by the size in the frame. `width` is the width of the frame
+    in pixels.
     """
 
     def __init__(self, level: Literal["auto"] | int, width: int) -> None:
         self._level = level
         self._width = width
-        # Each value includes the object whose id is in the key, so that the id stays unique.
+        # The keys are the ids of cages or assets with their levels, the values are refined meshes or assets. A value
+        # also contains the object of the id, which keeps the object alive and its id unique.
         self._meshes: dict[tuple[int, int], tuple[Mesh, Mesh]] = {}
         self._assets: dict[tuple[int, tuple[int, ...]], tuple[Asset, Asset]] = {}
 
     def refine(self, asset: Asset, camera: Camera, displaced: Collection[int] = ()) -> tuple[Asset, tuple[str, ...]]:
         """Return the asset with its cages refined for a camera, and notes for the user.
 
-        `displaced` has the numbers of displaced meshes. Raises AssetError as `refinement_levels` does, and if the level
-        that the job states makes too many corners of faces.
+        `displaced` has the indices of the meshes that looks displace. Raises the AssetError of `refinement_levels`, and
+        an AssetError if the level that the job states makes too many corners of faces.
         """
         if all(mesh.subdivision is None for mesh in asset.meshes):
             return asset, ()
@@ -61,6 +64,7 @@ class Refiner:
         return self._assets[key][0], refinement.notes
 
     def _refine(self, asset: Asset, levels: tuple[int, ...], displaced: Collection[int]) -> Asset:
+        """Return the asset with each mesh refined to its level, from the cache if possible."""
         cages = {(id(mesh), level): mesh for mesh, level in zip(asset.meshes, levels, strict=True)}
         key = geometry_key(asset, displaced, levels)
         # If another look has some of the meshes in memory, they are shared instead of read from the cache.
@@ -82,6 +86,7 @@ class Refiner:
         return replace(refined, unit=asset.unit, notes=asset.notes)
 
     def _levels(self, asset: Asset, camera: Camera, displaced: Collection[int]) -> Refinement:
+        """Return the level of refinement of each mesh, and notes for the user."""
         if self._level == "auto":
             pixel_size = orbit_pixel_size(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
             view = [*camera.position.tolist(), *camera.pivot, camera.reach, self._width]
@@ -100,7 +105,7 @@ class Refiner:
 
 
 def cages_of_displaced(asset: Asset, looks: Mapping[str, Look]) -> tuple[Asset, Sequence[int]]:
-    """Return the asset with cages for the meshes that its looks displace, and the numbers of these meshes."""
+    """Return the asset with cages in place of the meshes that its looks displace, and the indices of these meshes."""
     slot_looks = [looks[slot.path] for slot in asset.slots]
     if all(look.displacement is None for look in slot_looks):
         return asset, ()
@@ -112,14 +117,17 @@ def cages_of_displaced(asset: Asset, looks: Mapping[str, Look]) -> tuple[Asset, 
 
 
 def geometry_key(asset: Asset, displaced: Collection[int], parameters: Sequence[float]) -> str:
-    """Return the key of a result that depends on an asset, its meshes `displaced`, and a camera or levels."""
+    """Return the cache key of a result that depends on an asset, its displaced meshes, and numbers.
+
+    `displaced` has the indices of the displaced meshes. `parameters` are levels of refinement, or numbers of a camera.
+    """
     digest = asset.digest or asset_digest(asset)
     content = [code_digest("asset"), digest, sorted(displaced), list(parameters)]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def _load_levels(key: str, count: int) -> Refinement | None:
-    """Return the levels of `count` meshes from the cache; None if it does not have them."""
+    """Return the levels of `count` meshes from the cache; None if the cache does not have them."""
     match load_cached(_ROOM, key):
         case {"levels": [*levels], "notes": [*notes]} if len(levels) == count:
             return Refinement(tuple(levels), tuple(notes))
@@ -127,19 +135,22 @@ def _load_levels(key: str, count: int) -> Refinement | None:
 
 
 def _load_refined(key: str, cages: Asset) -> Asset | None:
-    """Return the refined asset of some cages from the cache; None if it does not have it."""
+    """Return the refined asset of `cages` from the cache; None if the cache does not have it."""
     match load_cached(_ROOM, key):
         case {"asset": [digest, suffix]} if (file := Content(digest, suffix)).is_whole():
             loaded = read_asset(file.path)
         case _:
             return None
-    # The file has only the data that pixels depend on; the rest is that of the cages.
+    # The file has only the data on which pixels depend; the other fields are copied from the cages.
     meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(loaded.meshes, cages.meshes, strict=True)]
     return replace(loaded, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
 
 
 def cached_outline(asset: Asset) -> Floats:
-    """Return the `hull_points` of an asset, (n, 3); the cache stores it if the asset has several instances."""
+    """Return the `hull_points` (n, 3) of an asset, with which cameras frame it.
+
+    The cache stores them if the asset has several instances.
+    """
     if len(asset.instances) == 1:
         return hull_points(asset.meshes, asset.instances)
     key = geometry_key(asset, (), ())

@@ -1,4 +1,8 @@
-"""From a job to its scenes, step by step: expand, read, assign, refine and frame, link."""
+"""From a job to its scenes: `build_scenes` runs all steps, in the other modules of `lookdev.build`.
+
+The steps are: expand looks with variants ``"*"`` and wedges, read lights, materials and the asset, assign looks to
+parts, refine the geometry and frame it with cameras, and link lights to parts.
+"""
 
 from __future__ import annotations
 
@@ -23,20 +27,20 @@ from lookdev.scene.ground import GROUND_PATH, add_ground
 from lookdev.scene.scene import link_lights
 
 PrepareAhead = Callable[[Job, Look, tuple[Light, ...]], None]
-"""A callback with a job, and a look and the lights of a rig that the job is likely to render."""
+"""A callback that can prepare a render, with the job and a look and lights that the job will probably render."""
 
 
 @dataclass(frozen=True)
 class JobScenes:
-    """The scenes of a job, by look and rig, look by look."""
+    """The scenes of a job, by the names of look and rig. A rig is an ``[[ibl]]`` or a ``[[rig]]``."""
 
-    job: Job  # each variant is a separate look, and so is each look of a wedge
-    scenes: Mapping[tuple[str, str], Scene]
-    look_keys: Mapping[str, str]  # the key in the job file of each look
+    job: Job  # expanded: each variant is a separate look, and so is each look of a wedge
+    scenes: Mapping[tuple[str, str], Scene]  # in the order of the looks
+    look_keys: Mapping[str, str]  # the key in the job file of each look, by its name
     notes: tuple[str, ...]  # for the user, without duplicates
-    rig_keys: Mapping[str, str]  # the key in the job file of each rig
-    sheets: tuple[WedgeSheet, ...]  # of wedges
-    charts: Mapping[str, Scene] = field(default_factory=dict)  # of reference props, by rig
+    rig_keys: Mapping[str, str]  # the key in the job file of each rig, by its name
+    sheets: tuple[WedgeSheet, ...]  # the contact sheets of wedges
+    charts: Mapping[str, Scene] = field(default_factory=dict)  # the scenes of reference props, by the name of the rig
 
 
 def build_scenes(
@@ -46,19 +50,19 @@ def build_scenes(
     *,
     sampled: bool = True,
 ) -> JobScenes:
-    """Return the scenes of a job, from its files; raise FaultsError with all faults of all files.
-
-    Lights and materials are read before the asset. In between, `ahead` is called with a look and a rig, unless there
-    are faults, no look has a material of its own, or every rig is fitted to the asset.
+    """Read the files of a job and return its scenes; raise FaultsError with all faults of all files.
 
     Parameters
     ----------
     ahead
-        A callback that can prepare a render.
+        A callback that can prepare a render. It is called after lights and materials are read, and before the asset is
+        read. It is not called if there are faults, if no look has a material of its own, or if every rig is fitted to
+        the asset.
     reader
-        The reader of the job's asset, if the asset was read before.
+        The reader of the job's asset, if the asset has been read already.
     sampled
-        Whether domes have tables with which shaders draw directions. Backends with lights of their own need none.
+        Whether domes have tables with which shaders draw directions. Backends that use the renderer's own lights need
+        none.
     """
     findings = Findings(job)
     reader = reader or AssetReader(job.asset)
@@ -70,7 +74,7 @@ def build_scenes(
     job, rigs, rig_keys = vary_lights(job, wedges, lights, findings, sampled=sampled)
     for name, variation in wedges.looks.items():
         materials[name] = vary_looks(materials[variation.base], variation, findings)
-    # For each look of the job, the last of `read_materials`: its `material`, or else the material of its last `assign`.
+    # For each look of the job, the last result of `read_materials`: that of its `material`, else of its last `assign`.
     own_looks = [looks[-1] for looks in materials.values() if looks]
     placed_lights = [rig.lights for rig in rigs if not rig.is_fitted]
     if not findings.faults and own_looks and placed_lights:
@@ -103,10 +107,10 @@ def build_scenes(
 
 @dataclass(frozen=True)
 class _RenderedAssets:
-    """What the looks of a job render.
+    """The refined assets of a job, with their looks and cameras.
 
-    `assets`, `looks` and `cameras` have, by the name of a look, its asset, the look of each slot, and its camera.
-    `parts` has the paths of all parts of all assets.
+    The keys of `assets`, `looks` and `cameras` are the names of the job's looks. A value of `looks` maps the path of
+    each slot to its look. `parts` has the paths of all parts of all assets.
     """
 
     assets: Mapping[str, Asset]
@@ -127,7 +131,7 @@ def _check_frames(job: Job, wedges: Wedges, findings: Findings) -> None:
 def _read_assets(
     job: Job, reader: AssetReader, look_keys: Mapping[str, str], findings: Findings
 ) -> dict[str, ComposedAsset]:
-    """Return the asset as each look of a job composes it."""
+    """Return the asset as each look of a job composes it, by the look's name; an asset with faults is left out."""
     composed = {}
     for look in job.look:
         with findings.collect(f"{look_keys[look.name]}.layer" if look.layer else "asset"):
@@ -137,7 +141,7 @@ def _read_assets(
 
 
 def _add_varied_looks(job: Job, wedges: Wedges) -> Job:
-    """Return the job with a table for each look of its wedges."""
+    """Return the job with a ``[[look]]`` for each look that its wedges add."""
     tables = {look.name: look for look in job.look}
     for name, variation in wedges.looks.items():
         tables[name] = tables[variation.base].model_copy(update={"name": name})
@@ -147,7 +151,7 @@ def _add_varied_looks(job: Job, wedges: Wedges) -> Job:
 def _make_scenes(
     job: Job, rendered: _RenderedAssets, rigs: Sequence[RigLights], wedges: Wedges, findings: Findings
 ) -> dict[tuple[str, str], Scene]:
-    """Return the scene of each look under each rig: on the ground, and with the lights that reach its parts."""
+    """Return the scene of each look under each rig: with the ground, and with lights linked to parts."""
     film = Film(job.render.resolution, job.render.space)
     assets_and_looks = {name: (asset, rendered.looks[name]) for name, asset in rendered.assets.items()}
     parts, catchers = rendered.parts, frozenset[str]()
@@ -174,7 +178,7 @@ def _make_scenes(
 def _make_chart_scenes(
     job: Job, assets: Mapping[str, Asset], cameras: Mapping[str, Camera], rigs: Sequence[RigLights], findings: Findings
 ) -> dict[str, Scene]:
-    """Return the scene of the reference props under each rig, if the job has them."""
+    """Return the scene of the reference props under each rig, by the rig's name; empty if the job has no props."""
     charts = {}
     if job.charts is not None:
         name = _largest(assets)

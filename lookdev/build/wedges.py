@@ -1,4 +1,8 @@
-"""The looks and lights that the wedges of a job add, the pairs of them that are rendered, and their sheets."""
+"""Expansion of the wedges of a job: the looks and lights that they add, and their contact sheets.
+
+A wedge renders looks under lights (an ``[[ibl]]`` or ``[[rig]]``) with a series of values of a parameter. Each value
+makes another look or light. A wedge has one or two *axes*, each of which is a parameter with its values, the *steps*.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,11 @@ from lookdev.material.change import look_with_value
 
 @dataclass(frozen=True)
 class WedgeSheet:
-    """A sheet of a wedge: the pairs of a look and a light that are on it, row by row, and their labels."""
+    """A contact sheet of a wedge, for one look under one light of the job.
+
+    `look` and `rig` are the names of these. `cells` has, row by row, the names of the look and the light of each frame
+    on the sheet, and `labels` its label. `columns` is the number of columns, None if the sheet has only one axis.
+    """
 
     name: str
     title: str
@@ -30,16 +38,19 @@ class WedgeSheet:
 
 @dataclass(frozen=True)
 class Variation:
-    """A look or a light that a wedge adds."""
+    """A look or a light that a wedge adds to a job."""
 
-    base: str  # the look or light of the job that it varies
-    changes: tuple[tuple[str, WedgeInput], ...]  # values by parameter
-    key: str  # of the wedge in the job
+    base: str  # the name of the look or light of the job that is varied
+    changes: tuple[tuple[str, WedgeInput], ...]  # pairs of a parameter and its value
+    key: str  # the key of the wedge in the job file
 
 
 @dataclass(frozen=True)
 class Wedges:
-    """The looks and lights that wedges add to a job; `pairs` are all rendered pairs, those of the job first."""
+    """The looks and lights that wedges add to a job, by their names.
+
+    The keys of `pairs` are the names of look and light of everything that is rendered, those without wedges first.
+    """
 
     looks: dict[str, Variation] = field(default_factory=dict)
     rigs: dict[str, Variation] = field(default_factory=dict)
@@ -76,7 +87,10 @@ def expand_wedges(job: Job, findings: Findings) -> Wedges:
 
 
 def vary_looks(looks: Sequence[Look], variation: Variation, findings: Findings) -> list[Look]:
-    """Return the materials of a look of a wedge, from those of the look that it varies."""
+    """Return the materials of a look that a wedge adds; `looks` are the materials of the look that it varies.
+
+    A change applies to all materials that have the parameter. It is a fault if there are none.
+    """
     varied = list(looks)
     for parameter, value in variation.changes:
         reasons = []
@@ -92,7 +106,10 @@ def vary_looks(looks: Sequence[Look], variation: Variation, findings: Findings) 
 
 
 def vary_rig(table: JobIbl | JobRig, name: str, variation: Variation, findings: Findings) -> JobIbl | JobRig:
-    """Return the table of a light of a wedge."""
+    """Return the ``[[ibl]]`` or ``[[rig]]`` of a light that a wedge adds; `table` is that of the light that it varies.
+
+    Only the parameters `LIGHT_KEYS` are keys of these tables; other parameters are values of a rig's lights.
+    """
     update: dict[str, object] = {"name": name}
     for parameter, value in variation.changes:
         if parameter in LIGHT_KEYS:
@@ -107,7 +124,7 @@ def vary_rig(table: JobIbl | JobRig, name: str, variation: Variation, findings: 
 
 
 def _add_sheet(wedges: Wedges, wedge: JobWedge, key: str, look: str, rig: str) -> WedgeSheet:
-    """Add the looks and lights of a wedge of one look under one light; return its sheet."""
+    """Add to `wedges` the looks and lights of a wedge for one look under one light, and return their sheet."""
     cells, labels = [], []
     for steps in product(*(axis.steps for axis in wedge.axes)):
         cell = []
@@ -141,14 +158,14 @@ def _find_duplicates(wedge: JobWedge, wedge_key: str, findings: Findings) -> Non
 
 
 def _label(value: WedgeInput) -> str:
-    """Return a value as a label."""
+    """Return the text of a value for labels."""
     if isinstance(value, tuple):
         return " ".join(f"{channel:.6g}" for channel in value)
     return value if isinstance(value, str) else f"{value:.6g}"
 
 
 def _name_part(axis: JobAxis, value: WedgeInput) -> str:
-    """Return a value as a part of a file's name; the number of the step if its text is not fit for a file's name."""
+    """Return a value as a part of a file name, or the number of the step if the value's text is unfit for that."""
     text = value if isinstance(value, str) else _label(value).replace(" ", "_").replace("+", "")
     if re.fullmatch(r"[A-Za-z0-9._-]{1,40}", text):
         return text

@@ -1,8 +1,10 @@
-"""Edits of the materials that a job assigns to parts, in the job's text: everything else stays as it is, comments too.
+"""Edits of the materials that a job assigns to parts, in the job's text, for `lookdev design`.
 
-A job is a list of tables. An edit finds the lines of ``[[look]]`` and of its ``[[look.assign]]``, and TOML Kit edits
-the keys of one table in the layout of that table. Where the looks or the assigns are inline, it edits all of them. The
-result is parsed and compared with the data that the edit should make: a result with other data is an error.
+The rest of the text stays as it is, including comments. A job is a list of TOML tables. A look is a table ``[[look]]``;
+an *assign* is one of its tables ``[[look.assign]]``, with a material and the prims to which it is assigned. An edit
+finds the lines of these tables, and TOML Kit edits the keys of one table in the layout of that table. If the looks or
+the assigns are inline tables, TOML Kit edits all of them. The result is parsed and compared with the data that the edit
+should give; other data are an error.
 """
 
 from __future__ import annotations
@@ -20,12 +22,12 @@ from tomlkit.exceptions import TOMLKitError
 
 from lookdev.errors import LookdevError
 
-_Data = dict[str, Any]
+_Data = dict[str, Any]  # a TOML table: values by key
 
 
 @dataclass(frozen=True)
 class AssignedMaterial:
-    """A material that a job assigns: its path as in the job, its prim if the job names one, and its variants."""
+    """A material that a job assigns: its file as the job names it, its prim if the job names one, and its variants."""
 
     material: str
     prim: str | None = None
@@ -33,7 +35,7 @@ class AssignedMaterial:
 
     @property
     def keys(self) -> _Data:
-        """The keys, with values, of a table that assigns the material."""
+        """The keys and values in a table that assigns the material."""
         prim = {"prim": self.prim} if self.prim else {}
         return {"material": self.material, **prim, **({"variants": dict(self.variants)} if self.variants else {})}
 
@@ -44,11 +46,12 @@ _MATERIAL_KEYS = ("material", "prim", "variants")
 def assign_material(
     text: str, look: int, prims: Sequence[str], material: AssignedMaterial, covering: int | None = None
 ) -> str:
-    """Return a job's text in which a look assigns a material to prims; `look` is its index in the file.
+    """Return a job's text in which a look assigns a material to prims; `look` is the look's index in the file.
 
-    `covering` is the index of the `assign` that covers a part of the prims now, or None. If an `assign` has exactly
-    these prims, and `covering` is its index or None, it takes the material. Otherwise the prims are removed from the
-    assigns that name them, and a new `assign` is inserted before the one at `covering`, or at the end.
+    `covering` is the index of the assign whose material the parts of these prims have now, or None. If an assign has
+    exactly these prims, and its index is `covering` or `covering` is None, its material is replaced. Otherwise the
+    prims are removed from all assigns that name them. A new assign is then inserted before the one at `covering`, or at
+    the end.
     """
 
     def edit_assigns(assigns: list[_Data]) -> list[tuple[int | None, _Data]]:
@@ -65,7 +68,7 @@ def assign_material(
 
 
 def assign_to_rest(text: str, look: int, material: AssignedMaterial) -> str:
-    """Return a job's text in which a look has a material for every part that nothing is assigned to."""
+    """Return a job's text in which a look has a `material`, for every part to which no assign assigns one."""
     return _edit_look(text, look, material.keys, lambda assigns: [*enumerate(assigns)])
 
 
@@ -76,7 +79,7 @@ def unassign(text: str, look: int, prims: Iterable[str]) -> str:
 
 
 def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tuple[int, _Data]]:
-    """Yield the assigns that still have prims when `prims` are removed, with their indices."""
+    """Yield the assigns without the given prims, with their indices; assigns that have no other prims are left out."""
     for number, table in enumerate(assigns):
         remaining = [prim for prim in table["prims"] if prim not in prims]
         if remaining:
@@ -84,9 +87,10 @@ def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tu
 
 
 def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], list[tuple[int | None, _Data]]]) -> str:
-    """Return the text of a job with other assigns of a look, and other `keys` of its material.
+    """Return the text of a job with edited assigns of a look.
 
-    `edit` returns the new assigns with their indices in the file; a new assign has the index None.
+    `edit` maps the assigns to the new ones, each with its index in the file; an additional assign has the index None.
+    `keys` are new values of the look's `_MATERIAL_KEYS`; if it is empty, they stay as they are.
     """
     if "\r\n" in text:
         return _edit_look(text.replace("\r\n", "\n"), look, keys, edit).replace("\n", "\r\n")
@@ -113,17 +117,17 @@ _UNSUPPORTED_LAYOUT = (
 
 
 def _updated_look(table: _Data, keys: _Data, assigns: list[_Data]) -> _Data:
-    """Return the table of a look with other assigns, and, unless `keys` is empty, other keys of its material."""
+    """Return the table of a look with new assigns and, unless `keys` is empty, new values of `_MATERIAL_KEYS`."""
     unchanged = {key: value for key, value in table.items() if not (keys and key in _MATERIAL_KEYS) and key != "assign"}
     return {**unchanged, **keys, **({"assign": assigns} if assigns else {})}
 
 
 @dataclass
 class _Block:
-    """A table of the file: the keys of its header, and whether it is an item of an array of tables: ``[[keys]]``.
+    """The lines of a table with a header, ``[keys]``, or ``[[keys]]`` if it is an item of an array of tables.
 
-    Its lines are `start`, the header, to `end`, exclusive, which follows its last statement. `above` is the first line
-    of the comments directly above the header.
+    `keys` are the keys of the header, split at dots. Line `start` is the header, and `end` is the line after the last
+    statement of the table. `above` is the first line of the comments directly above the header.
     """
 
     keys: tuple[str, ...]
@@ -134,7 +138,7 @@ class _Block:
 
 
 def _blocks(lines: Sequence[str]) -> list[_Block]:
-    """Return the tables of a text; a statement of several lines is read as a whole."""
+    """Return the tables with headers of a text, in their order; statements may have several lines."""
     blocks: list[_Block] = []
     line, above = 0, 0
     while line < len(lines):
@@ -175,7 +179,7 @@ def _statement_end(lines: Sequence[str], start: int) -> int:
 
 
 def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]) -> str:
-    """Return the text of a job with other assigns and `keys` of a look, which may have a ``[[look]]`` header."""
+    """Return the text of a job with new assigns and `keys` of a look, as `_edit_look`, which checks the result."""
     lines = re.findall(r"[^\n]*\n|[^\n]+$", text)
     blocks = _blocks(lines)
     look_blocks = [number for number, block in enumerate(blocks) if block.keys == ("look",) and block.is_array_item]
@@ -200,6 +204,7 @@ def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | No
     else:
         for number, block in enumerate(assign_blocks):
             if number not in retained:
+                # If there are blank lines before and after the assign, one of them is removed with it.
                 blank = block.end < len(lines) and not lines[block.end].strip() and not lines[block.start - 1].strip()
                 edits.append((block.start, block.end + blank, ""))
         for index, table in assigns:
@@ -220,7 +225,10 @@ def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | No
 def _new_blocks(
     lines: Sequence[str], blocks: Sequence[_Block], last: _Block, assigns: Sequence[tuple[int | None, _Data]]
 ) -> Iterable[tuple[int, int, str]]:
-    """Yield the edits that insert the new assigns: before the next assign that the file has, else after `last`."""
+    """Yield the edits that insert additional assigns: before the next assign of the file, else after the block `last`.
+
+    `blocks` are those of the assigns in the file. An edit is its first line, the line after its last, and the new text.
+    """
     for position, (number, table) in enumerate(assigns):
         if number is not None:
             continue
@@ -235,18 +243,19 @@ def _new_blocks(
 
 
 def _edit_assign(lines: Sequence[str], table: _Data) -> str:
-    """Return the lines of an assign with the values of `table`, in the layout of the lines."""
+    """Return the text of an assign with the values of `table`, in the layout of its old lines."""
     body = "".join(lines)
     # Parsed alone, the assign is the root: its subtables, such as [look.assign.variants], become [variants].
     document = tomlkit.parse(re.sub(r"(?m)^(\s*\[)look\s*\.\s*assign\s*\.\s*", r"\1", body))
     if document.unwrap() == table:
         return body
     _set_values(document, table)
+    # The headers of subtables get their full names again.
     return re.sub(r"(?m)^(\s*\[)(?=[^\[\n]*\]\s*(#.*)?$)", r"\1look.assign.", document.as_string())
 
 
 def _edit_inline(text: str, look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]) -> str:
-    """Return the text of a job whose looks are inline tables, with other assigns and `keys` of a look."""
+    """Return the text of a job whose looks are inline tables, with new assigns and `keys` of a look."""
     document = tomlkit.parse(text)
     table = document["look"][look]
     if keys:
@@ -274,7 +283,10 @@ def _set_inline_assigns(table: Any, assigns: Sequence[tuple[int | None, _Data]])
 
 
 def _set_values(table: Any, values: _Data, replaced: Iterable[str] = ()) -> None:
-    """Replace the values of a table, or of its keys `replaced`; prims are edited in place where removals suffice."""
+    """Set the values of a TOML Kit table, and delete its other keys, or those of its keys `replaced`.
+
+    If prims are only removed from a list of prims, the layout of the list is kept.
+    """
     for key in [key for key in replaced or table if key in table and key not in values]:
         del table[key]
     for key, value in values.items():

@@ -1,4 +1,4 @@
-"""The features of a job that only some backends have: one table, and one check."""
+"""The features of a job that only some backends support: a table of them, and the check of a job's values."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from lookdev.rendering.backends import BACKENDS, Backend, job_backends
 
 @dataclass(frozen=True)
 class BackendFeature:
-    """A feature of backends.
+    """A feature that only some backends support, named by the key of the job that asks for it.
 
     Attributes
     ----------
     available
-        Returns whether a backend supports a value of the job.
+        Returns whether a backend supports a value of the key.
     problem
-        Returns the message about a backend that does not, which follows the backend's name.
+        Returns the message about a backend that does not support the value; it follows the backend's name.
     hint
-        Returns what would be right with the same backend.
+        Returns values that would be right with the same backend.
     """
 
     available: Callable[[Backend, Any], bool]
@@ -84,9 +84,10 @@ def backend_supports(name: str) -> AfterValidator:
 
 
 def check_feature(name: str, backend_name: str, value: Any) -> None:
-    """Raise the error of a value of the job that its backend does not support.
+    """Raise a key error if the backend of a job does not support a value of the job.
 
-    A backend that does not exist raises nothing here: the key of the backend reports it.
+    `name` is the name of the feature. If there is no such backend, no error is raised here, because the validator of
+    the key ``backend`` reports it.
     """
     feature, backend = BACKEND_FEATURES[name], BACKENDS.get(backend_name)
     if backend is None or feature.available(backend, value):

@@ -1,4 +1,4 @@
-"""Values of a job file: names, paths, numbers with their ranges, and the base of every table."""
+"""Types for the schema of job files: names, paths, numbers with ranges, the base class of tables, and validators."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PATTERNS: dict[str, str] = {
     NAME: "letters, digits, '_', '-' and '.', which is not the first",
     PRIM_PATH: "an absolute prim path, like '/Paint'",
 }
-"""The hint for a string that does not match a pattern."""
+"""For each pattern, the hint of the fault of a string that does not match."""
 
 
 T = TypeVar("T")
@@ -44,7 +44,7 @@ def key_error(problem: str, hint: str = "") -> PydanticCustomError:
 
 @dataclass(frozen=True)
 class OneOf:
-    """The annotation of a name in a registry; each job reads the registry anew."""
+    """The annotation of a name in a registry. `names` returns the registry's names when a job is validated."""
 
     names: Callable[[], Iterable[str]]
 
@@ -62,19 +62,20 @@ class OneOf:
 
 
 def _resolve_path(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
-    """Return a path of the job, absolute, after path mapping; a relative path is relative to the job file."""
+    """Return an absolute path for a path in the job, which is relative to the job file; path mapping is applied."""
     if not isinstance(value, str) or not value or "\0" in value:
         raise key_error("should be a path in quotes")
     return Path(os.path.normpath(info.context["file"].parent / map_path(value, info.context.get("rules", ()))))
 
 
 def default_config() -> str:
-    """Return the OpenColorIO config of ``$OCIO``, relative to the working folder, or the one that ships."""
+    """Return the OpenColorIO config of ``$OCIO``, which is relative to the working folder, else the one that ships."""
     config = os.environ.get("OCIO") or SHIPPED
     return config if _is_config_name(config) else str(Path(config).absolute())
 
 
 def _is_config_name(value: str) -> bool:
+    """Return whether a value names a config that ships or is built into OpenColorIO, and is not a path."""
     return value == SHIPPED or value.startswith(BUILT_IN)
 
 
@@ -98,7 +99,7 @@ def _readable_file(*suffixes: str) -> AfterValidator:
 
 
 def _check_folder(path: Path) -> Path:
-    """Return the path of a folder, which may not exist yet; a file at the path or above it is an error."""
+    """Return the path of a folder that need not exist; raise a key error if it, or an ancestor, is not a folder."""
     try:
         nearest = next(ancestor for ancestor in (path, *path.parents) if ancestor.exists())
     except OSError as error:  # the file system refuses the name
@@ -127,7 +128,7 @@ Exposure = Annotated[float, Field(ge=-30.0, le=30.0)]
 
 
 def key(default: T, description: str) -> T:
-    """Return the field of a key that a table may omit."""
+    """Return the pydantic field of a key that a table may omit."""
     return Field(default=default, description=description)
 
 
@@ -138,10 +139,10 @@ class JobTable(BaseModel):
 
 
 def reject_key(word: Literal["without", "beside"], other: str, hint: str) -> Callable[[Any, ValidationInfo], Any]:
-    """Return the validator of a key that has no meaning without, or beside, the earlier key `other`."""
+    """Return the validator of a key that has no meaning without, or beside, the key `other`, declared before it."""
 
     def check(value: Any, info: ValidationInfo) -> Any:
-        # A faulty key is absent from info.data; the table counts as having it.
+        # If `other` has a fault, it is absent from info.data, and counts as given.
         if (info.data.get(other, ...) is None) == (word == "without"):
             raise key_error(f"has no meaning {word} '{other}'", hint)
         return value
@@ -150,10 +151,10 @@ def reject_key(word: Literal["without", "beside"], other: str, hint: str) -> Cal
 
 
 def alternative_to(other: str) -> AfterValidator:
-    """Return the validator of a key that a table has exactly if it lacks the earlier key `other`."""
+    """Return the validator of a key if a table must have either this key or the key `other` before it, not both."""
 
     def check(value: str | None, info: ValidationInfo) -> str | None:
-        # A faulty key is absent from info.data; the table counts as having it.
+        # If `other` has a fault, it is absent from info.data, and counts as given.
         if (value is None) == (info.data.get(other, ...) is None):
             raise key_error(f"give exactly one of '{other}' and '{info.field_name}'")
         return value

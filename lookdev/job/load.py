@@ -1,4 +1,4 @@
-"""Reads a job file as a `Job`, or raises every fault in it with its key."""
+"""The reader of job files: it returns a `Job`, or raises an error with every fault of the file and its key."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from lookdev.job.mapping import PathRules
 from lookdev.job.schema import LISTS, Job
 from lookdev.safe_text import TextError, has_text_path, parse_toml, read_text
 
-KeyPath = tuple[str | int, ...]  # ("ibl", 1, "exposure")
+KeyPath = tuple[str | int, ...]  # for example ("ibl", 1, "exposure")
 
-_MAX_BYTES = 1 << 20  # bytes of a job file
+_MAX_BYTES = 1 << 20  # the maximum size of a job file in bytes
 
 
 def load_job(path: Path, rules: PathRules = ()) -> Job:
@@ -32,7 +32,7 @@ def load_job(path: Path, rules: PathRules = ()) -> Job:
     Raises
     ------
     JobError
-        It has every fault of the file: the key, what is wrong, and for an unknown key the nearest known one.
+        The file has faults. The error has each of them with its key and, for an unknown key, the nearest known key.
     """
     if not has_text_path(path.absolute()):
         raise JobError([Fault(str(path.absolute()), "", "its path is not UTF-8", "rename it, or its folder")])
@@ -45,7 +45,7 @@ def load_job(path: Path, rules: PathRules = ()) -> Job:
 
 
 def parse_job(text: str, path: Path, rules: PathRules = ()) -> Job:
-    """Read a job from `text`, the content of the file `path`; raises as `load_job`."""
+    """Read a job from `text`, the content of the file `path`; raise the errors of `load_job`."""
     try:
         data = _lists_to_tuples(parse_toml(text, path))
     except TextError as error:
@@ -68,7 +68,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _lists_to_tuples(value: Any) -> Any:
-    """Return a value with its TOML arrays as tuples, the only sequence that a strict model accepts."""
+    """Return a value with tuples in place of TOML arrays; a strict pydantic model accepts no list for a tuple."""
     if isinstance(value, list):
         return tuple(_lists_to_tuples(item) for item in value)
     if isinstance(value, dict):
@@ -77,7 +77,7 @@ def _lists_to_tuples(value: Any) -> Any:
 
 
 def _duplicate_name_faults(data: dict[str, Any], file: str) -> Iterator[Fault]:
-    """Yield a fault for each name that another table of its group of lists has."""
+    """Yield a fault for each name that an earlier table has; `LISTS` has the groups in which names are unique."""
     for keys in LISTS:
         first_tables: dict[str, str] = {}
         for key in keys:
@@ -87,7 +87,7 @@ def _duplicate_name_faults(data: dict[str, Any], file: str) -> Iterator[Fault]:
                 if not isinstance(name, str):
                     continue
                 table_key = f"{key}[{index}]"
-                # Names become folders: "Gold" and "gold" are one folder on many file systems.
+                # Names become folders, and on many file systems "Gold" and "gold" are the same folder.
                 first = first_tables.setdefault(name.casefold(), table_key)
                 if first != table_key:
                     problem = f"'{name}' is already the name of {first}"
@@ -108,12 +108,15 @@ def _builtin_asset_faults(data: dict[str, Any], file: str) -> Iterator[Fault]:
 
 
 def _is_consequence(detail: ErrorDetails) -> bool:
-    """Return whether another fault causes this one: the default depends on a faulty key, or a list has faulty items."""
+    """Return whether an error only follows from another one.
+
+    Then the default of a key depends on a faulty key, or a list seems too short because of faulty items.
+    """
     return detail["type"] == "default_factory_not_called" or (detail["type"] == "too_short" and bool(detail["input"]))
 
 
 def _fault_of_detail(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
-    """Return the fault of an error of pydantic, in the words of job files."""
+    """Return the fault of an error of pydantic, in the terms of a job file; `data` is the content of the file."""
     key_path = _key_path(detail["loc"], data)
     key = str(key_path[-1]) if key_path else ""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
@@ -153,7 +156,7 @@ def _format_value(value: object) -> str:
 
 
 def _key_path(location: KeyPath, data: Any) -> KeyPath:
-    """Return a location of pydantic without the tags of unions, which are not keys of the file."""
+    """Return the keys in a location of pydantic, which also contains tags of unions; these are not in `data`."""
     key_path: list[str | int] = []
     for part in location:
         if isinstance(data, dict | None) and isinstance(part, str):
@@ -171,7 +174,7 @@ def _format_key_path(key_path: KeyPath) -> str:
 
 
 def _table_fields(key_path: KeyPath) -> dict[str, FieldInfo]:
-    """Return the fields of the table at `key_path`; a list of numbers has none."""
+    """Return the fields of the table at `key_path`; empty if a list of numbers is there."""
     model: Any = Job
     for part in key_path:
         if isinstance(part, str):

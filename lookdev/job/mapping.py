@@ -1,6 +1,6 @@
-"""Path mapping, by rules of Open Job Description: from paths of the machine that wrote a job to paths of this one.
+"""Path mapping on render farms: from paths of the machine that submitted a job to paths of this machine.
 
-- "How Jobs Are Run", Open Job Description, section Path Mapping (schema pathmapping-1.0)
+The rules are those of Open Job Description: "How Jobs Are Run", section Path Mapping (schema pathmapping-1.0).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _FORMATS: dict[str, type[PurePath]] = {"POSIX": PurePosixPath, "WINDOWS": PureWi
 
 @dataclass(frozen=True)
 class PathRule:
-    """A rule: files in `source`, a folder of another machine, are in `target` on this one."""
+    """A rule: files below `source`, a folder of another machine, are below `target` on this machine."""
 
     source: PurePath
     target: Path
@@ -35,7 +35,10 @@ PathRules = Sequence[PathRule]
 
 
 def read_rules(file: Path) -> tuple[PathRule, ...]:
-    """Read the rules of a session in the order in which they apply, the longest source first; raises JobError."""
+    """Read the file of rules of an OpenJD session, and return them in the order in which they apply.
+
+    A rule with a longer source comes first. Raises JobError.
+    """
     try:
         data = parse_json(read_text(file), file)
     except TextError as error:
@@ -44,7 +47,7 @@ def read_rules(file: Path) -> tuple[PathRule, ...]:
     match data:
         case {"version": "pathmapping-1.0", **rest}:
             entries = rest.get("path_mapping_rules", [])
-        case {} if not data:  # of a session without rules
+        case {} if not data:  # the file of a session without rules is {}
             entries = []
         case _:
             raise JobError([Fault(str(file), "version", "is not 'pathmapping-1.0'", "name a file of OpenJD's rules")])
@@ -63,5 +66,5 @@ def _parse_rule(file: Path, number: int, entry: Any) -> PathRule:
 
 
 def map_path(path: str, rules: PathRules) -> str:
-    """Return the path on this machine of a path of a job: by the first rule that has it, or unchanged."""
+    """Return the path on this machine of a path in a job: by the first rule whose source contains it, or unchanged."""
     return next((str(target) for rule in rules if (target := rule.map_path(path)) is not None), path)

@@ -1,4 +1,8 @@
-"""The table of a job about the files that are written; a registry has the outputs and their keys."""
+"""The table ``[outputs]`` of a job: the files that are written, and the views of pictures.
+
+An *output* is a kind of file, such as PNGs or a contact sheet. The registry `lookdev.output.OUTPUTS` has them, with the
+keys that each adds to the table.
+"""
 
 from __future__ import annotations
 
@@ -116,12 +120,12 @@ class OutputsTable(JobTable):
         return value
 
     def display_view(self, output: str = "") -> DisplayView:
-        """Return the display and view of an output; `output` is its name."""
+        """Return the display and view for an output, by its name; "" for those that apply to all outputs."""
         return _display_view(self.__dict__, self.views.get(output, self.view), output)
 
     @property
     def enabled_outputs(self) -> tuple[Output, ...]:
-        """The outputs that are on."""
+        """The outputs that the job writes."""
         return tuple(output for name, output in OUTPUTS.items() if getattr(self, name))
 
     @property
@@ -131,7 +135,10 @@ class OutputsTable(JobTable):
 
 
 def _display_view(keys: Mapping[str, Any], view: str | None, output: str = "") -> DisplayView:
-    """Return a view of the display of an output; a faulty key is absent from `keys`, and counts as its default."""
+    """Return a view, with the display of an output; `view` is the name of the view, None for the display's default.
+
+    `keys` are the values of the table. A key with a fault is absent, and its default is used.
+    """
     config = keys.get("ocio", SHIPPED)
     display = keys.get("displays", {}).get(output) or keys.get("display") or default_display(config)
     space = keys.get("ocio_space") or ""
@@ -140,7 +147,7 @@ def _display_view(keys: Mapping[str, Any], view: str | None, output: str = "") -
 
 @contextmanager
 def _prefix_errors(prefix: str = "") -> Iterator[None]:
-    """Raise errors of outputs as errors of the key, with a prefix."""
+    """Turn an OutputError that is raised in the context into a key error, whose message has a prefix."""
     try:
         yield
     except OutputError as error:

@@ -1,4 +1,4 @@
-"""The tables of a job about its asset, and about the looks of the asset's parts."""
+"""The tables ``[asset]`` and ``[[look]]`` of a job: the asset, and the materials of the asset's parts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SubdivisionLevel = Annotated[
 
 
 def _check_variants(variants: dict[str, str]) -> dict[str, str]:
-    """Return variants, none of which is '*'."""
+    """Return the variants; raise a key error if one of them is ``"*"``, which only a ``[[look]]`` supports."""
     for name, choice in variants.items():
         if choice == "*":
             raise key_error(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")

@@ -1,7 +1,8 @@
-"""The schema of a job file: strict, frozen models with a hard range for every number.
+"""The schema of a job file: strict, frozen pydantic models with a range for every number.
 
-A rule of two keys is in the validator of the later key, which has the earlier ones in `info.data`: so its fault is
-reported with all others. For the same reason `lookdev.job.load` checks in the raw tables that names are unique.
+A rule about two keys is in the validator of the later key, which has the values of the earlier ones in `info.data`. Its
+fault is then reported together with all others, unlike that of a validator of the whole model. For the same reason
+`lookdev.job.load` checks in the raw tables that names are unique.
 """
 
 from __future__ import annotations
@@ -57,9 +58,10 @@ Background = Annotated[
 ]
 
 DEFAULT_FOCAL_LENGTH = 50.0
+"""Millimetres."""
 
 MAX_FRAMES = 250_000
-"""The most frame files of a job: a plan of them takes at most 1.6 GB of memory, and half a minute."""
+"""The maximum number of frame files of a job. A plan of this size takes at most 1.6 GB of memory and half a minute."""
 
 
 _EXPOSURE = "Exposure in stops: radiance is multiplied by 2^exposure."
@@ -158,7 +160,7 @@ class JobCamera(JobTable):
 
     @property
     def horizontal_fov(self) -> float:
-        """Horizontal angle of view, degrees."""
+        """The horizontal angle of view in degrees, from `fov` or from the focal length."""
         if self.fov is not None:
             return self.fov
         focal_length = DEFAULT_FOCAL_LENGTH if self.focal_length is None else self.focal_length
@@ -184,14 +186,14 @@ class JobRender(JobTable):
         f"Default {Sampling.samples}, with 'error' {SAMPLE_CAP}.",
     )
     bounces: Annotated[int, Field(ge=0, le=64)] = key(Sampling.bounces, "Indirect bounces; 0: only direct light.")
-    # At least one: only directions of the BRDF sample narrow lobes and indirect light.
+    # At least one, because narrow lobes and indirect light are sampled only by directions of the BRDF.
     brdf_samples: Annotated[int, Field(ge=1, le=64), backend_supports("light integrals")] | None = key(
         None, "Directions drawn from the BRDF per shading point, by the exact backend; default: by the look."
     )
     ibl_samples: Annotated[int, Field(ge=0, le=64), backend_supports("light integrals")] | None = key(
         None, "Directions drawn from the light per shading point, by the exact backend; default: by the look."
     )
-    # It reaches the shader as a float32, times 64 for the rounds and halves of a frame, and must be exact.
+    # The shader gets the seed, times 64 for the rounds and halves of a frame, as a float32. The limit keeps it exact.
     seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = key(Sampling.seed, "Seed of all random choices.")
     denoise: Annotated[Literal["off", "measured"], backend_supports("denoise")] = key(
         Sampling.denoise,
@@ -216,12 +218,12 @@ class JobRender(JobTable):
     def _check_passes(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
         value = tuple(name for name in value if name not in ALWAYS_WRITTEN)
         check_feature("passes", info.data.get("backend", ""), value)
-        # In one order, equal passes have one digest.
+        # The order is always that of `PASSES`, so that frames with the same passes have the same digest.
         return tuple(name for name in PASSES if name in value)
 
     @property
     def sampling(self) -> Sampling:
-        """Samples, directions and bounces of a frame."""
+        """The keys of this table that are fields of `Sampling`."""
         return Sampling(**{field.name: getattr(self, field.name) for field in fields(Sampling)})
 
 
@@ -296,7 +298,7 @@ class Job(JobTable):
         return ground
 
     def model_post_init(self, context: Any) -> None:
-        """Store the path of the job file, the absolute ``file`` of the validation context."""
+        """Store the path of the job file: the validation context has it, absolute, under the key ``file``."""
         self._file = context["file"]
 
     @property
@@ -305,7 +307,7 @@ class Job(JobTable):
         return (*self.ibl, *self.rig)
 
     def key_of_rig(self, rig: str) -> str:
-        """Return the key, such as ``ibl[1]``, of the light or rig that is called `rig`."""
+        """Return the key in the job file, such as ``ibl[1]``, of the light or rig with the name `rig`."""
         keys = [f"ibl[{i}]" for i in range(len(self.ibl))] + [f"rig[{i}]" for i in range(len(self.rig))]
         return keys[[entry.name for entry in self.rigs].index(rig)]
 
@@ -319,7 +321,7 @@ SEVERAL_JOBS_HINT = "write several jobs"
 
 
 def excess_frames_message(looks: int, rigs: int, turntables: Iterable[JobTurntable]) -> str:
-    """Return the message about a job with more than `MAX_FRAMES` frames; '' for one with at most as many."""
+    """Return the message about a job with more than `MAX_FRAMES` frames; "" for a job with fewer."""
     frames = sum(turntable.frames for turntable in turntables)
     count = looks * rigs * frames
     if count <= MAX_FRAMES:
@@ -329,4 +331,4 @@ def excess_frames_message(looks: int, rigs: int, turntables: Iterable[JobTurntab
 
 
 LISTS: tuple[tuple[str, ...], ...] = (("look",), ("ibl", "rig"), ("turntable",), ("wedge",))
-"""The keys of `Job` that are lists of named tables, in groups; a name is unique in its group."""
+"""The keys of `Job` that are lists of named tables, in groups; the names of all tables of a group differ."""

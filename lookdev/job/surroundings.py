@@ -1,4 +1,4 @@
-"""The tables of what is beside the asset: reference props, and the ground."""
+"""The tables ``[charts]`` and ``[ground]`` of a job: reference props beside the asset, and the ground under it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from lookdev.job.keys import JobTable, MaterialFile, MaterialPrim, Text, key, ke
 from lookdev.scene.charts.props import PROPS_FOLDER, FrameSide, Strip
 
 _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
-"""The passes that sum up to the beauty or to its alpha; a shadow catcher takes light and coverage away from both."""
+"""The passes whose sum is the beauty pass or its alpha.
+
+A shadow catcher cannot have them, because it subtracts light and coverage from both.
+"""
 
 
 class JobCharts(JobTable):
@@ -24,11 +27,11 @@ class JobCharts(JobTable):
     )
 
     def strip(self, resolution: tuple[int, int]) -> Strip:
-        """Return the strip of a frame that the props take."""
+        """Return the strip of a frame in which the props are."""
         return Strip(self.place, self.size, resolution)
 
     def check(self, resolution: tuple[int, int], backend: str, looks: Iterable[str]) -> None:
-        """Raise the error of a job whose resolution, backend or names of looks rule the props out."""
+        """Raise a key error if the resolution, the backend or the name of a look of the job excludes the props."""
         problem, hint = self.strip(resolution).fit_fault()
         if problem:
             raise key_error(problem, hint)
@@ -60,7 +63,7 @@ class JobGround(JobTable):
     )
 
     def check(self, backend: str, denoise: str, passes: Iterable[str]) -> None:
-        """Raise the error of a job whose [render] rules the ground out."""
+        """Raise a key error if a value of the table ``[render]`` excludes the ground."""
         check_feature("ground", backend, self.kind)
         if self.kind != "catcher":
             return

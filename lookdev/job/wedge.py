@@ -1,4 +1,4 @@
-"""The table of a job about wedges: one or two parameters, and their values."""
+"""The table ``[[wedge]]`` of a job: renders looks or lights with a series of values of one or two parameters."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WedgeValue = Annotated[
 WedgeInput = float | tuple[float, float, float] | str
 
 LIGHT_KEYS: dict[str, TypeAdapter[float]] = {"exposure": TypeAdapter(Exposure), "rotation": TypeAdapter(Degrees)}
-"""The keys of a light of a job that a wedge may vary."""
+"""The keys of an ``[[ibl]]`` or ``[[rig]]`` that a wedge may vary, with the validators of their values."""
 
 
 class JobAxis(JobTable):
@@ -43,7 +43,7 @@ class JobAxis(JobTable):
 
     @property
     def steps(self) -> tuple[WedgeInput, ...]:
-        """The values of the parameter; those of a range are rounded to 6 digits."""
+        """The values of the parameter, one for each step; those of a range are rounded to 6 significant digits."""
         if self.range is None:
             return self.values or ()
         first, last, count = self.range
@@ -73,17 +73,17 @@ class JobWedge(JobAxis):
 
     @property
     def axes(self) -> tuple[JobAxis, ...]:
-        """The parameters of the wedge: that of the rows of a sheet, then that of its columns."""
+        """The axes of the wedge: that of the rows of its contact sheets, and that of the columns if there are two."""
         return (self,) if self.by is None else (self, self.by)
 
     @property
     def title(self) -> str:
-        """The name of the wedge's sheets."""
+        """The name of the wedge's contact sheets."""
         return self.name or "_".join(axis.short_name for axis in self.axes)
 
 
 def light_key_error(key: str, value: WedgeInput) -> str:
-    """Return the message about a bad value of one of `LIGHT_KEYS`; '' if the value is good."""
+    """Return the message about an invalid value of one of `LIGHT_KEYS`; "" if the value is valid."""
     try:
         LIGHT_KEYS[key].validate_python(value, strict=True)
     except ValidationError as error:

@@ -1,4 +1,7 @@
-"""Lights: radiance, pdf and sampling of each kind, and the registry of the kinds."""
+"""Lights of a scene: the public names of the package, and how a list of lights is rendered.
+
+A kind of light (a rectangle, a dome, ...) is a class with radiance, pdf and sampling; `LIGHT_KINDS` lists the kinds.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +27,21 @@ from lookdev.light.sphere import SphereLight
 
 
 def coded_light(lights: Sequence[Light]) -> CodedLight | None:
-    """Return the only light of a scene if its kind has OSL of its own that renders it; None if the lights are a rig."""
+    """Return a scene's only light if the OSL of its kind can render it; None if they are rendered as a `CodedRig`."""
     if len(lights) == 1 and LIGHT_KINDS[lights[0].kind].osl is not None and is_plain(lights[0]):
         return cast(CodedLight, lights[0])
     return None
 
 
 def lights_code(lights: Sequence[Light], *, sampled: bool, rig_origin: RigOrigin = RigOrigin()) -> LightCode:  # noqa: B008
-    """Return the values that the OSL of a scene's lights takes; without `sampled`, no tables for drawing directions.
+    """Return the constants, parameters and arrays that the OSL of a scene's lights reads.
+
+    Without `sampled`, tables with which the OSL draws directions are left out.
 
     Raises
     ------
     EnvironmentMapError
-        A light whose kind has OSL of its own is beside other lights.
+        There are several lights, and one of them is neither a lamp nor a dome.
     """
     if light := coded_light(lights):
         return light.code(sampled=sampled)
@@ -44,7 +49,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, rig_origin: RigOrigin
 
 
 def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
-    """Return a sentence for each light of a scene that Cycles' own lights cannot render; () if they render all."""
+    """Return a sentence for each reason why Cycles' own lights cannot render the lights of a scene; () if they can."""
     gaps = []
     for number, light in enumerate(lights, start=1):
         if gap := light.native_gap():
@@ -55,7 +60,7 @@ def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
 
 
 def native_images(lights: Sequence[Light]) -> tuple[Content, ...]:
-    """Return the images that Cycles' own lights read to render some lights."""
+    """Return the image files with which Cycles' own lights render `lights`."""
     return tuple(image for light in lights for image in light.native_images)
 
 
@@ -76,7 +81,7 @@ def _decode(value: object) -> Light:
 
 
 AnyLight = Annotated[Light, PlainValidator(_decode), PlainSerializer(_encode)]
-"""A light of any kind as a field of plain data; JSON has its fields and the name of its kind."""
+"""The type of a pydantic field with a light of any kind: its JSON has the light's fields and the name of its kind."""
 
 __all__ = ["LIGHT_KINDS", "AnyLight", "Emission", "Light", "PosedLight", "RigOrigin", "Shadow", "Shaping"]
 __all__ += ["CylinderLight", "DiskLight", "DistantLight", "Dome", "RectLight", "SphereLight"]

@@ -1,8 +1,9 @@
 """The interface of a light: radiance, pdf and sampling in NumPy, and the data that renderers and reports read.
 
-A kind of light is a frozen dataclass of plain data that derives from `Light`, and a `LightKind` in
-`lookdev.light.kinds.LIGHT_KINDS`. A kind is one of three sorts: a lamp, which has `shapes`; a dome, which has a map
-(`map_dome`); or a kind with OSL of its own (`LightKind.osl`), whose light is the only one of its scene.
+A kind of light is a frozen dataclass that derives from `Light`, and has a `LightKind` in
+`lookdev.light.kinds.LIGHT_KINDS`. Lamps have `shapes`, and domes have a map (`map_dome`); several of them form a rig. A
+kind can also have OSL of its own (`LightKind.osl`), which renders a light that is the only one of its scene. A kind
+that is neither a lamp nor a dome needs such OSL.
 """
 
 from __future__ import annotations
@@ -31,18 +32,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LightCode:
-    """The values that the OSL of a kind takes for one light.
+    """The values that the OSL of a light, or of a whole rig, reads.
 
     Parameters
     ----------
     constants
         Preprocessor lines at the start of the shader.
     parameters
-        Values of shader parameters by name; a file's value is its path.
+        Values of scalar and string parameters by name; for a file, the parameter is its path.
     arrays
-        The ``.npy`` files of array parameters by name.
+        ``.npy`` files of array parameters by name.
     numbers
-        Values of the other array parameters by name.
+        Values of the array parameters that have no file, by name.
     """
 
     constants: tuple[str, ...] = ()
@@ -76,33 +77,33 @@ class Emitter(Protocol):
 
 
 class Light(Emitter):
-    """An emitter of a registered kind: a frozen dataclass of plain data that names its files.
+    """An emitter of a registered kind: a frozen dataclass of plain data, in which files are `Content` of the cache.
 
-    The defaults describe a light that is infinitely far, and that neither Blender nor Mitsuba has.
+    The defaults of its members describe a light that is infinitely far, and that neither Blender nor Mitsuba has.
     """
 
     kind: ClassVar[str]
-    """The name of its record in `LIGHT_KINDS`."""
+    """The key of its `LightKind` in `LIGHT_KINDS`."""
 
     version: ClassVar[int] = 1
-    """Part of its digest. Raise it when the same fields give other radiance or other samples."""
+    """The version of the kind's code, part of `digest`: raise it when equal fields give other radiance or samples."""
 
     far: ClassVar[bool] = True
     """Whether it is infinitely far: its radiance depends on the direction alone."""
 
     one_sided: ClassVar[bool] = False
-    """Whether it emits along its -z alone. Then its axes matter even without `Shaping`."""
+    """Whether it emits along its -z axis, not to all sides. Then its axes matter even without `Shaping`."""
 
     position: Vector | None = None
     """Its position in metres; None if it has none."""
 
     shapes: ClassVar[Mapping[str, type[LampShape]]] = {}
-    """The types of a lamp's `LampShape`, by the names of their functions in generated code."""
+    """The shapes that lamps of this kind can have, by their names in generated code; empty for other lights."""
 
     @property
     @abstractmethod
     def emission(self) -> Emission:
-        """Its emission. `radiance` includes colour, shaping and falloff; integrators apply the other fields."""
+        """Its emission. `radiance` includes its colour, shaping and falloff; renderers apply its other fields."""
 
     @property
     def digest(self) -> str:
@@ -135,7 +136,7 @@ class Light(Emitter):
 
     @property
     def irradiance_per_nit(self) -> float | None:
-        """The irradiance in lux at normal incidence of radiance 1; None where a light's value is its radiance."""
+        """The irradiance in lux at normal incidence that radiance 1 gives; None if reports state the radiance."""
         return None
 
     @property
@@ -145,22 +146,22 @@ class Light(Emitter):
 
     @property
     def map_dome(self) -> Dome | None:
-        """The dome light that has its map; None if it has no map."""
+        """The `Dome` with the light's map, which can be the light itself; None if it has no map."""
         return None
 
     @property
     def world_dome(self) -> Dome | None:
-        """Its `map_dome` if it is infinitely far; a world of Blender or Mitsuba renders it."""
+        """Its `map_dome` if it is infinitely far, else None. Such a dome is a world in Blender or Mitsuba."""
         return self.map_dome if self.far else None
 
     @property
     def shape_name(self) -> str:
-        """The name of a lamp's shape in `shapes`; "" if it is not a lamp."""
+        """The name in `shapes` of the lamp's shape; "" if the light is not a lamp."""
         return next(iter(self.shapes), "")
 
     @property
     def shape_numbers(self) -> tuple[float, ...]:
-        """At most two numbers, which generated code reads: of a lamp's shape, or of a local dome's sphere."""
+        """At most two numbers for generated code: sizes of a lamp's shape, or radii of a local dome's sphere."""
         return ()
 
     def with_emission(self, emission: Emission) -> Self:
@@ -168,16 +169,16 @@ class Light(Emitter):
         return replace(self, emission=emission)  # type: ignore[type-var]
 
     def rescale(self, scale: float, origin: Vector) -> Self:
-        """Return the light with lengths `scale` times as long, moved from the world's origin to `origin` in metres.
+        """Return the light with all lengths multiplied by `scale`, and then moved by the vector `origin` in metres.
 
-        A point that is scaled and moved alike receives the same radiance from it.
+        A point that is scaled and moved in the same way receives the same radiance from it.
         """
         return self.with_emission(self.emission.scale_lengths(scale))
 
     def in_space(self, space: Space) -> Self:
         """Return the light, whose values are linear Rec.709, in another colour space.
 
-        A filter of its light, such as the colour of its shadow, is converted, too: the product of light and filter is
+        A factor of the light, such as the colour of its shadow, is converted, too: the product of light and factor is
         the same colour in both spaces.
         """
         return self if space == REC709 else self._convert(space)
@@ -186,13 +187,13 @@ class Light(Emitter):
         return self.with_emission(self.emission.in_space(space))
 
     def may_reach(self, center: Vector, radius: float) -> bool:
-        """Return whether light may arrive in a sphere, without occlusion; False is certain."""
+        """Return whether the light may reach a sphere, if nothing occludes it; False is certain, True is not."""
         return any(self.emission.color)
 
     def native_gap(self) -> str | None:
         """Return the features of the light that Cycles' own lights lack, as a phrase for a message; None without any.
 
-        `lookdev.light.native` finds those of an emission.
+        `lookdev.light.native.missing_features` finds the features of an emission.
         """
         return "a kind that Blender does not have"
 
@@ -203,7 +204,7 @@ class Light(Emitter):
 
     @property
     def mitsuba_shape(self) -> tuple[str, Floats] | None:
-        """The name of the Mitsuba 3 shape that emits its light, and the matrix (4, 4) to the light's own space.
+        """The name of the Mitsuba 3 shape that emits the light, and the matrix (4, 4) from its space to the light's.
 
         None if Mitsuba has no such shape.
         """
@@ -215,7 +216,7 @@ class CodedLight(Light):
 
     @abstractmethod
     def code(self, *, sampled: bool) -> LightCode:
-        """Return the values for the kind's OSL; without `sampled`, only those for look-ups of radiance."""
+        """Return the values for the kind's OSL; without `sampled`, only those with which it looks up radiance."""
 
 
 @dataclass(frozen=True)
@@ -229,10 +230,10 @@ class LightKind:
     example
         Returns a small light of the kind that is not `constant`, for tests and documentation.
     usd
-        The readers of its prims, by their types in USD.
+        The readers of its prims, by the USD type names of the prims.
     osl
-        The file of its OSL sections, whose content `lookdev.codegen.osl.light` states; each light is a `CodedLight`.
-        None if the lights of the kind are rendered as part of a rig (`lookdev.light.lamps`).
+        The file of its OSL, whose sections `lookdev.codegen.osl.light` describes; its lights are `CodedLight`. None if
+        the lights of the kind are always rendered as part of a rig (`lookdev.light.lamps`).
     """
 
     type: type[Light]

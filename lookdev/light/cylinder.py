@@ -1,7 +1,7 @@
 """Cylinder light: `UsdLuxCylinderLight`.
 
-Directions are drawn to a rectangle that covers its side as seen from the shading point. A direction that misses the
-side brings no light.
+Sampling draws directions to a rectangle that covers the cylinder's curved side as seen from the shading point. Some
+directions miss the side; they carry no light.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from lookdev.light.shape import FAR, LampShape, cone_about
 from lookdev.light.spherical_rectangle import RectanglePoint, SphericalRectangle, density, draw, project_rectangle
 from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
-_MARGIN = 1e-6  # part of the outline's width
-_TINY = 1e-30
+_MARGIN = 1e-6  # relative margin of the covering rectangle's width
+_TINY = 1e-30  # replaces divisors of 0
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """The `LampShape` of the side of a cylinder about x, which emits outwards."""
+    """The `LampShape` of a cylinder about x without caps, whose curved side emits outwards."""
 
     length: Floats | float
     radius: Floats | float
@@ -40,6 +40,7 @@ class Cylinder:
         in_front = cover.outside & (local[..., 2] > 0)
         depth_scale = np.where(in_front, cover.away / np.where(in_front, local[..., 2], 1), 0)
         x, y = depth_scale * local[..., 0], depth_scale * local[..., 1]
+        # The fractions of the rectangle's width and height at which the direction meets its plane.
         s, t = (x - cover.x0) / cover.width, (y + cover.half) / (2 * cover.half)
         hits = in_front & (np.absolute(s - 0.5) <= 0.5) & (np.absolute(t - 0.5) <= 0.5)
         target = RectanglePoint(np.clip(s, 0, 1), np.clip(t, 0, 1), x, y)
@@ -54,7 +55,8 @@ class Cylinder:
         axis_distance = np.sqrt(y * y + z * z)
         beyond_end = np.maximum(np.absolute(x) - self.length / 2, 0)
         side_distance = axis_distance - self.radius
-        # The visible side is nearly a rectangle at its nearest point, which faces the shading point.
+        # The visible side is treated as a rectangle of 2 radius by length, at its nearest point. The cosine to the
+        # normal of the rectangle is the sine of the angle to the axis.
         squared, area = beyond_end * beyond_end + side_distance * side_distance, 2 * self.radius * self.length
         sine = axis_distance / np.sqrt(np.maximum(beyond_end * beyond_end + axis_distance * axis_distance, _TINY))
         return np.where(side_distance > 0, area * sine / (squared + area / (2 * math.pi)), 0)
@@ -84,7 +86,7 @@ class CylinderLight(PlacedLight):
 
 
 def intersect_side(point: Floats, direction: Floats, length: Floats | float, radius: Floats | float) -> Floats:
-    """Return the distance (...) along directions (..., 3) to the outside; `FAR` for misses, and from inside."""
+    """Return the distance (...) along directions (..., 3) to a cylinder's side; `FAR` for misses, and from inside."""
     x, y, z = np.moveaxis(point, -1, 0)
     wx, wy, wz = np.moveaxis(direction, -1, 0)
     moment, squared_sine = y * wz - z * wy, wy * wy + wz * wz
@@ -97,18 +99,18 @@ def intersect_side(point: Floats, direction: Floats, length: Floats | float, rad
 
 
 class CoveringRectangle(NamedTuple):
-    """The rectangle that covers the side of a cylinder as seen from points (...), each of which has its own frame.
+    """Rectangles (...) that cover the side of a cylinder as seen from points (...), each in the frame of its point.
 
-    The frame's origin is the point, its x is along the cylinder's axis, its z points to the axis at right angles. The
+    The origin of a frame is its point, x is along the cylinder's axis, and z points to the axis at right angles. The
     rectangle is at z = `away`, from -`half` to `half` along y and from `x0` to `x0 + width` along x. Along y it is as
     wide as the cylinder's outline.
     """
 
     outside: Bools
-    """Whether the point is farther from the axis than the side; the side is visible from such points alone."""
+    """Whether the point is outside the infinite cylinder; the side is visible only from such points."""
     y: Floats
     z: Floats
-    """The frame's z axis in the cylinder's y and z."""
+    """The frame's z axis is (0, y, z) in the cylinder's space; `y` and `z` are its coordinates there."""
     x0: Floats
     width: Floats
     half: Floats
@@ -132,11 +134,12 @@ class CoveringRectangle(NamedTuple):
 
 
 def covering_rectangle(point: Floats, length: Floats | float, radius: Floats | float) -> CoveringRectangle:
-    """Return the rectangle that covers the side of a cylinder as seen from points (..., 3).
+    """Return the rectangles that cover the side of a cylinder as seen from points (..., 3).
 
-    Let D be the distance of the point from the axis. Planes through the point touch the cylinder in two lines, whose
-    distance along z is `away` = (D - R) (D + R) / D. The side between these lines is at least D - R away, so that in
-    the rectangle's plane its ends lie up to (D + R) / D times farther out.
+    Let R be the radius and D the distance of a point from the axis. The two planes through the point that touch the
+    cylinder do so in two lines, both at the depth `away` = (D - R) (D + R) / D along the frame's z. The side between
+    these lines has a depth of at least D - R. Projected from the point onto the rectangle's plane, its ends therefore
+    lie up to (D + R) / D times farther out.
     """
     x, y, z = np.moveaxis(point, -1, 0)
     axis_distance = np.sqrt(y * y + z * z)
@@ -144,7 +147,7 @@ def covering_rectangle(point: Floats, length: Floats | float, radius: Floats | f
     axis_distance = np.where(outside, axis_distance, 2 * radius)
     growth = (axis_distance + radius) / axis_distance
     away = (axis_distance - radius) * growth
-    # The margin keeps the outline inside after rounding.
+    # The margin keeps the cylinder's outline within the rectangle in spite of rounding.
     half = radius * np.sqrt((axis_distance - radius) * (axis_distance + radius)) / axis_distance * (1 + _MARGIN)
     start, end = -length / 2 - x, length / 2 - x
     start_margin, end_margin = np.maximum(-start, 0) * (growth - 1), np.maximum(end, 0) * (growth - 1)

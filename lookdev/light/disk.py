@@ -1,6 +1,6 @@
 """Disk light: `UsdLuxDiskLight`.
 
-Directions are drawn to the rectangle around it. A direction that misses the disk brings no light.
+Sampling draws directions to the bounding rectangle. Some directions miss the disk; they carry no light.
 """
 
 from __future__ import annotations
@@ -24,13 +24,14 @@ from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
 
 @dataclass(frozen=True)
 class Ellipse:
-    """The `LampShape` of an ellipse of radii along x and y."""
+    """The `LampShape` of an ellipse whose radii along x and y are `x` and `y`."""
 
     x: Real
     y: Real
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
         distance, hit = intersect_rectangle(point, direction, 2 * self.x, 2 * self.y)
+        # Fractions of the bounding rectangle's width and height from its centre, where the ellipse has radius 0.5.
         s, t = hit.s - 0.5, hit.t - 0.5
         return np.where(s * s + t * t <= 0.25, distance, FAR)
 
@@ -53,7 +54,7 @@ class Ellipse:
 
 @dataclass(frozen=True, kw_only=True)
 class DiskLight(PlacedLight):
-    """An ellipse of radii along its x and y, in metres, that emits along its -z."""
+    """An ellipse, of `radii` in metres along its x and y, that emits from its -z side."""
 
     kind = "disk"
     one_sided = True

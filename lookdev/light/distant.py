@@ -1,4 +1,4 @@
-"""Distant light: `UsdLuxDistantLight`."""
+"""Distant light: `UsdLuxDistantLight`, an infinitely far light from a cone of directions, such as the sun."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lookdev.light.shape import FAR, INFINITE_DISTANCE, LampShape, draw_uniform,
 from lookdev.light.usd import LIGHT_ATTRIBUTES, LightShape, PlacedPrim, UsdLight
 from lookdev.space import Color
 
-_MIN_HALF_ANGLE = math.radians(0.005)  # least half angle that float32 distinguishes from 0
+_MIN_HALF_ANGLE = math.radians(0.005)  # radians: the smallest half angle that float32 distinguishes from 0
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Cone:
     versine: Floats | float
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        # The chord keeps its digits where the cosine is near 1.
+        # The squared chord is 2 (1 - cos). Unlike the cosine, it keeps its digits near the axis.
         chord = direction - ZENITH
         return np.where(dot(chord, chord) <= 2 * self.versine, INFINITE_DISTANCE, FAR)
 
@@ -51,9 +51,9 @@ class Cone:
 
 @dataclass(frozen=True, kw_only=True)
 class DistantLight(Lamp):
-    """A cone of directions about its +z, of `angle` degrees from side to side, infinitely far: it emits along its -z.
+    """An infinitely far light that is seen in a cone of directions about its +z; it emits along its -z.
 
-    An angle of 0 is parallel light of irradiance `emission.color`.
+    `angle` is the cone's full angle in degrees. An angle of 0 is parallel light of irradiance `emission.color`.
     """
 
     kind = "distant"
@@ -77,13 +77,14 @@ class DistantLight(Lamp):
 
     @property
     def size_factor(self) -> float:
-        # sin^2 loses its digits near 180 degrees, where cos^2 keeps them. UsdLux's two formulas agree at 180 degrees.
+        # UsdLux's formulas: 1 for an angle of 0, pi sin^2 of half the angle up to 180 degrees, pi (2 - sin^2) beyond.
+        # The last two agree at 180 degrees.
         sine = math.sin(self._half_angle) ** 2
         return math.pi * ((sine if self._half_angle <= math.pi / 2.0 else 2.0 - sine) or 1.0 / math.pi)
 
     @property
     def versine(self) -> float:
-        """1 - cos of half the angle of its `shape`."""
+        """1 - cos of the half angle of the cone `shape`."""
         return 2.0 * math.sin(max(self._half_angle, _MIN_HALF_ANGLE) / 2.0) ** 2
 
     @property
@@ -96,7 +97,7 @@ class DistantLight(Lamp):
 
     @property
     def irradiance_per_nit(self) -> float:
-        # For a cone it is pi sin^2 of half the angle; the value of parallel light is an irradiance already.
+        # For a cone it is pi sin^2 of half the angle. The colour of parallel light is an irradiance already.
         return math.pi * math.sin(math.radians(min(self.angle, 180.0)) / 2.0) ** 2 if self.angle else 1.0
 
     def native_gap(self) -> str | None:
@@ -106,7 +107,7 @@ class DistantLight(Lamp):
 
     @property
     def emitted_radiance(self) -> Color:
-        """The radiance in nits within the cone of `shape`, before `shaping`."""
+        """The radiance in nits within the cone of `shape`, before `Shaping`."""
         r, g, b = (self._radiance_scale * channel for channel in self.emission.color)
         return r, g, b
 
@@ -119,7 +120,7 @@ class DistantLight(Lamp):
 
     @property
     def _radiance_scale(self) -> float:
-        """The factor of the radiance: `shape` widens a cone that is too narrow, and the irradiance stays the same."""
+        """The factor of the radiance that keeps the irradiance if `shape` has widened a cone that was too narrow."""
         projected = math.pi * math.sin(_MIN_HALF_ANGLE) ** 2
         return 1.0 if self._half_angle >= _MIN_HALF_ANGLE else self.size_factor / projected
 

@@ -1,9 +1,12 @@
-"""The emission of a light of any kind: colour, beam shape, shadow, falloff, linked parts.
+"""The emission of a light of any kind: colour, beam shape, shadow, falloff, and the parts of an asset linked to it.
 
 Names and formulas are those of UsdLux: `UsdLuxLightAPI`, `UsdLuxShapingAPI` and `UsdLuxShadowAPI`, documented in
 ``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11. Radiance is in nits: radiance 1 gives a pixel
-value of 1. `Falloff` is neither physical nor part of UsdLux; its aim is that of section 6.2 of Burley, "Physically
+value of 1. `Falloff` is neither physical nor part of UsdLux. It serves the aim of section 6.2 of Burley, "Physically
 Based Shading at Disney", 2012.
+
+In this file, directions (..., 3) are unit vectors from a shading point towards the light, in the light's own space.
+The light emits in the opposite direction, and its axis is -z.
 """
 
 from __future__ import annotations
@@ -29,7 +32,10 @@ _MIN_DISTANCE = 1e-6  # metres: falloffs clamp distances to it, so that no expon
 
 
 def slope(start: float, end: float) -> float:
-    """Return the `rise` of a `smooth_step` from `start` to `end`; 0, for a step of 0 everywhere, if they are equal."""
+    """Return the `rise` of a `smooth_step` from `start` to `end`.
+
+    If `end` is not greater than `start` it is 0, and the step is 0 everywhere.
+    """
     return 1.0 / (end - start) if end > start else 0.0
 
 
@@ -41,33 +47,39 @@ def smooth_step(value: Real, start: Real, rise: Real) -> Floats:
 
 
 def off_axis(direction: Floats) -> Floats:
-    """Return the emission angle (...) off a light's axis, -z, in radians; directions (..., 3) point to the light."""
+    """Return the angle (...) in radians between the emission and the light's axis, for directions (..., 3)."""
     x, y, z = np.moveaxis(direction, -1, 0)
     angle: Floats = np.arctan2(np.sqrt(x * x + y * y), z)
     return angle
 
 
 def azimuth(direction: Floats) -> Floats:
-    """Return the emission angle (...) about a light's axis, from x to y, in degrees from 0 to 360; see `off_axis`."""
+    """Return the azimuth (...) of the emission about z, from x towards y, in degrees from 0 to 360."""
     x, y = direction[..., 0], direction[..., 1]
-    turns = np.arctan2(-y, -x) / (2.0 * math.pi)
+    turns = np.arctan2(-y, -x) / (2.0 * math.pi)  # revolutions
     angle: Floats = 360.0 * (turns - np.floor(turns))
     return angle
 
 
 # UsdLuxShapingAPI: inputs:shaping:cone:angle and inputs:shaping:cone:softness.
 def cone_factor(angle: Floats, cone: Real, start: Real, rise: Real) -> Floats:
-    """Return the factor (...) of the radiance by `Shaping`'s cone, at angles off the axis; all angles in radians."""
+    """Return the factor (...) of the radiance within the cone of a `Shaping`, 0 outside it.
+
+    `angle` (...) is the emission's angle off the axis, `cone` the cone's, both in radians. From the angle `start` on,
+    the factor falls smoothly to 0 at the cone; `rise` is the `slope` between the two.
+    """
     return np.where(angle <= cone, 1.0 - smooth_step(angle, start, rise), 0.0)
 
 
 def beam_bound(
     cosine: Floats, squared_sine: Floats, cone: Real, start: Real, rise: Real, focus: Real, tint: Real
 ) -> Floats:
-    """Return the largest factor (...) of `Shaping`, its mean over channels, in a cone of directions about an axis.
+    """Return an upper bound (...) of the factor of `Shaping`, without its profile, in a cone of directions.
 
-    `cosine` is the cosine of the cone's axis to -z. `squared_sine` is the squared sine of the cone's half angle; 1
-    stands for all directions.
+    The bound is that of the mean over channels.
+    `cosine` (...) is the cosine of the angle between the emission along the cone's axis and the light's axis.
+    `squared_sine` (...) is the squared sine of the cone's half angle; 1 stands for all directions. `cone`, `start` and
+    `rise` are arguments of `cone_factor`, `focus` and `tint` (its mean channel) of `focus_factor`.
     """
     angle = np.arctan2(np.sqrt(np.maximum(1 - cosine * cosine, 0)), cosine)
     spread = np.where(squared_sine < 1, np.arctan2(np.sqrt(squared_sine), np.sqrt(1 - squared_sine)), math.pi)
@@ -79,7 +91,10 @@ def beam_bound(
 
 # UsdLuxShapingAPI: inputs:shaping:focus and inputs:shaping:focusTint.
 def focus_factor(cosine: Floats, focus: Real, tint: Real) -> Floats:
-    """Return the factor (..., 3) of the radiance at cosines (...) to the axis; at right angles it is `tint` (3,)."""
+    """Return the factor (..., 3) of the radiance by ``focus``; at right angles to the axis it is `tint` (3,).
+
+    `cosine` (...) is the cosine of the emission's angle off the axis; only its absolute value counts.
+    """
     focused: Floats = np.expand_dims(np.absolute(cosine) ** focus, -1)
     return focused + (1.0 - focused) * tint
 
@@ -102,9 +117,9 @@ def check_color(name: str, value: Sequence[float]) -> None:
 
 @dataclass(frozen=True)
 class Shaping:
-    """The beam of a light, by angles in degrees off its axis: `UsdLuxShapingAPI`.
+    """The beam of a light: `UsdLuxShapingAPI`. Angles are in degrees off the light's axis.
 
-    The defaults change nothing; UsdLux's own default of `cone_angle`, where the schema is applied, is 90.
+    The defaults change nothing. UsdLux's own default of `cone_angle`, where a prim has the schema, is 90.
     """
 
     cone_angle: float = 180.0
@@ -120,10 +135,7 @@ class Shaping:
         check_color("focus tint", self.focus_tint)
 
     def factor(self, direction: Floats) -> Floats:
-        """Return the factor (..., 1 or 3) of the radiance for directions (..., 3) to the light, in the light's space.
-
-        The emission direction is the opposite one, the light's axis is -z.
-        """
+        """Return the factor (..., 3) of the radiance for directions (..., 3)."""
         angle = off_axis(direction)
         factor = cone_factor(angle, *self.cone)
         if self.profile:
@@ -132,16 +144,21 @@ class Shaping:
 
     @property
     def cone(self) -> tuple[float, float, float]:
-        """The arguments of `cone_factor` after the angle."""
+        """The arguments `cone`, `start` and `rise` of `cone_factor`."""
         cone = math.radians(self.cone_angle)
         start = cone * (1.0 - min(max(self.cone_softness, 0.0), 1.0))
-        # Angles are rounded, so that a limit of pi would exclude some; 4.0 includes all directions.
+        # Computed angles may exceed pi by rounding; the limit 4.0 includes all of them.
         return cone if self.cone_angle < 180.0 else 4.0, start, slope(start, cone)
 
 
 @dataclass(frozen=True)
 class Shadow:
-    """The shadow controls of a light: `UsdLuxShadowAPI`. Distances are in metres from the shading point."""
+    """The shadow controls of a light: `UsdLuxShadowAPI`.
+
+    `distance` and `falloff` are in metres: `distance` is measured from the shading point to the occluder, `falloff` is
+    the length over which the shadow fades before that. A negative `distance` means no limit, a negative `falloff` no
+    fading.
+    """
 
     enable: bool = True
     color: Color = (0.0, 0.0, 0.0)
@@ -161,32 +178,32 @@ class Shadow:
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """The arguments of `shadow_factor` between the distance and the colour."""
+        """The arguments `enable`, `limit`, `zone` and `gamma` of `shadow_factor`."""
         limit = self.distance if self.distance >= 0.0 else math.inf
         return float(self.enable), min(limit, FAR), max(min(self.falloff, self.distance), 0.0), self.falloff_gamma
 
 
-# UsdLuxShadowAPI: inputs:shadow:falloffGamma, with linear distance within the zone.
+# UsdLuxShadowAPI: inputs:shadow:falloffGamma. The exponent applies to the linear fraction of the zone.
 def shadow_factor(distance: Real, enable: Real, limit: Real, zone: Real, gamma: Real, color: Real) -> Floats:
     """Return the share (..., 3) of the light that passes occluders at distances (...).
 
-    Occluders beyond `limit` cast no shadow, and the shadow fades over the last `zone` metres before the limit. It has a
-    `color` (3,). `enable` is 1, or 0 for no shadow.
+    Occluders beyond `limit` metres cast no shadow. The shadow fades over the last `zone` metres before the limit, with
+    the exponent `gamma`. It has a `color` (3,). `enable` is 1, or 0 for no shadow.
     """
     faded = np.clip((limit - distance) / np.where(zone > 0.0, zone, 1.0), 0.0, 1.0) ** gamma
     strength = enable * np.where(zone > 0.0, faded, np.where(distance <= limit, 1.0, 0.0))
     return 1.0 - np.expand_dims(strength, -1) * (1.0 - color)
 
 
-_BLACK_SHADOW = Shadow()
+_BLACK_SHADOW = Shadow()  # the default: enabled, black and without a limit
 
 
 @dataclass(frozen=True)
 class Falloff:
-    """The falloff of a light with the distance d in metres from its position; not physical.
+    """The falloff of a light with the distance d in metres from its position; it is not physical.
 
     The irradiance from a small light is its intensity times ``(d + virtual_distance) ** -exponent``, instead of
-    ``d ** -2``. It fades smoothly from `start` to `end`, and no light arrives beyond. Without `end` it does not fade.
+    ``d ** -2``. It fades smoothly to 0 from distance `start` to `end`. If `end` is None, it does not fade.
     """
 
     virtual_distance: float = 0.0
@@ -207,28 +224,35 @@ class Falloff:
 
     @property
     def numbers(self) -> tuple[float, float, float, float]:
-        """The arguments of `falloff_factor` after the distance."""
+        """The arguments `virtual`, `power`, `start` and `rise` of `falloff_factor`."""
         rise = 0.0 if self.end is None else slope(self.start, self.end)
         return self.virtual_distance, -self.exponent, self.start, rise
 
 
 def falloff_factor(distance: Real, virtual: Real, power: Real, start: Real, rise: Real) -> Floats:
-    """Return the factor (...) of the radiance at distances (...): `Falloff.factor`."""
+    """Return the factor (...) of the radiance at distances (...): `Falloff.factor`.
+
+    `virtual` is the virtual distance, `power` the negative exponent. The light fades from `start` on, and `rise` is the
+    `slope` from `start` to the end. The factor contains d^2, because the solid angle already falls with d^-2.
+    """
     nearest = np.maximum(distance, _MIN_DISTANCE)
     factor: Floats = nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
     return factor
 
 
 MAX_SHADOW_GROUPS = 80
-"""The most groups of parts that shadow links can distinguish, not counting the group that casts all shadows."""
+"""The maximum number of groups of parts that shadow links can make, without the group that casts all shadows.
+
+The parts of a group cast the shadows of the same lights (`lookdev.scene.scene.link_lights`).
+"""
 
 
 @dataclass(frozen=True)
 class LightLink:
-    """The parts of an asset that a light illuminates, or that cast its shadow.
+    """The parts of an asset that a light illuminates, or the parts that cast its shadow.
 
-    `rules` are sorted pairs of a path and a rule: ``"expandPrims"``, ``"explicitOnly"`` or ``"exclude"``, as in
-    `UsdCollectionMembershipQuery`. Paths are those of `lookdev.scene.parts.Part.path`.
+    `rules` are sorted pairs of a prim path and a rule: ``"expandPrims"``, ``"explicitOnly"`` or ``"exclude"``, as in
+    `UsdCollectionMembershipQuery`. The paths are compared with those of parts, `lookdev.scene.parts.Part.path`.
     """
 
     rules: tuple[tuple[str, str], ...]
@@ -238,9 +262,9 @@ class LightLink:
         return dict(self.rules)
 
     def includes(self, path: str) -> bool:
-        """Return whether a part is linked, by the rule of its path or of its nearest ancestor that has a rule.
+        """Return whether the part of a path is linked: by its own rule, else by its nearest ancestor's rule.
 
-        ``"explicitOnly"`` applies to its path alone.
+        A rule ``"explicitOnly"`` does not apply to descendants.
         """
         if (rule := self._rules.get(path)) is not None:
             return rule != "exclude"
@@ -258,7 +282,7 @@ class Emission:
     Parameters
     ----------
     color
-        Radiance in nits, linear Rec.709, before `shaping`: `emitted_color`.
+        Radiance in nits, linear Rec.709, before `shaping`; `emitted_color` computes it.
     diffuse, specular
         Factors of the diffuse and the specular response of a surface to the light.
     shaping
@@ -266,9 +290,9 @@ class Emission:
     shadow
         The controls of its shadow.
     falloff
-        Its unphysical falloff. None if the distance changes nothing but the solid angle.
+        Its unphysical falloff. None if the radiance does not depend on the distance.
     turns
-        Whether the light turns with the rig in the lighting rotation.
+        Whether the light turns in a turntable of kind ``lighting``.
     camera
         Whether the camera sees it.
     group
@@ -278,8 +302,8 @@ class Emission:
     light_link, shadow_link
         The parts of the asset that it illuminates, and those that cast its shadow; None for all parts.
     shadow_excluded
-        The numbers of the groups of parts that its shadow excludes. `lookdev.scene.scene` computes them from
-        `shadow_link`, and renderers read them.
+        The numbers of the groups of parts that do not cast its shadow. `lookdev.scene.scene` groups the parts and
+        computes the numbers from `shadow_link`; renderers read them.
     """
 
     color: Color = (1.0, 1.0, 1.0)
@@ -303,18 +327,18 @@ class Emission:
 
     @property
     def without_names(self) -> Emission:
-        """The emission without the fields that no pixel depends on: group, path, links; `shadow_excluded` remains."""
+        """The emission with defaults for the fields on which no pixel depends: `group`, `path` and the two links."""
         return replace(self, group="", path="", light_link=None, shadow_link=None)
 
     def scale_lengths(self, scale: float) -> Emission:
         """Return the emission with distances `scale` times as long."""
         shadow, falloff = self.shadow, self.falloff
         if shadow.distance >= 0.0:
-            # A negative falloff means no falloff, whatever its value.
+            # A negative falloff stays negative, and means no fading.
             shadow = replace(shadow, distance=scale * shadow.distance, falloff=scale * shadow.falloff)
         if falloff is None:
             return replace(self, shadow=shadow)
-        # The factor of `Falloff` has the dimension of a length to the power of 2 - exponent.
+        # `Falloff.factor` has the unit metre^(2 - exponent); the colour compensates its change.
         factor = scale ** (falloff.exponent - 2.0)
         r, g, b = (factor * channel for channel in self.color)
         end = None if falloff.end is None else scale * falloff.end
@@ -323,7 +347,7 @@ class Emission:
         return replace(self, color=(r, g, b), shadow=shadow, falloff=longer)
 
     def in_space(self, space: Space) -> Emission:
-        """Return the emission, linear Rec.709, in another colour space; `_filter_in_space` converts its filters."""
+        """Return the emission, linear Rec.709, in another colour space, with the shadow's colour and the focus tint."""
         shadow = replace(self.shadow, color=_filter_in_space(self.color, self.shadow.color, space))
         shaping = self.shaping
         if shaping is not None:
@@ -331,7 +355,7 @@ class Emission:
         return replace(self, color=vector(to_space(self.color, space)), shaping=shaping, shadow=shadow)
 
     def radiance_towards(self, direction: Floats) -> Floats:
-        """Return the radiance (..., 3) for directions (..., 3) to the light, in the light's own space."""
+        """Return the radiance (..., 3) for directions (..., 3), without falloff."""
         color = np.array(self.color)
         return color * (self.shaping.factor(direction) if self.shaping else np.ones((*direction.shape[:-1], 3)))
 
@@ -345,7 +369,7 @@ WHITE = Emission()
 
 
 def _filter_in_space(light: Color, factor: Color, space: Space) -> Color:
-    """Return the factor in a space that changes the colour of a light as `factor` does in Rec.709."""
+    """Return the factor that changes a light's colour in a space as `factor` does in Rec.709."""
     if len({*factor}) == 1:
         return factor
     before = to_space(light, space)
@@ -363,8 +387,8 @@ def emitted_color(
 ) -> Color:
     """Return an `Emission.color`: `UsdLuxLightAPI`, ``inputs:intensity`` to ``inputs:enableColorTemperature``.
 
-    `temperature` is the value of `UsdLux.BlackbodyTemperatureAsRgb`, if enabled; `size` the light's `size_factor`, if
-    its power is normalized.
+    `temperature` is the value of `UsdLux.BlackbodyTemperatureAsRgb`, or 1 if the colour temperature is not enabled.
+    `size` is the light's `size_factor`, or 1 if its power is not normalized.
     """
     check_number("intensity", intensity, least=0.0)
     check_number("exposure", exposure)

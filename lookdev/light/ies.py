@@ -1,7 +1,8 @@
 """IES profiles: the luminous intensity of a luminaire in each direction, from files of ANSI/IES LM-63.
 
-The supported files are those of type C goniophotometry, LM-63-1991 to LM-63-2019. Tilt, lamp and luminous opening are
-read and have no effect, as in the reference implementation of UsdLux.
+The `Shaping` of a light multiplies its radiance by a profile.
+The supported files are those of type C goniophotometry, LM-63-1991 to LM-63-2019. The fields for tilt, lamp and
+luminous opening are read and have no effect, as in the reference implementation of UsdLux.
 """
 
 from __future__ import annotations
@@ -38,13 +39,14 @@ class IesProfile:
     Parameters
     ----------
     table
-        A ``.npy`` file of float32, (1 + H, 1 + V). The first row has the vertical angles in degrees from the light's
-        axis, the first column the horizontal angles from 0 to 360, from the light's x towards its y. The rest is the
-        luminous intensity in candela, bilinear between the angles, and 0 beyond the vertical angles.
+        A ``.npy`` file of float32, (1 + H, 1 + V), for H horizontal and V vertical angles in degrees. The first row has
+        the vertical angles, from the light's axis. The first column has the horizontal angles from 0 to 360, from the
+        light's x towards its y. The rest is the luminous intensity in candela; it is interpolated bilinearly between
+        the angles, and is 0 beyond the first and the last vertical angle.
     scale
-        Factor of the intensity.
+        The factor of the intensity.
     angle_scale
-        ``shaping:ies:angleScale``.
+        The value of ``inputs:shaping:ies:angleScale``, which stretches the vertical angles.
     """
 
     table: Content
@@ -75,11 +77,11 @@ class IesProfile:
 
     @property
     def steps(self) -> int:
-        """The bisection steps in which `profile_factor` finds an angle."""
+        """The number of bisections with which `profile_factor` finds an angle in the table."""
         return max(self.values.shape).bit_length()
 
     def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
-        """Return the factor of the radiance at vertical and horizontal angles in degrees; horizontal from 0 to 360."""
+        """Return the factor (...) of the radiance at vertical and horizontal angles (...) in degrees, see `table`."""
         table = NumberTable(self.numbers[:, None])
         factor = profile_factor(table, 0.0, self.steps, vertical, horizontal, self.scale, self.angle_scale)
         return np.asarray(factor, np.float64)
@@ -88,13 +90,13 @@ class IesProfile:
 def profile_factor(
     table: NumberTable, start: Real, steps: int, vertical: Floats, horizontal: Floats, scale: Real, angle_scale: Real
 ) -> Floats:
-    """Return `IesProfile.factor`; `table` is a column of numbers that has `IesProfile.numbers` from row `start` on.
+    """Return `IesProfile.factor`; the arrays may be symbolic.
 
-    An angle is found by `steps` bisections. Arrays may be symbolic.
+    `table` is a column of numbers that has `IesProfile.numbers` from row `start` on, and `steps` is `IesProfile.steps`.
     """
 
     def number(index: Array) -> Array:
-        """Return a number of `IesProfile.numbers` by its index."""
+        """Return the number of `IesProfile.numbers` at an index."""
         return look_up(table, start + index, 0.0)
 
     # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.
@@ -104,7 +106,11 @@ def profile_factor(
     rows, columns = number(np.zeros_like(vertical)), number(np.ones_like(vertical))
 
     def interval(count: Real, angle_at: Callable[[Array], Array], angle: Array) -> Array:
-        """Return the index of the first of two neighbours around `angle`; the table's first angle has index 1."""
+        """Return the index of the last of the table's angles that is at most `angle`, and not the last angle of all.
+
+        `angle_at` returns the angle at an index. Indices are those of the table's row or column, which has `count`
+        numbers; the first angle has index 1.
+        """
         index = np.ones_like(angle)
         for step in reversed(range(steps)):
             candidate = np.minimum(index + 2.0**step, count - 2.0)
@@ -117,6 +123,7 @@ def profile_factor(
     def horizontal_at(h: Array) -> Array:
         return number(2.0 + h * columns)
 
+    # The angles are between columns v and v + 1, at the fraction s, and between rows h and h + 1, at the fraction t.
     v, h = interval(columns, vertical_at, vertical), interval(rows, horizontal_at, horizontal)
     s = (vertical - vertical_at(v)) / (vertical_at(v + 1) - vertical_at(v))
     t = (horizontal - horizontal_at(h)) / (horizontal_at(h + 1) - horizontal_at(h))
@@ -149,11 +156,13 @@ def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = Fals
 def profile_power(table: Floats) -> float:
     """Return the mean intensity of a table over the sphere, or over the hemisphere if its angles cover only that.
 
-    UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, leaves the unit open. Its reference implementation (hdEmbree)
-    uses this mean, integrated over patches by their midpoints; here the integral of the bilinear table is exact.
+    UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, does not define the power by which it divides. Its reference
+    implementation (hdEmbree) divides by this mean, which it integrates by the midpoints of patches. Here the integral
+    of the bilinear table is exact.
     """
     vertical, horizontal, candela = np.radians(table[0, 1:]), np.radians(table[1:, 0]), table[1:, 1:]
-    # The integral of a linear function times the sine, as weights of the values at both ends of each step.
+    # The integral of a linear function times the sine over a vertical step is a weighted sum of its values at both
+    # ends. `weights` (V,) has the sum of these weights for each angle.
     step = np.diff(vertical)
     mean = (np.sin(vertical[1:]) - np.sin(vertical[:-1])) / step
     weights = np.zeros(len(vertical))
@@ -161,6 +170,7 @@ def profile_power(table: Floats) -> float:
     weights[1:] += mean - np.cos(vertical[1:])
     rings = candela @ weights
     total = float((np.diff(horizontal) * (rings[1:] + rings[:-1]) / 2.0).sum())
+    # Vertical angles cover pi / 2 for a hemisphere, or pi for the sphere; 1.6 is between the two.
     return total / (2.0 * np.pi * (1.0 if vertical[-1] - vertical[0] < 1.6 else 2.0))
 
 
@@ -208,13 +218,14 @@ def parse_profile(text: str, where: str) -> Floats:
 
 
 def _mirror_to_full_circle(horizontal: Floats, candela: Floats) -> tuple[Floats, Floats]:
-    """Mirror horizontal angles and values (H, V) to the whole circle, 0 to 360."""
-    if horizontal[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees
+    """Return horizontal angles from 0 to 360 and their values (H, V), mirrored from those of a symmetric luminaire."""
+    if horizontal[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees: the mirror image of a is 540 - a
         angles = np.unique(np.concatenate([horizontal, (540.0 - horizontal) % 360.0, [0.0, 360.0]]))
         source = np.where((angles < 90.0) | (angles > 270.0), (540.0 - angles) % 360.0, angles)
         return angles, np.stack([np.interp(source, horizontal, column) for column in candela.T], axis=-1)
     if len(horizontal) == 1:
         return np.array([0.0, 360.0]), candela[[0, 0]]
+    # Angles from 0 to 90 are mirrored to 180, and angles from 0 to 180 to 360.
     for half in (90.0, 180.0):
         if horizontal[-1] == half:
             horizontal = np.concatenate([horizontal, 2.0 * half - horizontal[-2::-1]])
@@ -227,7 +238,10 @@ def _fault(where: str, line: int, problem: str) -> EnvironmentMapError:
 
 
 class _NumberReader:
-    """The numbers after a line of a file, each with its line."""
+    """Reads the numbers of an IES file one after the other, from the lines after line `after` on.
+
+    Every `take` method raises EnvironmentMapError, with the line, if the next numbers are missing or wrong.
+    """
 
     def __init__(self, where: str, lines: list[str], after: int) -> None:
         self._where = where

@@ -16,5 +16,5 @@ LIGHT_KINDS: dict[str, LightKind] = {
 
 
 def light_label(light: Light, number: int) -> str:
-    """Return the name of a light in messages: the path of its prim, else its number, with its kind."""
+    """Return the name of a light for messages: the path of its prim, or `number` if it has no prim, and its kind."""
     return f"light {light.emission.path or number} ({light.kind})"

@@ -1,7 +1,8 @@
-"""The lights of a rig as numbers that a shader reads.
+"""The lights of a rig as arrays of numbers that a shader reads.
 
-Lamps are the lights that are not domes. Each light is a row of `FIELDS` in one array, so that one loop of the shader
-serves all lamps of a kind. The shader's code depends on the kinds and controls in the rig, not on their numbers.
+A *lamp* is a light with a shape; the other lights of a rig are domes. Each light has a row of `FIELDS` in one array, so
+that one loop of the shader serves all lamps of a kind. The shader's code depends on the kinds of lights and the
+`CONTROLS` that are in the rig, not on the numbers in the rows.
 """
 
 from __future__ import annotations
@@ -28,26 +29,26 @@ from lookdev.light.shape import LampShape, greatest_cosine
 SHAPES: dict[str, type[LampShape]] = {
     name: shape for kind in LIGHT_KINDS.values() for name, shape in kind.type.shapes.items()
 }
-"""Shapes of lamps, by their names in generated code; a shape's number in a row is its index here."""
+"""The shapes of lamps, by their names in generated code."""
 
 FIELDS = (
-    "kind",
-    *("x", "y", "z"),  # position, from the axis about which the rig turns
-    *(f"{axis}{i}" for axis in "xyz" for i in range(3)),  # axes
-    *("a", "b"),  # the fields of its shape
+    "kind",  # index in `SHAPES`, -1 for a dome
+    *("x", "y", "z"),  # position in metres; x and y are relative to the vertical axis about which the rig turns
+    *(f"{axis}{i}" for axis in "xyz" for i in range(3)),  # x0 to z2: the components of the light's axes
+    *("a", "b"),  # `Light.shape_numbers`
     "reach",  # metres to its farthest point
     *("red", "green", "blue"),  # radiance
     "mean",  # mean radiance of the channels, times the texture's mean and the profile's largest value
-    *("turns", "camera"),
-    *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),
-    *("profile", "profile_scale", "angle_scale"),  # start in the array of tables, -1 without
-    *("virtual", "power", "fade", "fade_rise"),
-    *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
+    *("turns", "camera"),  # 1 or 0: the flags of `Emission`
+    *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),  # arguments of `cone_factor` and `focus_factor`
+    *("profile", "profile_scale", "angle_scale"),  # `profile` is its start in the array of tables, -1 without a profile
+    *("virtual", "power", "fade", "fade_rise"),  # arguments of `falloff_factor`
+    *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),  # arguments of `shadow_factor`
     *("diffuse", "specular"),
-    *("picture", "tree"),  # number of its texture, and start of its `flat_tree` in the array of tables
+    *("picture", "tree"),  # number of its texture, start of its `flat_tree` in the array of tables; or -1
     "spares",  # index of `Emission.shadow_excluded` in `CodedRig.shadow_excluded`
 )
-"""The numbers of a lamp, in the order of a row."""
+"""The names of the numbers in the row of a light, in their order."""
 
 CONTROLS: Mapping[str, Callable[[Emission], object]] = {
     "shaped": lambda emission: emission.shaping,
@@ -57,10 +58,10 @@ CONTROLS: Mapping[str, Callable[[Emission], object]] = {
     "still": lambda emission: not emission.turns,
     "split": lambda emission: (emission.diffuse, emission.specular) != (1.0, 1.0),
 }
-"""The controls of lights that have code of their own in a shader: tests of whether an emission needs them.
+"""The features of an emission that have code of their own in a shader, and the test whether an emission needs each.
 
-``shadowed`` is a shadow that is not the default, ``still`` a light that does not turn with the rig, ``split`` a factor
-of the diffuse or specular response.
+``shaped`` is a beam, ``profiled`` an IES profile, ``falling`` a falloff, ``shadowed`` a shadow that is not the default,
+``still`` a light that does not turn with the rig, ``split`` a factor of the diffuse or specular response.
 """
 
 
@@ -69,9 +70,9 @@ def estimate_irradiance(
 ) -> Array:
     """Return an estimate (...) of the irradiance at points (..., 3) with normals (..., 3) from a shape of radiance 1.
 
-    It is positive wherever the shape sends light to the front of the plane with the normal. `beam` and `falloff` are
-    the numbers of `beam_bound` and `falloff_factor`; None if the emission is the same in all directions, or has no
-    falloff.
+    It is positive wherever light from the shape arrives on the side of the normal. `beam` has the arguments of
+    `beam_bound` from `cone` on, None if the emission is the same in all directions. `falloff` has the arguments of
+    `falloff_factor` after the distance, None without a falloff.
     """
     axis, squared_sine = shape.cone(point)
     estimate: Array = shape.solid_angle(point) * greatest_cosine(axis, squared_sine, normal)
@@ -84,9 +85,9 @@ def estimate_irradiance(
 
 @dataclass(frozen=True)
 class RigOrigin:
-    """The placement of a shader's coordinates in the lights' world, in metres.
+    """The position of a shader's origin in the world of the lights.
 
-    `origin` is the world position of the shader's origin, `axis` the x and y of the vertical about which a rig turns.
+    `origin` is in metres. `axis` is the x and y of the vertical axis about which the rig turns.
     """
 
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -101,7 +102,7 @@ class RigOrigin:
 
 @dataclass(frozen=True)
 class CodedRig:
-    """The lights of a rig in the order of their numbers in a shader: lamps, then domes."""
+    """The lights of a rig in the order of their numbers in a shader: first the lamps, then the domes."""
 
     lamps: tuple[Light, ...]
     domes: tuple[Light, ...]
@@ -151,7 +152,7 @@ class CodedRig:
 
     @cached_property
     def _tables(self) -> dict[str, Floats]:
-        """The tables of profiles and textures, by the digests of their files."""
+        """The tables of profiles (`IesProfile.numbers`) and textures (`flat_tree`), by the digests of their files."""
         tables = {}
         for emission in self.emissions:
             if emission.shaping and (profile := emission.shaping.profile):
@@ -162,6 +163,7 @@ class CodedRig:
         return tables
 
     def _row(self, light: Light, starts: dict[str, int], rig_origin: RigOrigin) -> list[float]:
+        """Return the `FIELDS` of a light; `starts` has the index of each table in `tables`, by its digest."""
         emission, color = light.emission, light.emitted_radiance
         x, y, z = light.position or (*rig_origin.axis, 0.0)
         mean_factor, texture, tree = 1.0, -1, -1
@@ -210,6 +212,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCod
     """Return the values for the shader of a rig; without `sampled`, domes have no tables for sampling."""
     tables, excluded_sets = rig.tables(), rig.shadow_excluded
     group_count = 1 + max((group for excluded in excluded_sets for group in excluded), default=-1)
+    # The array `spared` has a flag for each set of excluded groups and each group: RIG_SPARED x RIG_GROUPS flags.
     counts = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_LIGHTS": len(rig.lamps) + len(rig.domes),
@@ -246,9 +249,9 @@ def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCod
 
 
 def is_plain(light: Light) -> bool:
-    """Return whether the OSL of a light's kind, where it has one, renders the light.
+    """Return whether the OSL of a light's kind, if it has one, can render the light.
 
-    It renders a dome only with world axes and a default emission, which may be visible to the camera.
+    The OSL of domes needs world axes and the default emission, apart from `Emission.camera`.
     """
     if light.map_dome is not light:
         return True

@@ -1,7 +1,7 @@
-"""Directions and the equirectangular (lat-long) square, by Blender's convention.
+"""The mapping between directions and the coordinates (u, v) of a lat-long image, by Blender's convention.
 
-World space has z up. ``u`` grows clockwise seen from above and is periodic; ``v`` grows upward from the nadir
-(0) to the zenith (1), so row 0 of an image, its top, lies at ``v = 1``.
+World space has z up. ``u`` grows clockwise seen from above and is periodic. ``v`` grows upward, from 0 at the nadir to
+1 at the zenith: the top edge of an image, above its row 0, is at ``v = 1``.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from lookdev.arrays import Floats
 
 
 def direction_to_uv(direction: ArrayLike) -> Floats:
-    """Map directions (..., 3), of any length but 0, to the lat-long square (..., 2); at the poles u is 0, 0.5 or 1."""
+    """Map directions (..., 3), of any length but 0, to (u, v), an array (..., 2); at the poles u is 0, 0.5 or 1."""
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     u = 0.5 - np.arctan2(y, x) / (2.0 * np.pi)
     v = 0.5 + np.arctan2(z, np.hypot(x, y)) / np.pi
@@ -21,16 +21,16 @@ def direction_to_uv(direction: ArrayLike) -> Floats:
 
 
 def uv_to_direction(uv: ArrayLike) -> Floats:
-    """Map points (..., 2), u of any value, of the lat-long square to unit directions (..., 3)."""
+    """Map coordinates (u, v), an array (..., 2) with u of any value, to unit directions (..., 3)."""
     u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
     azimuth = np.pi * (1.0 - 2.0 * u)
-    # The cosine of the latitude, measured from the nearer pole so that it vanishes there exactly.
+    # The cosine of the latitude. With the distance to the nearer pole it is exactly 0 at both poles.
     horizontal = np.sin(np.pi * np.minimum(v, 1.0 - v))
     return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), -np.cos(np.pi * v)], axis=-1)
 
 
 def rotate_z(direction: ArrayLike, degrees: ArrayLike) -> Floats:
-    """Rotate directions (..., 3) about world z, counter-clockwise from above, by `degrees` (broadcasts)."""
+    """Rotate directions (..., 3) about world z, counter-clockwise seen from above, by `degrees` (...)."""
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     angle = np.radians(np.asarray(degrees, dtype=np.float64))
     cosine, sine = np.cos(angle), np.sin(angle)

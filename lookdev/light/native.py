@@ -1,4 +1,4 @@
-"""The features of an emission that Cycles' own lights and worlds lack, and the domes that a world renders."""
+"""Lights as Cycles' own lights and world render them: the features of an emission that these lack, and the domes."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ def missing_features(emission: Emission, *supported: str, first: Iterable[str] =
 
 
 def missing_shadow_features(emission: Emission) -> Iterator[str]:
-    """Yield a phrase if an emission has a shadow control; Blender has none, even where it can disable shadows.
+    """Yield a phrase if an emission has a shadow control, which Blender's lights lack.
 
-    Occluders still block a Blender light without shadows in directions that the BSDF samples.
+    Blender can disable a light's shadow, but occluders still block the light in directions that the BSDF samples.
     """
     if emission.shadow != WHITE.shadow:
         yield _FIELD_PHRASES["shadow"]
 
 
 def world_domes(lights: Sequence[Light]) -> list[Dome]:
-    """Return the domes that are infinitely far; a world of Blender renders their sum."""
+    """Return the domes that are infinitely far; Blender's world renders the sum of them."""
     return [light.world_dome for light in lights if light.world_dome]
 
 
 def are_domes_still(lights: Sequence[Light]) -> bool | None:
     """Return whether the domes of a rig stand still while it turns; None if some do and some do not.
 
-    A constant dome counts as either.
+    A constant dome looks the same in both cases, and is not counted.
     """
     still = {not dome.emission.turns for dome in world_domes(lights) if not dome.constant}
     return None if len(still) > 1 else still == {True}

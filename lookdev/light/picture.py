@@ -1,10 +1,11 @@
-"""The texture of a rectangle light: look-ups, and directions in proportion to luminance within its solid angle.
+"""The texture of a rectangle light: look-ups, and sampling of directions in proportion to its radiance.
 
-The rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is drawn in proportion to the mean of
-the texture times the quadrant's solid angle. Within the last quadrant, `spherical_rectangle` draws the direction. The
-mean is that of bilinear look-ups, so that a quadrant of mean 0 emits no light.
+Sampling starts with the whole rectangle as one *cell*, and divides a cell into four quadrants, `LEVELS` times. At each
+level it draws a quadrant, the next cell, in proportion to the mean of the texture over the quadrant times the
+quadrant's solid angle. Within the last cell, `spherical_rectangle` draws the direction. The means are those of bilinear
+look-ups, so that a quadrant of mean 0 emits no light.
 
-Generated code follows `draw_cell` and `cell_pdf`, whose arrays may be symbolic.
+The shaders' code does the same as `draw_cell` and `cell_pdf`, whose arrays may be symbolic.
 """
 
 from __future__ import annotations
@@ -21,29 +22,30 @@ from lookdev.light.dome.warp import interpolate
 from lookdev.light.spherical_rectangle import RectanglePoint, density, draw, project_part
 
 LEVELS = 5
-"""Number of divisions of a texture, to 32 x 32 cells."""
+"""The number of divisions of a rectangle; 5 give 32 x 32 cells."""
 
 CELL_SEGMENTS = 2
-"""The `segments` of `project_rectangle` for the solid angle of a quadrant."""
+"""The argument `segments` of `project_rectangle` for the solid angle of a quadrant."""
 
-_TINY = 1e-30
+_TINY = 1e-30  # replaces divisors of 0
 
 
 def prepare_texture(image: EnvironmentMap) -> Content:
-    """Write the texture of a `RectLight` to the cache, its top row first."""
+    """Write an image to the cache as the texture of a `RectLight`, top row first, and return the file."""
     return Content.store_written(".exr", lambda path: write_exr(path, "RGB", image.radiance))
 
 
 def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
-    """Look up a texture (H, W, C), bilinear and clamped; u is 0 at its first column, v is 0 at its first row."""
+    """Return bilinear, clamped look-ups (..., C) in a texture (H, W, C); u is 0 at its left edge, v at its top edge."""
     height, width = picture.shape[:2]
     return interpolate(picture, u * width - 0.5, v * height - 0.5)
 
 
 def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
-    """Return the means of a texture (H, W, 3) over 1, 4, 16, ... cells: an array (2^k, 2^k) for each level k.
+    """Return the means of a texture (H, W, 3) over the cells of each level: an array (2^k, 2^k) for level k.
 
-    Row and column 0 are at (-x, -y) of the light. A black texture counts as white.
+    The luminance of a texel is the mean of its channels. Row and column 0 of an array are at (-x, -y) of the light. A
+    black texture counts as white.
     """
     values = picture.mean(axis=-1)[::-1, ::-1]
     if not values.any():
@@ -63,9 +65,10 @@ def flat_tree(tree: tuple[Floats, ...]) -> Floats:
 
 
 def _coverage(texels: int, cells: int) -> Floats:
-    """Return the weights (cells, texels) of texels in the means over cells of their linear interpolation."""
+    """Return the matrix (cells, texels) from a row of texels to the means of its linear interpolation over cells."""
     edges = np.linspace(0.0, texels, cells + 1)
-    # The integral of each texel's tent function up to the edges. Beyond the outermost centres, values are constant.
+    # The integral of each texel's tent function from the left up to each cell's edge. Beyond the centres of the first
+    # and the last texel, the interpolated value is constant.
     x = edges[:, None] - (np.arange(texels) + 0.5)
     tent = np.where(x < 0.0, 0.5 * np.maximum(1.0 + x, 0.0) ** 2, 1.0 - 0.5 * np.maximum(1.0 - x, 0.0) ** 2)
     tent[:, 0] -= 0.5 * np.maximum(0.5 - edges, 0.0) ** 2
@@ -74,9 +77,9 @@ def _coverage(texels: int, cells: int) -> Floats:
 
 
 def draw_cell(means: NumberTable, start: Real, point: Floats, width: Real, height: Real, u: Floats) -> RectanglePoint:
-    """Map points u (..., 2) of the unit square to points of the rectangle, for shading points (..., 3).
+    """Map points u (..., 2) of the unit square to points of the rectangle as seen from shading points (..., 3).
 
-    `means` is a column of numbers that has a `flat_tree` from row `start` on.
+    `means` is a column of numbers that has the texture's `flat_tree` from row `start` on.
     """
     u1, u2 = u[..., 0], u[..., 1]
     row, column = np.zeros_like(u1), np.zeros_like(u1)
@@ -96,11 +99,13 @@ def draw_cell(means: NumberTable, start: Real, point: Floats, width: Real, heigh
 def cell_pdf(
     means: NumberTable, start: Real, point: Floats, width: Real, height: Real, target: RectanglePoint
 ) -> Floats:
-    """Return the pdf (...) per steradian with which `draw_cell` returns points."""
+    """Return the pdf (...) per steradian with which `draw_cell` returns the points `target`."""
     cells = 2**LEVELS
     column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (target.s, target.t))
     probability = np.ones_like(target.s)
     for level in range(1, LEVELS + 1):
+        # The target is in row i and column j of this level, whose cells have `finest_cells` cells of the last level
+        # along a side.
         finest_cells = 2 ** (LEVELS - level)
         i, j = np.floor(row / finest_cells), np.floor(column / finest_cells)
         upper, left = np.floor(i / 2), np.floor(j / 2)
@@ -117,9 +122,13 @@ def cell_pdf(
 def _weights(
     means: NumberTable, start: Real, level: int, point: Floats, width: Real, height: Real, row: Floats, column: Floats
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Return the weights (...) of a cell's quadrants, as (lower left, lower right), (upper left, upper right)."""
+    """Return the weights (...) of a cell's quadrants, as (lower left, lower right), (upper left, upper right).
+
+    `row` and `column` (...) are those of the cell in the level above, `level` is that of its quadrants. Left is at -x,
+    lower at -y.
+    """
     side = 2**level
-    before = (side * side - 4) // 3  # cells of the levels before: 4 + 16 + ...
+    before = (side * side - 4) // 3  # the number of cells of levels 1 to level - 1: 4 + 16 + ...
 
     def quadrant_weight(i: int, j: int) -> Array:
         r, c = 2 * row + i, 2 * column + j
@@ -130,7 +139,7 @@ def _weights(
 
 
 def _choose(u: Floats, second: Array) -> tuple[Floats, Floats]:
-    """Return 1 with probability `second`, else 0, and u rescaled to a uniform number again."""
+    """Return 1 with probability `second`, else 0, and a number that is again uniform: the rest of `u`, rescaled."""
     first = 1 - second
     is_second = u >= first
     remainder = np.where(is_second, (u - first) / np.maximum(second, _TINY), u / np.maximum(first, _TINY))

@@ -1,7 +1,7 @@
-"""The base classes of lamps, and of those with a position and a finite size.
+"""Base classes of lights with a shape: `Lamp`, and `PlacedLight` for those with a position and a finite size.
 
-A light's own space is that of UsdLux: its shape is centred at the origin. A one-sided light emits along -z, which is
-also the axis of its `Shaping`. Its size is in metres of the world; there is no other scale.
+A light's own space is that of UsdLux: the shape is centred at the origin. A one-sided light emits along -z, which is
+also the axis of its `Shaping`. Lengths in this space are metres of the world, without a further scale.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world, vector
 from lookdev.light.shape import FAR, LampShape
 
-EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
+EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))  # of example lights: down, and towards +y
 EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
 
 
 class Lamp(Light):
-    """A light with a shape, rotated by `axes`; its methods are those of the shape."""
+    """A light with a shape; its methods transform to its own space and call those of the shape."""
 
     @property
     def shape(self) -> LampShape:
@@ -36,7 +36,7 @@ class Lamp(Light):
     @property
     @abstractmethod
     def size_factor(self) -> float:
-        """The divisor of the radiance where the power is normalized (`UsdLuxLightAPI`): in m^2, or in steradians."""
+        """The divisor of the radiance if the power is normalized (`UsdLuxLightAPI`), in square metres or steradians."""
 
     def radiance(self, point: Floats, direction: Floats) -> Floats:
         local_point, local_direction = self._to_own_space(point), to_local(self.axes, direction)
@@ -56,7 +56,7 @@ class Lamp(Light):
         return to_local(self.axes, point - np.array(self.position or (0.0, 0.0, 0.0)))
 
     def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
-        """Return the factor (..., 1 or 3) of the emission where the ray hits; arguments are in the light's space."""
+        """Return a factor (..., 1 or 3) of the emission where the ray hits; arguments are in the light's own space."""
         return 1.0
 
 
@@ -83,7 +83,7 @@ class PlacedLight(Lamp):
             check_number("position", value)
         checked_axes(self.axes)
         for name, size in self.sizes.items():
-            check_number(name.split()[0], size, above=0.0)  # without the axis of a radius
+            check_number(name.split()[0], size, above=0.0)  # "radius x" is called "radius" in the message
 
     @property
     def sizes(self) -> Mapping[str, float]:
@@ -106,10 +106,10 @@ class PlacedLight(Lamp):
         return replace(self.resize(scale), position=position, emission=self.emission.scale_lengths(scale))
 
     def may_reach(self, center: Vector, radius: float) -> bool:
-        """Return whether light may arrive in a sphere, without occlusion; False is certain.
+        """Return whether the light may reach a sphere, if nothing occludes it; False is certain, True is not.
 
-        No light arrives from a black light, from a one-sided light that faces away, from a cone that misses the sphere,
-        and from a falloff that ends before it.
+        A black light does not reach it, nor does a one-sided light that faces away, a light whose cone misses the
+        sphere, or one whose falloff ends before it.
         """
         if not super().may_reach(center, radius):
             return False
@@ -122,8 +122,8 @@ class PlacedLight(Lamp):
             return False
         if shaping is None or distance <= total_radius:
             return True
-        # From any point of the light, the sphere is in a cone about the direction from the light's position to the
-        # sphere's center, of half angle asin(total_radius / distance).
+        # A ray from the light to the sphere deviates from the line between the centres of both by at most
+        # asin(total_radius / distance).
         off_axis = math.acos(np.clip(-local[2] / distance, -1.0, 1.0))
         return off_axis - math.asin(total_radius / distance) <= shaping.cone[0]
 

@@ -1,4 +1,4 @@
-"""Rectangle light: `UsdLuxRectLight`."""
+"""Rectangle light: `UsdLuxRectLight`, with or without a texture."""
 
 from __future__ import annotations
 
@@ -57,7 +57,10 @@ class RectangleShape:
 
 @dataclass(frozen=True)
 class TexturedRectangle(RectangleShape):
-    """The `LampShape` of a rectangle with a texture; `means` has its `flat_tree`, from row `start` on, for sampling."""
+    """The `LampShape` of a rectangle whose directions are drawn in proportion to a texture.
+
+    `means` is a column of numbers with the texture's `flat_tree` from row `start` on.
+    """
 
     means: NumberTable
     start: Real = 0.0
@@ -74,10 +77,10 @@ class TexturedRectangle(RectangleShape):
 
 @dataclass(frozen=True, kw_only=True)
 class RectLight(PlacedLight):
-    """A rectangle of `width` along its x and `height` along its y, in metres, that emits along its -z.
+    """A rectangle, of `width` along its x and `height` along its y in metres, that emits from its -z side.
 
     `texture` multiplies the emission. It is an EXR of R, G, B, linear Rec.709, written by `prepare_texture`. The first
-    texel of its top row is at (+x, +y), so that seen from the front it is upright and not mirrored.
+    texel of its top row is at (+x, +y), so that the texture is upright and not mirrored when seen from the front.
     """
 
     kind = "rect"
@@ -104,7 +107,7 @@ class RectLight(PlacedLight):
     def _convert(self, space: Space) -> RectLight:
         if self.texture is None or self.picture is None:
             return super()._convert(space)
-        # The emitted radiance is the texture times the colour: the new texture includes both.
+        # The texture times the colour is converted as a whole: the new texture includes the colour.
         texture = prepare_texture(map_in_space(self.picture, self.emission.color, self.texture.digest, space))
         return replace(self, texture=texture, emission=replace(self.emission.in_space(space), color=WHITE.color))
 
@@ -133,6 +136,7 @@ class RectLight(PlacedLight):
     def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
+        # Column 0 of the texture is at +x, where s is 1, and row 0 is at +y, where t is 1.
         _, hit = spherical.intersect_rectangle(point, direction, self.width, self.height)
         return np.asarray(look_up(self.picture, 1.0 - hit.s, 1.0 - hit.t))
 

@@ -1,7 +1,8 @@
-"""Shapes that emit light, in a light's own space, and the formulas that the renderers share.
+"""Shapes that emit light: intersection, sampling and bounds, for NumPy and for generated shader code.
 
-A shape's fields are numbers, or symbolic arrays in their place: the generated code is traced from the same methods
-(`lookdev.codegen.program.lamps`). Points and directions are (..., 3); directions are unit vectors away from the point.
+`lookdev.codegen.program.lamps` traces the methods of a shape: it calls them with symbolic arrays instead of numbers,
+and writes their operations as code. Points and directions are (..., 3), in the light's own space. Directions are unit
+vectors away from the point.
 """
 
 from __future__ import annotations
@@ -24,14 +25,14 @@ INFINITE_DISTANCE = 1e20
 
 
 class LampShape(Protocol):
-    """The shape of a lamp as seen from shading points: a dataclass of at most two sizes."""
+    """The shape of a lamp as seen from shading points: a dataclass whose fields are at most two sizes."""
 
     __dataclass_fields__: ClassVar[dict[str, Field[object]]]
 
     def __init__(self, *sizes: Real) -> None: ...
 
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        """Return metres (...) to the side that emits; `FAR` for misses, and from behind."""
+        """Return metres (...) along the ray to the emitting side; `FAR` for a miss, and for a ray from behind."""
 
     def pdf(self, point: Floats, direction: Floats) -> Floats:
         """Return the density (...) per steradian of `sample`."""
@@ -40,14 +41,17 @@ class LampShape(Protocol):
         """Map points `u` (..., 2) of the unit square to directions, nearly all of which hit the shape."""
 
     def solid_angle(self, point: Floats) -> Floats | float:
-        """Return its rough solid angle (...) in steradians: positive wherever a ray can hit it, 0 from behind."""
+        """Return an estimate (...) of the shape's solid angle in steradians: 0 only where no ray can hit it."""
 
     def cone(self, point: Floats) -> tuple[Floats, Floats]:
-        """Return a cone that contains it: its axis (..., 3) and the squared sine (...) of its half angle, up to 1."""
+        """Return the axis (..., 3) and the squared sine (...) of the half angle of a cone that contains the shape.
+
+        A squared sine of 1 stands for all directions.
+        """
 
 
 def cone_about(point: Floats, reach: Real) -> tuple[Floats, Floats]:
-    """Return the cone (`LampShape.cone`) of directions from points (..., 3) to a sphere about the origin."""
+    """Return the `LampShape.cone` of a sphere of radius `reach` about the origin, seen from points (..., 3)."""
     squared = dot(point, point)
     away = np.expand_dims(squared > 0, -1)
     axis = np.where(away, -point, ZENITH) / np.expand_dims(np.sqrt(np.where(squared > 0, squared, 1)), -1)
@@ -55,7 +59,7 @@ def cone_about(point: Floats, reach: Real) -> tuple[Floats, Floats]:
 
 
 def greatest_cosine(axis: Floats, squared_sine: Floats, normal: Floats) -> Floats:
-    """Return the largest cosine (...) between a normal (..., 3) and the directions of a cone, at least 0."""
+    """Return the largest cosine (...) between a normal (..., 3) and directions of a `LampShape.cone`, at least 0."""
     cosine = dot(axis, normal)
     rotated = cosine * np.sqrt(1 - squared_sine) + np.sqrt(squared_sine * np.maximum(1 - cosine * cosine, 0))
     inside = (squared_sine >= 1) | ((cosine > 0) & (cosine * cosine >= 1 - squared_sine))
@@ -63,21 +67,21 @@ def greatest_cosine(axis: Floats, squared_sine: Floats, normal: Floats) -> Float
 
 
 def uniform_pdf(versine: Real) -> Real:
-    """Return the pdf (...) per steradian of `draw_uniform`; `versine` is 1 - cos of the cone's half angle."""
+    """Return the pdf (...) per steradian of `draw_uniform` in a cone; `versine` is 1 - cos of its half angle."""
     return 1 / (2 * math.pi * versine)
 
 
 def draw_uniform(versine: Real, u: Floats) -> Floats:
-    """Map points u (..., 2) of the unit square to directions (..., 3), uniform in cones about z."""
+    """Map points u (..., 2) of the unit square to directions (..., 3), uniform in cones about z; see `uniform_pdf`."""
     versine_drawn = u[..., 0] * versine
     sine, angle = np.sqrt(versine_drawn * (2 - versine_drawn)), 2 * math.pi * u[..., 1]
     return np.stack([sine * np.cos(angle), sine * np.sin(angle), 1 - versine_drawn], axis=-1)
 
 
 def orient_to_axis(axis: Floats, local: Floats) -> Floats:
-    """Transform vectors `local` (..., 3) from frames about the unit vectors `axis` (..., 3), their z, to the world.
+    """Transform vectors `local` (..., 3) from frames whose z axes are the unit vectors `axis` (..., 3).
 
-    Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
+    The frames are those of Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
     """
     x, y, z = np.moveaxis(axis, -1, 0)
     sign = np.where(z < 0, -np.ones_like(z), np.ones_like(z))

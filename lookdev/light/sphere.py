@@ -1,4 +1,4 @@
-"""Sphere light: `UsdLuxSphereLight`. Directions are uniform over the cone that it subtends."""
+"""Sphere light: `UsdLuxSphereLight`. Sampling draws directions uniformly from the cone that the sphere subtends."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Sphere:
 
 @dataclass(frozen=True, kw_only=True)
 class SphereLight(PlacedLight):
-    """A sphere of a radius in metres that emits outwards; from inside it is dark, as UsdLux defines it."""
+    """A sphere that emits outwards, of a `radius` in metres; it is dark inside, as UsdLux defines it."""
 
     kind = "sphere"
     shapes: ClassVar[Mapping[str, type[LampShape]]] = {"sphere": Sphere}
@@ -68,15 +68,16 @@ class SphereLight(PlacedLight):
 def sphere_versine(point: Floats, radius: Real) -> Floats:
     """Return 1 - cos of half the angle that a sphere about the origin subtends at points (..., 3); 1 from inside."""
     squared = dot(point, point)
-    sine = np.minimum(radius * radius / np.maximum(squared, radius * radius), 1)
-    versine: Floats = sine / (1 + np.sqrt(1 - sine))
+    squared_sine = np.minimum(radius * radius / np.maximum(squared, radius * radius), 1)
+    # 1 - cos without cancellation.
+    versine: Floats = squared_sine / (1 + np.sqrt(1 - squared_sine))
     return versine
 
 
 def intersect_sphere(point: Floats, direction: Floats, radius: Real) -> Floats:
     """Return the distance (...) along directions (..., 3) to a sphere at the origin; `FAR` for misses, and from inside.
 
-    The distance of the line from the centre is the length of a cross product, which keeps its digits from afar.
+    The distance of the line from the centre is the length of a cross product, which is accurate from afar, too.
     """
     moment = cross(point, direction)
     discriminant = radius * radius - dot(moment, moment)

@@ -1,17 +1,20 @@
-"""Directions to a rectangle, nearly uniform over its solid angle, with an exact pdf.
+"""Sampling of directions to a rectangle, nearly uniform over its solid angle, with an exact pdf.
 
-As in Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles", 2013, a direction has two
-coordinates: the azimuth about an axis parallel to two of the sides, and the sine of the elevation, which is uniform
-between its values at the other two sides. Their azimuth is exact, but inverts a sum of four angles. In float32, that
-sum has no correct digit at solid angles below about 1e-3 sr. Here the density of the azimuth is piecewise linear: in
-the middle of each of `SEGMENTS` equal segments, it is proportional to the range of the sine. The pdf of the result is
-exact; docs/notebook/spherical-rectangle.md has the variance of its weights.
+Rectangle, disk and cylinder lights draw their directions with it. As in Ureña, Fajardo, King, "An Area-Preserving
+Parametrization for Spherical Rectangles", 2013, a direction has two coordinates. One is the azimuth about an axis
+parallel to two of the sides. The other is the sine of the elevation, which is drawn uniformly between its values at the
+other two sides.
+
+The azimuth of that publication is exactly uniform over the solid angle, but inverts a sum of four angles. In float32,
+that sum has no correct digit at solid angles below about 1e-3 sr. Here the azimuth has a piecewise linear density: its
+range is divided into `SEGMENTS` equal segments, and in the middle of each the density is proportional to the range of
+the sine. The pdf of the result is exact; docs/notebook/spherical-rectangle.md has the variance of its weights.
 
 No formula subtracts nearly equal numbers. The formulas therefore hold in float32 at distances from 1e-6 to 1e6 times
-the rectangle's size. The azimuth is about the axis for which its range is smaller: its density stays smooth near an
-edge and in the plane of the rectangle.
+the rectangle's size. Of the two possible axes, the azimuth is about the one for which its range is smaller. Its density
+is then smooth even near an edge and in the plane of the rectangle.
 
-All functions keep the type of their arguments, so that float32 can be tested.
+All functions keep the type of their arguments, so that tests can run them in float32.
 """
 
 from __future__ import annotations
@@ -28,14 +31,14 @@ from lookdev.light.shape import FAR
 SEGMENTS = 4
 """The default number of segments of the azimuth's density."""
 
-_TINY = 1e-30
+_TINY = 1e-30  # replaces divisors of 0
 
 
 class RectanglePoint(NamedTuple):
-    """Points (...) of rectangles in the rectangle's own axes, in two forms.
+    """Points (...) of rectangles, each with its position along the rectangle's own axes in two forms.
 
-    `x` and `y` are measured from the foot of the shading point's perpendicular, `s` and `t` are fractions of width and
-    height. From close by x and y have more digits, from afar s and t.
+    `s` and `t` are fractions of the width and the height. `x` and `y` are distances from the foot of the perpendicular
+    from the shading point. Seen from nearby, `x` and `y` have more correct digits; seen from afar, `s` and `t`.
     """
 
     s: Floats
@@ -45,10 +48,10 @@ class RectanglePoint(NamedTuple):
 
 
 class SphericalRectangle(NamedTuple):
-    """Rectangles (...) as seen from the origin; the azimuth is in the plane of x and z, from `x0` to `x0 + width`.
+    """Rectangles (...) as seen from the origin, with the densities from which directions are drawn.
 
-    A rectangle is at `z` > 0, from `x0` to `x0 + width` and from `y0` to `y0 + height`. `swapped` is true where x is
-    the rectangle's own y.
+    A rectangle is in the plane at `z` > 0, from `x0` to `x0 + width` and from `y0` to `y0 + height`. The azimuth is the
+    angle about the y axis, from the z axis towards x. `swapped` is true where this x axis is the rectangle's own y.
     """
 
     x0: Floats
@@ -58,9 +61,9 @@ class SphericalRectangle(NamedTuple):
     z: Floats
     swapped: Bools
     azimuth_range: Floats
-    """Range of the azimuth."""
+    """The angle (...) in radians between the azimuths of the sides x0 and x0 + width."""
     sine_ranges: tuple[Floats, ...]
-    """Ranges (...) of the sine of the elevation, at the middles of equal segments of the azimuth."""
+    """The difference (...) of the sine of the elevation between the sides, at the middle of each azimuth segment."""
     mean_sine_range: Real
     """Mean of `sine_ranges`."""
 
@@ -73,7 +76,7 @@ class SphericalRectangle(NamedTuple):
 def project_rectangle(
     x0: Floats, width: Floats, y0: Floats, height: Floats, z: Floats, segments: int = SEGMENTS
 ) -> SphericalRectangle:
-    """Return rectangles (...) in front of the origin, at z > 0, as seen from it."""
+    """Return the `SphericalRectangle` of rectangles (...) at z > 0, as seen from the origin."""
     along_x, along_y = _angle_between(x0, width, z), _angle_between(y0, height, z)
     swapped = along_y < along_x
     x0, width, y0, height, angle = (
@@ -87,9 +90,10 @@ def project_rectangle(
 
 
 def draw(rectangle: SphericalRectangle, u: Array) -> RectanglePoint:
-    """Map points u (..., 2) of the unit square to points of the rectangles."""
+    """Map points u (..., 2) of the unit square to points of the rectangles, with the pdf `density`."""
     segments = len(rectangle.sine_ranges)
     remaining = u[..., 0] * rectangle.mean_sine_range * segments
+    # The azimuth's density is linear between the middles of neighbouring segments, and constant outside of them.
     fraction = np.zeros_like(remaining)
     for step in range(segments + 1):
         left, right = rectangle.sine_ranges[max(step - 1, 0)], rectangle.sine_ranges[min(step, segments - 1)]
@@ -100,7 +104,7 @@ def draw(rectangle: SphericalRectangle, u: Array) -> RectanglePoint:
         fraction = fraction + np.clip(2 * covered / np.maximum(left + root, _TINY), 0, segment_width) / segments
         remaining = remaining - covered
     s, x = _point_at_angle(rectangle.x0, rectangle.width, rectangle.z, rectangle.azimuth_range, fraction)
-    # Near the foot of the origin's perpendicular, x0 + width s cancels to no correct digit; the tangent does not.
+    # Near the foot of the perpendicular from the origin, x0 + width s loses all digits; z tan(azimuth) does not.
     is_near_foot = x * x + rectangle.z * rectangle.z < rectangle.z * rectangle.width
     azimuth = np.arctan2(rectangle.x0, rectangle.z) + np.where(is_near_foot, fraction, 0) * rectangle.azimuth_range
     x = np.where(is_near_foot, rectangle.z * np.tan(azimuth), x)
@@ -131,9 +135,9 @@ def _angle_between(x0: Floats, width: Floats, z: Floats) -> Floats:
 
 
 def _point_at_angle(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Real) -> tuple[Floats, Floats]:
-    """Return the fraction of the width at which a fraction of the angle is reached, and x there.
+    """Return the fraction of the width, and x, of the point at a fraction of the `angle` from x0 to x0 + width.
 
-    The formula is the law of sines in the triangles of the origin and the two ends.
+    The formula is the law of sines in the two triangles between the origin, the point and one end.
     """
     last_x = x0 + width
     first = np.sqrt(x0 * x0 + z * z) * np.sin(fraction * angle)
@@ -144,7 +148,10 @@ def _point_at_angle(x0: Floats, width: Floats, z: Floats, angle: Floats, fractio
 
 
 def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
-    """Return y1 / r1 - y0 / r0, y1 = y0 + height, where r^2 = squared + y^2."""
+    """Return the range of the sine of the elevation, y1 / r1 - y0 / r0, with y1 = y0 + height.
+
+    The distances r0 and r1 from the origin are r^2 = squared + y^2, where `squared` is x^2 + z^2.
+    """
     y1 = y0 + height
     r0, r1 = np.sqrt(squared + y0 * y0), np.sqrt(squared + y1 * y1)
     spans_zero = y0 * y1 < 0
@@ -154,12 +161,13 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
 
 
 def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tuple[Floats, Floats]:
-    """Return the fraction of the height, and y, at which the sine y / r has covered the fraction v of its range.
+    """Return the fraction of the height, and y, of the point at a fraction `v` of the range of the sine y / r.
 
     As in `_sine_range`, r^2 = squared + y^2, and y is from `y0` to `y0 + height`.
     """
     y1 = y0 + height
     spans_zero, is_below = y0 * y1 < 0, (y0 + y1 < 0)
+    # A rectangle entirely at y < 0 is mirrored, so that the end `near` is the one closer to y = 0.
     v = np.where(is_below & ~spans_zero, 1 - v, v)
     near = np.where(spans_zero, y0, np.where(is_below, -y1, y0))
     far = near + height
@@ -176,7 +184,7 @@ def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tup
     mixed = np.where(spans_zero, on_both_sides, on_one_side)
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
     near_cosine = d / r0
-    # d times the difference of the tangents, reached / cosine - sine / near_cosine, without cancellation.
+    # `y_step` is d times the difference of the tangents, reached / cosine - sine / near_cosine, without cancellation.
     y_step = (
         d * step * (reached + sine) / np.maximum(cosine * near_cosine * (reached * near_cosine + sine * cosine), _TINY)
     )
@@ -186,13 +194,14 @@ def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tup
     return np.where(mirrored, 1 - t, t), np.where(mirrored, -y, y)
 
 
-# A rectangle about the origin in the plane z = 0 that emits along -z, as seen from points with z < 0.
+# In the functions from here on, the rectangle is centred at the origin in the plane z = 0 and emits along -z, so that
+# only points with z < 0 see it.
 
 
 def intersect_rectangle(point: Floats, direction: Floats, width: Real, height: Real) -> tuple[Floats, RectanglePoint]:
     """Return the distance (...) along directions (..., 3) to the rectangle, and the point that the ray hits.
 
-    The distance is `FAR` for misses and for rays from behind; the fractions s and t of these are clipped to [0, 1].
+    For a miss and for a ray from behind, the distance is `FAR`, and the point's s and t are clipped to [0, 1].
     """
     x, y, z = np.moveaxis(point, -1, 0)
     wx, wy, wz = np.moveaxis(direction, -1, 0)
@@ -207,17 +216,17 @@ def intersect_rectangle(point: Floats, direction: Floats, width: Real, height: R
 def project_part(
     point: Floats, width: Real, height: Real, s: Real = 0.0, t: Real = 0.0, size: Real = 1.0, segments: int = SEGMENTS
 ) -> SphericalRectangle:
-    """Return the part of the rectangle from fractions (s, t) to (s + size, t + size), as seen from points (..., 3)."""
+    """Return a part of the rectangle as seen from points (..., 3): from fractions (s, t) to (s + size, t + size)."""
     x, y, z = np.moveaxis(point, -1, 0)
     x0, y0, ones = width * (s - 0.5) - x, height * (t - 0.5) - y, np.ones_like(x)
     return project_rectangle(x0, width * size * ones, y0, height * size * ones, np.where(z < 0, -z, ones), segments)
 
 
 def approximate_solid_angle(point: Floats, width: Real, height: Real, area: Real) -> Floats:
-    """Return the rough solid angle (...) at points (..., 3) of a light of `area` in the rectangle; 0 from behind.
+    """Return an estimate (...) of the solid angle, at points (..., 3), of a light within the rectangle; 0 from behind.
 
-    The formula uses the distance and the cosine at the rectangle's nearest point. Its limits are 2 pi on the light, and
-    area cosine / distance^2 from afar.
+    `area` is the area of the light. The formula uses the distance and the cosine at the rectangle's nearest point. It
+    tends to 2 pi on the light, and to area cosine / distance^2 far from it.
     """
     x, y, z = np.moveaxis(point, -1, 0)
     dx, dy = np.maximum(np.absolute(x) - width / 2, 0), np.maximum(np.absolute(y) - height / 2, 0)
@@ -228,7 +237,7 @@ def approximate_solid_angle(point: Floats, width: Real, height: Real, area: Real
 
 
 def directions_to_points(point: Floats, target: RectanglePoint) -> Floats:
-    """Return unit directions (..., 3) to points of the rectangle; +z at points that it does not illuminate."""
+    """Return unit directions (..., 3) from points (..., 3) to points of the rectangle; +z for points behind it."""
     z = point[..., 2]
     towards = np.stack([target.x, target.y, np.where(z < 0, -z, 1)], axis=-1)
     towards = np.where(np.expand_dims(z < 0, -1), towards, np.stack([0 * z, 0 * z, 0 * z + 1], axis=-1))

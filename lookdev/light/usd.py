@@ -1,6 +1,7 @@
-"""Lights of UsdLux: the reader that each kind of light has for its prims, and its result without the emission.
+"""Lights of UsdLux: the interface through which each kind of light reads its own prims.
 
-A prim whose scale differs between axes is supported where the kind's shape allows it.
+A kind has a `UsdLight` with a function that turns a `PlacedPrim` into a `LightShape`. The emission is read separately,
+in `lookdev.light.rig.emission`. A scale that differs between axes is supported where the kind's shape allows it.
 """
 
 from __future__ import annotations
@@ -19,11 +20,13 @@ if TYPE_CHECKING:
     from lookdev.light.placed import PlacedLight
     from lookdev.light.rig.attributes import LightPrim
 
-_SCALE_TOLERANCE = 1e-5  # relative: scales that differ by less are equal in float32
+_SCALE_TOLERANCE = 1e-5  # relative difference of scales that counts as rounding in float32
 
 LIGHT_ATTRIBUTES = ("turns", "camera", "lightGroup")
+"""The attributes in the namespace ``lookdev:`` of all lights."""
+
 FALLOFF_ATTRIBUTES = tuple(f"falloff:{name}" for name in ("virtualDistance", "exponent", "start", "end"))
-"""Attributes below ``lookdev:``, of all lights, and of lights with a position."""
+"""The attributes in the namespace ``lookdev:`` of lights with a position, besides `LIGHT_ATTRIBUTES`."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +36,17 @@ class LightShape:
     Parameters
     ----------
     make
-        Returns the light with emission 1; its argument is the image, None without one.
-    area, size
-        The divisor of the radiance where the power is normalized: `area` in square metres, else `size`.
+        A function that returns the light with radiance 1; its argument is the light's image, or None.
+    area
+        The divisor of the radiance if the power is normalized, in square metres; None if the divisor is `size`.
+    size
+        The divisor if `area` is None; it does not depend on the unit of length.
     lengths
-        The sizes of the light in metres, which are checked.
+        The sizes of the light in metres, for a check of their range.
     image
         The image file.
     space
-        The stated colour space of the image, or "".
+        The colour space that the prim states for the image, or "".
     format
         The format of a dome's image; "" for other lights.
     """
@@ -62,9 +67,9 @@ class LightShape:
 
 @dataclass(frozen=True)
 class UsdLight:
-    """The reader of prims of a type, and the attributes below ``lookdev:`` that they have.
+    """The reader of prims of a type, and their attributes in the namespace ``lookdev:``.
 
-    `read` reports a wrong value as a fault, and continues with its default.
+    `read` reports a wrong value as a fault, and continues with the default of that value.
     """
 
     read: Callable[[PlacedPrim], LightShape]
@@ -73,7 +78,11 @@ class UsdLight:
 
 @dataclass(frozen=True, eq=False)
 class PlacedPrim:
-    """A light prim to be read: position and scale in metres, axes, and whether domes need tables for sampling."""
+    """A light prim to be read, with its placement in the world.
+
+    `position` is in metres, `scale` in metres per unit along each axis. `y_up` is whether the stage has y up.
+    If `sampled`, domes get the tables with which a shader draws directions.
+    """
 
     light: LightPrim
     position: Vector
@@ -92,11 +101,12 @@ class PlacedPrim:
         return scale * self.light.number(f"inputs:{name}", above=0.0, default=1.0)
 
     def radius(self, hint: str, shape: str, others: tuple[int, ...]) -> float:
-        """Return the radius of a light that other renderers may treat as a point or a line, if `hint` is set.
+        """Return the radius in metres of a sphere or cylinder light, which scales with the y axis.
 
-        "Renderers that only support area lights can disregard this". Here every lamp has a surface, because mirrors
-        reflect it. The radius scales with the y axis. `shape` names the light in a note. Raises EnvironmentMapError
-        unless the axes `others` (0 for x, 2 for z) have the same scale as y.
+        `hint` is the attribute ``treatAsPoint`` or ``treatAsLine``, of which UsdLux states: "Renderers that only
+        support area lights can disregard this". It is disregarded with a note that calls the light a `shape`, because
+        mirrors reflect the surface of a lamp. Raises EnvironmentMapError unless the axes `others` (0 for x, 2 for z)
+        have the same scale as y.
         """
         if self.light.flag(hint):
             right = "a small radius would be right"
@@ -117,6 +127,6 @@ class PlacedPrim:
 
     @property
     def image(self) -> tuple[Path | None, str]:
-        """The image file of the light, None without one, and its stated colour space, or ""."""
+        """The image file of the light, or None, and the colour space that the prim states for it, or ""."""
         name = "inputs:texture:file"
         return self.light.file(name), self.light.space(name)

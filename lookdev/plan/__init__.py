@@ -1,4 +1,7 @@
-"""Plans: the frames to render, each with a pose of a setup and a digest of everything that affects its pixels."""
+"""Plans: the frames of a job, and the state of their files on disk, from which follows what is rendered.
+
+A *setup* is a look under a light. A frame is a setup in a pose, and has a digest of everything that affects its pixels.
+"""
 
 from lookdev.plan.plan import Charts, Plan, PlannedFile, Reel, build_plan
 from lookdev.plan.poses import turntable_poses

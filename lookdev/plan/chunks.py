@@ -1,9 +1,10 @@
-"""Divisions of a plan into parts with given shares of its cost, for processes that each render one part.
+"""Division of a plan into chunks (parts), of which each is rendered by one process, for ``lookdev render --chunk``.
+
+A chunk is a run of consecutive frames of the plan. The plan has its frames scene by scene, so that few scenes are in
+several chunks. Each frame is in exactly one chunk, whether it is done or not, so that processes that start at different
+times divide the plan in the same way.
 
 - Hummel, Schonberg and Flynn 1992, "Factoring: A Method for Scheduling Parallel Loops", Communications of the ACM 35(8)
-
-A part is a run of frames in the plan's order, which is scene by scene, so few scenes are in several parts. Each frame
-is in exactly one part, whether it is done or not, so processes that start at different times divide the plan alike.
 """
 
 from __future__ import annotations
@@ -18,17 +19,19 @@ from lookdev.errors import LookdevError
 from lookdev.plan.plan import Plan
 
 MAX_CHUNKS = 100_000
+"""The maximum number of parts of a division."""
 
 _MIN_COST = 1 / 32
-"""The cost of the last parts, relative to that of the first."""
+"""The minimum cost of the last parts, relative to that of the first."""
 
 
 @dataclass(frozen=True)
 class Division:
     """A division into `count` parts: of equal cost if `machines` is 0, otherwise in rounds of one part per machine.
 
-    The parts of a round cost half of those of the round before (Hummel et al. 1992, section 3), so that the small, late
-    parts balance the errors in the estimates of the early ones. With more than six rounds the cost falls more slowly.
+    In each round the parts cost half as much as in the round before (Hummel et al. 1992, section 3). The small parts at
+    the end compensate for errors in the estimated costs of the large ones. With more than six rounds, the cost falls
+    more slowly.
     """
 
     count: int
@@ -36,7 +39,10 @@ class Division:
 
     @classmethod
     def parse(cls, text: str) -> Division:
-        """Read a division as the command line has it, ``8`` or ``48@8``; raises LookdevError."""
+        """Return the division of a text of the command line, such as ``8`` or ``48@8``; raise LookdevError.
+
+        The first number is `count`, the second is `machines`.
+        """
         match = re.fullmatch(r"([0-9]{1,6})(?:@([0-9]{1,6}))?", text, re.ASCII)
         count, machines = (int(group) if group is not None else -1 for group in match.groups()) if match else (0, 0)
         if not (1 <= count <= MAX_CHUNKS and (machines == -1 or 1 <= machines <= count)):
@@ -66,7 +72,7 @@ class Chunk:
 
     @classmethod
     def parse(cls, text: str) -> Chunk:
-        """Read a chunk as the command line has it, ``2/8`` or ``2/48@8``; raises LookdevError."""
+        """Return the chunk of a text of the command line, such as ``2/8`` or ``2/48@8``; raise LookdevError."""
         first, _, rest = text.partition("/")
         number = int(first) if re.fullmatch(r"[0-9]{1,6}", first, re.ASCII) else 0
         with suppress(LookdevError):
@@ -84,7 +90,7 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Costs:
-    """Seconds: of each frame of a plan, in its order; to prepare a scene; and to start a process."""
+    """The costs of a plan in seconds: of each of its frames, of preparing a scene, and of starting a process."""
 
     frames: tuple[float, ...]
     scene: float
@@ -92,17 +98,18 @@ class Costs:
 
 
 def split_frames(scenes: Sequence[object], costs: Costs, division: Division) -> tuple[int, ...]:
-    """Return the ends of parts of frames, with the least maximum over the parts of cost divided by weight.
+    """Return the end of each part of a division: the index of the frame after its last one.
 
-    An end is the number of the frame after the part's last one. `scenes` has the scene of each frame; frames of one
-    scene follow each other. The cost of a part that starts within a scene includes preparing the scene again. Parts
-    without frames come last.
+    The division minimizes the maximum, over the parts, of the cost divided by the weight (`Division.weights`). `scenes`
+    has the scene of each frame; the frames of a scene are consecutive. A part that begins within a scene has the cost
+    of preparing the scene once more. Parts without frames come last.
     """
     weights, count = division.weights, division.count
+    # Whether each frame is the first of its scene.
     changes = [number == 0 or scenes[number] != scenes[number - 1] for number in range(len(scenes))]
 
     def limited_ends(limit: float) -> list[int]:
-        """Return the ends of parts that cost at most `limit` times their weight; a single frame may cost more."""
+        """Return the ends of parts that cost at most `limit` times their weight, except parts of one frame."""
         ends: list[int] = []
         cost = 0.0
         for number, seconds in enumerate(costs.frames):
@@ -114,7 +121,7 @@ def split_frames(scenes: Sequence[object], costs: Costs, division: Division) -> 
         return [*ends, len(scenes)] if scenes else []
 
     low = 0.0
-    # At this limit all frames are in one part, however the sum is rounded.
+    # Bisection finds the least limit. At the first upper limit, all frames fit into one part, in spite of rounding.
     high = 1.000001 * (sum(costs.frames) + costs.scene * sum(changes)) / weights[-1]
     while high - low > 1e-6 * high:
         middle = 0.5 * (low + high)
@@ -124,6 +131,9 @@ def split_frames(scenes: Sequence[object], costs: Costs, division: Division) -> 
 
 
 def plan_of_part(plan: Plan, ends: Sequence[int], number: int) -> Plan:
-    """Return part `number`, counted from 1, of a plan; it has no reels, sheets and skips, which are of many frames."""
+    """Return part `number`, counted from 1, of a plan; `ends` is the result of `split_frames`.
+
+    The part has no reels, sheets and skips, because these belong to frames of several parts.
+    """
     first = ends[number - 2] if number > 1 else 0
     return replace(plan, frames=plan.frames[first : ends[number - 1]], reels=(), sheets=(), skips=())

@@ -1,4 +1,7 @@
-"""The costs of frames: measured if they or others of their scenes were rendered before, otherwise estimated."""
+"""The costs of frames in seconds, for the division of a plan and the time left of a run.
+
+A cost is measured if the frame, or another frame of its scene, has been rendered before; otherwise it is estimated.
+"""
 
 from __future__ import annotations
 
@@ -10,40 +13,41 @@ from lookdev.plan.chunks import Costs
 from lookdev.plan.plan import Plan
 from lookdev.rendering.task import SceneTask
 
-# Seconds on two cores; only their ratios matter. tests/bench/farm_costs.py measures them.
-_USUAL_SAMPLES = 256  # samples a pixel of a frame with a target error
-_SAMPLE = 1e-6  # seconds of a sample of a pixel without bounces
-_BOUNCE = 0.5  # cost of a bounce, relative to that sample
+# These times are those of two cores; only their ratios matter. tests/bench/farm_costs.py measures them.
+_USUAL_SAMPLES = 256  # the typical number of samples per pixel of a frame with a target error
+_SAMPLE = 1e-6  # seconds for one sample of one pixel without bounces
+_BOUNCE = 0.5  # the cost of a bounce, relative to such a sample
 _FRAME = 0.15  # seconds of a frame that do not depend on its samples
-_DIRECTIONS = 8  # usual number of directions of a look at a hit, of its BSDF and of the light together
-_SHARED = 0.25  # share of a sample's cost that does not depend on the directions
-_TRANSMITTING = 1.8  # cost of a look that transmits, relative to one that only reflects: paths go on inside
+_DIRECTIONS = 8  # the typical number of directions at a shading point, from the BSDF and from the light together
+_SHARED = 0.25  # the share of a sample's cost that does not depend on the number of directions
+_TRANSMITTING = 1.8  # the cost of a look that transmits, whose paths go on inside, relative to one that only reflects
 SCENE_SECONDS = 1.3
-"""Seconds to prepare a scene."""
+"""The time to prepare a scene."""
 START_SECONDS = 4.0
-"""Seconds from the start of a process to its first frame, without those that prepare the scene."""
+"""The time from the start of a process to its first frame, without the preparation of the scene."""
 
 
 def estimate_costs(plan: Plan) -> Costs:
-    """Return the costs of a plan's frames, estimated from the job alone; files on disk do not count."""
+    """Return the costs of a plan, estimated from the job alone, without use of files on disk."""
     scenes = [frame.task.scene for frame in plan.frames]
     return Costs(tuple(frame_costs(scenes, [None] * len(scenes))), SCENE_SECONDS, START_SECONDS)
 
 
 def measure_costs(plan: Plan) -> Costs:
-    """Return the costs of a plan's frames, measured where possible.
+    """Return the costs of a plan, measured where possible.
 
-    A frame on disk costs the time in its header, and another frame of its scene the mean of these times. A frame of a
-    scene without frames on disk costs its estimate, scaled by the ratio of times to estimates of the other scenes.
+    The cost of a frame on disk is the time in its header. Other frames of the same scene have the mean of these times.
+    If no frame of a scene is on disk, its frames have the estimated cost, scaled by the ratio of measured to estimated
+    costs of the other scenes.
     """
     scenes = [frame.task.scene for frame in plan.frames]
     return Costs(tuple(frame_costs(scenes, [frame.seconds for frame in plan.frames])), SCENE_SECONDS, START_SECONDS)
 
 
 def frame_costs(scenes: Sequence[SceneTask], times: Sequence[float | None]) -> list[float]:
-    """Return the cost of each frame, seconds: its time, or if that is None the cost of a frame of its scene.
+    """Return the cost of each frame in seconds, from the scene and the measured time of each frame.
 
-    That is the mean of the scene's times, or, without any, its estimate scaled as in `measure_costs`.
+    A time is None if it is unknown. The cost is then computed as in `measure_costs`.
     """
     scene_times: dict[int, list[float]] = {}
     for scene, seconds in zip(scenes, times, strict=True):
@@ -60,7 +64,7 @@ def frame_costs(scenes: Sequence[SceneTask], times: Sequence[float | None]) -> l
 
 
 def estimate(scene: SceneTask) -> float:
-    """Return the estimated cost of a frame of a scene, seconds."""
+    """Return the estimated cost of a frame of a scene, in seconds."""
     sampling, (width, height) = scene.sampling, scene.resolution
     samples = sampling.samples if sampling.error is None else min(sampling.samples, _USUAL_SAMPLES)
     look = fmean(_look_cost(source) for source in scene.shaders)
@@ -68,7 +72,7 @@ def estimate(scene: SceneTask) -> float:
 
 
 def _look_cost(source: GeneratedSource) -> float:
-    """Return the cost of a sample of a look, relative to that of a usual look."""
+    """Return the cost of a sample of a look, relative to a look that reflects in `_DIRECTIONS` directions."""
     cost = 1.0
     if isinstance(source, ShaderSource):
         cost = _SHARED + (1.0 - _SHARED) * sum(source.directions) / _DIRECTIONS

@@ -1,4 +1,4 @@
-"""Digests of everything that affects the pixels of a frame: a frame is rendered again exactly if its digest changes."""
+"""Digests of everything that affects the pixels of a frame; it is rendered again if and only if its digest changes."""
 
 from __future__ import annotations
 
@@ -13,24 +13,27 @@ from lookdev.scene import Pose
 from lookdev.space import REC709
 
 PARTS = ("asset", "look", "ibl", "camera", "pose", "render")
-"""The parts of a frame's inputs, each with a separate digest."""
+"""The parts of a frame's inputs. Each has a digest of its own, so that a plan can state which part has changed."""
 
 
 def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
     """Return the digest of each of `PARTS`, the parts of a frame's inputs.
 
-    No part contains a path: geometry, textures and tables of lights count by their content.
+    No digest depends on paths of files: geometry, textures and tables of lights are identified by their content.
     """
     return {**scene_digests(scene, exposure), "pose": pose_digest(pose)}
 
 
 def pose_digest(pose: Pose) -> str:
-    """Return the digest of the part ``pose``."""
+    """Return the digest of the part ``pose``: the angles of asset and light."""
     return _digest(asdict(pose))
 
 
 def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
-    """Return the digest of each part that all frames of a scene share."""
+    """Return the digest of each part except ``pose``; all frames of a scene share them.
+
+    `exposure` is that of the light, in stops.
+    """
     sampling = asdict(scene.sampling)
     if scene.sampling.passes:
         sampling["prims"] = scene.prims

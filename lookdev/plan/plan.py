@@ -1,4 +1,8 @@
-"""Plans of what is rendered and why: every frame of setups, and the state of every file on disk."""
+"""The plan of a job: every frame of its setups, the state of each file on disk, and what remains to be done.
+
+A *setup* is a look under a light. Its frames are distinct poses; several files, of one or more turntables, can show the
+same frame.
+"""
 
 from __future__ import annotations
 
@@ -29,17 +33,18 @@ DAMAGED = "damaged"
 
 Header = Mapping[str, str]
 HeaderReader = Callable[[Path], Header | None]
-"""Returns the ``lookdev:`` attributes of an EXR, without that prefix, and its ``resolution``, "width x height".
+"""A function that returns the ``lookdev:`` attributes of an EXR, without that prefix, and its ``resolution``.
 
-Raises OutputError if the file is broken."""
+The resolution is a text, "width x height". It raises OutputError if the file is broken."""
 
 
 @dataclass(frozen=True)
 class PlannedFile:
-    """A file of a frame.
+    """A file of a frame, and its state on disk.
 
-    `reason` states why it is not done; it is empty if the file is done. `seconds` is the time that rendering took,
-    scaled to the pixels and samples of the frame if the file has others; None if it is unknown.
+    The state is "done" if the file is up to date, "stale" if it must be rendered again, and "new" if there is no file.
+    `reason` states why it is not done; it is "" if the file is done. `seconds` is the rendering time that the file
+    states, scaled to the planned pixels and samples if the file has others; None if it is unknown.
     """
 
     path: Path
@@ -50,7 +55,7 @@ class PlannedFile:
 
 @dataclass(frozen=True, eq=False)
 class PlannedFrame:
-    """A frame; `read_header` reads its files when `files` is first used."""
+    """A frame, with the task that renders it; `read_header` reads its files when `files` is first used."""
 
     task: FrameTask
     read_header: HeaderReader
@@ -62,7 +67,7 @@ class PlannedFrame:
 
     @property
     def seconds(self) -> float | None:
-        """The time of the frame, or the time that another version of it on disk predicts; None if there is neither."""
+        """The rendering time in seconds that a file of the frame states or predicts; None if no file does."""
         return next((file.seconds for file in self.files if file.seconds is not None), None)
 
 
@@ -76,7 +81,7 @@ class Copy:
 
 @dataclass(frozen=True)
 class Reel:
-    """The files of a turntable of a look under a light, in the order of its frames."""
+    """The EXRs of a turntable of a look under a light or rig (`ibl`), in the order of the frames."""
 
     look: str
     ibl: str
@@ -86,7 +91,7 @@ class Reel:
 
 @dataclass(frozen=True)
 class Charts:
-    """The reference props of a job: a setup for each light, and the strip of the frame that shows them."""
+    """The reference props of a job: their setup under each light, and the strip of the frame in which they are."""
 
     setups: tuple[Setup, ...]
     strip: Strip
@@ -94,23 +99,23 @@ class Charts:
 
 @dataclass(frozen=True)
 class Plan:
-    """Every frame of some setups, in the order of the setups.
+    """The plan of a job: its frames in the order of the setups, and their files.
 
-    `frame_suffixes` has the suffixes of the files that each frame has beside its EXR. `charts` has, for each file of a
-    look, the file of the reference props that are composited over it; the frames of the props come first in `frames`.
+    `frame_suffixes` has the suffixes of the pictures that each frame has beside its EXR. `charts` maps each file of a
+    look to the file of the reference props that are composited over it. The frames of the props come first in `frames`.
     """
 
     frames: tuple[PlannedFrame, ...]
     reels: tuple[Reel, ...]
     output: Path  # the folder of all files
     frame_suffixes: tuple[str, ...] = ()
-    skips: tuple[Skip, ...] = ()
-    sheets: tuple[WedgeSheet, ...] = ()
+    skips: tuple[Skip, ...] = ()  # the work that is left out because no pixel depends on it
+    sheets: tuple[WedgeSheet, ...] = ()  # the contact sheets of wedges
     charts: Mapping[Path, Path] = field(default_factory=dict)
 
     @cached_property
     def digest(self) -> str:
-        """A digest of all frames and their files, wherever the output folder is."""
+        """A digest of all frames and their files, which does not depend on the path of the output folder."""
         digest, start = hashlib.sha256(), len(str(self.output))
         for frame in self.frames:
             names = "\0".join(str(path)[start:] for path in frame.task.files)
@@ -119,27 +124,30 @@ class Plan:
 
     @property
     def counts(self) -> dict[FrameState, int]:
-        """How many files are in each state."""
+        """The number of files in each state."""
         counter = Counter(file.state for frame in self.frames for file in frame.files)
         return {"done": counter["done"], "stale": counter["stale"], "new": counter["new"]}
 
     @cached_property
     def pictures(self) -> tuple[Path, ...]:
-        """The pictures to make from the EXRs of frames that need no rendering.
+        """The pictures (`frame_suffixes`) to make from the EXRs of frames that need no rendering.
 
-        A picture is made if it is missing or older than its EXR, or if `copies` makes that EXR.
+        These are the pictures that are missing, that are older than their EXR, or whose EXR `copies` writes.
         """
         return tuple(_due_pictures(self.frames, self.frame_suffixes))
 
     def pending(self) -> tuple[FrameTask, ...]:
-        """Return the tasks to render, scene by scene: those of frames without a done file.
+        """Return the tasks of the frames to render, scene by scene: the frames without a done file.
 
-        A frame with a done file is not rendered: `copies` makes its other files.
+        If a frame has a done file, its other files are copies of it (`copies`).
         """
         return tuple(frame.task for frame in self.frames if _done_path(frame.files) is None)
 
     def copies(self) -> tuple[Copy, ...]:
-        """Return the files to copy: a turntable was added, or a run was killed between two files of a frame."""
+        """Return the files to copy from a done file of the same frame.
+
+        There are some after a turntable was added, or a run was killed between two files of a frame.
+        """
         return tuple(
             Copy(source, file.path)
             for frame in self.frames
@@ -158,14 +166,14 @@ def build_plan(
     frame_suffixes: Sequence[str] = (),
     charts: Charts | None = None,
 ) -> Plan:
-    """Plan the frames of setups: one for each distinct pose of a setup, however many turntables show it.
+    """Return the plan of setups, which has one frame for each distinct pose of a setup.
 
-    Poses are one pose if they differ only by a rotation of an asset, or of a light, that looks the same all around.
-    `labels` are entries of the header of every frame; `frame_suffixes` has the suffixes of the files that every frame
-    has beside its EXR.
+    Two poses are not distinct if they differ only by the rotation of an asset, or of a light, that looks the same all
+    around. `labels` are entries for the header of every frame. `frame_suffixes` has the suffixes of the pictures that
+    every frame has beside its EXR.
     """
     labels = labels or {}
-    pose_labels = cache(_pose_labels)  # shared by the looks
+    pose_labels = cache(_pose_labels)  # computed once for all looks
     frames: list[PlannedFrame] = []
 
     def add_frames(setup: Setup, reels: Sequence[Reel], labels: Mapping[str, str]) -> None:
@@ -189,7 +197,7 @@ def build_plan(
 
 
 def _reels(setup: Setup, turns: TurntableFrames) -> tuple[Reel, ...]:
-    """Return the reel of each turntable of a setup."""
+    """Return the reel of a setup for each turntable."""
     return tuple(
         Reel(setup.look, setup.ibl, turntable.name, turns.files(setup.look, setup.ibl, turntable))
         for turntable in turns.turntables
@@ -197,7 +205,7 @@ def _reels(setup: Setup, turns: TurntableFrames) -> tuple[Reel, ...]:
 
 
 def find_skips(setups: Iterable[Setup], turns: TurntableFrames) -> Iterator[Skip]:
-    """Yield the skips of setups, in the order of the setups; work that the user turned off is not a skip."""
+    """Yield the work that setups leave out, in the order of the setups; work that the user turned off is not a skip."""
     for setup in setups:
         skips = scene_skips(setup.task, setup.scene.looks, setup.requested, len(setup.scene.lights))
         for work, cause in (*skips, *_frame_skips(setup, turns)):
@@ -205,7 +213,7 @@ def find_skips(setups: Iterable[Setup], turns: TurntableFrames) -> Iterator[Skip
 
 
 def _frame_skips(setup: Setup, turns: TurntableFrames) -> Iterator[tuple[str, str]]:
-    """Yield the frames of turntables that are not rendered, and the cause."""
+    """Yield the texts "n of m frames", for frames of turntables that are not rendered, each with its cause."""
     requested = [
         pose for turntable in turns.turntables for pose in turntable_poses(turntable, setup.rotation, turns.azimuth)
     ]
@@ -218,7 +226,7 @@ def _frame_skips(setup: Setup, turns: TurntableFrames) -> Iterator[tuple[str, st
 
 
 def _pose_labels(pose: Pose) -> dict[str, str]:
-    """Return the entries of the header that depend on the pose."""
+    """Return the entries of a frame's header that depend on its pose."""
     return {"pose.element": repr(pose.element), "pose.lighting": repr(pose.lighting), "digest.pose": pose_digest(pose)}
 
 
@@ -251,7 +259,7 @@ def _tasks(
 
 
 def _plan_file(path: Path, task: FrameTask, read_header: HeaderReader) -> PlannedFile:
-    """Return a file of a frame with its state, by its header."""
+    """Return a file of a frame with its state, which follows from the header of the file."""
     try:
         header = read_header(path) or {}
     except OutputError:
@@ -288,6 +296,7 @@ def _frame_seconds(header: Header, task: FrameTask, *, is_same_frame: bool) -> f
 
 
 def _done_path(files: tuple[PlannedFile, ...]) -> Path | None:
+    """Return the first done file of a frame; None if there is none."""
     return next((file.path for file in files if file.state == "done"), None)
 
 

@@ -13,10 +13,11 @@ from lookdev.scene import Pose
 
 @lru_cache(maxsize=64)
 def turntable_poses(turntable: JobTurntable, rotation: float = 0.0, azimuth: float = 0.0) -> tuple[Pose, ...]:
-    """Return the pose of each frame, in degrees in [0, 360): the angle of frame i of N is start + degrees i / N.
+    """Return the pose of each frame of a turntable; frame i of N has the angle start + degrees i / N.
 
-    The light's `rotation`, degrees, is added to its angle. A camera at `azimuth` sees what a camera at 0 sees when
-    asset and light turn by ``-azimuth``, so the pose contains the azimuth.
+    Angles of poses are in degrees in [0, 360). The light's `rotation` in degrees is added to the angle of the light. A
+    camera at `azimuth` sees the same as a camera at azimuth 0 if asset and light turn by ``-azimuth``. Both angles of
+    the poses are therefore reduced by the azimuth.
     """
     element, lighting = -_exact_angle(azimuth), _exact_angle(rotation) - _exact_angle(azimuth)
     step = _exact_angle(turntable.degrees) / turntable.frames
@@ -28,10 +29,10 @@ def turntable_poses(turntable: JobTurntable, rotation: float = 0.0, azimuth: flo
 
 
 def canonical_pose(pose: Pose, asset: bool, light: bool) -> Pose:
-    """Return the one pose that is rendered for all poses that show the same picture.
+    """Return the pose that is rendered in place of all poses that show the same picture.
 
-    `asset` and `light` state whether the asset and the light look the same all around; their angles are then 0. The
-    angle `lighting` is relative to the camera, so it does not depend on `element`.
+    `asset` and `light` are whether the asset and the light look the same all around; their angles are then set to 0.
+    The angle of the light is relative to the camera, and does not depend on that of the asset.
     """
     if not (asset or light):
         return pose
@@ -39,12 +40,16 @@ def canonical_pose(pose: Pose, asset: bool, light: bool) -> Pose:
 
 
 def _exact_angle(angle: float) -> Fraction:
-    """Return the decimal number that the user wrote; sums are exact, so equal angles of two turntables are one pose."""
+    """Return the decimal number that the user wrote, exactly.
+
+    With exact sums, equal angles of two turntables are equal poses.
+    """
     return Fraction(repr(angle))
 
 
 def _wrapped_angles(start: Fraction, step: Fraction, count: int) -> Iterator[float]:
-    """Yield `count` angles in [0, 360); integers over a common denominator are as exact as fractions, and faster."""
+    """Yield `count` angles start + i step, wrapped to [0, 360)."""
+    # Integers over a common denominator are as exact as fractions, and faster.
     denominator = math.lcm(start.denominator, step.denominator)
     first, increment = int(start * denominator), int(step * denominator)
     for index in range(count):

@@ -1,4 +1,7 @@
-"""From a job file to its plan: job, scenes, setups, frames. Each stage is computed from the one before."""
+"""From a job file to its plan, in stages: the job, its scenes, their setups, and the plan of their frames.
+
+A *setup* is a look under a light, with the sources that a backend renders.
+"""
 
 from __future__ import annotations
 
@@ -30,13 +33,13 @@ from lookdev.space import REC709
 
 @dataclass(frozen=True)
 class JobSetups:
-    """A job, the setup of each of its looks under each of its lights, and notes about its files."""
+    """A job, the setup of each of its looks under each of its lights, notes for the user, and the sheets of wedges."""
 
     job: Job
     setups: tuple[Setup, ...]
     notes: tuple[str, ...]
     sheets: tuple[WedgeSheet, ...]
-    charts: tuple[Setup, ...] = ()  # of reference props, one for each light
+    charts: tuple[Setup, ...] = ()  # the setups of reference props, one for each light
 
     @property
     def turns(self) -> TurntableFrames:
@@ -52,25 +55,26 @@ class PlannedJob(JobSetups):
 
 
 def prepare_job(path: Path, backend: str | None = None) -> PlannedJob:
-    """Read a job file and plan its frames, as `plan_job`; raises JobError with the faults of the job file.
+    """Read a job file and plan its frames with `plan_job`; raise JobError with the faults of the job file.
 
-    `backend` replaces that of the job.
+    `backend`, if given, replaces the backend of the job.
     """
     return plan_job(_replace_backend(load_job(path), backend))
 
 
 def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> PlannedJob:
-    """Read the files of a job and plan its frames; raises FaultsError with all faults of the files.
+    """Read the files of a job and plan its frames; raise FaultsError with all faults of the files.
 
-    `ahead` is called before the asset is read, with the scene of a card that has a look of the job: a worker that
-    prepares this scene has compiled the shader by the time the frames are planned.
+    `ahead` is called before the asset is read, with the scene of a flat card that has a look of the job. A worker that
+    prepares this scene compiles the shader of the look while the frames are planned.
     """
     tasks = SceneTasks(job.render.backend, job.render.device)
 
     def prepare_card(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
-            with suppress(LookdevError):  # make_setups reports it
-                # A plane renders without bounces; as another asset, it has those of the job.
+            with suppress(LookdevError):  # `make_setups` reports the same error
+                # The built-in plane is marked as convex, and renders without bounces. The card is not, so that its
+                # shader has the bounces of the job.
                 plane = load_asset(builtin="plane")
                 card = make_asset("card", plane.meshes, plane.instances, plane.slots)
                 scene = Scene.of_look(card, look, lights[0], job.render.resolution)
@@ -95,13 +99,16 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Plan
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read a job and its files, without wedges, props and a catcher, in linear Rec.709; raises as `prepare_job`."""
+    """Read a job and its files, and return its setups in linear Rec.709; raise the errors of `prepare_job`.
+
+    Wedges, reference props and a shadow catcher of the job are left out.
+    """
     job = load_job(path)
     plane = job.ground if job.ground and job.ground.kind == "plane" else None
     render = job.render.model_copy(update={"space": REC709})
     job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane, "render": render})
     job = _replace_backend(job, backend)
-    # If no backend is named, the caller may compare with one that draws directions.
+    # Without a named backend, domes get tables, because the caller may compare with a backend that draws directions.
     sampled = backend is None or BACKENDS[backend].directions
     tasks = SceneTasks(job.render.backend, job.render.device)
     return make_setups(build_scenes(job, sampled=sampled), tasks)
@@ -114,11 +121,11 @@ def _replace_backend(job: Job, backend: str | None) -> Job:
 
 
 def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
-    """Generate the sources of the scenes of a job; raises FaultsError with the faults of every `make_setup`."""
+    """Return the setups of a job's scenes: generate their sources; raise FaultsError with the faults of all setups."""
     job, findings = scenes.job, Findings(scenes.job)
     rigs = {rig.name: rig for rig in job.rigs}
     props_sampling = replace(job.render.sampling, passes=(), denoise="off")
-    # For each setup: look, rig, scene, sampling, and the key of its faults.
+    # For each setup: the names of look and rig, the scene, the sampling, and the key of the job for its faults.
     requests = [(PROPS_FOLDER, name, scene, props_sampling, "charts") for name, scene in scenes.charts.items()]
     for (look, name), scene in scenes.scenes.items():
         requests.append((look, name, scene, job.render.sampling, scenes.look_keys[look]))
@@ -135,7 +142,7 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
                     findings.add(where, line)
                 continue
             setup = replace(setup, exposure=rig.exposure, rotation=rig.rotation)
-            # Props stand still in front of the camera in every pose.
+            # In every pose, props are at the same position in front of the camera.
             setups.append(replace(setup, is_rotation_invariant=True) if key == "charts" else setup)
     findings.raise_faults()
     shared = tuple(_share_programs(setups))
@@ -144,7 +151,7 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
 
 
 def _share_programs(setups: Sequence[Setup]) -> Iterator[Setup]:
-    """Yield the setups with sources that share programs; they render the same pictures as before."""
+    """Yield the setups with equal programs of their shaders replaced by one; the pictures stay the same."""
     shaders = [shader for setup in setups for shader in setup.task.shaders]
     shared = shared_programs(shader for shader in shaders if isinstance(shader, ShaderSource))
     for setup in setups:

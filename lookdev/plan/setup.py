@@ -1,4 +1,7 @@
-"""A look under a light, ready to be rendered at any pose."""
+"""Setups: a look under a light, ready to be rendered in the poses of all turntables.
+
+A setup has the generated sources of its scene: the code or the nodes that a backend renders for each look.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +26,19 @@ from lookdev.scene import Pose, Sampling, Scene
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A look under a light; their names are the folders of the frames."""
+    """A look under a light, ready to be rendered.
+
+    `look` and `ibl` are their names, which are the folders of the frames. `ibl` can also be the name of a rig.
+    """
 
     look: str
     ibl: str
     scene: Scene
     task: SceneTask
-    requested: Sampling  # that of the task may have fewer bounces
-    is_rotation_invariant: bool = False  # the asset looks the same however it is turned: its poses are one frame
-    exposure: float = 0.0  # of the light, stops
-    rotation: float = 0.0  # of the light, degrees, added to its angle in every pose
+    requested: Sampling  # the sampling of the job; that of the task may have fewer bounces
+    is_rotation_invariant: bool = False  # whether the asset looks the same at all angles, which are then one frame
+    exposure: float = 0.0  # of the light, in stops
+    rotation: float = 0.0  # of the light, in degrees: added to its angle in every pose
 
     def poses(self, turntable: JobTurntable, azimuth: float) -> tuple[Pose, ...]:
         """Return the pose of each frame of a turntable; frames with equal poses show the same picture."""
@@ -41,15 +47,16 @@ class Setup:
 
 
 def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: SceneTasks | None = None) -> Setup:
-    """Return the setup of a scene: generate its sources, and decide whether it looks the same all around.
+    """Return the setup of a scene: generate its sources, and determine whether it looks the same all around.
 
-    `tasks` generates the sources for a backend; by default for "exact" on the CPU. Raises as `SceneTasks.task`, and
-    FaultsError if the asset lacks an attribute that a look reads.
+    `look` and `ibl` are the names of the look and the light. `tasks` generates the sources for a backend, by default
+    for "exact" on the CPU. Raises the errors of `SceneTasks.task`, and FaultsError if the asset lacks an attribute that
+    a look reads.
     """
     task = (tasks or SceneTasks()).task(scene, sampling)
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
-    # Passes show positions, which turn with the asset.
+    # With passes, frames differ even for a surface of revolution, because some passes show positions.
     is_revolved = scene.asset.revolved and _orbits_asset_axis(scene)
     is_invariant = not sampling.passes and is_revolved and is_rotation_invariant(task.shaders)
     return Setup(look, ibl, scene, task, sampling, is_invariant)
@@ -57,14 +64,17 @@ def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: Sce
 
 @dataclass(frozen=True)
 class TurntableFrames:
-    """The turntables that show every setup, the folder of all files, and the camera's azimuth in degrees."""
+    """The turntables of a job, its output folder, and the azimuth of its camera in degrees.
+
+    Every setup is shown in all turntables.
+    """
 
     turntables: tuple[JobTurntable, ...]
     output: Path
     azimuth: float = 0.0
 
     def files(self, look: str, ibl: str, turntable: JobTurntable) -> tuple[Path, ...]:
-        """Return the EXR of each frame of a turntable."""
+        """Return the path of the EXR of each frame of a turntable."""
         names = (FrameName(look, ibl, turntable.name, number) for number in range(1, turntable.frames + 1))
         return tuple(name.file(self.output) for name in names)
 
@@ -75,12 +85,18 @@ class TurntableFrames:
 
 
 def _orbits_asset_axis(scene: Scene) -> bool:
-    """Return whether the camera orbits the vertical through the asset's centre; one for several assets may not."""
+    """Return whether the camera orbits the vertical axis through the asset's centre.
+
+    A camera that frames several assets may orbit another axis.
+    """
     return math.dist(scene.camera.pivot, scene.asset.center[:2]) <= 1e-5 * scene.asset.radius
 
 
 def _attribute_faults(scene: Scene, task: SceneTask) -> Iterator[Fault]:
-    """Yield a fault for each attribute that a source reads and meshes lack; only USD primvars have a fallback."""
+    """Yield a fault for each attribute that a source reads and meshes lack or have in another type.
+
+    A missing USD primvar is not a fault, because it has a fallback.
+    """
     paths_of_faults: dict[tuple[str, str, str], list[str]] = {}
     has_readers = any(source.attributes for source in task.shaders)
     for mesh in scene.asset.meshes if has_readers else ():
@@ -95,7 +111,7 @@ def _attribute_faults(scene: Scene, task: SceneTask) -> Iterator[Fault]:
 
 
 def _attribute_fault(mesh: Mesh, binding: AttributeBinding) -> tuple[str, str] | None:
-    """Return the message about an attribute of a mesh, and a hint; None if a source can read the attribute."""
+    """Return the problem of an attribute of a mesh and a hint; None if a source can read it."""
     name = binding.attribute
     if binding.kind == "uv":
         hint = f"it has: {', '.join(mesh.uvs)}; the look can name one" if mesh.uvs else "it has none at all"

@@ -1,4 +1,4 @@
-"""Skips: work that is left out because no pixel depends on it, with the causes."""
+"""Skips: work that is left out of a render because no pixel depends on it, for a report with the causes."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Skip:
 def is_rotation_invariant(shaders: Iterable[GeneratedSource]) -> bool:
     """Return whether a surface of revolution with these shaders looks the same after any turn about its axis.
 
-    It does if the shaders read no image and no attribute: a shader that depends on a direction along the surface reads
-    the tangents, which are an attribute.
+    It does if the shaders read no image and no attribute. A shader that depends on a direction along the surface reads
+    the tangents, which are an attribute, too.
     """
     return not any(shader.images or shader.attributes for shader in shaders)
 
@@ -36,10 +36,10 @@ def is_rotation_invariant(shaders: Iterable[GeneratedSource]) -> bool:
 def scene_skips(
     scene: SceneTask, looks: Sequence[Look], requested: Sampling, lights: int | None = None
 ) -> Iterator[tuple[str, str]]:
-    """Yield the work that a scene leaves out, and the cause of each.
+    """Yield the work that a scene leaves out, each with its cause.
 
-    `looks` has the look of each slot, `requested` is the sampling of the job, and `lights` the number of lights
-    before those that reach no part were dropped; None if none were.
+    `looks` has the look of each slot, and `requested` is the sampling of the job. `lights` is the number of lights of
+    the job's scene, of which those that reach no part may have been dropped; None if none were dropped.
     """
     if lights is not None and (idle := lights - len(scene.lights)):
         yield ("1 light", "reaches no part") if idle == 1 else (f"{idle} lights", "reach no part")
@@ -63,16 +63,20 @@ def scene_skips(
 
 
 def _count_unread_textures(looks: Sequence[Look], shaders: Sequence[GeneratedSource]) -> int:
-    """Return the number of texture look-ups of looks that their shaders lack; slots with one look share its shader."""
+    """Return the number of texture look-ups in looks that are not in their shaders.
+
+    `looks` and `shaders` have the look and the shader of each slot. Slots with the same look have the same shader, and
+    count once.
+    """
     unread = 0
     for look, shader in {id(look): (look, shader) for look, shader in zip(looks, shaders, strict=True)}.values():
         sources = (source for layer in look.layers for source in (*layer.inputs.values(), layer.mask))
         lookups = {lookup for source in leaf_sources(sources) for lookup in _lookups(source)}
         if isinstance(shader, ShaderSource):
-            # The parameters of one look-up's tiles have a common prefix.
+            # A look-up has a parameter for each tile of its texture; their names have a common prefix.
             unread += len(lookups) - len({binding.parameter.partition("_")[0] for binding in shader.textures})
         elif isinstance(shader, NodeSource):
-            # The label of a node that reads an image is the name of its file; of a tile, that of the set of tiles.
+            # The label of a node that reads an image is the name of its file, or of the set of tiles with the file.
             labels = {node.label for tree in shader.trees for node in tree.nodes if node.image is not None}
             files = (lookup.height.file if isinstance(lookup, Bump) else lookup.file for lookup in lookups)
             unread += sum(file.stem not in labels for file in files)
@@ -80,7 +84,10 @@ def _count_unread_textures(looks: Sequence[Look], shaders: Sequence[GeneratedSou
 
 
 def _lookups(source: object) -> Iterator[Texture | Bump]:
-    """Yield the look-ups of a layer's input, reduced to what a shader reads: two that share one read become equal."""
+    """Yield the look-up of a layer's input, without fields that do not change which texels a shader reads.
+
+    Inputs that share a look-up in the shader then give equal look-ups.
+    """
     if isinstance(source, Texture):
         yield replace(source, channel="rgb", scale=(1.0,) * 4, bias=(0.0,) * 4)
     elif isinstance(source, Bump):

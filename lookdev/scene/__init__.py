@@ -1,4 +1,4 @@
-"""Scenes as plain data in memory: asset, looks, lights, camera, film and sampling."""
+"""Scenes as plain data in memory, which every renderer takes: asset, looks, lights, camera, film and sampling."""
 
 from lookdev.scene.camera import Camera, Lens, Pose, camera_rays
 from lookdev.scene.framing import frame_camera, frame_fill

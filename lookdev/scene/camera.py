@@ -1,4 +1,4 @@
-"""The camera and its rays, and the poses of asset and light."""
+"""The camera of a scene and its rays, and the rotations of asset and light in a frame of a turntable."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from lookdev.arrays import Floats
 
 @dataclass(frozen=True, order=True)
 class Pose:
-    """The rotations of the asset (`element`) and of the light about the world's z axis, degrees in [0, 360).
+    """The rotations of the asset (`element`) and of the light (`lighting`) about the world's z axis.
 
-    Renderers rotate camera, light and asset such that acceleration structures and importance maps stay valid. With
-    generated OSL, the asset is fixed, the camera orbits by ``-element`` and the light turns by ``lighting - element``.
-    With Cycles' own lights, the light is fixed, the asset turns by ``element - lighting`` and the camera orbits by
-    ``-lighting``.
+    Angles are in degrees in [0, 360). Renderers apply equivalent rotations that keep acceleration structures and
+    importance maps valid. With generated OSL, the asset is fixed, the camera orbits by ``-element`` and the light turns
+    by ``lighting - element``. With Cycles' own lights, the light is fixed, the asset turns by ``element - lighting``
+    and the camera orbits by ``-lighting``.
     """
 
     element: float
@@ -38,10 +38,11 @@ class Lens:
 class Camera:
     """A perspective camera that looks at `target` from `distance`; `fov` is the horizontal angle of view.
 
-    Angles are in degrees, lengths in metres. At pose 0 the camera is at azimuth `azimuth` - 90 degrees (for 0: on -y,
-    looking along +y) and raised by `elevation`. `roll` rotates it about its line of sight, counter-clockwise as it sees
-    the world. It orbits the vertical through `axis` (x, y), or through `target` if that is None. `shift` moves the
-    frame to the right and up over the image, in widths of the frame. Without a `lens` it is a pinhole camera.
+    Angles are in degrees, lengths in metres. As seen from the target, the unrotated camera is at the azimuth `azimuth`
+    - 90 degrees, at the angle `elevation` above the horizon. With azimuth 0 it is on the side of -y and looks along +y.
+    `roll` rotates it about its line of sight, counter-clockwise as it sees the world. It orbits the vertical axis
+    through `axis` (x, y), or through `target` if `axis` is None. `shift` moves the frame to the right and up over the
+    image, in widths of the frame. Without a `lens` it is a pinhole camera.
     """
 
     fov: float
@@ -61,17 +62,17 @@ class Camera:
 
     @property
     def clip(self) -> tuple[float, float]:
-        """The least and the greatest visible depth, metres."""
+        """The smallest and the largest visible depth, in metres."""
         return 1e-3 * self.distance, 1e3 * self.distance
 
     @property
     def reach(self) -> float:
-        """Half the width of the frame at depth 1."""
+        """Half the width of the frame at depth 1: the tangent of half the angle of view."""
         return math.tan(math.radians(self.fov) / 2.0)
 
     @property
     def frame(self) -> Floats:
-        """The unit vectors to the right, up and backwards, the rows of (3, 3)."""
+        """The camera's unit vectors to the right, up and backwards in the world, as the rows of a matrix (3, 3)."""
         azimuth, elevation = math.radians(self.azimuth - 90.0), math.radians(self.elevation)
         right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
         level, raised = math.cos(elevation), math.sin(elevation)
@@ -94,7 +95,7 @@ class Camera:
         return replace(self, target=target, axis=(x, y), azimuth=self.azimuth + degrees)
 
     def move(self, offset: tuple[float, float, float]) -> Self:
-        """Return the camera moved, with its axis, by an offset."""
+        """Return the camera, with the axis of its orbit, moved by an offset in metres."""
         (x, y), (dx, dy, dz) = self.pivot, offset
         target = (self.target[0] + dx, self.target[1] + dy, self.target[2] + dz)
         return replace(self, target=target, axis=(x + dx, y + dy))
@@ -103,15 +104,17 @@ class Camera:
 def camera_rays(
     camera: Camera, pose: Pose, resolution: tuple[int, int], x: ArrayLike, y: ArrayLike, u: Floats | None = None
 ) -> tuple[Floats, Floats]:
-    """Return origins and unit directions (..., 3) of rays; x, y in pixels from the upper left corner.
+    """Return the origins and the unit directions (..., 3) of the rays through points of the frame.
 
-    For a thin lens, u (..., 2), uniform in the unit square, is mapped to the point where a ray leaves the lens. Without
-    u, and for a pinhole, all rays have one origin, (3,).
+    `x` and `y` (...) are in pixels from the upper left corner. For a thin lens, `u` (..., 2) has points of the unit
+    square, which are mapped to the points where the rays leave the lens. Without `u`, and for a pinhole camera, all
+    rays have the same origin, (3,).
     """
     orbited = camera.orbit(-pose.element)
     right, up, back = orbited.frame
     width, height = resolution
     shift_x, shift_y = camera.shift
+    # The offsets to the right and up, at depth 1, from the camera's axis.
     sx = (2.0 * np.asarray(x, dtype=np.float64) / width - 1.0 + 2.0 * shift_x) * camera.reach
     sy = ((1.0 - 2.0 * np.asarray(y, dtype=np.float64) / height) * height / width + 2.0 * shift_y) * camera.reach
     direction = -back + sx[..., None] * right + sy[..., None] * up
@@ -119,7 +122,7 @@ def camera_rays(
     if camera.lens is not None and u is not None:
         radius, angle = 0.5 * camera.lens.aperture * np.sqrt(u[..., 0]), 2.0 * np.pi * u[..., 1]
         lens_offset = (radius * np.cos(angle))[..., None] * right + (radius * np.sin(angle))[..., None] * up
-        # All rays of a point of the frame meet in the plane of focus.
+        # All rays through one point of the frame meet in the plane of focus.
         origin, direction = origin + lens_offset, direction - lens_offset / camera.lens.focus
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
     return origin, direction

@@ -1,7 +1,7 @@
-"""Displacement: moves the points of an asset along their normals by the heights of its parts' looks.
+"""Displacement: moves the points of an asset's meshes along their normals, by the heights that looks define.
 
-Every backend and the reference render the displaced arrays. Where the corners at a point differ in normal or height, as
-at a hard edge or a seam of a UV set, the point moves by their mean, so that the surface stays closed.
+All renderers get the displaced arrays. At a hard edge or a seam of a UV set, the corners at one point differ in normal
+or height. The point then moves by the mean of their displacements, so that the surface stays closed.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from lookdev.material import Displacement, Look, Primvar
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import SourceValues
 
-_NORMALS = "lookdev:normals"
+_NORMALS = "lookdev:normals"  # the primvar of a cage with the normals of the polygon mesh
 
 
 def is_displaced(mesh: Mesh, looks: Sequence[Look]) -> bool:
-    """Return whether a look of the mesh's faces displaces it; `looks` are those of the slots of its asset."""
+    """Return whether the look of any face displaces the mesh; `looks` has the look of each slot of its asset."""
     return any(looks[slot].displacement is not None for slot in np.unique(mesh.face_slots))
 
 
 def as_cage(mesh: Mesh) -> Mesh:
-    """Return a mesh that can be refined for displacement; a polygon mesh becomes a bilinear cage.
+    """Return a mesh that can be refined for displacement; a polygon mesh becomes the cage of a bilinear surface.
 
-    During refinement a primvar contains the polygon mesh's normals, which `displace` restores: a smooth sphere of few
-    faces stays smooth.
+    A primvar of the cage has the normals of the polygon mesh, which are interpolated by the refinement. `displace` then
+    uses them as normals, so that a smooth sphere of few faces stays smooth.
     """
     if mesh.subdivision is not None:
         return mesh
@@ -45,12 +45,13 @@ def as_cage(mesh: Mesh) -> Mesh:
 
 
 def displace(asset: Asset, look_of_part: Mapping[str, Look]) -> Asset:
-    """Displace the refined meshes of an asset; `look_of_part` maps slots' paths to looks, as `Scene.look_of_slot`.
+    """Return the asset with displaced meshes; meshes that looks displace have been refined before.
 
-    A height h moves a point by ``(h - midlevel) scale`` along its normal. `Displacement.units` determines the space and
-    the unit of that distance: the object's own space and the unit of the asset's file, or, for "world", the world,
-    after the instance's matrix, and metres. In the world, instances of one mesh that differ by more than a translation
-    become meshes of their own.
+    `look_of_part` maps the paths of slots to looks, as `Scene.look_of_slot`. A height h moves a point by
+    ``(h - midlevel) scale`` along its normal. `Displacement.units` determines where this distance is measured. In
+    "world", it is in metres in world space, after the instance's matrix. Otherwise it is in the object's own space, in
+    the unit of the asset's file. With "world", instances of a mesh that differ by more than a translation get meshes of
+    their own.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def displace(asset: Asset, look_of_part: Mapping[str, Look]) -> Asset:
 
 
 def _restore_normals(mesh: Mesh) -> Mesh:
-    """Return a refined cage of `as_cage` with the normals from its primvar."""
+    """Return a refined cage of `as_cage` with the normals from its primvar, which is removed."""
     if (carried := mesh.primvars.get(_NORMALS)) is None:
         return mesh
     primvars = {name: values for name, values in mesh.primvars.items() if name != _NORMALS}
@@ -88,7 +89,11 @@ def _restore_normals(mesh: Mesh) -> Mesh:
 def _displace_mesh(
     mesh: Mesh, looks: Sequence[Look], instances: Sequence[Instance], unit: float
 ) -> Iterator[tuple[Mesh, Sequence[Instance]]]:
-    """Yield the displaced mesh, once for all instances, or once for each linear map of instances to the world."""
+    """Yield displaced meshes, each with its instances.
+
+    There is one mesh for all instances, or, if heights are in the world, one for each linear map from object space to
+    the world. `unit` is the length in metres of a unit of the asset's file.
+    """
     object_heights, world_heights = _heights(mesh, looks, unit)
     if not world_heights.any():
         yield _move_points(mesh, object_heights, world_heights, np.eye(3)), instances
@@ -101,7 +106,7 @@ def _displace_mesh(
 
 
 def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Floats]:
-    """Return the displacement of each corner (m,), in metres: in object space, and in the world."""
+    """Return two displacements of each corner (m,), in metres: the one in object space, and the one in the world."""
     corner_slots = np.repeat(mesh.face_slots, mesh.face_sizes)
     object_heights, world_heights = np.zeros((2, len(corner_slots)))
     points = CornerPoints(mesh)
@@ -122,6 +127,7 @@ def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Fl
 
 
 def _height(points: CornerPoints, displacement: Displacement) -> Floats:
+    """Return ``(h - midlevel) scale`` at each corner (m,), which need not be finite."""
     with np.errstate(all="ignore"):  # the caller reports values that are not finite
         height = np.asarray(SourceValues(points).source_value(displacement.height, color=False), np.float64)
         offset = (height - displacement.midlevel) * displacement.scale
@@ -134,7 +140,8 @@ def _move_points(mesh: Mesh, object_heights: Floats, world_heights: Floats, line
     count = len(mesh.points)
     offsets = object_heights[:, None] * normals
     if world_heights.any():
-        # The world's normal is L^-T n, normalised. L^-1 maps an offset along it to object space.
+        # L is the matrix `linear`. The normal in the world is L^-T n, normalised; L^-1 maps an offset along it to
+        # object space. Normals and offsets are rows here, so the transposed matrices are on the right.
         inverse = np.linalg.inv(linear)
         offsets = offsets + world_heights[:, None] * (normalize_or(normals @ inverse, normals) @ inverse.T)
     corner_counts = np.maximum(np.bincount(mesh.corner_points, minlength=count), 1)
@@ -151,10 +158,10 @@ def _surface_normals(mesh: Mesh, points: Floats32) -> Floats:
 
 
 def _rotate_normals(normals: Floats, before: Floats, after: Floats) -> Floats:
-    """Rotate shading normals (m, 3) as displacement rotates the surface's normals, from `before` to `after`.
+    """Rotate shading normals (m, 3) by the rotation from the surface normals `before` to those `after` (m, 3).
 
-    Hard edges stay hard, smooth faces smooth. The rotation is the shortest one between both unit vectors (Rodrigues),
-    without trigonometry. Where the surface is flipped, the result is `after`.
+    Hard edges stay hard, and smooth faces stay smooth. The rotation is the shortest one between the two unit vectors,
+    by Rodrigues' formula without trigonometry. Where displacement flips the surface, the result is `after`.
     """
     axis, cosine = np.cross(before, after), dot(before, after)
     is_flipped = cosine < -0.999
@@ -165,7 +172,7 @@ def _rotate_normals(normals: Floats, before: Floats, after: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class CornerPoints(ImagePoints):
-    """The corners of a mesh as a `lookdev.material.values.Surface`."""
+    """The corners of a mesh as the points at which a look's height is evaluated (`lookdev.material.values.Surface`)."""
 
     mesh: Mesh
 

@@ -1,6 +1,6 @@
-"""Cameras that frame an asset. All frames of a turntable have the same camera, so that the asset's size is constant.
+"""Cameras that frame an asset: `frame_fill` by the region that it covers while it turns, `frame_camera` by its sphere.
 
-`frame_fill` frames the region that the asset covers while it turns, `frame_camera` its bounding sphere.
+All frames of a turntable have the same camera, so that the asset's size is constant.
 """
 
 from __future__ import annotations
@@ -16,20 +16,24 @@ from lookdev.errors import AssetError
 from lookdev.scene.camera import Camera
 
 Arc = tuple[float, float]
-"""A range of an asset's rotation angles, degrees: the first angle, and the sweep from there."""
+"""A range of rotation angles of an asset, in degrees: the first angle, and the signed angle from it to the last."""
 
 DEFAULT_FOV = math.degrees(2.0 * math.atan(36.0 / (2.0 * 50.0)))
 """Horizontal angle of view, degrees, of a 50 mm lens with a 36 mm wide sensor."""
 
 DEFAULT_FILL = 0.7
+"""The fraction of the frame's width or height that the turning asset fills."""
 
 FULL_TURN: tuple[Arc, ...] = ((0.0, 360.0),)
 
 _STEPS = 100
-"""The most Newton steps; about five are usual."""
+"""The maximum number of Newton steps; about five are usual."""
 
 _MIN_GAP = 1e-4
-"""The least distance of the camera from the asset, relative to the asset's depth: a needle seen end-on needs it."""
+"""The minimum distance of the camera from the asset, relative to the asset's depth.
+
+Without it, the camera would touch a needle that points at it.
+"""
 
 
 def frame_camera(
@@ -41,20 +45,20 @@ def frame_camera(
     elevation: float = 10.0,
     margin: float = 1.1,
 ) -> Camera:
-    """Return a camera whose frame the bounding sphere, times the margin, just fits.
+    """Return a camera whose frame just contains the bounding sphere of an asset, enlarged by `margin`.
 
-    Its distance is ``radius margin / sin(half)``, where `half` is half the smaller of the two angles of view.
+    The camera's distance is ``radius margin / sin(half)``, where `half` is half the smaller of the two angles of view.
 
     Parameters
     ----------
     center, radius
-        The asset's bounding sphere in world space, metres.
+        The asset's bounding sphere in world space, in metres.
     resolution
-        Width and height, square pixels.
+        The width and height of the frame in (square) pixels.
     fov, elevation
-        Horizontal angle of view, and angle above the horizon, degrees.
+        The horizontal angle of view, and the camera's angle above the horizon, in degrees.
     margin
-        Factor of the radius.
+        A factor of the radius.
 
     Raises
     ------
@@ -79,31 +83,31 @@ def frame_fill(
     fill: float = DEFAULT_FILL,
     arcs: Sequence[Arc] = FULL_TURN,
 ) -> Camera:
-    """Return a camera whose frame the turning asset covers up to the fraction `fill` of its width or height.
+    """Return a camera in whose frame the turning asset fills the fraction `fill` of the width or the height.
 
-    The asset turns about its `turning_axis`. The union of its silhouettes at all angles of the arcs has `fill` of the
-    frame's width or of its height, whichever is reached first. Its margins to the left and right are equal, and so are
-    those above and below.
+    The asset turns about its `turning_axis`. The union of its silhouettes at all angles of the arcs fills the fraction
+    `fill` of the frame's width or of its height, whichever is reached first. It is centred in the frame.
 
-    In coordinates right x, up y, towards the camera z, about a point of the axis, a camera at (a, b, d) sees a point
-    between the planes through it with slopes ±t to the left and right where ``±(x - a) <= t (d - z)``. That is linear:
-    it holds for all points where ``S(±1, 0, t) <= ±a + t d``, S being the support function of the points,
-    ``S(v) = max v.(x, y, z)``. Planes that touch on both sides have ``d = (S(1, 0, t) + S(-1, 0, t)) / 2t`` and
-    ``a = (S(1, 0, t) - S(-1, 0, t)) / 2``. The greater of the d of both directions is the camera's; in the other
-    direction, planes of a smaller slope touch on both sides.
+    The distance follows from planes through the camera that touch the asset. Let x be to the right, y up, and z towards
+    the camera, relative to a point of the axis, and let the camera be at (a, b, d). A point is between the two planes
+    through the camera with slopes ±t to the right and left if ``±(x - a) <= t (d - z)``. This is linear in the point,
+    so it holds for all points if ``S(±1, 0, t) <= ±a + t d``, with their support function ``S(v) = max v.(x, y, z)``.
+    The planes touch on both sides if ``d = (S(1, 0, t) + S(-1, 0, t)) / 2t`` and
+    ``a = (S(1, 0, t) - S(-1, 0, t)) / 2``. The same holds up and down, with b for a. The camera's d is the greater of
+    the two distances. In the other direction, planes of a smaller slope touch on both sides.
 
     Parameters
     ----------
     points : (n, 3)
-        In world space, metres: the `outline` of the asset, or the outlines of several.
+        The `outline` of the asset in world space, in metres, or the outlines of several assets.
     resolution
-        Width and height, square pixels.
+        The width and height of the frame in (square) pixels.
     fov, elevation
-        Horizontal angle of view, and angle above the horizon, degrees.
+        The horizontal angle of view, and the camera's angle above the horizon, in degrees.
     fill
         The fraction of the frame's width or height.
     arcs
-        The angles at which the asset is shown, as `Pose.element`.
+        The angles to which the asset turns, as `Pose.element`.
 
     Raises
     ------
@@ -121,7 +125,7 @@ def frame_fill(
     farthest_point = _farthest_point_function((columns - base[:, None]).T, arcs)
 
     def support_values(direction: int, slope: float) -> tuple[float, float, float]:
-        """Return S on both sides of a direction, and the derivative of their sum by the slope."""
+        """Return S on both sides and the derivative of their sum by the slope; direction 0 is along x, 1 along y."""
         normals = np.array([[direction == 0, direction == 1, slope]] * 2, np.float64)
         normals[1, :2] *= -1.0
         ahead, behind = (farthest_point(normal @ frame) @ frame.T for normal in normals)
@@ -143,22 +147,22 @@ def frame_fill(
                 break
             slope = min(slope + step, max_slope)
         offset.append(0.5 * (ahead - behind))
-    # Between the nearest and the farthest point, so that both are well within the camera's clip range.
+    # The target is between the nearest and the farthest point, so that both are well within the camera's clip range.
     distance = math.sqrt((depth - nearest) * (depth - farthest))
     target = base + np.array([*offset, depth - distance]) @ frame
-    # Rounded, so that frames have the same digest on every machine.
+    # Numbers are rounded, so that frames have the same digest on every machine.
     digits = 9 - math.floor(math.log10(distance))
     x, y, z = np.round(target, digits).tolist()
     return Camera(fov, elevation, (x, y, z), round(distance, digits), axis=axis)
 
 
 def _farthest_point_function(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], Floats]:
-    """Return a function of a direction: the point farthest along it, of points (n, 3) at all angles of some arcs.
+    """Return a function from a direction to the point farthest along it, of points (n, 3) at all angles of some arcs.
 
-    The points turn about the z axis. Let a point be at the distance r from the axis, and psi the angle about the axis
-    from the point to a direction w. After a turn by t, its dot product with w is ``r |w_xy| cos(psi - t) + z w_z``.
-    Over t from 0 to s it is greatest at psi if that is in the arc, that is if ``cos(psi - s/2) >= cos(s/2)``; else at
-    one of the ends.
+    The points turn about the z axis. Let r be the distance of a point from the axis, and psi the angle about the axis
+    from the point to a direction w. After a turn by t, the point's dot product with w is
+    ``r |w_xy| cos(psi - t) + z w_z``. In an arc of t from 0 to s, it is greatest at t = psi if psi is in the arc, which
+    means ``cos(psi - s/2) >= cos(s/2)``. Otherwise it is greatest at one of the ends.
     """
     radius, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
     ranges = [(math.radians(min(start, start + sweep)), math.radians(abs(sweep))) for start, sweep in arcs]
@@ -175,7 +179,7 @@ def _farthest_point_function(points: Floats, arcs: Sequence[Arc]) -> Callable[[F
             values = horizontal_length * radius + w[2] * z
             if not is_full_turn:
                 half = points @ (w * [1.0, 1.0, 0.0] @ _rotation_about_z(start + 0.5 * sweep))
-                # psi is not in the arc.
+                # Points whose psi is not in the arc are excluded.
                 values[half < horizontal_length * math.cos(0.5 * sweep) * radius] = -np.inf
             best = int(values.argmax())
             if values[best] > -np.inf:

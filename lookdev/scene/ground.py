@@ -1,4 +1,4 @@
-"""The ground under an asset: a horizontal disc."""
+"""The ground under an asset, `[ground]` of a job: a horizontal disc with a look of its own."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from lookdev.asset import Asset, Instance, Mesh, Slot, make_asset
 from lookdev.material import Layer, Look
 
 GROUND_PATH = "/lookdev/ground"
-"""The path of the ground among the parts of an asset, for links of lights."""
+"""The path of the ground as a part of the asset; light links can name it."""
 
 GREY_LOOK = Look("ground", (Layer("Ground", "lambert", {"reflectance": (0.18, 0.18, 0.18)}),))
 """The look of a ground without a material."""
 
-_SEGMENTS = 128
+_SEGMENTS = 128  # triangles of the disc
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """A horizontal disc about the axis of the turns: its look, radius and height, metres.
+    """A horizontal disc about the axis of the turntable; `radius` and `height` (its z) are in metres.
 
-    A `catcher` is a shadow catcher: the frame shows only the asset's effect on its light.
+    If `catcher`, it is a shadow catcher: the frame shows only the effect of the asset on the light of the ground.
     """
 
     look: Look
@@ -35,7 +35,10 @@ class Ground:
 def add_ground(
     asset: Asset, look_of_part: Mapping[str, Look], ground: Ground, axis: tuple[float, float]
 ) -> tuple[Asset, dict[str, Look]]:
-    """Return an asset with the ground as another part, and the looks of all slots; `axis` is x and y of the disc."""
+    """Return the asset with the ground as an additional part, and the look of each slot by its path.
+
+    `axis` is the x and y of the centre of the disc.
+    """
     meshes = [*asset.meshes, replace(_disc(ground.radius), face_slots=np.full(_SEGMENTS, len(asset.slots), np.int32))]
     matrix = np.eye(4)
     matrix[:3, 3] = (*axis, ground.height)
@@ -46,7 +49,7 @@ def add_ground(
 
 
 def _disc(radius: float) -> Mesh:
-    """Return a disc that faces up, of triangles about its centre; st is 0 to 1 over its bounding square."""
+    """Return a disc of triangles that faces up, with a UV set st from 0 to 1 over its bounding square."""
     angles = 2.0 * np.pi * np.arange(_SEGMENTS) / _SEGMENTS
     rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SEGMENTS)], axis=-1)
     points = np.concatenate([rim, np.zeros((1, 3))])

@@ -1,7 +1,8 @@
 """The parts of an asset, patterns over their paths, and the assignment of looks or lights to parts.
 
-A part is a mesh, or a GeomSubset of a mesh, at the path of its instances. Instances share their mesh and its slots.
-Where the assignments of instances differ, the mesh is split into meshes that share all arrays but `face_slots`.
+A part is a mesh, or a GeomSubset of a mesh, at the path of one or more instances. A slot (`Asset.slots`) is the entry
+of a part in the asset, which instances of a mesh share. If a look or light is assigned to some of the instances only,
+the mesh is copied: the copies share all arrays but `face_slots`, and have slots of their own.
 """
 
 from __future__ import annotations
@@ -22,17 +23,17 @@ from lookdev.asset.store import asset_digest
 Key = TypeVar("Key", bound=Hashable)
 
 MeshAtPath = tuple[int, str]
-"""The number of a mesh, and the path of some of its instances."""
+"""The index of a mesh in its asset, and a path that one or more of its instances have."""
 
-_MAX_HINTS = 8  # paths that a hint lists
+_MAX_HINTS = 8  # the maximum number of paths that a hint lists
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A mesh, or a GeomSubset of one, to which a look or lights are assigned.
+    """A mesh, or a GeomSubset of a mesh, to which a look or lights are assigned.
 
-    `path` is the path of some instances of the mesh, followed by the name of the GeomSubset. `slot` is the asset's slot
-    of the part's faces.
+    `path` is the path of instances of the mesh, followed by the name of the GeomSubset if the part is one. `slot` is
+    the slot of the part's faces.
     """
 
     path: str
@@ -41,7 +42,7 @@ class Part:
 
 
 def asset_parts(asset: Asset) -> dict[MeshAtPath, tuple[Part, ...]]:
-    """Return the parts of each mesh at each path; the path of a mesh without an instance is its name."""
+    """Return the parts of each mesh at each path of its instances; without instances, the path is its name."""
     slots = [np.unique(mesh.face_slots).tolist() for mesh in asset.meshes]
     meshes_at_paths = dict.fromkeys((instance.mesh, instance.path) for instance in asset.instances)
     hidden = set(range(len(asset.meshes))) - {number for number, _ in meshes_at_paths}
@@ -55,13 +56,14 @@ def asset_parts(asset: Asset) -> dict[MeshAtPath, tuple[Part, ...]]:
 def assign_to_parts(
     asset: Asset, parts: Mapping[MeshAtPath, Sequence[Part]], choose: Callable[[Part], Key]
 ) -> tuple[Asset, dict[str, Key]]:
-    """Return the asset with slots whose parts all have the same choice, and the choice of each slot by its path.
+    """Return an asset in which all parts of a slot have the same choice, and the choice of each slot by its path.
 
-    `parts` are those of `asset_parts`. The asset is the same object if the instances of every mesh agree.
+    `choose` returns the choice for a part, for example its look; `parts` is the result of `asset_parts`. Meshes whose
+    instances have different choices are split. If no mesh is split, the asset is the same object.
     """
     meshes, slots = list(asset.meshes), list(asset.slots)
     choice_of_slot: dict[str, Key] = {}
-    # By mesh and choices of its parts: the mesh of the new asset, which is the old mesh for its first choices.
+    # The mesh of the new asset, by the old mesh and the choices of its parts. The first choices keep the old mesh.
     mesh_numbers: dict[tuple[int, tuple[Key, ...]], int] = {}
     number_at_path: dict[MeshAtPath, int] = {}
     assigned: set[int] = set()
@@ -89,7 +91,10 @@ def assign_to_parts(
 
 @dataclass(frozen=True)
 class PatternFits:
-    """The number of the `first` pattern that fits each path, and the numbers of the patterns that fit no path."""
+    """For each path the index of the `first` pattern that fits it, and the indices of the patterns that fit no path.
+
+    Paths that no pattern fits are not in `first`.
+    """
 
     first: Mapping[str, int]
     unmatched: tuple[int, ...]
@@ -100,11 +105,12 @@ def fit_patterns(
 ) -> PatternFits:
     """Find the first pattern that fits each path.
 
-    A pattern is a glob (`fnmatch`: ``*`` matches any characters, ``/`` too). It fits a prim with all its descendants.
-    `members` has the paths of each pattern that is a collection, which fits these paths alone.
+    A pattern is a glob (`fnmatch`: ``*`` matches any characters, including ``/``). It fits a prim and all descendants
+    of the prim. Patterns that are keys of `members` are names of collections instead, and fit only the paths that
+    `members` has for them.
     """
     members = members or {}
-    # By path: the collections that include it, and the patterns that are this path.
+    # For each path, the indices of the collections that include it, and of the patterns that are equal to it.
     collected: dict[str, list[int]] = {}
     literal: dict[str, list[int]] = {}
     globs: list[tuple[int, re.Pattern[str]]] = []
@@ -120,7 +126,7 @@ def fit_patterns(
     first_fits: dict[str, float] = {"": math.inf}
 
     def first_fit(path: str) -> float:
-        """Return the number of the first pattern that fits a path or one of its ancestors; inf if none does."""
+        """Return the index of the first pattern that fits a path or one of its ancestors; inf if none does."""
         if path not in first_fits:
             fitting = [*literal.get(path, ()), *(number for number, glob in globs if glob.match(path))]
             fitted.update(fitting)
@@ -137,7 +143,7 @@ def fit_patterns(
 
 
 def path_hint(pattern: str, paths: Iterable[str]) -> str:
-    """Return a hint with the paths nearest to a pattern that fits no path."""
+    """Return a hint for a pattern that fits no path: a path that resembles it, or else the known paths."""
     known_paths = {parent for path in paths for parent in _path_and_ancestors(path)}
     folded = {
         key.casefold(): path for path in sorted(known_paths, reverse=True) for key in (path, path.rpartition("/")[2])
@@ -157,16 +163,18 @@ def path_hint(pattern: str, paths: Iterable[str]) -> str:
 
 
 def _part(mesh: Mesh, slot: Slot, path: str) -> Part:
+    """Return the part of a slot of a mesh whose instances have a path; slot paths begin with the mesh's name."""
     return Part(path + slot.path.removeprefix(mesh.name) if path else slot.path, mesh, slot)
 
 
 def _split_mesh(mesh: Mesh, path: str, first: int) -> Mesh:
-    """Return the mesh with a path as its name, and with slots numbered from `first` on."""
+    """Return a copy of the mesh with a path as its name, whose slots are numbered from `first` on."""
     _, compact = np.unique(mesh.face_slots, return_inverse=True)
     return replace(mesh, name=path, face_slots=(compact + first).astype(np.int32))
 
 
 def _path_and_ancestors(path: str) -> Iterator[str]:
+    """Yield a path and the paths of its ancestors, without the root."""
     while path:
         yield path
         path = path.rpartition("/")[0]

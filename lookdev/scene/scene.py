@@ -1,4 +1,4 @@
-"""A scene: an asset, the look of each of its parts, the lights, and the camera; its sampling, and light linking."""
+"""A scene, the input of all renderers: an asset with looks, lights and a camera; its sampling, and light linking."""
 
 from __future__ import annotations
 
@@ -17,25 +17,26 @@ from lookdev.scene.parts import Part, asset_parts, assign_to_parts
 from lookdev.space import REC709, Space
 
 SAMPLE_CAP = 4096
-"""The default limit of samples per pixel for a frame with a target error."""
+"""The default limit of samples per pixel for a frame with a target error (`Sampling.error`)."""
 
 CONSTANT = "constant"
-"""In the metadata of a field of `Sampling`: its name among the constants of generated shaders."""
+"""A key in the metadata of a field of `Sampling`; the value is the name of a constant in generated shaders."""
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """Samples, directions and bounces of a frame.
+    """The numbers of samples, directions and bounces of a frame, and its outputs.
 
-    If `error` is set, rounds of growing size are added until the estimated relMSE is at most `error`, or `samples` is
-    reached. `brdf_samples` and `ibl_samples` are directions per shading point; they depend on the look if None.
+    If `error` is set, samples are added in rounds of growing size, until the estimated relMSE is at most `error` or
+    their number reaches `samples`. `brdf_samples` and `ibl_samples` are the numbers of directions that are drawn at a
+    shading point from the BSDF and from the light; if None, the look determines them.
     """
 
-    samples: int = 64  # per pixel, even: the two half pictures of the error estimate have half of them each
+    samples: int = 64  # per pixel; an even number, because the error estimate compares two pictures with half of them
     error: float | None = None
     brdf_samples: int | None = None
     ibl_samples: int | None = None
-    bounces: int = field(default=2, metadata={CONSTANT: "BOUNCES"})  # indirect
+    bounces: int = field(default=2, metadata={CONSTANT: "BOUNCES"})  # of indirect light
     seed: int = 0
     denoise: Literal["off", "measured"] = "off"  # "measured": denoise, and measure the error again
     passes: tuple[str, ...] = ()  # of `lookdev.rendering.passes`, in addition to the beauty pass
@@ -54,13 +55,13 @@ class Sampling:
 
     @property
     def records_parts(self) -> bool:
-        """Whether shaders record parts of their light."""
+        """Whether shaders record parts of the light, for the passes ``lobes``, ``direct`` and ``lights``."""
         return not {"lobes", "direct", "lights"}.isdisjoint(self.passes)
 
 
 @dataclass(frozen=True)
 class Film:
-    """The film: `resolution` is width and height in pixels, `space` the colour space of all light."""
+    """The film: `resolution` is the width and height in pixels, `space` the colour space of all light."""
 
     resolution: tuple[int, int]
     space: Space = REC709
@@ -70,16 +71,20 @@ class Film:
 class Scene:
     """An asset with looks and lights, as a camera sees it.
 
+    A *slot* of the asset (`Asset.slots`) is a set of its faces that have one look. Slots are named by their paths.
+
     Parameters
     ----------
     asset, lights, camera, film
         The asset, the lights, the camera and the film.
     look_of_slot
-        The look of each slot of the asset, by the slot's path; ValueError if a slot has none.
+        The look of each slot by its path; ValueError if a slot has none.
     lights_of_slot
-        The numbers of the lights that illuminate a slot, by its path. All lights illuminate a slot that it lacks.
+        For each path of a slot, the indices in `lights` of the lights that illuminate it. A slot that is not a key is
+        illuminated by all lights.
     groups
-        The shadow group of a slot, by its path, 0 for a slot that it lacks. `Emission.shadow_excluded` has such groups.
+        The shadow group of each slot by its path; a slot that is not a key has group 0. `Emission.shadow_excluded` is a
+        tuple of such groups.
     catchers
         The paths of slots that are shadow catchers: the frame shows only the effect of the other slots on their light.
     """
@@ -113,13 +118,16 @@ class Scene:
 
     @property
     def slot_lights(self) -> tuple[tuple[int, ...], ...]:
-        """The numbers of the lights of each slot of the asset, in the order of the slots."""
+        """The indices of the lights that illuminate each slot of the asset, in the order of the slots."""
         every = tuple(range(len(self.lights)))
         return tuple(self.lights_of_slot.get(slot.path, every) for slot in self.asset.slots)
 
     def without_idle_lights(self) -> Scene:
-        """Return the scene without lights that are invisible and reach no part in any pose; each part keeps a light."""
-        # In every pose the asset is in this sphere, whose centre is on the axis of the turns at the asset's height.
+        """Return the scene without lights that the camera does not see and that reach the asset in no pose.
+
+        Each slot keeps at least one light.
+        """
+        # In every pose the asset is in this sphere, whose centre is on the turntable's axis at the asset's height.
         x, y = self.camera.pivot
         center = (x, y, self.asset.center[2])
         radius = 1.001 * (self.asset.radius + math.dist((x, y), self.asset.center[:2]))
@@ -138,16 +146,17 @@ class Scene:
 
     @property
     def slot_groups(self) -> tuple[int, ...]:
-        """The group of each slot of the asset, in the order of the slots."""
+        """The shadow group of each slot of the asset, in the order of the slots."""
         return tuple(self.groups.get(slot.path, 0) for slot in self.asset.slots)
 
 
 def link_lights(scene: Scene) -> Scene:
-    """Return the scene with `Scene.lights_of_slot`, `Scene.groups` and `Emission.shadow_excluded` set from its links.
+    """Return the scene with the links of its lights applied.
 
-    Meshes whose instances have different links are split, so that all parts of a slot are illuminated by the same
-    lights and cast the shadows of the same lights. Without links, the scene is the same. The slots of a group cast the
-    shadows of the same lights; group 0 casts all shadows.
+    It sets `Scene.lights_of_slot` and `Scene.groups` of the scene, and `Emission.shadow_excluded` of each light. The
+    slots of a group cast the shadows of the same lights; group 0 casts the shadows of all lights. Meshes whose
+    instances have different links are split, so that all parts of a slot have the same links. If no light has a link,
+    the scene is the same object.
     """
     asset, look_of_part, lights = scene.asset, scene.look_of_slot, scene.lights
     light_links = [light.emission.light_link for light in lights]
@@ -170,7 +179,7 @@ def link_lights(scene: Scene) -> Scene:
     }
 
     def exclude_groups(number: int, light: Light) -> Light:
-        """Return a light with the groups that its shadow excludes."""
+        """Return a light, by its index, with the groups that do not cast its shadow."""
         excluded = tuple(group for shadow_numbers, group in groups.items() if number not in shadow_numbers)
         return light.with_emission(replace(light.emission, shadow_excluded=excluded))
 

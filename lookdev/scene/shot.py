@@ -1,4 +1,4 @@
-"""The camera of a shot, from a USD file."""
+"""The camera of a shot: a camera of a USD file as the camera of a turntable, and notes on ignored features."""
 
 from __future__ import annotations
 
@@ -14,16 +14,20 @@ from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
 
 _ASPECT_TOLERANCE = 0.01  # a smaller relative difference of two aspect ratios is not noticeable
-_TARGET_DISTANCE = 0.1  # as a fraction of the farthest point's distance, so that the clip range includes near points
+# The distance of the camera's target, as a fraction of that of the farthest point. `Camera.clip`, which depends on it,
+# then includes near points, too.
+_TARGET_DISTANCE = 0.1
 
 
 def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
-    """Return a camera of a USD file that orbits the turning axis of an asset with the outline `points` (n, 3).
+    """Return the camera of a USD file as a `Camera` that orbits the turning axis of an asset.
 
-    The width of its aperture fills the width of the frame. The target only determines the clip range.
+    `points` (n, 3) is the outline of the asset. The width of the aperture fills the width of the frame. The target of
+    the camera only determines the clip range.
     """
     width, _ = shot.apertures
     right, _, back = np.array(shot.frame)
+    # The camera without roll; the roll is the angle from its right to that of the shot's camera.
     level_camera = Camera(
         fov=math.degrees(2.0 * math.atan(width / (2.0 * shot.focal_length))),
         elevation=_atan2_degrees(back[2], math.hypot(back[0], back[1])),
@@ -50,7 +54,7 @@ def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
 
 
 def shot_notes(shot: UsdCamera, points: Floats, resolution: tuple[int, int]) -> Iterator[str]:
-    """Yield notes on features of a shot's camera that are ignored, and on a frame with another aspect ratio."""
+    """Yield notes on ignored features of a shot's camera, and on an aspect ratio that differs from the job's."""
     yield from shot.notes
     (width, height), (columns, rows) = shot.apertures, resolution
     shot_aspect, job_aspect = width / height, columns / rows
@@ -69,5 +73,5 @@ def shot_notes(shot: UsdCamera, points: Floats, resolution: tuple[int, int]) -> 
 
 
 def _atan2_degrees(y: float, x: float) -> float:
-    # Rounded, so that frames have the same digest on every machine.
+    # The angle is rounded, so that frames have the same digest on every machine; adding 0 turns -0 into 0.
     return round(math.degrees(math.atan2(y, x)), 10) + 0.0

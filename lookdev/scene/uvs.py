@@ -1,7 +1,7 @@
-"""The UV sets and primvars that looks read, on the meshes that the looks are assigned to.
+"""The UV sets and primvars that looks read: replacement of UV sets that meshes lack, and notes on what is missing.
 
-A set that a mesh lacks is replaced by the mesh's default set, `st` or else its only set, under the missing name. If a
-mesh has no default set either, `lookdev.plan` reports the fault: only the generated source shows whether a shader
+If a mesh lacks a UV set, its default set (``st``, or else its only set) is added under the missing name. If it has no
+default set either, `lookdev.plan` reports the fault later, because only the generated source shows whether a shader
 reads the set.
 """
 
@@ -18,7 +18,7 @@ from lookdev.material import Bump, Coordinates, Look, Primvar, Texture, leaf_sou
 
 
 def look_uvs(look: Look) -> tuple[str, ...]:
-    """Return the names of the UV sets that a look reads, in order."""
+    """Return the names of the UV sets that a look reads, in the order in which it reads them."""
     return tuple(dict.fromkeys(leaf.st for leaf in _leaves(look) if not isinstance(leaf, Primvar)))
 
 
@@ -27,13 +27,14 @@ def add_missing_uvs(
 ) -> tuple[Asset, tuple[str, ...]]:
     """Return the asset with the UV sets that its looks read, and notes on replaced sets.
 
-    `look_of_part` maps slots' paths to looks, as `Scene.look_of_slot`; `bound` are the paths of slots whose look is the
-    asset's own. If only bound looks read UV sets of a mesh that has none, they read (0, 0), as USD's own readers do.
+    `look_of_part` maps the paths of slots to looks, as `Scene.look_of_slot`. `bound` has the paths of slots whose look
+    comes from the asset itself. If a mesh has no UV set and only such looks read one, they read (0, 0), as USD's own
+    readers do.
     """
     looks = [look_of_part[slot.path] for slot in asset.slots]
     uv_names = {id(look): look_uvs(look) for look in looks}
     is_bound = [slot.path in bound for slot in asset.slots]
-    lacking: dict[tuple[str, str], list[Mesh]] = {}  # by missing set, and the set that replaces it or ""
+    lacking: dict[tuple[str, str], list[Mesh]] = {}  # by the missing set, and the set that replaces it or ""
     all_names = {name for names in uv_names.values() for name in names}
     meshes = []
     for mesh in asset.meshes:
@@ -57,7 +58,7 @@ def add_missing_uvs(
 
 
 def missing_primvar_notes(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str, ...]:
-    """Return notes on primvars that looks read and meshes lack; `look_of_part` maps slots' paths to looks."""
+    """Return notes on primvars that looks read and meshes lack; `look_of_part` is `Scene.look_of_slot`."""
     looks = [look_of_part[slot.path] for slot in asset.slots]
     primvar_names = {id(look): {leaf.name for leaf in _leaves(look) if isinstance(leaf, Primvar)} for look in looks}
     lacking: dict[str, list[Mesh]] = {}
@@ -76,6 +77,7 @@ def _replacement_note(name: str, fallback: str, meshes: list[Mesh]) -> str:
 
 
 def _missing_phrase(meshes: list[Mesh], kind: str, name: str) -> str:
+    """Return the statement that meshes lack a primvar or UV set; `kind` is the word for it."""
     more = f" and {len(meshes) - 1} more have" if len(meshes) > 1 else " has"
     return f"{meshes[0].name}{more} no {kind} '{name}', which looks ask for"
 

@@ -1,14 +1,20 @@
 """Dome light: an environment map at infinity, whose radiance is the same at every shading point.
 
-Radiance is looked up bilinearly (`warp.lookup`). `Dome.sample` draws directions in proportion to it. The shader samples
-radiance times the widened cosine of the shading normal's bin (`bins`): it draws a slot of the bin (`slots`), then a
-point of the slot (`points`). Slots and bins are array parameters of the shader, because a look-up in a texture costs
-ten times as much (CPU, Blender 4.5). The points and the radiance are textures: the points are too many for an array,
-and the radiance needs interpolation.
+Radiance is looked up bilinearly (`warp.lookup`), and `Dome.sample`, in NumPy, draws directions in proportion to it. The
+shader draws directions nearly in proportion to radiance times the cosine to the shading normal, with three tables:
 
-The shader reverses the bits of a slot's number, so that any aligned block of 2^k sample numbers is spread evenly along
-the curve of the points, hence over the light. A converged picture is a quadrature with N points. Its expectation over
-the random choice of the points is the integral; docs/accuracy.md states the error of one set of points.
+- `points`: directions that are distributed in proportion to the radiance, along a curve over the sphere.
+- `bins`: groups of shading normals. The *widened cosine* of a bin replaces the cosine of its normals.
+- `slots`: for each bin, ranges of consecutive points of equal probability.
+
+A sample draws a slot of the shading normal's bin, then a point of the slot. Slots and bins are array parameters of the
+shader, because a look-up in a texture costs ten times as much (CPU, Blender 4.5). The points and the radiance are
+textures: the points are too many for an array, and the radiance needs interpolation.
+
+The shader reverses the bits of the sample number to get the slot's number. Any aligned block of 2^k sample numbers is
+therefore spread evenly along the curve of the points, and so over the light. A converged picture is a quadrature over
+all points. Its expectation over the random choice of the points is the integral; docs/accuracy.md states the error of
+one set of points.
 """
 
 from __future__ import annotations
@@ -33,16 +39,17 @@ from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to
 from lookdev.space import Color, Space
 
 TABLE_VERSION = 4
-"""Part of the digest. Raise it with any change to the content of the tables."""
+"""The version of the tables, part of `Dome.map_digest`: raise it with any change to the content of the tables."""
 
 
 @dataclass(frozen=True)
 class Dome(CodedLight):
-    """A dome light, with the files that the shader reads: its radiance, and tables if the shader samples it.
+    """A dome light, with the files that the shader reads: its map of radiance, and tables if the shader samples it.
 
-    `width` and `height` are those of the map. `map_digest` identifies the map and its tables in the cache. The map is
-    in the frame of `axes`, and the emission's colour multiplies its radiance. `sample` draws directions in proportion
-    to the mean of the map's channels, or uniformly if the map is black.
+    `width` and `height` are those of the map in texels. `map_digest` identifies the map and its tables in the cache,
+    and `constant` is whether all texels are equal. The map's directions are relative to `axes`. The emission's colour
+    multiplies the map. `sample` draws directions in proportion to the mean of the map's channels, or uniformly if the
+    map is black.
     """
 
     kind = "dome"
@@ -85,7 +92,10 @@ class Dome(CodedLight):
         return self.convert_map(space, local=False)
 
     def convert_map(self, space: Space, *, local: bool) -> Dome:
-        """Return the dome in a space, with the emission's colour moved into the map; `local` as for `prepare_light`."""
+        """Return the dome in a colour space, with the emission's colour multiplied into the map.
+
+        `local` is the argument of `prepare_light`.
+        """
         converted = map_in_space(self.table, self.emission.color, self.map_digest, space)
         emission = replace(self.emission.in_space(space), color=WHITE.color)
         return replace(prepare_light(converted, local=local), axes=self.axes, emission=emission)
@@ -99,7 +109,7 @@ class Dome(CodedLight):
 
     @cached_property
     def table(self) -> Floats:
-        """Radiance (H, W, 3), row 0 at the zenith; raises EnvironmentMapError if its file is missing or broken."""
+        """The map's radiance (H, W, 3), row 0 at the zenith; EnvironmentMapError if its file is missing or broken."""
         return read_exr(self.radiance_file.path, "RGB").astype(np.float64)
 
     @cached_property
@@ -126,10 +136,10 @@ class Dome(CodedLight):
         """Return the preprocessor lines with the sizes of the tables, which all domes share."""
         constants = {
             "SLOTS": slots.SLOTS,
-            "SLOTS_SHIFT": 33 - slots.SLOTS.bit_length(),
+            "SLOTS_SHIFT": 33 - slots.SLOTS.bit_length(),  # from 32 bits to the bits of a slot's number
             "CODE_BITS": slots.CODE_BITS,
             "MOST_POINTS": slots.MOST_POINTS,
-            "ALL": bins.COUNT,
+            "ALL": bins.COUNT,  # the number of the additional bin, for all directions
             "ALL_SLOTS": (bins.COUNT + 1) * slots.SLOTS,
             "BIN_NUMBERS": 2 * (bins.COUNT + 1),
             "ROWS": bins.ROWS,
@@ -141,7 +151,10 @@ class Dome(CodedLight):
         return tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
 
     def files(self, name: str, *, sampled: bool) -> tuple[dict[str, Content], dict[str, Content]]:
-        """Return the files that a shader reads as textures and as arrays, by parameter; names begin with `name`."""
+        """Return the files that a shader reads as textures, and those that it reads as arrays.
+
+        The keys of both are names of shader parameters, which begin with `name`.
+        """
         textures, arrays = {f"{name}_radiance": self.radiance_file}, {}
         if sampled:
             assert self.points_file and self.slots_file and self.bins_file  # noqa: PT018
@@ -151,10 +164,10 @@ class Dome(CodedLight):
 
 
 def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = False) -> Dome:
-    """Return the dome light of a map, and write its files to the cache unless it has them.
+    """Return the dome light of a map, and write its files to the cache unless the cache has them.
 
     Without `sampled`, the tables with which a shader draws directions are not made: NumPy and Cycles' world need none.
-    A constant map needs none either, unless its dome is `local`, whose radiance varies with the position in it.
+    A constant map needs none either, unless the dome is that of a `LocalDome`, with `local`.
 
     Raises
     ------
@@ -172,7 +185,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
         warp = BilinearWarp(radiance.mean(axis=-1))
         pixels, directions = points.draw_points(radiance, warp, points.SIDE)
         slot_table, bin_table = slots.cut_slots(directions, warp.integral)
-        # Compression would save a quarter of 16 MB, and cost every start 0.1 s.
+        # Compression would save a quarter of 16 MB, and delay every start of a render by 0.1 s.
         texture = pixels.reshape(points.SIDE, points.SIDE, 4)
         points_file = Content.store_written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False))
         return points_file, write_table(slot_table), write_table(bin_table)
@@ -186,7 +199,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
 
 
 def load_cached_dome(digest: str, width: int, height: int, constant: bool, sampled: bool) -> Dome | None:
-    """Return the dome of a `map_digest` that `prepare_light` has written; None if one of its files is missing."""
+    """Return the dome whose files `prepare_light` has written for a `map_digest`; None if one of them is missing."""
     radiance = load_cached_files("ibl", f"{digest}.radiance")
     tables = () if constant or not sampled else load_cached_files("ibl", f"{digest}.tables")
     if radiance is None or tables is None:
@@ -196,12 +209,12 @@ def load_cached_dome(digest: str, width: int, height: int, constant: bool, sampl
 
 
 def example_map() -> EnvironmentMap:
-    """Return a dim sky with a broad sun and a black ground."""
+    """Return a small map of a dim sky with a broad sun and a black ground."""
     radiance = np.full((16, 32, 3), (0.2, 0.3, 0.5))
     radiance[3:6, 9:13], radiance[12:] = (9.0, 7.0, 4.0), 0.0
     return make_environment("example", radiance)
 
 
 def example_dome() -> Dome:
-    """Return the light of `example_map`."""
+    """Return the dome light of `example_map`."""
     return prepare_light(example_map())

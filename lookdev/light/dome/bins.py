@@ -1,8 +1,9 @@
-"""Bins of shading normals, a few degrees wide: each has its own sampling distribution of a dome light (`slots`).
+"""Bins of shading normals: each bin has its own sampling distribution of a dome light's directions (`slots`).
 
-Bins are cells of nearly equal width in rows of latitude of equal height, as in `lookdev/shaders/dome.osl.h`. The weight
-of a direction is the bin's `widened_cosine`: the largest cosine between the direction and the normals of a cone about
-the bin's axis. The cone contains the bin, so that the weight is positive wherever a normal of the bin has a positive
+The sphere of normals is divided into rows of latitude of equal height, and each row into bins (cells) of equal width,
+which is nearly the same in all rows. `lookdev/shaders/dome.osl.h` finds the bin of a normal. The sampling weight of a
+direction is the bin's `widened_cosine`: the largest cosine between the direction and any normal of a cone about the
+bin's axis. The cone contains the bin, so that the weight is positive wherever a normal of the bin has a positive
 cosine.
 """
 
@@ -17,24 +18,28 @@ from numpy.typing import NDArray
 AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
 
 ROWS = 10
+"""The number of rows, each of 18 degrees of latitude."""
+
 CELLS = tuple(round(19.6 * float(np.sin(np.pi * (row + 0.5) / ROWS))) for row in range(ROWS))
-"""Cells of each row, from the zenith down."""
+"""The number of bins in each row, from the zenith down. At the equator they are as wide as high, about 18 degrees."""
 
 FIRST = tuple(int(sum(CELLS[:row])) for row in range(ROWS))
 """The number of each row's first bin."""
 
 COUNT = sum(CELLS)
+"""The number of bins."""
 
-# Radians beyond the farthest corner of a bin; the shader's arc tangents are only accurate to 1e-5.
+# The radians by which a cone extends beyond its bin, because the shader's arc tangents are only accurate to 1e-5.
 _MARGIN = 1e-3
 
 
 def _direction(theta: float, phi: float) -> tuple[float, float, float]:
+    """Return the unit vector at the angle theta from +z and the azimuth phi, in radians."""
     return float(np.sin(theta) * np.cos(phi)), float(np.sin(theta) * np.sin(phi)), float(np.cos(theta))
 
 
 def _cone_radius() -> float:
-    """Return the largest angle between a bin's axis and its corners, which are its farthest points."""
+    """Return the largest angle, over all bins, between a bin's axis and its corners, its farthest points."""
     farthest = 0.0
     for row, cells in enumerate(CELLS):
         axis = np.array(_direction(np.pi * (row + 0.5) / ROWS, np.pi / cells))
@@ -45,14 +50,14 @@ def _cone_radius() -> float:
 
 _CELL_INDICES = [(row, cell) for row, cells in enumerate(CELLS) for cell in range(cells)]
 AXES = np.array([_direction(np.pi * (r + 0.5) / ROWS, 2.0 * np.pi * (c + 0.5) / CELLS[r]) for r, c in _CELL_INDICES])
-"""The axis of each bin, (COUNT, 3), in the light's frame."""
+"""The axis of each bin, its middle, as unit vectors (COUNT, 3) relative to the light's axes."""
 
 RADIUS = _cone_radius() + _MARGIN
-"""Half the opening angle of a bin's cone of normals, in radians."""
+"""The half angle in radians of the cone of normals of every bin."""
 
 
 def widened_cosine(cosine: NDArray[AnyFloat]) -> NDArray[AnyFloat]:
-    """Return the widened cosines of a bin, at least 0, for the cosines between directions and the bin's axis."""
+    """Return the widened cosines (...) of directions, at least 0, from the cosines (...) to the axis of the bin."""
     cosine_radius, sine_radius = math.cos(RADIUS), math.sin(RADIUS)
     # cos(max(0, angle - radius)).
     rotated = cosine_radius * cosine + sine_radius * np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))

@@ -1,7 +1,7 @@
-"""Environment maps: reading, repair, digest of the content, and the EXR files of lights in the cache.
+"""Environment maps: their reading and repair, the digest of their content, and the EXR files of lights in the cache.
 
-A map is a lat-long image of linear Rec.709 radiance. The numbers of a file are not converted, as in Cycles: an EXR's
-``chromaticities`` have no effect.
+A map is a lat-long image of linear Rec.709 radiance. As in Cycles, the numbers of a file are taken as they are: the
+``chromaticities`` of an EXR have no effect.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ BUILTIN_LIGHTS: tuple[str, ...] = (
 )  # fmt: skip
 """The eight CC0 Poly Haven maps that the bpy wheel ships, and ``white``: radiance 1 from everywhere."""
 
-_TILE_SIDE = 4096
+_TILE_SIDE = 4096  # texels: the largest side of a tile in `write_exr`
 
 MIN_PEAK, MAX_PEAK = 1e-18, 1e18
-"""The limits of a map's largest radiance, unless it is 0: shaders compute in float32."""
+"""The limits of a map's largest radiance, because shaders compute in float32; 0 is allowed, too."""
 
 
 @dataclass(frozen=True)
 class Repairs:
-    """The number of repaired texels, by kind of damage; a texel may have several kinds."""
+    """The number of repaired texels for each kind of damage; a texel may have several kinds."""
 
     negative: int = 0
     nan: int = 0
@@ -57,9 +57,9 @@ class Repairs:
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentMap:
-    """An image of radiance (H, W, 3), row 0 at the zenith, linear Rec.709, finite and not negative, and its digest.
+    """An environment map: radiance (H, W, 3) in linear Rec.709, row 0 at the zenith, finite and not negative.
 
-    `where` is its file, or its name.
+    `digest` identifies the radiance. `where` is the map's file, or else its name, for messages.
     """
 
     name: str
@@ -75,9 +75,9 @@ class EnvironmentMap:
 
 
 def exposure_fault(peak: float, exposure: float) -> tuple[str, str] | None:
-    """Return the problem and what would be right if shaders, in float32, cannot compute with `peak` times 2^exposure.
+    """Return the fault if `peak` times 2^exposure is out of the range of shaders, which compute in float32; else None.
 
-    `peak` is the largest radiance of a light.
+    `peak` is the largest radiance of a light. The fault is a pair: the problem, and a sentence on what would be right.
     """
     peak *= 2.0**exposure
     if not peak or MIN_PEAK <= peak <= MAX_PEAK:
@@ -87,13 +87,16 @@ def exposure_fault(peak: float, exposure: float) -> tuple[str, str] | None:
 
 
 def check_exposed(peak: float, exposure: float, where: str) -> None:
-    """Raise EnvironmentMapError if shaders cannot compute with `peak`, a map's largest radiance, times 2^exposure."""
+    """Raise EnvironmentMapError if `exposure_fault` has a fault; `where` names the map in the message."""
     if fault := exposure_fault(peak, exposure):
         raise EnvironmentMapError(f"{where}: {'; '.join(fault)}")
 
 
 def map_in_space(radiance: Floats, color: tuple[float, float, float], digest: str, space: Space) -> EnvironmentMap:
-    """Return a map (H, W, 3) of linear Rec.709 times a colour, in a space; its digest is that of the arguments."""
+    """Return a map (H, W, 3), of linear Rec.709, times a colour, converted to a colour space.
+
+    `digest` is that of the given map; the digest of the result is computed from it, the colour and the space.
+    """
     name = hashlib.sha256(f"{digest} {color!r} {space}".encode()).hexdigest()
     pixels = to_space(radiance * np.array(color), space).astype(np.float32)
     return EnvironmentMap(space, pixels, Repairs(), name, space)
@@ -102,7 +105,7 @@ def map_in_space(radiance: Floats, color: tuple[float, float, float], digest: st
 def load_environment(file: Path | None = None, builtin: str | None = None) -> EnvironmentMap:
     """Load a lat-long map, either from an EXR or HDR file or from `BUILTIN_LIGHTS`.
 
-    Maps may have any aspect ratio: the whole image is the whole sphere.
+    Maps may have any aspect ratio: the whole image always covers the whole sphere.
 
     Raises
     ------
@@ -120,7 +123,7 @@ def load_environment(file: Path | None = None, builtin: str | None = None) -> En
 
 
 def builtin_file(name: str) -> Path:
-    """Return the file of a built-in map other than ``white``; errors as `load_environment`."""
+    """Return the file of a built-in map other than ``white``; raise the errors of `load_environment`."""
     if name not in BUILTIN_LIGHTS:
         raise EnvironmentMapError(f"no built-in light '{name}' ({nearest_hint(name, BUILTIN_LIGHTS)})")
     spec = importlib.util.find_spec("bpy")  # finds the package without importing Blender
@@ -133,7 +136,10 @@ def builtin_file(name: str) -> Path:
 
 
 def read_pixels(file: Path) -> Floats32:
-    """Read R, G, B (or Y alone, for a grey map) from the first part that has them."""
+    """Read R, G, B (H, W, 3), or Y in their place for a grey map, from the first part of a file that has them.
+
+    A *part* is one of the images in a multi-part EXR. Raises EnvironmentMapError if no part has them.
+    """
     if file.suffix.lower() not in (".exr", ".hdr"):
         raise EnvironmentMapError(f"{file}: an environment map is a lat-long .exr or .hdr file")
     is_hdr = file.suffix.lower() == ".hdr"
@@ -145,7 +151,6 @@ def read_pixels(file: Path) -> Floats32:
         while image.seek_subimage(number, 0):
             spec = image.spec()
             names += spec.channelnames
-            # RY and BY beside Y are a luminance-chroma image; Y alone would lose its colour.
             channels = _color_channels(spec.channelnames)
             if channels:
                 check_size(file, spec, EnvironmentMapError)
@@ -156,8 +161,10 @@ def read_pixels(file: Path) -> Floats32:
 
 
 def _color_channels(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the channels to read as red, green and blue; () if an image has no such channels."""
     if {"R", "G", "B"} <= set(names):
         return "R", "G", "B"
+    # Channels RY and BY beside Y are a luminance-chroma image, which would lose its colour.
     return ("Y", "Y", "Y") if "Y" in names and "RY" not in names else ()
 
 
@@ -173,7 +180,7 @@ def _read_channels(image: oiio.ImageInput, file: Path, channels: Sequence[str]) 
 
 
 def _orient(pixels: Floats32, orientation: int) -> Floats32:
-    """Return an image with rows from the top and columns from the left; `orientation` is as TIFF and Exif number it."""
+    """Return an image turned upright, by its `orientation`: a number from 1 to 8 as in TIFF and Exif."""
     pixels = pixels[:: -1 if orientation in (3, 4, 7, 8) else 1, :: -1 if orientation in (2, 3, 6, 7) else 1]
     return np.ascontiguousarray(pixels if orientation < 5 else pixels.transpose(1, 0, 2))
 
@@ -198,6 +205,7 @@ def make_environment(name: str, pixels: ArrayLike, where: str = "") -> Environme
 
 
 def _repair(pixels: Floats32, where: str) -> tuple[Floats32, Repairs]:
+    """Return repaired pixels, as `make_environment` documents, and the numbers of repaired texels."""
     if 0.0 <= pixels.min() <= pixels.max() < np.inf:  # false if a value is NaN
         return np.ascontiguousarray(pixels), Repairs()
     nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < 0.0
@@ -213,7 +221,7 @@ def _repair(pixels: Floats32, where: str) -> tuple[Floats32, Repairs]:
 
 
 def _neighbour_mean(radiance: Floats32, nan: Bools) -> Floats32:
-    """Return for each texel the mean of the 3 x 3 texels around it, without NaN; periodic in u and clamped in v."""
+    """Return the mean over 3 x 3 texels about each texel, without those that are NaN; periodic in u, clamped in v."""
 
     def sum_of_neighbours(values: Floats) -> Floats:
         # SciPy is imported here for the reason that `lookdev.metrics` states.
@@ -230,8 +238,8 @@ def _neighbour_mean(radiance: Floats32, nan: Bools) -> Floats32:
 def write_exr(path: Path, channels: str, values: Floats32, *, compressed: bool = True) -> None:
     """Write an image (H, W, C) as an EXR of a single tile.
 
-    Blender 4.5 evaluates texture() with OpenImageIO, which divides an image without tiles into tiles of 64 x 64. A
-    thread caches two tiles, and a change of the tile costs more than the look-up.
+    Blender 4.5 evaluates OSL's texture() with OpenImageIO, which divides an image without tiles into tiles of 64 x 64.
+    A thread caches only two tiles, and access to another tile costs more than the look-up itself.
     """
     planes = {name: np.ascontiguousarray(values[..., i], dtype=np.float32) for i, name in enumerate(channels)}
     tile = OpenEXR.TileDescription()
@@ -244,7 +252,7 @@ def write_exr(path: Path, channels: str, values: Floats32, *, compressed: bool =
 
 
 def read_exr(path: Path, channels: str) -> Floats32:
-    """Read an image (H, W, C) of some channels; raise EnvironmentMapError if that fails."""
+    """Read an image (H, W, C) of the given channels, a letter each; raise EnvironmentMapError if that fails."""
     try:
         with OpenEXR.File(str(path), separate_channels=True) as exr:
             return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)

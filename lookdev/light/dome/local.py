@@ -1,8 +1,8 @@
-"""A dome light of finite size, for a part of a scene: neither physical nor part of UsdLux.
+"""Local dome: a dome light whose image is on a sphere of finite size; neither physical nor part of UsdLux.
 
-Burley, "Physically Based Shading at Disney", 2012, section 6.2, uses image-based lights as a local fill. The radiance
-at a point from a direction is that of the image where the ray leaves the sphere (Lagarde, Zanuttini, "Local Image-Based
-Lighting with Parallax-Corrected Cubemaps", 2012).
+It illuminates a part of a scene, as Burley, "Physically Based Shading at Disney", 2012, section 6.2, uses image-based
+lights as a local fill. The radiance that arrives at a point from a direction is that of the image where the ray leaves
+the sphere (Lagarde, Zanuttini, "Local Image-Based Lighting with Parallax-Corrected Cubemaps", 2012).
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from lookdev.light.emission import Emission, check_number, smooth_step
 from lookdev.light.placement import Axes, Vector, vector
 from lookdev.space import Space
 
-_VERSION = 1
+_VERSION = 1  # part of the digest, as `Light.version`
 
 
 @dataclass(frozen=True, kw_only=True)
 class LocalDome(Light):
     """A dome light whose image is on a sphere of `radius` about `position`, in metres; it illuminates the inside.
 
-    Parallax applies: a point sees the image from its own position. Objects beyond the sphere do not occlude its light.
-    The light fades over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius), and does not
-    reach points outside. Axes and emission are those of `dome`.
+    Parallax applies: a point sees the image from its own position. Objects outside the sphere do not occlude the light.
+    The light fades to 0 over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius). It does
+    not reach points outside. The image, the axes and the emission are those of `dome`.
     """
 
     kind = "local_dome"
@@ -120,33 +120,36 @@ class LocalDome(Light):
         return np.where(inside, distance, np.inf)
 
 
-# Generated code is traced from these functions; their arrays may be symbolic.
+# Generated code is traced from the next three functions, whose arrays may be symbolic.
 
 
 def fade_factor(point: Floats, start: Real, radius: Real) -> Floats:
-    """Return the share (...) of a dome's light that arrives at points (..., 3), relative to its centre."""
+    """Return the share (...) of a local dome's light that arrives at points (..., 3) relative to its centre.
+
+    The light fades from the distance `start` to the `radius`, in metres.
+    """
     rise: Real = np.where(radius > start, 1.0 / np.where(radius > start, radius - start, 1.0), 0.0)
     return 1.0 - smooth_step(np.sqrt((point * point).sum(axis=-1)), start, rise)
 
 
 def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, Floats, Floats]:
-    """Return where rays from points (..., 3) in directions (..., 3) leave a ball about the origin.
+    """Intersect rays from points (..., 3) in directions (..., 3) with a ball about the origin, from inside.
 
     Returns
     -------
     inside : (...)
         Whether the point is in the ball.
     distance : (...)
-        The distance to the ball's surface, 0 from outside.
+        The distance along the ray to the ball's surface; 0 if the point is outside.
     ratio : (...)
-        The solid angle that a piece of the surface at the exit subtends at the centre, divided by the solid angle that
-        it subtends at the point; 0 from outside.
+        The solid angle that a small piece of the surface, where the ray leaves the ball, subtends at the centre,
+        divided by the solid angle that it subtends at the point; 0 if the point is outside.
     """
     projection = (point * direction).sum(axis=-1)
     margin = radius * radius - (point * point).sum(axis=-1)
-    # R times the cosine between the direction and the surface normal at the exit.
+    # The radius times the cosine between the direction and the surface normal at the exit.
     exit_cosine = np.sqrt(np.maximum(projection * projection + margin, 0.0))
-    # The form of the root that has no cancellation.
+    # Of the two forms of the root, the one without cancellation.
     distance = np.where(
         projection < 0.0,
         exit_cosine - projection,
@@ -154,14 +157,14 @@ def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, F
     )
     inside = margin > 0.0
     distance = np.where(inside, distance, 0.0)
-    # d^2 / (R^2 cos).
+    # The ratio is d^2 / (R^2 cos) for the distance d and the radius R; `exit_cosine` is R cos.
     return inside, distance, distance * distance / (radius * np.where(inside & (exit_cosine > 0.0), exit_cosine, 1.0))
 
 
 def directions_to_ball(point: Floats, map_direction: Floats, radius: Real) -> Floats:
     """Return unit directions (..., 3) from points (..., 3) to the surface of a ball about the origin.
 
-    `map_direction` (..., 3) is the unit direction from the centre to the point of the surface.
+    `map_direction` (..., 3) is the unit direction from the centre of the ball to the same point of the surface.
     """
     towards = radius * map_direction - point
     length = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)

@@ -1,4 +1,4 @@
-"""Domes of files, cached by the digest of the file's content, so that its pixels are read once."""
+"""Dome lights of image files, cached by the digest of a file's content, so that its pixels are read only once."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from lookdev.images import check_file
 from lookdev.light.dome import Dome, load_cached_dome, prepare_light
 from lookdev.light.dome.environment import Repairs, builtin_file, check_exposed, load_environment
 
-_ROOM = "maps"
+_ROOM = "maps"  # the folder of the cache with the record of each file's dome
 
 
 @dataclass(frozen=True)
 class DomeMap:
-    """The dome of a map, its repairs, and the largest radiance of its texels."""
+    """The dome light of a map, the repairs of the map, and its largest radiance in any channel.
+
+    `where` names the map in messages.
+    """
 
     dome: Dome
     repairs: Repairs
@@ -30,9 +33,9 @@ class DomeMap:
 
 
 def load_dome(file: Path | None = None, builtin: str | None = None, *, sampled: bool = True) -> DomeMap:
-    """Load a map as `load_environment` does, and its dome as `prepare_light` does; errors as both.
+    """Load a map as `load_environment` does, and make its dome as `prepare_light` does; raise the errors of both.
 
-    The pixels are not read if the cache has the files of the dome of the same content.
+    If the cache has the files of a dome for the same content, the pixels are not read.
     """
     if builtin == "white" or (file is None) == (builtin is None):
         return _read_map(file, builtin, sampled)

@@ -1,4 +1,4 @@
-"""Domes of UsdLux, infinitely far or local, and their records."""
+"""Reader of dome lights in USD, infinitely far or local, and the `LightKind` of both kinds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from lookdev.light.usd import LIGHT_ATTRIBUTES, LightShape, PlacedPrim, UsdLight
 
 DOME_Y: Floats = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 DOME_Z: Floats = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""The axes of a map's frame (`lookdev.light.mapping`) in the dome's own space: x, y and z are the columns.
+"""The axes of a map (`lookdev.light.mapping`) in the own space of a dome with the pole +y, and with the pole +z.
+
+The columns are the map's x, y and z axes.
 
 UsdLuxDomeLight: "Latitude 0, longitude 0 points into positive z direction; and latitude 0, longitude pi/2 points into
 positive x direction", the pole being +y. UsdLuxDomeLight_1, with the pole +z: "latitude 0, longitude 0 will instead
@@ -25,6 +27,8 @@ point into the negative Y direction". Longitude 0 is the middle of the image, th
 """
 
 BALLS = ("mirroredBall", "angular")
+"""The formats of an image that shows the reflection in a ball (`lookdev.light.rig.images`)."""
+
 FORMATS = ("automatic", "latlong", *BALLS, "cubeMapVerticalCross")
 
 

@@ -1,4 +1,7 @@
-"""Bilinear look-ups in a lat-long map, and directions drawn in proportion to them by exact inversion."""
+"""Bilinear look-ups in a lat-long map, and sampling of directions in proportion to them.
+
+The sampling inverts the cumulative distribution of the bilinear function exactly.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,16 @@ from numpy.typing import ArrayLike
 from lookdev.arrays import Floats, Ints
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
 
-_NEWTON_STEPS = 3  # the first guess neglects the curvature of the sine over a row; a step squares the relative error
+# The first guess in `_invert_strip` neglects the curvature of the sine over a row; a step squares the relative error.
+_NEWTON_STEPS = 3
 
 
 class BilinearWarp:
-    """Map from the unit square to the lat-long square: uniform points become directions with a given pdf.
+    """A map from uniform points of the unit square to directions, whose pdf is proportional to a lat-long map.
 
-    The pdf per steradian is the `lookup` of a map (H, W), not negative, divided by its `integral` over the sphere. A
-    map of zeros has a uniform pdf. The cumulative distribution, which contains the cosine of the latitude, is inverted
-    over the rows first, then along a row.
+    The pdf per steradian is the `lookup` of the map `values` (H, W), not negative, divided by `integral`, its integral
+    over the sphere. If all values are 0, the pdf is uniform. The cumulative distribution, which contains the cosine of
+    the latitude, is inverted first over the rows, then along a row.
     """
 
     def __init__(self, values: Floats) -> None:
@@ -24,19 +28,20 @@ class BilinearWarp:
             values = np.ones_like(values)
         height, width = values.shape
         self._values = values
-        # Strip k is between the centres of rows k - 1 and k; beyond the first and the last row values are constant.
+        # Strip k is between the centres of rows k - 1 and k, where values are linear in the latitude. The first and the
+        # last strip reach to the poles, with constant values.
         self._rows = np.concatenate([values[:1], values, values[-1:]])
         middle = 0.5 * (self._rows + np.roll(self._rows, -1, axis=1))
         self._row_cumulative = np.concatenate([np.zeros((height + 2, 1)), np.cumsum(middle, axis=1)], axis=1) / width
         self._row_sums = self._row_cumulative[:, -1].copy()
-        # The positions in [0, 1] at which a strip begins and ends: the first and the last strip are halves.
+        # A position in a strip is t in [0, 1] between the two centres; the first strip begins, the last ends at 0.5.
         strips = np.arange(height + 1)
         first, last = np.where(strips == 0, 0.5, 0.0), np.where(strips == height, 0.5, 1.0)
         self._start = self._primitive(strips, first)
         mass = self._primitive(strips, last) - self._start
         self._strip_cumulative = np.concatenate([[0.0], np.cumsum(np.maximum(mass, 0.0))])
         self._first, self._last = first, last
-        # d omega = sin(theta) d theta d phi, theta = pi y / H, phi = 2 pi u.
+        # The solid angle is sin(theta) d theta d phi, with theta = pi y / H for row y of H, and phi = 2 pi u.
         self.integral = float(2.0 * np.pi**2 / height * self._strip_cumulative[-1])
 
     def pdf(self, direction: ArrayLike) -> Floats:
@@ -48,7 +53,10 @@ class BilinearWarp:
         return coordinates_to_directions(self.coordinates(u))
 
     def coordinates(self, u: ArrayLike) -> Floats:
-        """Map points (N, 2) of the unit square to map coordinates (N, 2): x along a row, y from the top, in [0, 1]."""
+        """Map points (N, 2) of the unit square to coordinates (x, y) of the map, an array (N, 2) in [0, 1].
+
+        x is along a row, y from the top.
+        """
         u1, u2 = np.moveaxis(np.asarray(u, np.float64), -1, 0)
         height, width = len(self._rows) - 2, self._rows.shape[1]
         target = u2 * self._strip_cumulative[-1]
@@ -57,10 +65,12 @@ class BilinearWarp:
         y = (strip - 0.5 + t) / height
 
         def row_cumulative(column: Ints) -> Floats:
+            """Return the cumulative sum up to the centre of a column, along the interpolated row at `t`."""
             before, after = self._row_cumulative[strip, column], self._row_cumulative[strip + 1, column]
             return np.asarray((1.0 - t) * before + t * after)
 
         row_target = u1 * row_cumulative(np.full(len(t), width))
+        # A bisection finds the column, `low`, after whose centre the target is reached.
         low, high = np.zeros(len(t), np.int64), np.full(len(t), width, np.int64)
         for _ in range(int(width).bit_length()):
             half = (low + high) // 2
@@ -74,14 +84,17 @@ class BilinearWarp:
         return np.stack([x % 1.0, np.clip(y, 0.0, 1.0)], axis=-1)
 
     def _primitive(self, strip: Ints, t: Floats) -> Floats:
-        """Integrate ``(a + (b - a) t) sin(theta)`` over t, where a and b are the sums of the rows about a strip."""
+        """Return the antiderivative over t of ``(a + (b - a) t) sin(theta)``, the density of a strip.
+
+        a and b are the sums of the rows above and below the strip, t is the position in the strip.
+        """
         a, slope = self._row_sums[strip], self._row_sums[strip + 1] - self._row_sums[strip]
         step = np.pi / (len(self._rows) - 2)
         theta = step * (strip - 0.5 + t)
         return np.asarray((slope / step * np.sin(theta) - (a + slope * t) * np.cos(theta)) / step)
 
     def _invert_strip(self, strip: Ints, mass: Floats) -> Floats:
-        """Return t in [0, 1], the position in its strip at which each mass is reached."""
+        """Return the position t in each strip up to which the integral of the strip's density is `mass`."""
         a, slope = self._row_sums[strip], self._row_sums[strip + 1] - self._row_sums[strip]
         step = np.pi / (len(self._rows) - 2)
         first, last = self._first[strip], self._last[strip]
@@ -103,7 +116,7 @@ def _invert_line(left: Floats, right: Floats, mass: Floats) -> Floats:
 
 
 def coordinates_to_directions(coordinates: Floats) -> Floats:
-    """Return the unit directions (N, 3) of map coordinates (N, 2), which `BilinearWarp.coordinates` returns."""
+    """Return the unit directions (N, 3) of the map coordinates (N, 2) that `BilinearWarp.coordinates` returns."""
     return uv_to_direction(np.stack([coordinates[:, 0], 1.0 - coordinates[:, 1]], axis=-1))
 
 
@@ -128,5 +141,5 @@ def interpolate(table: ArrayLike, x: Floats, y: Floats, *, periodic: bool = Fals
 
 
 def lookup_towards(table: ArrayLike, direction: ArrayLike) -> Floats:
-    """Look up a table in directions (..., 3)."""
+    """Return the `lookup` (..., C) of a lat-long table (H, W, C) in directions (..., 3)."""
     return lookup(table, direction_to_uv(direction))

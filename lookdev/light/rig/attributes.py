@@ -1,7 +1,7 @@
-"""Values of a light's attributes, and the report of a rig. A value of a wrong type or range is a fault.
+"""Readers of the attributes of a light prim, and the report that collects the faults and notes of a rig.
 
-Values are those at the time of the rig; animated ones are noted. Unknown names are faults, because a picture does not
-show that a misspelt attribute has no effect.
+A value of a wrong type or range is a fault. All values are those at one time of the stage; an animated value adds a
+note. An unknown name is a fault, because a picture does not show that a misspelt attribute has no effect.
 """
 
 from __future__ import annotations
@@ -37,20 +37,23 @@ LOOKDEV_ATTRIBUTES: Mapping[str, str] = {
     "local:radius": "float",
     "local:edge": "float",
 }
-"""Lights' attributes that this program adds to UsdLux's, below ``lookdev:``, and their types."""
+"""The attributes of lights that this program adds to UsdLux's, in the namespace ``lookdev:``, and their types."""
 
-_VECTORS = (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)
+_VECTORS = (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)  # the types of a colour's value
 
 
 @cache
 def schema_names(schema: str) -> tuple[str, ...]:
-    """Return the attributes of an applied API schema."""
+    """Return the names of the properties of an applied API schema, such as `SHAPING`."""
     return tuple(Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(schema).GetPropertyNames())
 
 
 @dataclass(eq=False)
 class RigReport:
-    """Faults and notes of the rig in `file`, in the order in which they occur."""
+    """Faults and notes of the rig in `file`, in the order in which they occur.
+
+    The keys of `notes` are the notes, so that each is there once.
+    """
 
     file: str
     faults: list[Fault] = field(default_factory=list)
@@ -64,7 +67,7 @@ class RigReport:
 
     @contextmanager
     def collect(self, path: Sdf.Path | str) -> Iterator[None]:
-        """Turn an error of a light, of its image or of its profile into a fault of a path."""
+        """Turn an error that is raised in the context, of a light, its image or its profile, into a fault of `path`."""
         try:
             yield
         except FaultsError as error:
@@ -75,7 +78,10 @@ class RigReport:
 
 
 class LightPrim:
-    """Reads the attributes of a light at a time code."""
+    """Reads the attributes of a light prim at a time code; faults and notes go to the report.
+
+    The methods that read an attribute return a default if it has no value.
+    """
 
     def __init__(self, prim: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> None:
         self.prim = prim
@@ -85,7 +91,7 @@ class LightPrim:
 
     @property
     def is_dome(self) -> bool:
-        """Whether it is a dome light of either version."""
+        """Whether the prim is a dome light: a ``DomeLight`` or a ``DomeLight_1``."""
         return bool(self.prim.IsA(UsdLux.DomeLight) or self.prim.IsA(UsdLux.DomeLight_1))
 
     def has(self, name: str) -> bool:
@@ -102,7 +108,7 @@ class LightPrim:
         self._report.note(self.path.AppendProperty(name) if name else self.path, text)
 
     def number(self, name: str, *, least: float = -math.inf, above: float = -math.inf, default: float = 0.0) -> float:
-        """Return a finite number, at least `least` and more than `above`; otherwise add a fault, return `default`."""
+        """Return a number; unless it is finite, at least `least` and above `above`, add a fault, return `default`."""
         value = self._value(name, (float, int), "float")
         if value is None:
             return default
@@ -113,12 +119,12 @@ class LightPrim:
         return default
 
     def flag(self, name: str, default: bool = False) -> bool:
-        """Return a bool."""
+        """Return the value of a bool attribute."""
         value = self._value(name, (bool,), "bool")
         return default if value is None else bool(value)
 
     def text(self, name: str, default: str = "", allowed: Sequence[str] = ()) -> str:
-        """Return a token or a string; if `allowed` has any, it must be one of them."""
+        """Return the value of a token or string attribute; if `allowed` is not empty, it must be one of `allowed`."""
         value = self._value(name, (str,), "token")
         if value is None:
             return default
@@ -128,7 +134,7 @@ class LightPrim:
         return str(value)
 
     def color(self, name: str) -> Color:
-        """Return a colour in linear Rec.709, from the colour space of the attribute."""
+        """Return a colour in linear Rec.709, converted from the colour space of the attribute."""
         value = self._value(name, _VECTORS, "color3f")
         if value is None:
             return 1.0, 1.0, 1.0
@@ -155,7 +161,7 @@ class LightPrim:
         return canonical or ""
 
     def file(self, name: str) -> Path | None:
-        """Return the file that an attribute names; None without a name, or, with a fault, if there is no such file."""
+        """Return the file that an attribute names; None if it names none, and None with a fault if there is no file."""
         asset = self._value(name, (Sdf.AssetPath,), "asset")
         if asset is None or not asset.path:
             return None
@@ -168,7 +174,10 @@ class LightPrim:
         return Path(asset.resolvedPath)
 
     def check_names(self, extra_names: Sequence[str]) -> None:
-        """Add a fault for each attribute that the light's type lacks; `extra_names` are those below ``lookdev:``."""
+        """Add a fault for each attribute that the light's type lacks.
+
+        `extra_names` are the names that the type has in the namespace ``lookdev:``.
+        """
         defined = set(self.prim.GetPrimDefinition().GetPropertyNames())
         applied = {name: schema for schema in (SHAPING, SHADOW) for name in schema_names(schema)}
         inputs = [name.removeprefix("inputs:") for name in (*defined, *applied) if name.startswith("inputs:")]
@@ -200,7 +209,10 @@ class LightPrim:
                 self.fault(name, "is of UsdLux before 21.02, and has no effect", f"'inputs:{name}' would be right")
 
     def _value(self, name: str, types: tuple[type[V], ...], expected: str) -> V | None:
-        """Return the value of an attribute; None without a value, or, with a fault, if it is of another type."""
+        """Return an attribute's value; None if it has none, and None with a fault if it is not one of `types`.
+
+        `expected` is the USD name of the type, for the hint of the fault.
+        """
         attribute = self.prim.GetAttribute(name)
         if not attribute:
             return None
@@ -218,5 +230,5 @@ class LightPrim:
 
 
 def time_label(time: Usd.TimeCode) -> str:
-    """Return a time for a note."""
+    """Return the text of a time code for a note."""
     return "its first sample" if time.IsEarliestTime() else f"time {time.GetValue():g}"

@@ -1,4 +1,4 @@
-"""Changes of the values of a rig's lights, for wedges."""
+"""Changes of the values of a rig's lights. Wedges of a job, which render a series of values, use them."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ LightValue = float | tuple[float, float, float] | str
 
 
 def change_values(composed: Composed, values: Mapping[str, LightValue]) -> None:
-    """Set values of lights in the session layer of a stage: ``"Key.intensity"``, ``"/Rig/Key.shaping:cone:angle"``.
+    """Set attributes of lights in the session layer of a stage.
 
-    A light is named by its path, or by its prim's name if no other light has that name. Raises RigError if there is no
-    such light or input, or the value is not of its type.
+    A key of `values` is the light, a dot and the name of an input: ``"Key.intensity"``,
+    ``"/Rig/Key.shaping:cone:angle"``. The light is named by its path, or by its prim's name if no other light has that
+    name. Raises RigError if there is no such light or input, or a value is not of the input's type.
     """
     stage = composed.stage
     lights = [prim for prim in Usd.PrimRange(stage.GetPseudoRoot(), ALL_PRIMS) if is_light(prim)]

@@ -1,4 +1,4 @@
-"""The emission of a light: `UsdLuxLightAPI`, `UsdLuxShapingAPI`, `UsdLuxShadowAPI`, links, and ``lookdev:falloff``."""
+"""Reader of a light prim's emission: `UsdLuxLightAPI`, its shaping, shadow and links, and ``lookdev:falloff``."""
 
 from __future__ import annotations
 
@@ -11,14 +11,17 @@ from lookdev.light.usd import FALLOFF_ATTRIBUTES
 from lookdev.stage import clean_usd_message
 
 MIN_KELVIN, MAX_KELVIN = 1000.0, 10000.0
-"""Kelvin of inputs:colorTemperature: "The valid range is from 1000 to 10000", to which UsdLux's function clamps."""
+"""The range in kelvin of inputs:colorTemperature, to which UsdLux's function clamps it.
+
+UsdLuxLightAPI: "The valid range is from 1000 to 10000".
+"""
 
 
 def read_emission(light: LightPrim, size: float, unit: float, report: RigReport) -> Emission:
     """Return the emission of a light.
 
-    `size` is UsdLux's divisor of the radiance where the power is normalized, `unit` the length of a unit in metres.
-    Raises EnvironmentMapError if values contradict each other.
+    `size` is UsdLux's divisor of the radiance, which applies if the power is normalized. `unit` is the stage's unit of
+    length in metres. Raises EnvironmentMapError if values contradict each other.
     """
     color = light.color("inputs:color")
     scale = {"intensity": light.number("inputs:intensity", least=0.0), "exposure": light.number("inputs:exposure")}
@@ -41,7 +44,7 @@ def read_emission(light: LightPrim, size: float, unit: float, report: RigReport)
 
 
 def _temperature(light: LightPrim) -> tuple[float, ...]:
-    """Return the colour of a black body, as UsdLux computes it; its function crashes on NaN."""
+    """Return the colour of a light's colour temperature; the number is checked first, as UsdLux crashes on NaN."""
     kelvin = light.number("inputs:colorTemperature", above=0.0, default=MIN_KELVIN)
     clamped = min(max(kelvin, MIN_KELVIN), MAX_KELVIN)
     if clamped != kelvin:
@@ -55,7 +58,10 @@ def black_body(kelvin: float) -> tuple[float, ...]:
 
 
 def _is_shaped(light: LightPrim) -> bool:
-    """Return whether a light has a beam. Programs apply the schema to domes, too, which have no beam."""
+    """Return whether a light has the ShapingAPI; for a dome False, with a fault for each value of it that is set.
+
+    Programs apply the schema to domes, too, although a dome has no beam.
+    """
     if not light.prim.HasAPI(UsdLux.ShapingAPI):
         return False
     for name in schema_names(SHAPING) if light.is_dome else ():
@@ -102,7 +108,7 @@ def _falloff(light: LightPrim, unit: float) -> Falloff:
 
 
 def _link(light: LightPrim, name: str) -> LightLink | None:
-    """Return the rules of a light's collection, from USD's own query; None if it includes everything."""
+    """Return the rules of the collection `name` of a light, from USD's own query; None if it includes everything."""
     collection_name, collection = f"collection:{name}", Usd.CollectionAPI(light.prim, name)
     expression = light.prim.GetAttribute(f"{collection_name}:membershipExpression")
     if expression and expression.HasAuthoredValue():
@@ -113,7 +119,7 @@ def _link(light: LightPrim, name: str) -> LightLink | None:
         light.fault(collection_name, f"is not a valid collection: {clean_usd_message(reason)}")
         return None
     rule_map = collection.ComputeMembershipQuery().GetAsPathExpansionRuleMap()
-    # Parts of an asset are prims, so that "expandPrimsAndProperties" includes the same parts as "expandPrims".
+    # The parts of an asset are prims, so that both of these rules include the same parts.
     rules = {
         str(path): "expandPrims" if rule == Usd.Tokens.expandPrimsAndProperties else str(rule)
         for path, rule in rule_map.items()

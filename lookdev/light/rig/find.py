@@ -1,4 +1,4 @@
-"""The prims of a stage that are the lights of a rig."""
+"""Search for the light prims of a rig on its stage, and faults of prims that look like lights but have no effect."""
 
 from __future__ import annotations
 
@@ -10,18 +10,20 @@ from lookdev.light.rig.attributes import LOOKDEV_ATTRIBUTES, LightPrim, RigRepor
 from lookdev.stage import prim_and_ancestors, relationship_targets
 
 USD_LIGHTS = {name: reader for kind in LIGHT_KINDS.values() for name, reader in kind.usd.items()}
-"""The supported types of light prims, by their names in UsdLux."""
+"""The readers of the supported types of light prims, by the names of the types in UsdLux."""
 
 UNSUPPORTED = {
     "PortalLight": "a portal guides the sampling of other renderers, and is not needed here: deactivate it",
     "GeometryLight": "lights of a shape: a RectLight, DiskLight, SphereLight or CylinderLight would be right",
     "PluginLight": "a light of UsdLux would be right",
 }
-"""The unsupported types, and a hint for each."""
+"""The types of UsdLux that are not supported, and a hint for each."""
 
 ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+"""The predicate of prims to traverse: all that USD traverses by default, and those inside of instances."""
+
 _RENDERED_PURPOSES = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
-# The values of ``lightList:cacheBehavior`` with which the cached light list of a prim is used.
+# The values of ``lightList:cacheBehavior`` with which USD uses the light list that is cached on a prim.
 _CONSULTING = ("consumeAndHalt", "consumeAndContinue")
 
 
@@ -31,7 +33,11 @@ def is_light(prim: Usd.Prim) -> bool:
 
 
 def check_attribute_owners(root: Usd.Prim, report: RigReport) -> None:
-    """Add a fault for each attribute of lights, or of the root, that another prim has: it has no effect there."""
+    """Add a fault for each ``lookdev:`` attribute on a prim where it has no effect.
+
+    Such a prim is neither a light nor, for ``lookdev:fit``, the root of the rig. Unknown names are faults only if they
+    resemble an attribute of lights.
+    """
     for prim in Usd.PrimRange(root, ALL_PRIMS):
         for attribute in () if is_light(prim) else prim.GetAuthoredPropertiesInNamespace("lookdev"):
             name = attribute.GetName().removeprefix("lookdev:")
@@ -44,20 +50,20 @@ def check_attribute_owners(root: Usd.Prim, report: RigReport) -> None:
 
 
 def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> list[Usd.Prim]:
-    """Return the visible lights at and below a prim, sorted by path.
+    """Return the visible lights at and below `root`, sorted by path.
 
-    A light that is hidden, or whose purpose is not rendered, is noted. A light whose type is not in `USD_LIGHTS` is a
-    fault. Hidden ancestors of the root have no effect.
+    A light that is hidden, or whose purpose is not rendered, is left out with a note. A light whose type is not in
+    `USD_LIGHTS` is a fault. Hidden ancestors of the root have no effect.
     """
     stage = root.GetStage()
     lights: list[Usd.Prim] = []
-    foreign = [prim for prim in Usd.PrimRange(root, ALL_PRIMS) if _is_unknown_light(prim)]
-    for path in sorted({*_light_list_paths(root, report), *(prim.GetPath() for prim in foreign)}):
+    unknown = [prim for prim in Usd.PrimRange(root, ALL_PRIMS) if _is_unknown_light(prim)]
+    for path in sorted({*_light_list_paths(root, report), *(prim.GetPath() for prim in unknown)}):
         prim = stage.GetPrimAtPath(path)
         if not prim:
             report.fault(path, "a light list names it, but there is no such prim")
         elif prim.IsA(UsdLux.LightFilter):
-            continue  # the light that names it reports it
+            continue  # `_type_fault` reports the light that uses this filter
         elif reason := _reason_left_out(prim, root, time, report):
             report.note(path, f"{reason}, left out")
         elif fault := _type_fault(prim):
@@ -68,10 +74,10 @@ def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: RigReport) -> list[U
 
 
 def _light_list_paths(root: Usd.Prim, report: RigReport) -> list[Sdf.Path]:
-    """Return the paths of lights and filters, from `UsdLuxLightListAPI`.
+    """Return the paths of lights and filters at and below `root`, from `UsdLuxLightListAPI`.
 
-    "In this mode, ComputeLightList() will traverse the model hierarchy, accumulating cached light lists": that mode
-    misses lights outside of models. It is used only where a prim has a cache to consult.
+    The mode with caches is used only if a prim has a cached light list. "In this mode, ComputeLightList() will traverse
+    the model hierarchy, accumulating cached light lists"; it therefore misses lights outside of models.
     """
     api = UsdLux.LightListAPI(root)
     all_paths = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeIgnoreCache))
@@ -84,6 +90,7 @@ def _light_list_paths(root: Usd.Prim, report: RigReport) -> list[Sdf.Path]:
 
 
 def _is_cache(prim: Usd.Prim) -> bool:
+    """Return whether a prim has a cached light list that USD uses."""
     attribute = prim.GetAttribute("lightList:cacheBehavior")
     return bool(attribute) and attribute.Get() in _CONSULTING
 

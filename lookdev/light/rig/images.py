@@ -1,9 +1,10 @@
-"""The images of lights: read into linear Rec.709; images of a mirrored ball are converted to lat-long maps.
+"""Reading of the images of lights as linear Rec.709, and conversion of ball images to lat-long maps.
 
-A ball shows the environment's reflection in a sphere. Its middle is the direction behind the camera, +z of a dome whose
-pole is +y; its right edge is +x, and its rim is the direction behind the sphere. UsdLux states of ``mirroredBall`` and
-``angular`` only that the radius of the latter is linear in the angle. The directions here are those of Blender's mirror
-ball and of the light probes of Debevec, "Rendering Synthetic Objects into Real Scenes", 1998.
+A *ball* is a square image with a disk: the environment's reflection in a sphere, of UsdLux's format ``mirroredBall`` or
+``angular``. The middle of the disk reflects the direction towards the camera, which is +z of a dome whose pole is +y.
+Right in the image is +x, and the rim is the direction behind the sphere. UsdLux states only that the radius of
+``angular`` is linear in the angle. The directions here are those of Blender's mirror ball and of the light probes of
+Debevec, "Rendering Synthetic Objects into Real Scenes", 1998.
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ from lookdev.stage.colorspaces import to_linear_rec709
 LINEAR = (".exr", ".hdr")
 """Suffixes of files with linear values; other files are sRGB unless a colour space is stated."""
 
-_VERSION = 1
-_STRIP = 1 << 18  # directions looked up at once
+_VERSION = 1  # part of the key of a converted ball in the cache: raise it when the conversion changes
+_STRIP = 1 << 18  # the number of directions that are looked up at once
 
 
 def read_light_image(file: Path, space: str) -> EnvironmentMap:
-    """Read an image as linear Rec.709, repaired; `space` is its stated colour space, or "".
+    """Read an image as linear Rec.709, with bad texels repaired; `space` is the colour space that is stated, or "".
 
-    Raises EnvironmentMapError if it cannot be read.
+    Raises EnvironmentMapError if the image cannot be read.
     """
     if file.suffix.lower() in LINEAR:
         pixels = read_pixels(file)
@@ -42,7 +43,7 @@ def read_light_image(file: Path, space: str) -> EnvironmentMap:
         with open_image(file, EnvironmentMapError) as image:
             channels = image.spec().nchannels
             pixels = whole_image(image, file, range(min(channels, 3)), EnvironmentMapError)
-        # Of two channels the second is alpha.
+        # An image of one or two channels is grey; a second channel is alpha.
         pixels = pixels if channels >= 3 else np.repeat(pixels[..., :1], 3, axis=-1)
         space = space or "sRGB"
     if space not in ("", "raw"):
@@ -51,9 +52,9 @@ def read_light_image(file: Path, space: str) -> EnvironmentMap:
 
 
 def format_of_image(environment: EnvironmentMap) -> str:
-    """Return the format of a dome's image of format ``automatic``: the file's statement, else by the aspect ratio.
+    """Return the format of a dome's image whose prim states ``automatic``, from the file's metadata or aspect ratio.
 
-    Raises EnvironmentMapError if neither determines it.
+    Raises EnvironmentMapError if neither determines the format.
     """
     with open_image(Path(environment.where), EnvironmentMapError) as image:
         stated = image.spec().get_string_attribute("textureformat")
@@ -72,10 +73,10 @@ def format_of_image(environment: EnvironmentMap) -> str:
 
 @dataclass(frozen=True, eq=False)
 class LightImage:
-    """The image of a light; a dome's is a lat-long map.
+    """The image of a light. The image of a dome is a lat-long map.
 
-    `mean` is the mean over the image, or over the sphere for a dome. `error` is the relative error of the power of a
-    map that was converted from a ball; None for other images.
+    `mean` is the mean radiance (3,) over the image, or over the sphere for a dome. `error` is None, or for a map that
+    was converted from a ball the relative error of its power.
     """
 
     environment: EnvironmentMap
@@ -105,9 +106,10 @@ def load_light_image(file: Path, space: str, kind: str) -> LightImage:
 
 
 def unroll_ball(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]:
-    """Return the lat-long map of a ball's environment, with the same number of rows, and its power's relative error.
+    """Return the lat-long map of a ball's environment, and the relative error of the map's power.
 
-    Each texel is the mean of 2 x 2 bilinear look-ups. Raises EnvironmentMapError unless the image is a square.
+    The map has as many rows as the ball. Each texel is the mean of 2 x 2 bilinear look-ups. Raises EnvironmentMapError
+    unless the image is a square.
     """
     height, width = ball.radiance.shape[:2]
     if height != width:
@@ -124,7 +126,7 @@ def unroll_ball(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]
 
 
 def ball_point(direction: Floats, kind: str) -> Floats:
-    """Return the points (..., 2) of a ball, a disk of radius 1, for directions (..., 3) of a dome with the pole +y."""
+    """Return the points (..., 2) of the unit disk at which a ball shows directions (..., 3) of a dome with pole +y."""
     x, y, z = np.moveaxis(direction, -1, 0)
     axis_distance = np.hypot(x, y)
     angle = np.arctan2(axis_distance, z)
@@ -138,10 +140,10 @@ def ball_power(radiance: Floats32, kind: str) -> float:
     count = len(radiance)
     middles = (np.arange(count) + 0.5) * 2.0 / count - 1.0
     radius = np.hypot(middles[:, None], middles)
-    # Steradians per unit of area, which are constant for a mirrored ball.
+    # `angular` and 4.0 are steradians per unit of area of the disk, which are constant for a mirrored ball.
     angular = np.pi * np.pi * np.sinc(np.minimum(radius, 1.0))
     solid = np.where(radius < 1.0, angular if kind == "angular" else 4.0, 0.0)
-    # The rim cuts texels, so that the sum is slightly wrong; it is normalized to the solid angle of the sphere.
+    # The rim cuts texels, so that the sum of the solid angles is slightly wrong. It is scaled to that of the sphere.
     solid *= 4.0 * np.pi / solid.sum()
     return float((radiance.mean(axis=-1, dtype=np.float64) * solid).sum())
 
@@ -156,17 +158,17 @@ def _power(radiance: Floats32) -> float:
 def _unroll_pixels(ball: Floats, kind: str) -> Floats:
     """Return the lat-long map (N, 2 N, 3) of the environment of a ball (N, N, 3)."""
     rows = len(ball)
-    fine_rows = 2 * rows
+    fine_rows = 2 * rows  # rows of look-ups: each texel is the mean of 2 x 2
     pixels = np.empty((rows, 2 * rows, 3))
     step = max(1, _STRIP // (4 * fine_rows))
     u = (np.arange(2 * fine_rows) + 0.5) / (2 * fine_rows)
-    # Within this radius, bilinear look-ups read no texel beyond the rim.
+    # Points are moved into this radius, within which bilinear look-ups read no texel beyond the rim.
     inner_radius = 1.0 - 2.0 * np.sqrt(2.0) / rows
     for first in range(0, rows, step):
         last = min(first + step, rows)
         v = 1.0 - (np.arange(2 * first, 2 * last) + 0.5) / fine_rows
         towards = uv_to_direction(np.stack(np.broadcast_arrays(u, v[:, None]), axis=-1))
-        # The map's x, y and z are the dome's z, x and y: `lookdev.light.dome.usd.DOME_Y`.
+        # The map's x, y and z axes are the dome's z, x and y axes: `lookdev.light.dome.usd.DOME_Y`.
         point = ball_point(towards[..., (1, 2, 0)], kind)
         radius = np.hypot(point[..., 0], point[..., 1])[..., None]
         point *= np.minimum(1.0, inner_radius / np.maximum(radius, inner_radius))

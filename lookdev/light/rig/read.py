@@ -1,4 +1,8 @@
-"""From a composed stage to the lights of a rig: first the prims, then their images, then the files for shaders."""
+"""Reading of a rig: from a composed USD stage to its lights.
+
+The prims are read first, then their images. Only if neither has a fault, the lights are made, with the files that
+shaders read.
+"""
 
 from __future__ import annotations
 
@@ -24,15 +28,19 @@ from lookdev.light.usd import LightShape, PlacedPrim
 from lookdev.stage import Composed, Composition, compose, error_message, prim_and_ancestors, quote, usd_errors_as_faults
 from lookdev.stage.units import Z_UP, is_y_up, unit_faults
 
-_Images = dict[tuple[object, ...], LightImage]  # by `_PendingLight.key`
+_Images = dict[tuple[object, ...], LightImage]  # the images that are read, by `_PendingLight.key`
 
-_MIN_LENGTH, _MAX_LENGTH = 1e-9, 1e9  # metres, of a light
-_MAX_NUMBER = 1e15  # units of the stage, in a matrix
+_MIN_LENGTH, _MAX_LENGTH = 1e-9, 1e9  # metres: limits of a light's sizes; _MAX_LENGTH also of its coordinates
+_MAX_NUMBER = 1e15  # the largest number in a transform's matrix, in units of the stage
 
 
 @dataclass(frozen=True)
 class RigLight:
-    """A light of a rig: the path of its prim, its largest radiance, and its image's mean and file."""
+    """A light of a rig, with values for reports.
+
+    `path` is the path of its prim, and `peak` its largest radiance in any channel. `mean` is the mean of its image, 1
+    without an image. `image` is the image file, "" without one.
+    """
 
     path: str
     light: Light
@@ -43,7 +51,10 @@ class RigLight:
 
 @dataclass(frozen=True)
 class LightRig:
-    """The lights of a rig with z up, in metres, or in units of the asset's radius if `fit`; notes are for the user."""
+    """The lights of a rig, with z up, and notes for the user.
+
+    Lengths are in metres. If `fit`, the rig fits an asset of any size, and lengths are in radii of its bounding sphere.
+    """
 
     file: str
     rig_lights: tuple[RigLight, ...]
@@ -68,9 +79,9 @@ class LightRig:
 def load_rig(
     file: Path, prim: str | None = None, values: Mapping[str, LightValue] | None = None, *, sampled: bool = True
 ) -> LightRig:
-    """Compose a USD file, set values with `change_values`, and read its lights with `read_rig`.
+    """Compose a USD file, set values of its lights with `change_values`, and read them with `read_rig`.
 
-    Raises StageError if the file cannot be composed, and RigError as these two functions.
+    Raises StageError if the file cannot be composed, and the errors of these two functions.
     """
     composed = compose(Composition(file, prim=prim))
     if values:
@@ -79,15 +90,15 @@ def load_rig(
 
 
 def read_rig(composed: Composed, *, sampled: bool = True) -> LightRig:
-    """Read the lights at and below a prim of a stage: the composition's prim, else the default prim, else all lights.
+    """Read the lights at and below the composition's prim, else the stage's default prim, else all lights.
 
-    Values are those at the stage's startTimeCode, else at the earliest time. Transforms of the prim's ancestors apply.
-    Without `sampled`, domes have no tables with which shaders draw directions.
+    Values are those at the stage's startTimeCode, else at the earliest time. The transforms of the prim's ancestors
+    apply. Without `sampled`, domes have no tables with which shaders draw directions.
 
     Raises
     ------
     RigError
-        With every fault: unsupported lights, wrong values and files, or no light at all.
+        The rig has faults: unsupported lights, wrong values or files, or no light at all. The error lists all of them.
     OutputError
         The cache cannot be written.
     """
@@ -120,7 +131,7 @@ def holds_only_lights(composed: Composed) -> bool:
 
 @dataclass(frozen=True)
 class _PendingLight:
-    """A light whose prim is read, and whose image is not."""
+    """A light whose prim is read, and whose image is not yet read."""
 
     path: str
     shape: LightShape
@@ -128,7 +139,7 @@ class _PendingLight:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """The key of its image."""
+        """The key of its image: equal keys have the same pixels."""
         return self.shape.image, self.shape.space, self.shape.format
 
 
@@ -146,7 +157,7 @@ class _Reader:
         self._transforms = UsdGeom.XformCache(self._time)
 
     def read(self) -> tuple[bool, list[_PendingLight]]:
-        """Return whether the rig fits its asset, and its lights; raise RigError if the stage has no valid unit."""
+        """Return `LightRig.fit` and the lights of the rig; raise RigError if the stage has no valid unit."""
         report, stage = self._report, self._stage
         fit = self._fit_flag()
         unit, y_up = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage), is_y_up(stage)
@@ -165,7 +176,7 @@ class _Reader:
         return fit, pending
 
     def _fit_flag(self) -> bool:
-        """Return ``lookdev:fit`` of the root, or of the nearest prim above it that has it."""
+        """Return ``lookdev:fit`` of the root, or of its nearest ancestor that has this attribute; else False."""
         for prim in prim_and_ancestors(self._root):
             if prim.HasAttribute("lookdev:fit"):
                 return LightPrim(prim, self._time, self._report).flag("lookdev:fit")
@@ -178,7 +189,10 @@ class _Reader:
         return f"there are lights at {paths}" if paths else ""
 
     def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> _PendingLight | None:
-        """Return a light; None, with a fault, if its transform or its shape is wrong."""
+        """Return a light; if its transform or its shape is wrong, add a fault and return None.
+
+        `unit` is the stage's unit of length in metres.
+        """
         report, path = self._report, prim.GetPath()
         light, kind = LightPrim(prim, self._time, report), USD_LIGHTS[str(prim.GetTypeName())]
         light.check_names((*kind.attributes, "fit") if prim == self._root else kind.attributes)
@@ -186,7 +200,7 @@ class _Reader:
         if matrix is None:
             return None
         position, axes, scale = placement(Z_UP @ matrix if y_up else matrix)
-        # Rounded, so that a rotation by a right angle is exact.
+        # The axes are rounded, so that a rotation by a right angle is exact; adding 0 turns -0 into 0.
         axes = checked_axes(np.round(np.array(axes), 12) + 0.0)
         metres, sizes = vector(unit * np.array(position)), vector(unit * np.array(scale))
         if (away := max(map(abs, metres))) > _MAX_LENGTH:
@@ -202,7 +216,7 @@ class _Reader:
         return _PendingLight(str(path), shape, emission) if shape else None
 
     def _matrix(self, prim: Usd.Prim) -> Floats | None:
-        """Return a light's matrix (4, 4) to the stage, for column vectors; None, with a fault, if it is wrong."""
+        """Return a light's matrix (4, 4) to the stage, for column vectors; if it is wrong, add a fault, return None."""
         if not all(map(self._has_operations, prim_and_ancestors(prim))):
             return None
         try:
@@ -217,7 +231,10 @@ class _Reader:
         return matrix
 
     def _has_operations(self, prim: Usd.Prim) -> bool:
-        """Return whether all operations of a prim's transform exist; USD ignores missing ones without a message."""
+        """Return whether all operations of a prim's transform exist, and add a fault if not.
+
+        USD ignores missing operations without a message. A transform that is animated adds a note.
+        """
         xform, path = UsdGeom.Xformable(prim), prim.GetPath().AppendProperty("xformOpOrder")
         order = prim.GetAttribute("xformOpOrder").Get() if xform else None
         if not isinstance(order, Vt.TokenArray | None):
@@ -234,14 +251,14 @@ class _Reader:
 
 
 def _size_in_units(shape: LightShape | None, unit: float) -> float:
-    """Return the divisor of the radiance where the power is normalized; areas are "in world space", in stage units."""
+    """Return UsdLux's divisor of the radiance if the power is normalized; its areas are in units of the stage."""
     if shape is None:
         return 1.0
     return shape.size if shape.area is None else shape.area / (unit * unit)
 
 
 def _read_image(pending: _PendingLight, images: _Images, report: RigReport) -> None:
-    """Read the image of a light, unless `images` has it from another light."""
+    """Read the image of a light into `images`, unless another light has the same image."""
     shape, path = pending.shape, f"{pending.path}.inputs:texture:file"
     if shape.image is None:
         return
@@ -259,7 +276,7 @@ def _read_image(pending: _PendingLight, images: _Images, report: RigReport) -> N
 
 
 def _make_light(pending: _PendingLight, images: _Images, report: RigReport) -> RigLight | None:
-    """Return a light; None, with a note, if it is black."""
+    """Return the light of a prim; if it is black, add a note and return None."""
     image = images.get(pending.key)
     largest, mean = (float(image.environment.radiance.max()), image.mean) if image else (1.0, (1.0, 1.0, 1.0))
     peak = largest * max(pending.emission.color)
@@ -272,6 +289,7 @@ def _make_light(pending: _PendingLight, images: _Images, report: RigReport) -> R
 
 
 def _no_light_fault(report: RigReport, path: str, elsewhere: str) -> Fault:
+    """Return the fault of a rig without lights; its hint is `elsewhere`, or else the notes on lights left out."""
     left_out = "; ".join(note.removeprefix(f"{report.file}: ") for note in report.notes)
     hint = elsewhere or left_out or f"a light is one of {', '.join(USD_LIGHTS)}"
     return Fault(report.file, path, "has no light that shines", hint)

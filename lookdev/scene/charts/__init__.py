@@ -1,4 +1,5 @@
-"""Reference props beside the asset: a chrome ball, a grey ball and a colour chart, in a separate scene.
+"""Reference props beside the asset in a frame: a chrome ball, a grey ball and a colour chart.
 
-`colorchecker` has the chart's published colours, `props` the positions of the props in the frame, and their scene.
+They are rendered in a scene of their own. `colorchecker` has the chart's published colours. `props` has the positions
+of the props in the frame, and makes their scene.
 """

@@ -1,9 +1,9 @@
 """The 24 patches of the ColorChecker Classic: published colours, and reflectances in linear Rec.709.
 
-The published numbers are CIE 1976 L*a*b* under illuminant D50, of charts made after November 2014. The definition of
-L*a*b*, the adaptation of the white from D50 to D65 (Bradford) and the primaries of Rec.709 give the reflectances: the
-pixel values of a chart under white light of radiance 1. Cyan lies outside Rec.709: its red, -0.0439, is 0 here, because
-a reflectance is not negative.
+The published numbers are CIE 1976 L*a*b* under illuminant D50, of charts made after November 2014. They are converted
+to X, Y, Z, adapted from the white D50 to D65 (Bradford), and converted to Rec.709. The results are the pixel values of
+a chart under white light of radiance 1. Cyan lies outside Rec.709: its red is -0.0439, and is set to 0 here, because a
+reflectance is not negative.
 
 References
 ----------
@@ -45,12 +45,12 @@ PATCHES: dict[str, tuple[float, float, float]] = {
     "neutral 3.5": (35.63, -0.46, -0.48),
     "black 2": (20.64, 0.07, -0.46),
 }
-"""L*, a*, b* under D50 of each patch, in four rows of six, from the upper left."""
+"""L*, a* and b* of each patch under D50. The order is that of the chart, four rows of six from the upper left."""
 
 GREY_REFLECTANCE = 0.18
 """The reflectance of the grey ball."""
 
-_D50 = 0.34567, 0.35850  # x, y
+_D50 = 0.34567, 0.35850  # the chromaticity x, y
 
 
 def patch_colors() -> Floats:
@@ -61,6 +61,7 @@ def patch_colors() -> Floats:
 def patch_xyz() -> Floats:
     """Return X, Y, Z of the patches under D50, (24, 3), relative to Y = 1 of the white."""
     lightness, a, b = np.array(list(PATCHES.values())).T
+    # f is the function of the CIE's definition of L*a*b*, of X, Y and Z relative to the white.
     y = (lightness + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     linear = 3.0 * (6.0 / 29.0) ** 2 * (f - 4.0 / 29.0)

@@ -1,8 +1,10 @@
-"""The positions of reference props in a frame, and their scene, which has the asset's rig but not the asset.
+"""The positions of reference props in a frame, and the scene in which they are rendered.
 
-The props are side by side in the plane through the middle of the asset that faces the camera, at their positions in the
-frame. The camera has a long lens, so that balls are round in the corner of a wide picture. They are one convex asset:
-no part of it shadows another, or is reflected in another.
+The scene has the lights of the asset, but not the asset. The props are side by side in the plane through the middle of
+the asset that faces the camera. Their own camera has a long lens, so that balls are round even in the corner of a wide
+picture. The props are one asset that counts as convex: they neither shadow nor reflect each other.
+
+The props fill a *strip* along one edge of the frame, and the picture of the asset fills the rest.
 """
 
 from __future__ import annotations
@@ -29,20 +31,20 @@ from lookdev.space import REC709, Space
 FrameSide = Literal["bottom", "top", "left", "right"]
 
 PROPS_FOLDER = "charts"
-"""The folder of the frames of props, beside those of looks."""
+"""The folder of the frames of props in an output, beside the folders of looks."""
 
 PROPS_STRIP_KEY = "charts.strip"
-"""The entry in the headers of such frames that has the `Strip.label`."""
+"""The entry with the `Strip.label` in the headers of frames of props."""
 
-_LENS = 2.0  # degrees, the angle of view: the direction of view differs from the axis by 1 degree at most
-_PADDING, _GAP = 0.08, 0.2  # in thicknesses of the strip: at each side, and between props
-_ROWS, _COLUMNS = 4, 6
-_SEAM = 0.12  # part of a patch's cell between the patch and the cell's edge
-_BORDER = 0.03  # reflectance
-# The side of the measured square, as a fraction of the ball's diameter and of the patch's cell: it is free of edges.
+_LENS = 2.0  # degrees: the angle of view; the direction of view differs from the camera's axis by at most 1 degree
+_PADDING, _GAP = 0.08, 0.2  # relative to the strip's thickness: space beside the props, and between two of them
+_ROWS, _COLUMNS = 4, 6  # of the chart: a *cell* is a square of the chart with a patch in its middle
+_SEAM = 0.12  # the space between a patch and the edge of its cell, relative to the cell's side
+_BORDER = 0.03  # the reflectance of the chart between patches
+# The side of a measured square, relative to the ball's diameter, and to the cell's side: the square contains no edge.
 _BALL_PART, _CELL_PART = 0.5, 0.72
-_SEGMENTS = 256  # of a ball
-_MIN_PIXELS = 2.0  # whole pixels along the side of a measured square
+_SEGMENTS = 256  # of a ball, around its axis
+_MIN_PIXELS = 2.0  # the minimum number of whole pixels along the side of a measured square
 
 MATTE = Look(
     "matte",
@@ -72,7 +74,7 @@ class Box:
         return self.left + 0.5 * self.width, self.top + 0.5 * self.height
 
     def centered_square(self, part: float) -> Box:
-        """Return the square about its centre whose side is a fraction of its shorter side."""
+        """Return the square with the same centre whose side is the fraction `part` of the shorter side of the box."""
         side = part * min(self.width, self.height)
         x, y = self.center
         return Box(x - 0.5 * side, y - 0.5 * side, side, side)
@@ -80,7 +82,11 @@ class Box:
 
 @dataclass(frozen=True)
 class Strip:
-    """The strip of a frame with the props, along the edge `side`; `size` is its share of the height or width."""
+    """The strip of a frame in which the props are, along the edge `side`.
+
+    `size` is its thickness relative to the frame's height (bottom, top) or width (left, right). `resolution` is the
+    width and height of the frame in pixels.
+    """
 
     side: FrameSide
     size: float
@@ -88,12 +94,12 @@ class Strip:
 
     @property
     def label(self) -> str:
-        """The strip as text, in frames of any resolution."""
+        """The side and the size as text, which determine the strip in a frame of any resolution."""
         return f"{self.side} {self.size!r}"
 
     @classmethod
     def of_label(cls, label: str, resolution: tuple[int, int]) -> Self:
-        """Return the strip of a label."""
+        """Return the strip of a `label` in a frame of a resolution."""
         side, _, size = label.partition(" ")
         return cls(cast("FrameSide", side), float(size), resolution)
 
@@ -104,18 +110,18 @@ class Strip:
 
     @property
     def thickness(self) -> float:
-        """Its thickness in pixels."""
+        """The thickness in pixels."""
         return self.size * self.resolution[0 if self.upright else 1]
 
     @property
     def picture_size(self) -> tuple[float, float]:
-        """Width and height of the frame without the strip, in pixels."""
+        """The width and height in pixels of the frame without the strip, where the picture of the asset is."""
         width, height = self.resolution
         return (width - self.thickness, float(height)) if self.upright else (float(width), height - self.thickness)
 
     @property
     def shift(self) -> tuple[float, float]:
-        """The `Camera.shift` that centres the picture in the part of the frame beside the strip."""
+        """The `Camera.shift` that moves the centre of the picture to the middle of the frame without the strip."""
         half = 0.5 * self.thickness / self.resolution[0]
         sides = {"bottom": (0.0, -half), "top": (0.0, half), "left": (-half, 0.0), "right": (half, 0.0)}
         return sides[self.side]
@@ -148,7 +154,7 @@ class Strip:
 
     @property
     def measured_boxes(self) -> dict[str, Box]:
-        """The squares whose means are measured, by name: in the middle of the grey ball and of each patch."""
+        """The squares whose mean colours are measured, by name: in the middle of the grey ball and of each patch."""
         _, grey, chart = self.props
         cell = chart.width / _COLUMNS
         cells = {
@@ -172,8 +178,9 @@ class Strip:
         return "", ""
 
     def size_note(self) -> str:
-        """Return the reason why patches cannot be measured, with a hint; "" if they can."""
+        """Return a note with a hint if the patches are too small to be measured; "" if they are large enough."""
         side = self.measured_boxes["black 2"].width
+        # A square with a side of n + 1 pixels contains at least n whole pixels along it.
         if side >= _MIN_PIXELS + 1.0:
             return ""
         least = math.ceil(1e3 * self.size * (_MIN_PIXELS + 1.0) / side) / 1e3
@@ -184,9 +191,10 @@ class Strip:
 
 
 def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
-    """Return the camera of the props for a frame of `camera`, whose asset has its middle at `center`.
+    """Return the camera of the props for a frame of `camera`.
 
-    It has the same direction of view, from afar. Raises AssetError if the asset's middle is not in front of the camera.
+    It looks in the same direction from far away. `center` is the middle of the asset; only its height is used, at the
+    axis that the camera orbits. Raises AssetError if that point is not in front of the camera.
     """
     right, up, back = camera.frame
     middle = np.array([*camera.pivot, center[2]])
@@ -196,6 +204,7 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     shift_x, shift_y = (2.0 * shift * camera.reach for shift in camera.shift)
     target = camera.position + depth * (shift_x * right + shift_y * up - back)
     distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))
+    # Numbers are rounded, so that frames have the same digest on every machine.
     digits = 9 - math.floor(math.log10(distance))
     x, y, z = np.round(target, digits).tolist()
     straight = replace(camera, fov=_LENS, shift=(0.0, 0.0), lens=None, axis=camera.pivot)
@@ -203,9 +212,10 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
 
 
 def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Space = REC709) -> Scene:
-    """Return the scene of props that a `props_camera` sees, under the lights of a rig.
+    """Return the scene of the props in a strip under some lights; `camera` is a `props_camera`.
 
-    A light illuminates the props if its ``lightLink`` includes the path ``/charts``.
+    The lights themselves are invisible. A light illuminates the props if its ``lightLink`` includes the path
+    ``/charts``.
     """
     asset = asset_of_props(strip, camera)
     look_of_part = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
@@ -215,7 +225,7 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Sp
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
-    """Return the props that a `props_camera` sees, or some of them, as one asset."""
+    """Return the props in a strip, or those with the given `names`, as one asset; `camera` is a `props_camera`."""
     meshes: list[Mesh] = []
     instances: list[Instance] = []
     slots: list[Slot] = []
@@ -238,7 +248,7 @@ def crop_camera(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera
 
 
 def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
-    """Return a prop and its matrix."""
+    """Return the mesh of a prop, and its matrix (4, 4) to the world."""
     chrome, grey, chart = strip.props
     box = {"chrome": chrome, "grey": grey, "chart": chart}[name]
     width, height = strip.resolution
@@ -247,7 +257,7 @@ def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
     x, y = box.center
     position = np.array(camera.target) + pixel * ((x - 0.5 * width) * right + (0.5 * height - y) * up)
     matrix = np.eye(4)
-    # An upright card faces -y, its right is +x.
+    # The chart's mesh is upright: it faces -y, its right is +x, and its up is +z.
     matrix[:3, :3] = pixel * np.stack([right, -back, up], axis=-1)
     matrix[:3, 3] = position
     if name == "chart":
@@ -260,7 +270,7 @@ def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
 
 
 def _chart(width: float, height: float) -> Mesh:
-    """Return a card of the patches between borders, which faces -y, about the origin."""
+    """Return the mesh of the chart, patches between borders, in pixels; it faces -y and is centred at the origin."""
     xs, zs = (_edges(size, count) for size, count in ((width, _COLUMNS), (height, _ROWS)))
     colors = patch_colors().reshape(_ROWS, _COLUMNS, 3)
     points, face_colors = [], []
@@ -268,7 +278,7 @@ def _chart(width: float, height: float) -> Mesh:
         for column, (left, right) in enumerate(pairwise(xs)):
             points += [(left, 0.0, low), (right, 0.0, low), (right, 0.0, high), (left, 0.0, high)]
             is_patch = row % 2 == 1 and column % 2 == 1
-            # Rows of patches are counted from the top, z from the bottom.
+            # Rows of patches are counted from the top, whereas z increases from the bottom.
             face_colors.append(colors[_ROWS - 1 - row // 2, column // 2] if is_patch else np.full(3, _BORDER))
     count = len(points)
     return Mesh(
