@@ -60,7 +60,7 @@ def _glass(p: Parameters) -> Bsdf:
     def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
         frame, x, y, cosine = _frame_and_view(p["normal"], wo)
         eta_i, eta_t = (np.where(inside, p[a], p[b]) for a, b in (("eta", "externalIor"), ("externalIor", "eta")))
-        # eta_i is the index on the viewer's side, eta_t that on the other side.
+        # eta_i is the index of refraction on the viewer's side, eta_t that on the other side.
         n = eta_i / eta_t
         reflectance = conductor_fresnel(cosine, eta_t, 0.0, eta_i)
         # Snell's law: the squared cosine of the refracted direction. 1 - n^2 (1 - cos^2) would cancel near the critical
@@ -84,6 +84,7 @@ def _glass(p: Parameters) -> Bsdf:
 
 
 def _color(name: str, default: float, help: str, hard: tuple[float, float] = (0.0, 1.0)) -> Parameter:
+    """Return a parameter that is a colour, by default `default` in all channels; sliders have the range `hard`."""
     return Parameter(name, "color", (default,) * 3, hard=hard, soft=hard, help=help)
 
 

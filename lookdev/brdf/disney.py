@@ -67,7 +67,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "disney",
         "diffuse",
-        # The factor (1 - cos theta_d)^5 leaves about a tenth of the sheen.
+        # The albedo is about the base colour plus a tenth of the sheen colour, whose factor is (1 - cos theta_d)^5.
         dielectric * (mean(base_color) + 0.1 * mean(sheen_color)),
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
@@ -91,8 +91,8 @@ def _alphas(p: Parameters) -> tuple[Array, Array]:
 def _f0(p: Parameters) -> Array:
     """Return Schlick's reflectance (..., 3) at normal incidence of the specular lobe.
 
-    That of a dielectric is 0.08 specular, tinted. That of a metal is the base colour. If metals have the exact Fresnel
-    term, the result is that of the dielectric.
+    For a dielectric it is 0.08 times `specular`, tinted. For a metal it is the base colour. If metals have the exact
+    Fresnel term, the result is that for a dielectric.
     """
     dielectric = scale(mix_color(np.ones(3), _tint(p["baseColor"]), p["specularTint"]), 0.08 * p["specular"])
     return dielectric if is_exact(p) else mix_color(dielectric, p["baseColor"], p["metallic"])
@@ -283,7 +283,7 @@ def _reflectance(p: Parameters, wo: Array) -> Real:
     """Return the albedo (...) of the specular lobe, by a fit for the variant of 2014 and gamma 2."""
     cos_theta = frame_of(p["specularNormal"]).bend_towards(wo).to_local(wo)[..., 2]
     alpha_x, alpha_y = _alphas(p)
-    # An anisotropic lobe has about the albedo of an isotropic one of the geometric mean of both alphas.
+    # An anisotropic lobe has about the albedo of an isotropic lobe whose alpha is the geometric mean of both alphas.
     alpha = np.minimum(np.sqrt(alpha_x * alpha_y), 1.0)
     if is_exact(p) or not are_equal(p["filmThickness"], 0.0):
         unweighted, typical_cosine = ggx_albedo(cos_theta, alpha)

@@ -56,7 +56,7 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
     cos_theta, inside = _cosines(cos_theta, ior)
     colors = _path_colors(2.0 * inside * thickness)
     root = np.sqrt(np.minimum(bare, 1.0))
-    bare_ratio = (1.0 - root) / (1.0 + root)
+    bare_ratio = (1.0 - root) / (1.0 + root)  # the ratio of admittances of the bare surface, for the amplitude -root
     total: Real = 0.0
     # An amplitude r can be written as a ratio of admittances, (1 + r) / (1 - r). The ratios of successive faces
     # multiply to that of the bare surface. For each polarisation, a is the ratio of the film's upper face, and b that
@@ -94,6 +94,7 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
     parallel = film, square * c, (square * u, square * v), (film * (eta - k) * (eta + k), 2.0 * film * eta * k)
     total: Real = 0.0
     for over, under, (a, ia), (b, ib) in (perpendicular, parallel):
+        # The amplitude and the transmitted share at the upper face, and the reflected and absorbed shares at the lower.
         amplitude = (over - under) / (over + under)
         transmitted = 4.0 * (over / (over + under)) * (under / (over + under))
         norm = np.maximum((a + b) * (a + b) + (ia + ib) * (ia + ib), TINY * TINY)

@@ -1,7 +1,7 @@
 """The records that every model returns: `Bsdf`, the scattering of a surface, and its terms `Lobe` and `Delta`.
 
 `lookdev.brdf.mixture` selects and sums lobes. If a lobe's share is 0, its f is 0 everywhere. Code generation drops a
-lobe whose share is a constant 0, and guards one whose share varies by an ``if``.
+lobe whose share is a constant 0. If the share varies, the code of the lobe is in an ``if``.
 """
 
 from __future__ import annotations

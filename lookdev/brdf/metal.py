@@ -44,7 +44,7 @@ INDEX_QUOTES = {
     "k": "the extinction coefficient (k) is effectively how conductive the material is",
     "externalIor": "the external IOR (η_o) is the index of refraction of the material the object is contained in.",
 }
-"""Quotations from Trent 2017, section 4, by parameter."""
+"""Quotations from Trent, A. 2017. Rendering Notes, section 4, by parameter."""
 
 
 class MetalIndex(TypedDict):

@@ -75,7 +75,7 @@ def sample_gtr_aniso(alpha_x: Real, alpha_y: Real, gamma: Real, u1: Array, u2: A
     alpha2 = alpha_x * alpha_y
     log_alpha2 = np.log(alpha2)
     power = (gamma - 1.0) * log_alpha2
-    # -w / log(alpha^2)
+    # This is -w / log(alpha^2), with w of the comment above.
     scaled_log = u2 * _expm1_ratio(power) * _log1p_ratio(u2 * np.expm1(power))
     sin2 = np.minimum(alpha2 * scaled_log * _expm1_ratio(-log_alpha2 * scaled_log) / _expm1_ratio(log_alpha2), 1.0)
     phi = 2.0 * np.pi * u1

@@ -53,15 +53,16 @@ class LobeTerms:
 
 @dataclass(frozen=True)
 class LobeChoice:
-    """A lobe of a mixture, and its interval of the uniform numbers in [0, 1), by which a lobe is selected.
+    """A lobe of a mixture, and the interval of uniform numbers that select it.
 
-    The intervals of the lobes follow each other, and their lengths are in proportion to the shares.
+    The intervals of the lobes divide [0, 1) in proportion to the shares.
 
     is_below_end : (...)
-        Whether a number is below the end of the lobe's interval. It selects the first lobe for which this is true.
+        Whether a number is below the end of the lobe's interval. A number selects the first lobe for which this is
+        true.
     remapped : (...)
-        The position of the number in the interval, in [0, 1), by which the lobe is sampled. Stratified numbers so stay
-        stratified within each lobe.
+        The position of the number in the interval, in [0, 1). The lobe is sampled with it, so that stratified numbers
+        stay stratified within each lobe.
     """
 
     lobe: Lobe

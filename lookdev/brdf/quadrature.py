@@ -1,4 +1,4 @@
-"""Quadrature over the hemisphere of light directions, by which albedos and fits are computed.
+"""Quadrature over the hemisphere of light directions, for directional albedos and fits.
 
 One grid is for lobes that peak at half vectors near the normal, another for smooth lobes.
 """

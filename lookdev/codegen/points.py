@@ -1,4 +1,4 @@
-"""The inputs of a stack of layers as rows of a table, one row a point, for checks that evaluate BSDFs at many points.
+"""The inputs of a stack of layers as rows of a table, one for each point, for checks that evaluate BSDFs in a renderer.
 
 Generated code reads two directions and the layers' inputs from the row of a point, and evaluates the BSDF there
 (`codegen.osl.points`).

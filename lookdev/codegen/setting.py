@@ -1,4 +1,4 @@
-"""`SourceSetting`: everything besides the look on which the generated code of a look depends.
+"""Define `SourceSetting`, all that the generated code of a look depends on, except the look itself.
 
 The renderer makes a setting for each scene, and passes it to the code generators with each look.
 """

@@ -24,7 +24,7 @@ HANDEDNESS = "lookdev_handedness"
 """Name of the mesh attribute that is -1 where the first UV set is mirrored, 1 elsewhere."""
 
 
-# Names that `short_name` need not change, unless they are reserved or look like a shortened name.
+# The pattern of names that `short_name` keeps, unless they are in `_RESERVED` or match `_SHORTENED`.
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _NON_ALPHANUMERIC = re.compile(r"[^A-Za-z0-9]")
 _RESERVED = {
@@ -106,6 +106,7 @@ def short_name(name: str) -> str:
 
 
 TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")
+"""The binding of the tangents."""
 
 
 class GeneratedSource(Protocol):
@@ -200,8 +201,8 @@ class ShaderSource:
 def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, ShaderSource]:
     """Return an equivalent of each source, whose `ShaderSource.program` is the same for all sources of the same text.
 
-    A constant that differs among these sources becomes `varying`. The pictures do not change: the shader reads a number
-    that was a literal in its code.
+    A constant that differs among these sources becomes `varying`: it is a parameter of the shader instead of a literal
+    in its code. The pictures stay the same.
     """
     by_text: dict[ShaderSource, list[ShaderSource]] = {}
     for source in dict.fromkeys(sources):
@@ -267,8 +268,8 @@ class ProgramSource:
     """A `GeneratedSource` of operations on numbers, for targets that compile or trace them: Mitsuba, GLSL and NumPy.
 
     If `shadows`, rays are traced from the shading point. A look is `glossy` if none of its lobes is broad, transmits or
-    crosses the surface. `recorded` and `folded` are as in `ShaderSource`. `deltas` is the number of terms that scatter
-    along a single direction.
+    crosses the surface (`lookdev.brdf.Lobe`). `recorded` and `folded` are as in `ShaderSource`. `deltas` is the number
+    of terms that scatter along a single direction.
 
     `outputs` has the indices of the operations whose results are the components of an output, by the output's name. In
     this list, a number in parentheses is the number of components, 1 where it is left out:
@@ -293,8 +294,8 @@ class ProgramSource:
     ``albedo``, ``bent`` (3)
         The albedo and the mean normal of the lobes, which guide a denoiser.
     ``value/roughness``
-        The derivative of ``value`` with respect to the symbol of a live input, here ``roughness``. Other outputs have
-        derivatives, too.
+        The derivative of ``value`` with respect to the symbol of a live input, here ``roughness``: a parameter that a
+        fit varies. Other outputs have derivatives, too.
     """
 
     name: str

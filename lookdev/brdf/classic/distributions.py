@@ -89,8 +89,9 @@ def _sample_gtr(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
     return polar(np.clip(sin2, 0.0, 1.0), u1)
 
 
-# Blinn 1977, normalised; the exponent is 2 / m^2 - 2.
+# Blinn 1977, normalised.
 def _blinn(wm: Array, m: Real, gamma: Real) -> Array:
+    """Return D in proportion to a power of cos theta_h, with the exponent 2 / m^2 - 2."""
     sin2, inverse = _sin2(wm), 1.0 / (m * m)
     return inverse / np.pi * np.exp((1.0 - inverse) * sin2 * log1p_ratio(-sin2, wm[..., 2] * wm[..., 2]))
 
@@ -100,6 +101,7 @@ def _sample_blinn(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
 
 
 def _gaussian(wm: Array, m: Real, gamma: Real) -> Array:
+    """Return D in proportion to exp(-theta_h^2 / m^2)."""
     inverse = 1.0 / (m * m)
     return inverse / np.pi * np.exp(-squared_angle(versine(wm)) * inverse)
 

@@ -49,8 +49,9 @@ def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
     return lambda d: 4.0 * g1(d.cos_theta_i, p["roughness"]) * g1(d.cos_theta_o, p["roughness"])
 
 
-# Torrance and Sparrow 1967 as in Cook and Torrance 1982: min(1, 2 n.h c_o / (wo.h), 2 n.h c_i / (wo.h)).
+# Torrance and Sparrow 1967 as in Cook and Torrance 1982: G = min(1, 2 n.h n.wo / (wo.h), 2 n.h n.wi / (wo.h)).
 def _v_groove(d: DirectionPair) -> Array:
+    """Return ``G / (cos_theta_i cos_theta_o)`` for V-grooves."""
     i, o = d.cos_theta_i, d.cos_theta_o
     grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, parts.MIN_COSINE_PRODUCT)
     return np.minimum(1.0 / np.maximum(i * o, parts.MIN_COSINE_PRODUCT), grooves)

@@ -109,6 +109,8 @@ class Proposal:
         thetas, phis = _HALF_VECTOR_CELLS[self.is_anisotropic]
         view = self._view(wo)
         cosine_share = self._cosine(view)
+        # i and j are the numbers of a cell along theta_h and azimuth, `up` and `around` positions in the cell. s is
+        # sin^2(theta_h / 2) of the half vector.
         u = np.clip((u1 - cosine_share) / (1.0 - cosine_share), 0.0, ONE_MINUS_EPSILON)
         i, up = _bisect(self.marginal, view, u)
         j, around = _bisect(self.conditional, view * float(thetas) + i, u2)
@@ -175,7 +177,7 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
     is_anisotropic = isinstance(grid, AnisotropicGrid)
     (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS_PER_CELL[is_anisotropic]
     squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))
-    solid_angle = np.diff(squares) * (4.0 * np.pi / phis)
+    solid_angle = np.diff(squares) * (4.0 * np.pi / phis)  # of a cell, for each cell in theta_h
     half_vectors = _half_vectors(squares[:-1], np.diff(squares), phis, points)
     edges = _half_vectors(squares, 0.0, phis, (1, points[1]))
     density, cell_shares, albedo, cosine = [], [], [], []
@@ -183,6 +185,7 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
         f, weight = _evaluate_views(grid, views, half_vectors)
         weight *= (solid_angle / prod(points))[:, None, None, None] / len(views)
         color = (f * weight[..., None]).sum(axis=(0, 1, 2, 3, 4))
+        # `shares` (thetas, phis) are the numbers of the table, for each cell of half vectors.
         brightness = f.mean(axis=-1)
         # The factor excludes from the tables values that are above the floor only by rounding.
         floor = _quantile(brightness, weight, _FLOOR_FRACTION) * (1.0 + 1e-9)

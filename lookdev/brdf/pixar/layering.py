@@ -128,7 +128,7 @@ def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -
 
 
 def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, PartitionLobe]:
-    """Sum the contributions to each lobe, by the lobe's name."""
+    """Return the sum of the contributions to each lobe, by the lobe's name."""
     terms = {}
     for name in _LOBES:
         lobe_contributions = [contribution for contribution in contributions if contribution.name == name]

@@ -29,8 +29,10 @@ from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, mix, mix_color, reflect, scale, vector
 
 REFLECTED_LOBES = ("reflection", "specular", "diffuse")
-"""The lobes on the viewer's side, in the order of their blur: "reflection/refraction blurs less than specular, which
-blurs less than diffuse" (Smits, "Layering")."""
+"""The lobes on the viewer's side, in the order of their blur.
+
+"reflection/refraction blurs less than specular, which blurs less than diffuse" (Smits, "Layering").
+"""
 
 TRANSMITTED_LOBES = ("refraction", "specularTransmission", "diffuseTransmission")
 """The lobes on the other side, in the same order."""
@@ -96,7 +98,10 @@ class PartitionLobe:
         return replace(self, normal=normal(self.normal), grazing=grazing(self.grazing), metals=metals)
 
     def energy(self, cos_theta: Array) -> Array:
-        """Return the mean over RGB of the weight at a cosine (...), which weights means of cones and normals."""
+        """Return the mean over RGB of the weight at a cosine (...).
+
+        In means of cone angles and normals over several lobes, it is the weight of this lobe.
+        """
         return mean(self.weight(cos_theta))
 
 
@@ -169,12 +174,15 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     def term(
         base: PartitionLobe, factor: Real, tint: Array, cone: Real = 0.0, ior_minus_one: Real = 0.0
     ) -> PartitionLobe:
+        """Return a lobe whose weights are those of `base`, times factor, tint and presence."""
+
         def scaled(weight: Array) -> Array:
             return scale(tint * weight, factor * p["presence"])
 
         weighted = base.with_weights(scaled, scaled)
         return replace(weighted, cone=np.clip(cone, *_CONE_LIMITS), ior_minus_one=ior_minus_one)
 
+    # The broad highlights are specular and specular transmission, the tight ones reflection and refraction.
     broad_weight, tight_weight = smooth * one_minus_ratio, smooth * ratio
     broad_cone, tight_cone, ior_minus_one = 30.0 * rough + 5.0, 10.0 * rough, p["ior"] - 1.0
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]

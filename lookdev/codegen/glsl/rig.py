@@ -32,8 +32,10 @@ from lookdev.light.picture import LEVELS
 RIG_WIDTH = 2048
 """The width in texels of the texture that holds a rig's numbers, one per texel (R32F), row after row."""
 
-# Parameters of GLSL functions, by name; the ``out`` parameters are the numbers of a traced result, in order. ``p`` is
-# the shading point and ``w`` a direction, both in the light's coordinates. `program.lamps` defines the results.
+# The parameters of the GLSL functions, by the functions' names in `program.lamps`, which defines their results: of a
+# lamp's shadow, of a dome with a finite radius ("ball"), of a textured rectangle ("picture") and of any lamp. The
+# ``out`` parameters are the numbers of a traced result, in order. ``light`` is the number of the light, ``p`` the
+# shading point and ``w`` a direction, both in the light's coordinates.
 _P, _W = "int light, vec3 p", "vec3 w"
 _PART = "float part_s, float part_t, float size"
 _SAMPLE_OUTPUTS = "out vec3 w, out float distance, out float pdf"
@@ -73,8 +75,10 @@ class RigFunctions:
     ``rig_draw``
         Draws a direction to a light, and returns the radiance from there.
     ``rig_meet_occluders``
-        Finds the occluders in a direction. It exists if the macro ``SHADOWS`` is 1. It calls a function that
-        the shader defines, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``.
+        Finds the occluders in a direction. It exists if the macro ``SHADOWS`` is 1. It calls a function that the shader
+        defines, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. This returns the distance of
+        the nearest occluder within ``reach``, or with ``any`` of an arbitrary one, and ignores the slots of the set
+        ``spared`` of `CodedRig.shadow_excluded`.
     ``rig_passed``
         Returns the share of a light that passes these occluders. It exists if ``SHADOWS`` is 1.
 
@@ -149,10 +153,12 @@ def rig_functions(
         "RIG_CASTING": casting_start,
         "RIG_SLOTS": len(lights_by_slot),
         "RIG_SPARED": len(rig.shadow_excluded),
+        # Whether the camera sees a lamp.
         "RIG_SEEN": int(any(light.emission.camera for light in rig.lamps)),
         "RIG_SHADOWED": int(rig.needs("shadowed")),
         "RIG_SPLIT": int(rig.needs("split")),
         "PICTURE_LEVELS": LEVELS,
+        # Whether a shadow depends on the distance of the nearest occluder.
         "RIG_NEAREST": int(is_near or rig.needs("shadowed")),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
@@ -196,6 +202,7 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
             kind, shaped=rig.needs("shaped"), falling=rig.needs("falling"), steps=steps, field=_FIELD
         )
         if kind == "picture":
+            # The template `picture.glsl` has the other functions of a picture, which call the traced ones.
             untextured = functions[0], {**functions[1], "untextured": functions[1]["sent"]}
             yield from _traced_functions(untextured, kind, {"weight": _LAMP["weight"], "untextured": _LAMP["sent"]})
             yield from _traced_functions(part_operations(field=_FIELD), kind, _PICTURE)

@@ -1,6 +1,6 @@
 """Build a tree of Blender's shader nodes that computes the values of a traced expression graph, in float32.
 
-All other modules of this package add their nodes to a `TreeBuilder`.
+Other modules of this package add their nodes to a `TreeBuilder`.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.errors import CodegenError
 
+# Blender's identifiers of the sockets of Separate XYZ and Combine XYZ.
 _AXES = ("X", "Y", "Z")
 # Blender's identifiers of the input sockets of Math and of Vector Math, in order.
 _SOCKETS = ("Value", "Value_001", "Value_002")

@@ -171,7 +171,7 @@ def _glossy_inputs(builder: TreeBuilder, closure: Closure, frame: Array) -> Sock
     """Return the inputs of the sockets for roughness r, anisotropy a and tangent of a glossy closure.
 
     Cycles computes alpha_x = r^2 / s and alpha_y = r^2 s from them, where s depends on a. For a metal, s^2 = 1 - 0.9 a,
-    as in Disney's BRDF. For other closures, s = 1 + a where a is negative.
+    as in Disney's BRDF. For other closures, s = 1 + a, with a negative a.
     """
     x, y = closure.alpha_x, closure.alpha_y
     if are_equal(x, y):

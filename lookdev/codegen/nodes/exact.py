@@ -86,7 +86,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder.bind([f"facet_{axis}" for axis in "xyz"], NodeLink(geometry, "True Normal"))
     builder.bind([f"place_{axis}" for axis in "xyz"], NodeLink(geometry, "Position"))
     builder.bind(["lift"], add_lift(builder))
-    # The noise at the shading point is the pair u1, u2. It is random because each sample of a pixel hits another point.
+    # u1 and u2 are white noise at the shading point. They are random because each sample of a pixel hits another point.
     noise = builder.add(
         "TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": NodeLink(geometry, "Position"), "W": _NOISE_SEED}
     )

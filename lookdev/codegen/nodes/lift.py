@@ -1,8 +1,11 @@
-"""Add nodes that keep a surface from being shadowed by surfaces that coincide with it, for both backends of nodes.
+"""Add nodes that keep a surface from being shadowed by surfaces that coincide with it.
 
 A ray leaves a surface at a small height above it, the lift (`lookdev.scene.shading.LIFT`). The lift is proportional to
 the largest coordinate of the shading point and of its triangle's corners, but nodes cannot read the corners. The
 distance of the point from the origin, plus its distance to the camera, replaces this coordinate.
+
+Backend ``nodes-exact`` lifts the points where its rays start. In backend ``nodes``, a surface is transparent to rays
+that start below the lift.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ _PART_PARAMETERS = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECT
 class _ShaderPart:
     """The shader of one layer or of several consecutive layers, as an output in the material's tree.
 
-    `presence` and `reflectance` are values () of the material's graph. Only a coat has a reflectance.
+    `presence` and `reflectance` are arrays () of the material's graph. Only a coat has a reflectance.
     """
 
     shader: NodeLink
@@ -70,7 +70,7 @@ class _ShaderPart:
 
 
 def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> NodeSource:
-    """Generate the closures of a look, with `resolve` as in `lookdev.codegen.inputs.SymbolicSurface`.
+    """Generate the nodes of a look, whose shaders are Cycles' own closures.
 
     Constants at which terms of a model vanish are folded. Other constants are values of sockets. `resolve` is as in
     `lookdev.codegen.inputs.SymbolicSurface`.

@@ -16,7 +16,7 @@ from lookdev.codegen.operators import BOOLEAN_OPERATIONS, CODE, strip_parenthese
 from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
 
-# The largest number of values of an array. Cycles loads so many in four seconds.
+# The largest number of values of an array, which Cycles loads in four seconds.
 _MAX_ARRAY_SIZE = 10_000_000
 
 # The largest number of characters of an inline expression. A longer one becomes a variable, so that people can read the

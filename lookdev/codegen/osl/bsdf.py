@@ -42,7 +42,7 @@ from lookdev.codegen.trace.lobes import INSIDE, WI, WO, lobe_parts, recorded_gro
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
 VARYING = frozenset((*WI, "u1", "u2"))
-"""The symbols that differ between the directions of a shading point."""
+"""The symbols whose values differ between the directions to the light at a shading point."""
 
 
 @dataclass(frozen=True)
@@ -328,6 +328,7 @@ def _evaluate_lines(
                 else f"wi_z {'<' if side else '>'} 0"
             )
             block.write(f"if ({condition}) {{")
+        # The prefix of variables: "c" under a condition of the lobe's own, "t" for transmitted and "e" for other light.
         prefix = f"c{number}_" if isinstance(side, GraphNode) else "t" if side else "e"
         block.lines += _side_lines(
             side_lobes, setup, varying, prefix, 2 + (len(groups) > 1), has_light_sampled, splits_diffuse, group_indices

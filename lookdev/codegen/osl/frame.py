@@ -60,9 +60,9 @@ class _FrameWriter:
             }
 
     def _code(self, value: Scalar | Triple) -> str:
-        """Return the name of a variable that has the value, or an expression; write a variable if it is worth one."""
+        """Return the name of a variable that has the value, or else an expression of the value."""
         if value not in self._names and isinstance(value, GraphNode) and (match_dot(value) or value.op == "where"):
-            # Costly numbers become variables; vectors are inline.
+            # Costly numbers first become variables. Vectors stay inline.
             code = self._compute(value)
             self._names[value] = f"g{len(self.lines)}"
             self.lines.append(f"    float {self._names[value]} = {strip_parentheses(code)};")

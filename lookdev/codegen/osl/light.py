@@ -200,7 +200,7 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
 
 @cache
 def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
-    """Return the lines of the functions of a kind of lamp; those of a picture are of a part of the rectangle."""
+    """Return the lines of the functions of a kind of lamp; of a picture, those of `trace_parts` and the weight."""
     lamp = trace_lamp(kind, shaped=shaped, falling=falling, field=_FIELD)
     traced, heads = (trace_parts(_FIELD), _PART_HEADS) if kind == "picture" else (lamp, _SHAPE_HEADS)
     functions = [_function_lines(head.replace("KIND", kind), traced[name]()) for name, head in heads.items()]

@@ -98,6 +98,7 @@ def generate_surface(
     transmits = any(lobe.transmits for lobe in lobes)
 
     def light_sampled(lobe: Lobe) -> bool:
+        """Return whether the lobe's direct light is estimated by directions drawn from the light alone."""
         behind = lobe.transmits or (transmits and lobe.crosses_surface)
         return counts.ibl > 0 and lobe.broad and (from_behind or not behind)
 
@@ -205,7 +206,7 @@ def _recording_lines(lobes: Sequence[str], lights: Sequence[int]) -> list[str]:
 
     `lobes` are the names of groups in `LOBE_GROUPS`, `lights` the group of each light.
     """
-    numbers = [LOBE_GROUPS.index(name) for name in lobes] or [-1]  # a black look has none
+    numbers = [LOBE_GROUPS.index(name) for name in lobes] or [-1]  # a black look has no groups
     return [
         f"#define FIRST_LIGHT_PART {FIRST_LIGHT_PART}",
         f"#define RECORDED_LOBES {len(numbers)}",

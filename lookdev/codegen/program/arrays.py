@@ -148,8 +148,8 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
     wi = symbols(graph, WI)
     cosine, total = np.abs(wi[..., 2]), np.zeros(3)
     for term in mixture.terms(wi):
-        # f is defined by the cosine to the shading normal, a lobe's f by that to the lobe's normal. As in
-        # `lookdev.brdf.evaluate`, the quotient of the cosines is computed first.
+        # A lobe's f belongs to the cosine to the lobe's own normal. The ratio of cosines converts it to an f that
+        # belongs to the cosine to the shading normal. As in `lookdev.brdf.evaluate`, the ratio is computed first.
         ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
         total = total + scale(term.f, np.where(term.valid, ratio, 0.0))
     writer = ProgramWriter()

@@ -169,9 +169,10 @@ def _group_parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
 
 
 def stated_constants(look: Look) -> LivePredicate:
-    """Return the predicate of the constants of a look that a user can edit while the program stays the same.
+    """Return a predicate that is true for the constants of a look that can be live.
 
-    They are the constants that the look's layers state. If a layer is of a foreign model, which is translated, none is.
+    These are the constants that the look's layers state. If a layer is of a foreign model, which has to be translated,
+    no constant can be live.
     """
     names_by_layer = [
         {name for name, value in layer.inputs.items() if isinstance(value, float | tuple)} for layer in look.layers

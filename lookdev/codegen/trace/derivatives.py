@@ -45,7 +45,10 @@ class _GraphOperations:
         return lambda *args: self._graph.apply(op, *args)
 
     def scale(self, tangent: Scalar, factor: Callable[[], Scalar], valid: Scalar) -> Scalar:
-        """Return a tangent times `factor()` where `valid` is true, else 0; the factor of a constant 0 is not traced."""
+        """Return a tangent times `factor()`, or 0 where `valid` is false.
+
+        If the tangent is the constant 0, so is the result, and the factor is not traced.
+        """
         if not isinstance(tangent, GraphNode) and tangent == 0.0:
             return 0.0
         return self.where(valid, self.multiply(tangent, factor()), 0.0)

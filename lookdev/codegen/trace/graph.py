@@ -128,8 +128,8 @@ class Graph:
     def _intern(self, node: GraphNode, *names: object) -> GraphNode | bool:
         """Return the node of the graph that equals `node`, which is added if there is none.
 
-        `names` are what distinguishes the node besides its operation and operands. If the node is a condition that
-        `assume` replaces, its value is returned instead.
+        `names` are properties that distinguish the node, besides its operation and its operands. If the node is a
+        condition that `assume` replaces, its value is returned instead.
         """
         node = self._nodes.setdefault((node.op, *map(_argument_key, (*names, *node.args))), node)
         return self._facts.get(node, node)
@@ -141,7 +141,7 @@ def uniform(value: float) -> float:
 
 
 def _argument_key(value: object) -> object:
-    """Return a key of an argument, for dictionaries; keys are equal only if the arguments are the same in code."""
+    """Return a dictionary key for an argument; two keys are equal only if the arguments give the same code."""
     # The key contains the type, as True == 1.0 in Python, and the sign, as 0.0 == -0.0.
     return value if isinstance(value, GraphNode) else (type(value), str(value))
 
@@ -194,7 +194,7 @@ def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
             if _argument_key(a) == _argument_key(b):
                 return a
         case (("logical_and" | "logical_or"), (a, b)):
-            deciding = op == "logical_or"  # the truth that decides the result alone
+            deciding = op == "logical_or"  # the boolean operand that alone decides the result
             for truth, other in ((a, b), (b, a)):
                 if not isinstance(truth, GraphNode):
                     return deciding if bool(truth) == deciding else other
@@ -220,7 +220,7 @@ def post_order(roots: Iterable[Scalar], stop: Callable[[GraphNode], bool] = lamb
 
 
 def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[GraphNode]:
-    """Return those of `roots` and of the nodes that they depend on whose values depend on one of the named symbols."""
+    """Return the nodes that depend on one of the named symbols, among `roots` and the nodes that they depend on."""
     dependent: set[GraphNode] = set()
     for node in post_order(roots):
         if (isinstance(node, Symbol) and node.name in names) or any(

@@ -101,9 +101,10 @@ def _can_be_positive(value: Real) -> bool:
 
 
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
-    """Return the mixture of lobes for a view along the symbols `WO`, for code that runs under two conditions.
+    """Return the mixture of lobes for a view along the symbols `WO`.
 
-    The viewer is above the horizon, and the code of a lobe runs only where the lobe's share is above 0.
+    Two conditions are assumed wherever its code runs: the viewer is above the horizon, and a lobe's share is above 0
+    where the code of the lobe runs.
     """
     mixture = Mixture(lobes, symbols(graph, WO))
     assume_positive(graph, mixture.wo[..., 2], mixture.total_share, *(lobe.share for lobe in lobes))
