@@ -132,6 +132,7 @@ def _path_colors(path: Array) -> list[tuple[Array, Array]]:
     decay = 2.0 * np.square(np.pi * _WIDTH * path)
     phases = [2.0 * np.pi * centre * path for centre in _CENTRES]
     waves = [(np.cos(phase), np.sin(phase)) for phase in phases]
+    # `waves` are cosine and sine of m times the phase, for the order m of the loop, and `previous` those for m - 1.
     doubled, previous = [2.0 * cosine for cosine, _ in waves], [(1.0 + 0.0 * path, 0.0 * path) for _ in waves]
     colors = []
     for order in range(1, _ORDER_COUNT + 1):

@@ -176,7 +176,7 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
     """Return the sampling tables of measured data."""
     is_anisotropic = isinstance(grid, AnisotropicGrid)
     (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS_PER_CELL[is_anisotropic]
-    squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))
+    squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))  # sin^2(theta_h / 2) at the edges of cells
     solid_angle = np.diff(squares) * (4.0 * np.pi / phis)  # of a cell, for each cell in theta_h
     half_vectors = _half_vectors(squares[:-1], np.diff(squares), phis, points)
     edges = _half_vectors(squares, 0.0, phis, (1, points[1]))
@@ -194,7 +194,7 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
         cosine.append(np.clip(np.pi * floor / total, least, most) if total > 0.0 else most)
         f, weight = _evaluate_views(grid, views, edges)
         at_edges = (np.maximum(f.mean(axis=-1) - floor, 0.0) * weight).mean(axis=(0, 2, 3, 4))
-        ring_solid_angle = solid_angle * phis
+        ring_solid_angle = solid_angle * phis  # of all cells of the same theta_h
         density.append(_edge_density(at_edges, shares.sum(axis=-1) / ring_solid_angle, ring_solid_angle))
         cell_shares.append(
             np.maximum(

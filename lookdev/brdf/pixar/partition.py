@@ -151,6 +151,8 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     # With the token "conserving", the Fresnel term at the highlights' normal also decides how much light reaches the
     # diffuse lobes.
     at_interface = cosines["highlight" if conserving else "diffuse"]
+    # `entering` is the share of the light that enters and is not transmitted straight. d_n and d_g are the weights of
+    # the diffuse lobes at normal and at grazing incidence.
     entering = (1.0 - clear) * schlick_blend(1.0 - n_diffuse, 1.0 - g_refl, at_interface)
     d_n, d_g = (scale(color, mix(entering * (1.0 - reflectance), 1.0, rough)) for reflectance in (n_diffuse, g_refl))
     scattered = PartitionLobe(d_n, d_g)

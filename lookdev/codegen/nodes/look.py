@@ -220,8 +220,8 @@ class _Material:
         multiplies ``mask * presence_above``.
         """
         group = TracedGroup(_LAYERS)
-        above = len(parts) - 1
-        panels = [names[0], *names[-above:]]
+        above = len(parts) - 1  # the number of layers above the base that are blended as shaders
+        panels = [names[0], *names[-above:]]  # the headings of the sockets of each part
         # The base does not cover anything, so its mask has no effect.
         layers = [replace(stack[0], mask=np.array(1.0)), *stack[-above:]]
         shaders = {f"{panel} shader": part.shader for panel, part in zip(panels, parts, strict=True)}

@@ -228,12 +228,15 @@ def emit_brdf(
     """
     lobes = mixture.lobes
     see_through = isinstance(presence, GraphNode) or presence < 1.0
+    # The expressions of evaluate and sample. Those of their nodes that do not depend on the light's direction, nor on
+    # random numbers, are computed by setup.
     values = [value for lobe in lobes for value in (*lobe.direction_values(), *lobe.wi, lobe.is_below_end)]
     values += [lobe.side for lobe in lobes if lobe.side is not None]
     varying = dependent_nodes(values, VARYING)
     invariant = _invariant_nodes(values, varying)
 
     setup = Block("s", indent=1, symbol_text=symbol_text)
+    # The assignments for single directions: the text before the parenthesis, and the three components.
     triples = [
         (f"{name}[{number}] = {kind}", elements_of(value))
         for number, delta in enumerate(deltas)
@@ -357,6 +360,7 @@ def _side_lines(
     With `has_light_sampled`, the densities of lobes that are not light-sampled are also summed separately. With
     `splits_diffuse`, so are the values of diffuse lobes. `varying` and `group_indices` are as in `_evaluate_lines`.
     """
+    # The nodes that each lobe reads, and those that several lobes read.
     groups = [reachable_nodes(lobe.direction_values(), stop=setup.variables) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
     shared = {node for node, count in counts.items() if count > 1 and node in varying and node not in setup.variables}

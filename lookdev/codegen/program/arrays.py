@@ -110,7 +110,7 @@ class CompiledProgram:
         out = np.empty((len(wo), 3))
 
         def fill(part: slice) -> None:
-            columns = np.concatenate([wo[part].T, wi[part].T])
+            columns = np.concatenate([wo[part].T, wi[part].T])  # (6, n): the components of wo, then those of wi
             if self.two_sided:
                 columns *= np.where(columns[2] < 0.0, -1.0, 1.0)
             above = columns[2] > 0.0
@@ -159,7 +159,7 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
 
 def _compile_program(writer: ProgramWriter, two_sided: bool) -> CompiledProgram:
     """Return the compiled program of the output ``"f"`` of a writer."""
-    varying: set[int] = set()
+    varying: set[int] = set()  # the numbers of the values that depend on a direction
     constants: dict[int, float] = {}
     names: dict[str, int] = {}
     once: list[_Step] = []

@@ -62,6 +62,7 @@ class ProgramWriter:
         """Return the index of the operation of a node or a constant; the operation of a new constant is appended."""
         if isinstance(value, GraphNode):
             return self._numbers[value]
+        # The key contains the type, as True == 1.0 in Python, and the text, as 0.0 == -0.0.
         key = (isinstance(value, Uniform), type(value).__name__, str(value))
         if key not in self._numbers:
             if not np.isfinite(value):
