@@ -1,8 +1,7 @@
-"""Reflectance models in plain NumPy, which code generation traces into every other language.
+"""Reflectance models in plain NumPy; `lookdev.codegen` traces them to generate code for every renderer.
 
-A model is one record (`model.Model`) in one registry (`models.MODELS`); its file contains its parameters and lobes.
-`mixture` combines lobes, `stack` combines layers. `split_by_combination` splits the layers of a stack into those that
-one model combines, and those that are blended one by one. `find_mode_conflict` finds a layer that excludes a mode.
+A model is a record (`model.Model`) in the registry `models.MODELS`. The file of a model has its parameters and its
+lobes. `mixture` sums and samples the lobes of a surface, `stack` combines layers.
 """
 
 from lookdev.brdf.lobes import Bsdf, Delta, Lobe

@@ -1,10 +1,11 @@
-"""Metals: their measured eta and k, and the colour that follows from them.
+"""Metals by name: the measured index of refraction, eta + ik, by wavelength, and the colour that a metal reflects.
 
 The numbers in ``data/metals.csv`` are those of the refractiveindex.info database (public domain, CC0), from 365 to
-821 nm, with fewer wavelengths where the curves are smooth. docs/notebook/metal-spectra.md compares publications.
+821 nm. Where the curves are smooth, some of the database's wavelengths are left out. docs/notebook/metal-spectra.md
+compares the publications.
 
-A metal's colour is its reflectance at normal incidence, seen by the CIE 1931 observer under D65, the white of Rec.709.
-A surface that reflects all light is exactly (1, 1, 1).
+The colour of a metal is its reflectance, seen by the CIE 1931 observer under D65, the white of Rec.709. The colour of
+a surface that reflects all light is exactly (1, 1, 1).
 
 References
 ----------
@@ -50,9 +51,10 @@ METALS: dict[str, str] = {
 
 _DATA = Path(__file__).parent / "data" / "metals.csv"
 
+# The wavelengths in nanometres at which spectra are summed to colours.
 _WAVELENGTHS = np.arange(380.0, 781.0, 10.0)
 
-# CIE 015:2018, D65 at `_WAVELENGTHS`, relative to 100 at 560 nm.
+# CIE 015:2018, the spectral power of D65 at `_WAVELENGTHS`, relative to 100 at 560 nm.
 _D65 = np.array([
     49.9755, 54.6482, 82.7549, 91.4860, 93.4318, 86.6823, 104.865, 117.008, 117.812, 114.861, 115.923, 108.811, 109.354,
     107.802, 104.790, 107.689, 104.405, 104.046, 100.000, 96.3342, 95.7880, 88.6856, 90.0062, 89.5991, 87.6987, 83.2886,
@@ -78,7 +80,7 @@ _OBSERVER = np.array([
     ],
 ])  # fmt: skip
 
-# ITU-R BT.709, primaries and white, inverted.
+# The inverse of the matrix that the primaries and the white of ITU-R BT.709 define.
 _XYZ_TO_REC709 = np.array([
     [3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252],
 ])  # fmt: skip
@@ -98,19 +100,19 @@ def metal_indices(name: str, wavelengths: Array) -> tuple[Array, Array]:
 
 
 def metal_curve(name: str, cos_theta: Array) -> Array:
-    """Return the colour, (..., 3), of the light that one of `METALS` reflects at cosines of incidence (...).
+    """Return the reflectance (..., 3) in linear Rec.709 of one of `METALS`, at cosines of incidence (...).
 
-    The colour is linear Rec.709 and not clipped: the red of gold is above 1. An unknown metal raises ModelError.
+    It is not clipped: the red of gold is above 1. An unknown metal raises ModelError.
     """
     spectrum = conductor_fresnel(np.expand_dims(cos_theta, -1), *metal_indices(name, _WAVELENGTHS))
-    # Sampled at steps of 10 nm, D65 is not exactly the white of Rec.709.
+    # The sum of D65 in steps of 10 nm is not exactly the white of Rec.709. The division makes it exact.
     white: Array = _rec709(np.ones_like(_WAVELENGTHS))
     return _rec709(spectrum) / white
 
 
 @cache
 def metal_reflectance(name: str) -> Floats:
-    """Return the colour at normal incidence of one of `METALS`: linear Rec.709, (3,), clipped to [0, 1].
+    """Return the reflectance (3,) at normal incidence of one of `METALS`, in linear Rec.709, clipped to [0, 1].
 
     An unknown metal raises ModelError.
     """
@@ -127,7 +129,7 @@ def _rec709(spectrum: Array) -> Array:
 
 @cache
 def _load_spectra() -> dict[str, Floats]:
-    """Read wavelength, eta and k, (n, 3), of every metal."""
+    """Return the wavelengths, eta and k of each metal, an array (wavelengths, 3), by the metal's name."""
     rows: dict[str, list[list[float]]] = {}
     with _DATA.open(newline="", encoding="ascii") as file:
         for row in csv.DictReader(file):

@@ -1,8 +1,8 @@
-"""Smooth surfaces: a mirror of metal, and a solid of glass. They scatter light along single directions.
+"""The models of smooth surfaces, `MIRROR` and `GLASS`, which scatter light along single directions.
 
 Both are exact: they follow Fresnel's equations, the law of reflection and Snell's law, with total internal reflection.
-Their scattering is a delta distribution, so f is 0 for every pair of directions; a `Delta` has the direction and the
-value.
+As their scattering is a delta distribution, f is 0 for every pair of directions. Each term is a `Delta`, with its
+direction and its value.
 
 References
 ----------
@@ -29,7 +29,7 @@ _NORMAL = normal_parameter("normal", "Normal of the surface, as of a normal map;
 
 
 def _frame_and_view(normal: Array, wo: Array) -> tuple[Frame, Array, Array, Array]:
-    """Return the frame about a normal, bent towards the view, and the x, y and z of the view in that frame."""
+    """Return the frame about a normal, bent towards the view, and the components x, y, z of the view in this frame."""
     frame = frame_of(normal).bend_towards(wo)
     local = frame.to_local(wo)
     # Rounding may make z negative where the view is at a right angle to the bent normal.
@@ -37,12 +37,14 @@ def _frame_and_view(normal: Array, wo: Array) -> tuple[Frame, Array, Array, Arra
 
 
 def _direction_above(frame: Frame, w: Array) -> Array:
-    """Express a direction of a frame in the shading frame; z becomes 0 below the horizon of the shading frame."""
+    """Express a direction of a frame in the shading frame; if it is below the horizon there, its z becomes 0."""
     out = frame.from_local(w)
     return vector(out[..., 0], out[..., 1], np.maximum(out[..., 2], 0.0))
 
 
 def _mirror(p: Parameters) -> Bsdf:
+    """Return the BSDF of the mirror."""
+
     def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
         frame, x, y, cosine = _frame_and_view(p["normal"], wo)
         value = p["tint"] * conductor_fresnel(np.expand_dims(cosine, -1), p["eta"], p["k"])
@@ -53,21 +55,25 @@ def _mirror(p: Parameters) -> Bsdf:
 
 
 def _glass(p: Parameters) -> Bsdf:
+    """Return the BSDF of the glass."""
+
     def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
         frame, x, y, cosine = _frame_and_view(p["normal"], wo)
         eta_i, eta_t = (np.where(inside, p[a], p[b]) for a, b in (("eta", "externalIor"), ("externalIor", "eta")))
+        # eta_i is the index of refraction on the viewer's side, eta_t that on the other side.
         n = eta_i / eta_t
         reflectance = conductor_fresnel(cosine, eta_t, 0.0, eta_i)
-        # Snell's law. 1 - n^2 (1 - cos^2) would cancel near the critical angle.
+        # Snell's law: the squared cosine of the refracted direction. 1 - n^2 (1 - cos^2) would cancel near the critical
+        # angle.
         cos2 = 1.0 - n * n * (x * x + y * y)
         cos_t = np.sqrt(np.maximum(cos2, 0.0))
         refracted = frame.from_local(vector(-n * x, -n * y, -cos_t))
         is_refracted = (cos2 > 0.0) & (refracted[..., 2] < 0.0)
         refracted = vector(refracted[..., 0], refracted[..., 1], np.where(is_refracted, refracted[..., 2], 0.0))
-        # The transmissivities of Born and Wolf, 1.5.2; 1 minus the reflectance would cancel.
+        # The transmissivities of both polarisations (Born and Wolf, 1.5.2). 1 minus the reflectance would cancel.
         s, t = n * cosine + cos_t, cosine + n * cos_t
         transmittance = 2.0 * n * cosine * cos_t * (1.0 / np.maximum(s * s, TINY) + 1.0 / np.maximum(t * t, TINY))
-        # Pharr et al., section 16.1.3: radiance is compressed, or spread, with the solid angle.
+        # Pharr et al., section 16.1.3: refraction changes the solid angle of light, and so scales radiance by n^2.
         refracted_value = scale(p["tint"], transmittance * n * n)
         return (
             Delta("glass", "reflection", _direction_above(frame, vector(-x, -y, cosine)), vector(*[reflectance] * 3)),
@@ -78,6 +84,7 @@ def _glass(p: Parameters) -> Bsdf:
 
 
 def _color(name: str, default: float, help: str, hard: tuple[float, float] = (0.0, 1.0)) -> Parameter:
+    """Return a parameter that is a colour, by default `default` in all channels; sliders have the range `hard`."""
     return Parameter(name, "color", (default,) * 3, hard=hard, soft=hard, help=help)
 
 
@@ -99,6 +106,7 @@ def _model(
     preview: Callable[[Parameters], dict[str, Real]],
     *parameters: Parameter,
 ) -> Model:
+    """Return the record of a model; `preview` is `Preview.derived`."""
     by_name = parameters_by_name(*parameters, _NORMAL)
     return Model(name, title, text, by_name, bsdf, f"Lookdev{title}", preview=Preview({}, preview), delta=True,
         quotes={key: quote for key, quote in INDEX_QUOTES.items() if key in by_name},

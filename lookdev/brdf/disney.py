@@ -1,13 +1,16 @@
-"""Disney's principled BRDF, 2012 and 2014.
+"""Disney's principled BRDF as published in 2012, and with the addenda of 2014.
 
 - Burley, B. 2012. Physically Based Shading at Disney. SIGGRAPH course notes, version 3 (2014), sections 5.1 to 5.6,
   addenda.
 - Hanrahan, P. and Krueger, W. 1993. Reflection from Layered Surfaces due to Subsurface Scattering. SIGGRAPH.
 
-Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
-``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. Section 6 and
-appendix B suggest a normal for each lobe, the general GTR and thin films. Two inputs extend the published model:
-`presence`, the coverage of the surface, and the exact Fresnel term of metals.
+The model has three lobes: `diffuse` (diffuse reflection, subsurface shape and sheen), `specular` (GTR2) and `clearcoat`
+(GTR1). As published, ``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing
+angles. The parameters for a normal of each lobe, for the general GTR and for thin films follow suggestions of section 6
+and appendix B. Two more extend the published model: `presence`, the coverage of the surface, and `fresnel`, by which
+metals have the exact Fresnel term.
+
+Section numbers in this file are those of Burley 2012.
 """
 
 from __future__ import annotations
@@ -28,17 +31,18 @@ from lookdev.brdf.reflectance import ggx_albedo, ggx_reflectance
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, are_equal, mean, mix, mix_color, reflect, scale
 
 COAT_F0 = 0.04
-"""Reflectance of the clearcoat at normal incidence, of an index of 1.5 (Burley 2012, section 5.4)."""
+"""The reflectance at normal incidence of the clearcoat, whose index of refraction is 1.5 (section 5.4)."""
 
 
 def _tint(base_color: Array) -> Array:
-    """Return the base colour divided by its luminance, or white where that is 0 (section 5.1)."""
+    """Return the base colour divided by its luminance, or white where the luminance is 0 (section 5.1)."""
     luminance = 0.3 * base_color[..., 0] + 0.6 * base_color[..., 1] + 0.1 * base_color[..., 2]
     positive = np.expand_dims(luminance > 0.0, -1)
     return np.where(positive, base_color / np.where(positive, np.expand_dims(luminance, -1), 1.0), np.ones(3))
 
 
 def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the diffuse lobe, with sheen as a part of it."""
     base_color, roughness = p["baseColor"], p["roughness"]
     dielectric = 1.0 - p["metallic"]
     sheen_color = scale(mix_color(np.ones(3), _tint(base_color), p["sheenTint"]), p["sheen"])
@@ -53,7 +57,8 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         retro = roughness * d.cos_theta_d * d.cos_theta_d
         fd90 = 0.5 + 2.0 * retro
         diffuse = mix(1.0, fd90, fi) * mix(1.0, fd90, fo)
-        # Hanrahan and Krueger 1993 as in the BRDF Explorer: Fss90 flattens retroreflection, 1.25 keeps the albedo.
+        # Hanrahan and Krueger 1993, as in Disney's BRDF Explorer: Fss90, which is `retro`, flattens retroreflection,
+        # and the factor 1.25 keeps the albedo.
         fss = schlick_blend(1.0, retro, d.cos_theta_i) * schlick_blend(1.0, retro, d.cos_theta_o)
         subsurface = 1.25 * (fss * (1.0 / np.maximum(d.cos_theta_i + d.cos_theta_o, TINY) - 0.5) + 0.5)
         body = scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / np.pi))
@@ -62,7 +67,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "disney",
         "diffuse",
-        # The factor (1 - cos theta_d)^5 leaves about a tenth of the sheen.
+        # The albedo is about the base colour plus a tenth of the sheen colour, whose factor is (1 - cos theta_d)^5.
         dielectric * (mean(base_color) + 0.1 * mean(sheen_color)),
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
@@ -75,20 +80,26 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     )
 
 
-# Burley 2012, addenda, "Anisotropic specular details"; the floor is the BRDF Explorer's.
+# Burley 2012, addenda, "Anisotropic specular details"; the floor of 0.001 is that of Disney's BRDF Explorer.
 def _alphas(p: Parameters) -> tuple[Array, Array]:
+    """Return the alphas of the specular lobe along tangent and bitangent."""
     aspect, square = np.sqrt(1.0 - 0.9 * p["anisotropic"]), p["roughness"] * p["roughness"]
     return np.maximum(0.001, square / aspect), np.maximum(0.001, square * aspect)
 
 
-# Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals have the base colour, unless they are exact.
+# Section 5.5 and figure 14.
 def _f0(p: Parameters) -> Array:
+    """Return Schlick's reflectance (..., 3) at normal incidence of the specular lobe.
+
+    For a dielectric it is 0.08 times `specular`, tinted. For a metal it is the base colour. If metals have the exact
+    Fresnel term, the result is that for a dielectric.
+    """
     dielectric = scale(mix_color(np.ones(3), _tint(p["baseColor"]), p["specularTint"]), 0.08 * p["specular"])
     return dielectric if is_exact(p) else mix_color(dielectric, p["baseColor"], p["metallic"])
 
 
 def specular_fresnel(p: Parameters, cos_theta: Array) -> Array:
-    """Return the Fresnel term (..., 3) of the specular lobe at a cosine (...)."""
+    """Return the Fresnel term (..., 3) of the specular lobe at a cosine (...), with the thin film if there is one."""
     term = mix_color(_f0(p), np.ones(3), schlick_weight(cos_theta))
     film = () if are_equal(p["filmThickness"], 0.0) else (cos_theta, p["filmThickness"], p["filmIor"])
     if film:
@@ -100,24 +111,27 @@ def specular_fresnel(p: Parameters, cos_theta: Array) -> Array:
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the specular lobe."""
     roughness = p["roughness"]
     alpha_x, alpha_y = _alphas(p)
 
     def shadowing(cos_theta: Array, w: Array) -> Array:
+        """Return Smith's G1 of the direction w, divided by ``2 cos_theta``."""
         if p["variant"] == "2012":
             # Section 5.6: roughness remapped to [0.5, 1] before squaring.
             alpha_g = 0.5 + 0.5 * roughness
             return mf.smith_ggx(cos_theta, alpha_g * alpha_g)
         return mf.smith_ggx_aniso(w, alpha_x, alpha_y)
 
-    # GGX, whose visible normals are sampled, or the general distribution of appendix B, which is sampled itself.
+    # At gamma 2, half vectors are drawn from the visible normals of GGX. At another gamma, they are drawn from the
+    # general distribution of appendix B itself.
     is_ggx = are_equal(p["gamma"], 2.0)
 
     def distribution(wm: Array) -> Array:
         return mf.gtr2_aniso(wm, alpha_x, alpha_y) if is_ggx else mf.gtr_aniso(wm, alpha_x, alpha_y, p["gamma"])
 
     def evaluate(d: DirectionPair) -> Array:
-        # D F G / (4 cos_theta_i cos_theta_o), the denominator absorbed by both shadowing terms.
+        # D F G / (4 cos_theta_i cos_theta_o). The two factors of `shadowing` contain the denominator.
         g = shadowing(d.cos_theta_i, d.wi) * shadowing(d.cos_theta_o, d.wo)
         return scale(specular_fresnel(p, d.cos_theta_d), distribution(d.wm) * g)
 
@@ -134,7 +148,8 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "disney",
         "specular",
-        # Microfacets are tilted: with F0 = 0, the lobe is not black for a view along the normal.
+        # The floor is for F0 = 0: the Fresnel term is then 0 for a view along the normal, but above 0 for the half
+        # vectors of tilted microfacets.
         np.maximum(mean(specular_fresnel(p, wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=density,
@@ -146,7 +161,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _clearcoat(p: Parameters, wo: Array, frame: Frame) -> Lobe:
-    # Sections 5.4 to 5.6: GTR1, index 1.5, GGX shadowing with a fixed alpha of 0.25, scaled to [0, 0.25].
+    """Build the clearcoat: GTR1, and the shadowing of GGX with a fixed alpha of 0.25 (sections 5.4 to 5.6)."""
     weight = 0.25 * p["clearcoat"]
     alpha = mix(0.1, 0.001, p["clearcoatGloss"])
 
@@ -246,6 +261,7 @@ _QUOTES = {
 
 
 def _bsdf(parameters: Parameters) -> Bsdf:
+    """Return the BSDF of the model (`Model.bsdf`)."""
     presence = parameters["presence"]
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
@@ -264,10 +280,10 @@ def _bsdf(parameters: Parameters) -> Bsdf:
 
 
 def _reflectance(p: Parameters, wo: Array) -> Real:
-    """Return the albedo of the specular lobe, fitted for the variant of 2014 and gamma 2."""
+    """Return the albedo (...) of the specular lobe, by a fit for the variant of 2014 and gamma 2."""
     cos_theta = frame_of(p["specularNormal"]).bend_towards(wo).to_local(wo)[..., 2]
     alpha_x, alpha_y = _alphas(p)
-    # An anisotropic lobe has about the albedo of an isotropic one of the geometric mean of both alphas.
+    # An anisotropic lobe has about the albedo of an isotropic lobe whose alpha is the geometric mean of both alphas.
     alpha = np.minimum(np.sqrt(alpha_x * alpha_y), 1.0)
     if is_exact(p) or not are_equal(p["filmThickness"], 0.0):
         unweighted, typical_cosine = ggx_albedo(cos_theta, alpha)
@@ -294,8 +310,8 @@ DISNEY = Model(
     parameters=_PARAMETERS,
     bsdf=_bsdf,
     identifier="LookdevDisney",
-    # Saturated tints are up to ten times brighter than white, and a rough surface retroreflects. The largest albedo
-    # observed is 2.5.
+    # The model does not conserve energy: saturated tints are up to ten times brighter than white, and a rough surface
+    # retroreflects. The largest albedo observed is 2.5.
     energy=lambda tokens: 4.0,
     reciprocal=lambda tokens: ("diffuse", "specular", "clearcoat"),
     modes=("over", "coat"),

@@ -1,17 +1,20 @@
-"""Iridescence: the colour of a surface of known reflectance, or known index, under a thin film of a clear dielectric.
+"""Iridescence: the reflectance of a surface under a thin film of a clear dielectric, for Disney's specular lobe.
 
-Light that has crossed the film m times interferes with the light that the film's face reflects. Airy's sum adds their
-amplitudes over all orders m, once for each polarisation. Spectra become linear Rec.709 by the CIE 1931 observer under
-D65. A film of index 1, or of no thickness, has no effect.
+Light that has crossed the film m times, there and back, interferes with the light that the film's upper face reflects.
+Airy's sum adds the amplitudes of all orders m, separately for each polarisation. The CIE 1931 observer under D65
+converts the resulting spectrum to linear Rec.709. A film of index 1, or of no thickness, has no effect.
 
-Where only the reflectance of a surface is known, its amplitudes have the phase of a dielectric's and are the same for
-both polarisations. The reflectance without a film is that at the same angle. A metal of known index reflects the
-complex amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
+Two kinds of surfaces can be under the film:
 
-The terms of Airy's sum have the colours of ``cos(2 pi m x / wavelength)``, where x is the optical path. These colours
-are functions of m x alone. Sums of Gaussians, evenly spaced in wavenumber, approximate the observer under D65, so that
-each colour is a sum of damped cosines of m x. A second approximation ends the series at a largest m. docs/models.md has
-the errors of both.
+- Of a surface in general, only the reflectance without a film is known, at the same angle of incidence. Its reflected
+  amplitudes are assumed to have the phase of a dielectric's, and to be the same for both polarisations.
+- Of a metal, the complex index of refraction is known. It reflects the complex amplitudes of Fresnel's equations
+  between film and metal, as in Belcour and Barla, section 3.
+
+The terms of Airy's sum have the colours of the spectra ``cos(2 pi m x / wavelength)``, where x is the optical path
+through the film and back. These colours are functions of m x alone. There are two approximations. The observer under
+D65 is a sum of Gaussians, evenly spaced in wavenumber, so that each colour is a sum of damped cosines of m x. The
+series ends at m = 10. docs/models.md has the errors of both.
 
 - Airy, G. B. 1833. On the phenomena of Newton's rings when formed between two transparent substances of different
   refractive powers. Philosophical Magazine 2.
@@ -28,10 +31,11 @@ import numpy as np
 from lookdev.brdf.fresnel import square_root
 from lookdev.brdf.vectors import TINY, Array, Real
 
-_ORDER_COUNT = 10
+_ORDER_COUNT = 10  # the largest m of the series
 
-# Wavenumbers in 1/nm of the Gaussians' centres, their standard deviation, and their weights in red, green and blue:
-# least squares of the colours of ``cos(2 pi x / wavelength)`` for x up to 16 micrometres, their sum fixed to 1.
+# Wavenumbers in 1/nm of the Gaussians' centres, their standard deviation, and their weights in red, green and blue. The
+# weights fit the colours of ``cos(2 pi x / wavelength)``, for x up to 16 micrometres, by least squares. The sum of each
+# channel is fixed to 1.
 _CENTRES = np.linspace(1.0 / 645.0, 1.0 / 425.0, 10)
 _WIDTH = 0.65 * (_CENTRES[1] - _CENTRES[0])
 _WEIGHTS = np.array([
@@ -44,7 +48,7 @@ _WEIGHTS = np.array([
 def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) -> Array:
     """Return the reflectance (..., 3), in [0, 1], of a surface under a film, in air.
 
-    bare : (..., 3), reflectance of the surface without the film, at the same angle; values above 1 count as 1.
+    bare : (..., 3), reflectance of the surface without the film, at the same angle. Values above 1 count as 1.
     cos_theta : (...), cosine of the angle of incidence.
     thickness : (...), in nanometres.
     ior : (...), index of refraction of the film, at least 1.
@@ -52,10 +56,11 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
     cos_theta, inside = _cosines(cos_theta, ior)
     colors = _path_colors(2.0 * inside * thickness)
     root = np.sqrt(np.minimum(bare, 1.0))
-    bare_ratio = (1.0 - root) / (1.0 + root)
+    bare_ratio = (1.0 - root) / (1.0 + root)  # the ratio of admittances of the bare surface, for the amplitude -root
     total: Real = 0.0
-    # An amplitude r is written as a ratio of admittances, (1 + r) / (1 - r); the ratios of successive faces multiply.
-    # For either polarisation, a is the ratio of the film's upper face and b that of its lower face.
+    # An amplitude r can be written as a ratio of admittances, (1 + r) / (1 - r). The ratios of successive faces
+    # multiply to that of the bare surface. For each polarisation, a is the ratio of the film's upper face, and b that
+    # of its lower face. In Airy's sum, `incoherent` is the part without interference.
     for upper_ratio in (cos_theta / inside, inside / (ior * ior * cos_theta)):
         a = np.expand_dims(upper_ratio, -1)
         b = bare_ratio / a
@@ -75,7 +80,7 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
 def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Real, ior: Real) -> Array:
     """Return the reflectance (..., 3), in [0, 1], of a metal under a film, in air.
 
-    eta, k : (..., 3), index of refraction of the metal, by channel.
+    eta, k : (..., 3), real and imaginary part of the metal's index of refraction, by channel.
     cos_theta, thickness, ior : as in `film_reflectance`.
     """
     cos_theta, inside = _cosines(cos_theta, ior)
@@ -83,18 +88,20 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
     c, film, square = (np.expand_dims(quantity, -1) for quantity in (cos_theta, inside, ior * ior))
     # u + iv is the metal's index times the cosine of the refracted angle.
     u, v = square_root((eta - 1.0) * (eta + 1.0) - k * k + c * c, eta * k)
-    # Amplitudes are (a - b) / (a + b): at the upper face both are real, at the lower one a + ia' and b + ib'.
+    # The amplitude at a face is (p - q) / (p + q). At the film's upper face, p and q are the real numbers `over` and
+    # `under`. At the lower face, they are the complex numbers a + i ia and b + i ib.
     perpendicular = c, film, (film, 0.0), (u, v)
     parallel = film, square * c, (square * u, square * v), (film * (eta - k) * (eta + k), 2.0 * film * eta * k)
     total: Real = 0.0
     for over, under, (a, ia), (b, ib) in (perpendicular, parallel):
+        # The amplitude and the transmitted share at the upper face, and the reflected and absorbed shares at the lower.
         amplitude = (over - under) / (over + under)
         transmitted = 4.0 * (over / (over + under)) * (under / (over + under))
         norm = np.maximum((a + b) * (a + b) + (ia + ib) * (ia + ib), TINY * TINY)
         reflected, absorbed = ((a - b) * (a - b) + (ia - ib) * (ia - ib)) / norm, 4.0 * (a * b + ia * ib) / norm
         squared = amplitude * amplitude
         denominator = np.maximum(transmitted + squared * absorbed, TINY)
-        # The series in powers of minus the product of both faces' amplitudes, by Horner's rule.
+        # The series in powers of minus the product of both faces' amplitudes, complex numbers, by Horner's rule.
         real = amplitude * ((b - a) * (b + a) + (ib - ia) * (ib + ia)) / norm
         imaginary = amplitude * 2.0 * (a * ib - ia * b) / norm
         series: Real = 0.0
@@ -118,13 +125,14 @@ def _cosines(cos_theta: Array, ior: Real) -> tuple[Array, Array]:
 
 
 def _path_colors(path: Array) -> list[tuple[Array, Array]]:
-    """Return the colours (..., 3) of cosine and sine of ``2 pi m path / wavelength`` for each order m.
+    """Return, for each order m from 1, the colours (..., 3) of cosine and sine of ``2 pi m path / wavelength``.
 
-    Paths (...) are in nanometres.
+    Optical paths (...) are in nanometres.
     """
     decay = 2.0 * np.square(np.pi * _WIDTH * path)
     phases = [2.0 * np.pi * centre * path for centre in _CENTRES]
     waves = [(np.cos(phase), np.sin(phase)) for phase in phases]
+    # `waves` are cosine and sine of m times the phase, for the order m of the loop, and `previous` those for m - 1.
     doubled, previous = [2.0 * cosine for cosine, _ in waves], [(1.0 + 0.0 * path, 0.0 * path) for _ in waves]
     colors = []
     for order in range(1, _ORDER_COUNT + 1):

@@ -1,4 +1,6 @@
-"""Frames of lobes, about the shading normal or another normal.
+"""The frame of a lobe: directions in it are relative to the lobe's normal, which may differ from the shading normal.
+
+The shading frame has the axes tangent, bitangent and shading normal.
 
 - Duff, T. et al. 2017. Building an Orthonormal Basis, Revisited. JCGT 6(1).
 """
@@ -16,13 +18,13 @@ from lookdev.brdf.vectors import Array, are_equal, dot, normalize, scale, vector
 ZENITH: Floats = np.array([0.0, 0.0, 1.0])
 """The shading normal in its own frame."""
 
-_MIN_NORMAL_Z = 0.01
-_MIN_VIEW_COSINE = 1e-4
+_MIN_NORMAL_Z = 0.01  # the least z of a normal map, before it is normalized
+_MIN_VIEW_COSINE = 1e-4  # the least cosine between view and normal, to which frames are bent
 
 
 @dataclass(frozen=True)
 class UprightFrame:
-    """The frame of a lobe that has the shading normal: the shading frame."""
+    """The frame of a lobe whose normal is the shading normal: the shading frame itself."""
 
     normal: ClassVar[Array] = ZENITH
     """The unit z axis of the frame, (..., 3), above the horizon of the shading frame."""
@@ -36,7 +38,10 @@ class UprightFrame:
         return w
 
     def bend_towards(self, wo: Array) -> UprightFrame:
-        """Return the frame bent towards unit views (..., 3), above the horizon, until ``normal . wo`` is positive."""
+        """Return the frame with its normal bent until ``normal . wo`` is positive.
+
+        `wo` (..., 3) are unit directions to the viewer, above the horizon of the shading frame.
+        """
         return self
 
 
@@ -59,8 +64,9 @@ class TiltedFrame:
         bent_normal = self.normal + scale(wo, np.maximum(np.minimum(wo[..., 2], _MIN_VIEW_COSINE) - cosine, 0.0))
         return TiltedFrame(normalize(bent_normal))
 
-    # Duff et al. 2017, listing 3, for z > -1: exactly the shading frame's axes where the normal is the zenith.
+    # Duff et al. 2017, listing 3, for z > -1.
     def _axes(self) -> tuple[Array, Array]:
+        """Return tangent and bitangent; they are exactly those of the shading frame if the normal is the zenith."""
         x, y = self.normal[..., 0], self.normal[..., 1]
         a = -1.0 / (1.0 + self.normal[..., 2])
         b = x * y * a
@@ -71,7 +77,10 @@ Frame: TypeAlias = UprightFrame | TiltedFrame
 
 
 def frame_of(normal_map: Array) -> Frame:
-    """Return the frame about a normal (..., 3) of any length, as of a normal map; z is raised to at least 0.01."""
+    """Return the frame about a normal (..., 3) of any length, such as that of a normal map.
+
+    The normal's z is raised to at least 0.01.
+    """
     normal = normalize(vector(normal_map[..., 0], normal_map[..., 1], np.maximum(normal_map[..., 2], _MIN_NORMAL_Z)))
     return UprightFrame() if are_equal(normal, ZENITH) else TiltedFrame(normal)
 

@@ -11,33 +11,36 @@ import numpy as np
 from lookdev.brdf.vectors import TINY, Array, Real, are_equal
 
 
-# Schlick 1994, eq. 15: the weights of normal and of grazing incidence.
+# Schlick 1994, eq. 15.
 def schlick_weights(cos_theta: Array) -> tuple[Array, Array]:
-    """Return ``1 - (1 - cos_theta)^5`` and ``(1 - cos_theta)^5`` for cosines in [0, 1]."""
+    """Return Schlick's weights of normal and of grazing incidence, for cosines (...) in [0, 1].
+
+    They are ``1 - (1 - cos_theta)^5`` and ``(1 - cos_theta)^5``.
+    """
     # The cosine of equal directions can round to above 1, where the odd power is negative.
     m = np.maximum(1.0 - cos_theta, 0.0)
     m2 = m * m
     m4 = m2 * m2
-    # The first is a geometric sum: 1 - m^5 cancels at grazing angles in float32.
+    # The first weight, 1 - m^5, would cancel at grazing angles in float32. It is (1 - m) (1 + m + m^2 + m^3 + m^4).
     return cos_theta * ((1.0 + m) * (1.0 + m2) + m4), m4 * m
 
 
 def schlick_weight(cos_theta: Array) -> Array:
-    """Return ``(1 - cos_theta)^5`` for cosines in [0, 1]."""
+    """Return Schlick's weight of grazing incidence, ``(1 - cos_theta)^5``, for cosines (...) in [0, 1]."""
     return schlick_weights(cos_theta)[1]
 
 
 def schlick_blend(normal: Real, grazing: Real, cos_theta: Array) -> Array:
-    """Blend numbers (...) from normal to grazing incidence by a cosine (...)."""
+    """Blend numbers (...) at normal and at grazing incidence by Schlick's weights at a cosine (...)."""
     if are_equal(normal, grazing):
         return normal + 0.0 * cos_theta  # has the shape of the cosine, and needs less generated code
     at_normal, at_grazing = schlick_weights(cos_theta)
     return normal * at_normal + grazing * at_grazing
 
 
-# Smits, "Useful Functions": Schlick's approximation between any two reflectances.
+# Smits, "Useful Functions" (`lookdev.brdf.pixar`): Schlick's approximation between any two reflectances.
 def fresnel_blend(normal: Array, grazing: Array, cos_theta: Array) -> Array:
-    """Blend colours (..., 3) from normal to grazing incidence by a cosine (...)."""
+    """Blend colours (..., 3) at normal and at grazing incidence by Schlick's weights at a cosine (...)."""
     return schlick_blend(normal, grazing, np.expand_dims(cos_theta, -1))
 
 
@@ -48,15 +51,16 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
 
     cos_theta : cosine of the angle of incidence, in [0, 1].
     eta, k : real part (above 0) and imaginary part (at least 0) of the index of refraction.
-    external_ior : index of the dielectric from which light arrives.
+    external_ior : index of refraction of the dielectric from which light arrives.
     polarisation : share of the light that is polarised parallel to the plane of incidence; 0.5 is unpolarised.
 
-    All broadcast. Above the angle of total reflection a dielectric reflects exactly 1.
+    All arguments broadcast. Above the angle of total reflection, the reflectance of a dielectric is exactly 1.
     """
     cos2 = cos_theta * cos_theta
     sin2 = np.maximum(1.0 - cos2, 0.0)
-    # `excess` is the real part of the squared relative index, minus 1; `cross` is half of the imaginary part. For
-    # similar media, a difference of squares would cancel.
+    # `excess` is the real part of the squared relative index, minus 1. `cross` is half of its imaginary part. The
+    # product (eta - external_ior) (eta + external_ior) replaces a difference of squares, which would cancel for similar
+    # media.
     inverse = 1.0 / (external_ior * external_ior)
     excess, cross = ((eta - external_ior) * (eta + external_ior) - k * k) * inverse, eta * k * inverse
     real = excess + cos2
@@ -88,9 +92,9 @@ def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
 
 
 def square_root(real: Real, half: Real) -> tuple[Array, Array]:
-    """Return a and b, both at least 0, of ``a + ib``, the square root of ``real + 2i half``, with half at least 0."""
-    # a^2 - b^2 = real and a b = half. The larger part comes first: the smaller one, as a difference, would cancel.
-    # `is_real` is whether the real part a is the larger one.
+    """Return a and b of ``a + ib``, the square root of ``real + 2i half``; `half`, `a` and `b` are at least 0."""
+    # a^2 - b^2 = real and a b = half. The larger of a and b is computed first, and the smaller one as a quotient, as a
+    # difference would cancel. `is_real` is whether the real part a is the larger one.
     large = np.sqrt(0.5 * (np.sqrt(real * real + 4.0 * half * half) + np.absolute(real)))
     small = half / np.maximum(large, TINY)
     is_real = real >= 0.0

@@ -1,7 +1,7 @@
-"""Lobes, and the surface that they belong to.
+"""The records that every model returns: `Bsdf`, the scattering of a surface, and its terms `Lobe` and `Delta`.
 
-`lookdev.brdf.mixture` states how lobes are selected, summed and weighted. A lobe with share 0 is 0 everywhere: code
-generation drops it where the 0 is constant, and guards it by an ``if`` where the share varies.
+`lookdev.brdf.mixture` selects and sums lobes. If a lobe's share is 0, its f is 0 everywhere. Code generation drops a
+lobe whose share is a constant 0. If the share varies, the code of the lobe is in an ``if``.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ from lookdev.brdf.frames import Frame, TiltedFrame, UprightFrame, mirror_across_
 from lookdev.brdf.vectors import TINY, Array, BooleanArray, Parameters, Real, dot, scale, vector
 
 LobeGroup = Literal["diffuse", "specular", "clearcoat"]
-"""The kind of a lobe's response; a lobe of any kind may transmit."""
+"""The kind of reflection of a lobe, for render passes and for multipliers of lights. Any kind may transmit."""
 
 PartGroup = Literal["sheen"]
-"""The kind of a term within a lobe of another kind."""
+"""The kind of a term that is part of a lobe of another kind, and has a render pass of its own."""
 
 
 @dataclass(frozen=True)
 class DirectionPair:
-    """A pair of unit directions (..., 3) in a lobe's frame, both above its horizon, with half vector and cosines (...).
+    """The directions to viewer and light in a lobe's frame, and quantities that follow from them.
 
-    `cos_theta_d` is ``wi . wm``, the cosine between either direction and the half vector `wm`.
+    `wo` and `wi` (..., 3) are the unit directions to the viewer and to the light, both above the horizon. `wm` (..., 3)
+    is the unit half vector. `cos_theta_o` and `cos_theta_i` (...) are the cosines of `wo` and `wi` to the normal.
+    `cos_theta_d` (...) is the cosine between either direction and the half vector.
     """
 
     wo: Array
@@ -40,47 +42,49 @@ class DirectionPair:
     def from_directions(cls, wo: Array, wi: Array) -> DirectionPair:
         """Derive the half vector and the cosines from `wo` and `wi`."""
         x, y, z = wo[..., 0] + wi[..., 0], wo[..., 1] + wi[..., 1], wo[..., 2] + wi[..., 2]
-        # The floor is for opposite directions along the horizon: its square is still a normal float32.
+        # The floor is for opposite directions along the horizon, whose sum is 0. Its square is a normal float32.
         half = vector(x, y, np.maximum(z, TINY))
         length = np.sqrt(dot(half, half))
-        # wi . wm is half the length of wo + wi; the dot product cancels as wi nears -wo.
+        # wi . wm is half the length of wo + wi. The dot product would cancel for wi near -wo.
         return cls(wo, wi, scale(half, 1.0 / length), wo[..., 2], wi[..., 2], 0.5 * length)
 
 
 @dataclass(frozen=True)
 class Lobe:
-    """One term of a BSDF, at a viewing direction, in a `frame` of its own.
+    """One term of a BSDF, for a given direction to the viewer.
 
     model, name
         The names of the model, and of the lobe within it.
     share : (...)
-        Unnormalised probability, at least 0, of selecting the lobe when a direction is sampled.
+        The probability of selecting the lobe when a direction is sampled, at least 0 and not normalised.
     evaluate
-        From `DirectionPair` to f in 1/sr, cosine and `weight` excluded, (..., 3).
+        Function of a `DirectionPair` that returns f (..., 3) in 1/sr, without the cosine and without `weight`.
     pdf
-        From `DirectionPair` to the pdf (...) of `sample` over solid angle.
+        Function of a `DirectionPair` that returns the pdf (...) of `sample` over solid angle.
     sample
-        From two uniform numbers (...) to unit directions (..., 3) of the frame, which may be below the horizon.
+        Function of two uniform numbers (...) that returns unit directions to the light (..., 3) in `frame`. They may be
+        below the horizon.
     group
-        The kind of response; lights have a multiplier for each kind. ``"diffuse"`` is body reflection and its
+        The kind of reflection. Lights have a multiplier for each kind. ``"diffuse"`` is body reflection and its
         transmission, with the terms that a model adds to it in the same lobe: retro-reflection, an approximation of
         subsurface scattering, sheen.
     frame
-        The frame about the lobe's normal, facing the viewer.
+        The frame about the lobe's normal, which is bent until it faces the viewer.
     transmits
-        Whether light and viewer are on opposite sides; the functions above take and return the light's direction
+        Whether light and viewer are on opposite sides. The functions above then take and return the light's direction
         mirrored to the viewer's side.
     has_own_horizon
-        Whether only the lobe's own normal separates the directions that a tilted lobe reflects to from those that it
-        transmits from. Otherwise a direction must be on the same side of the shading normal, too, or f is 0.
+        Whether the horizon of a tilted lobe is that of its own normal alone. Otherwise f is also 0 where a direction is
+        on the wrong side of the shading normal.
     broad
-        Whether the lobe is nearly constant, so that samples of light times cosine suit it as well as its own samples.
+        Whether the lobe is nearly constant, so that directions drawn in proportion to light times cosine suit it as
+        well as its own samples.
     weight : (...)
-        Factor in [0, 1] of f in a blend with other surfaces.
+        Factor of f in [0, 1], in a blend with other surfaces.
     values
         The quantities from which f is computed, by name, for approximations by closures (`lookdev.closures`).
     parts
-        Terms of f that are render passes of their own, by group: functions such as `evaluate`.
+        Terms of f that have render passes of their own, by group. Each is a function such as `evaluate`.
     """
 
     model: str
@@ -109,19 +113,19 @@ class Lobe:
         return self.is_tilted and self.has_own_horizon
 
     def blend(self, weight: Real) -> Lobe:
-        """Return the lobe, its weight and share multiplied by a weight (...) in a blend."""
+        """Return the lobe with its weight and its share multiplied by a weight (...)."""
         return replace(self, share=self.share * weight, weight=self.weight * weight)
 
     def local_directions(self, wo: Array, wi: Array) -> tuple[Array, Array]:
-        """Express directions of the shading frame in the lobe's frame, `wi` mirrored if the lobe transmits."""
+        """Express directions of the shading frame in the lobe's frame; `wi` is also mirrored if the lobe transmits."""
         wi = self.frame.to_local(wi)
         return self.frame.to_local(wo), mirror_across_surface(wi) if self.transmits else wi
 
     def draw(self, u1: Array, u2: Array) -> Array:
-        """Draw a direction in the shading frame, with z = 0 where this lobe is 0 in the direction.
+        """Draw a direction to the light in the shading frame, by two uniform numbers.
 
-        The pdf of the mixture excludes this lobe there, so the direction must not be used, even where another lobe is
-        above 0.
+        Where the lobe's f is 0 in the drawn direction, z becomes 0. Such a direction must not be used, even if another
+        lobe is above 0 there: the pdf of the mixture does not include this lobe.
         """
         local = self.sample(u1, u2)
         wi = self.frame.from_local(mirror_across_surface(local) if self.transmits else local)
@@ -133,14 +137,14 @@ class Lobe:
 
 @dataclass(frozen=True)
 class Delta:
-    """Scattering along a single direction, a term of a smooth surface beside its lobes.
+    """One term of a BSDF that scatters light from a single direction, as a smooth surface does.
 
     model, name
         The names of the model, and of the term within it.
     direction : (..., 3)
-        Unit direction to the light in the shading frame; z is 0 where there is no such direction.
+        Unit direction to the light in the shading frame. Its z is 0 where there is no such direction.
     value : (..., 3)
-        Radiance to the viewer over radiance from `direction`.
+        The radiance towards the viewer, divided by the radiance from `direction`.
     transmits
         Whether light and viewer are on opposite sides.
     """
@@ -152,21 +156,27 @@ class Delta:
     transmits: bool = False
 
     def blend(self, weight: Real) -> Delta:
-        """Return the term, its value multiplied by a weight (...) in a blend."""
+        """Return the term with its value multiplied by a weight (...)."""
         return replace(self, value=scale(self.value, weight))
 
 
 @dataclass(frozen=True)
 class Bsdf:
-    """The lobes of a surface as a function of the view (..., 3), above the horizon of the shading frame.
+    """The scattering of a surface: its lobes and deltas as functions of the view.
 
-    `presence`, (...), is the coverage of the surface: a ray continues unchanged with weight ``1 - presence``, which the
-    functions of `lookdev.brdf.mixture` exclude. A `two_sided` surface is thin: for a view below the horizon, f is that
-    of both directions flipped. Other surfaces are black from below.
-
-    `deltas` is a function of the view and of a mask (...). The mask is true where the viewer is inside the solid that
-    the surface bounds, so that the solid's normals point away from the viewer. The functions of `lookdev.brdf.mixture`
-    exclude these terms.
+    lobes
+        Function that returns the lobes for unit directions to the viewer (..., 3), above the horizon of the shading
+        frame.
+    presence : (...)
+        The coverage of the surface. A ray continues unchanged with weight ``1 - presence``, which the functions of
+        `lookdev.brdf.mixture` do not include.
+    two_sided
+        Whether the surface is thin. For a view from below the horizon, f is then that of both directions negated. Other
+        surfaces are black from below.
+    deltas
+        Function that returns the terms along single directions. Its arguments are the directions to the viewer, and a
+        mask (...) that is true where the viewer is inside the solid that the surface bounds. The functions of
+        `lookdev.brdf.mixture` do not include these terms.
     """
 
     lobes: Callable[[Array], tuple[Lobe, ...]]
@@ -175,17 +185,17 @@ class Bsdf:
     deltas: Callable[[Array, BooleanArray], tuple[Delta, ...]] = lambda wo, inside: ()
 
     def transmits(self, wo: Array) -> bool:
-        """Return whether light passes through the surface for any of the views (..., 3)."""
+        """Return whether a lobe or delta transmits light to any of the views (..., 3)."""
         lobes = any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in self.lobes(wo))
         return lobes or any(delta.transmits for delta in self.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)))
 
     def convert(self, matrix: Array) -> Bsdf:
-        """Return a BSDF whose f is in the coordinates of another linear colour space.
+        """Return the BSDF with f and deltas converted to another linear colour space.
 
-        `matrix` (3, 3) converts from linear Rec.709 to that space; its rows sum to 1. Models are evaluated as
-        published, in linear Rec.709, so that tints by luminance, and exact metals and films, which are sums over a
-        spectrum, keep their colours. A term that is linear in a colour parameter equals the term of the converted
-        colour.
+        `matrix` (3, 3) converts from linear Rec.709 to that space. Its rows sum to 1. Models are evaluated as
+        published, in linear Rec.709, and their results are converted. So tints by luminance keep their colours, and so
+        do exact metals and films, which are sums over a spectrum. For a term that is linear in a colour parameter, it
+        makes no difference whether the parameter or the term is converted.
         """
         rows = np.asarray(matrix, np.float64).tolist()
 

@@ -1,6 +1,7 @@
-"""Parameters of Fresnel's equations, and metals that reflect by them.
+"""The parameters of models with metals that reflect by Fresnel's equations: eta, k, and metals by name.
 
-`METAL_TABLE_FILE` has eta and k of metals by name; `lookdev.brdf.metal_fits` makes it.
+A metal's index of refraction is eta + ik. Models use one eta and k for each of red, green and blue. The file
+`METAL_TABLE_FILE` has these numbers for each of `lookdev.brdf.conductor.METALS`. `lookdev.brdf.metal_fits` makes it.
 """
 
 from __future__ import annotations
@@ -25,15 +26,16 @@ INTERFACE = parameters_by_name(
     Parameter("externalIor", "float", 1.0, (1.0, 4.0), (1.0, 2.0), help="Index from which light arrives."),
     Parameter("polarisation", "float", 0.5, help="0 all perpendicular to the plane of incidence, 1 all parallel."),
 )
-"""Parameters of an interface between a dielectric and a dielectric or conductor, at one wavelength."""
+"""The parameters, at one wavelength, of an interface between a dielectric and another dielectric or a conductor."""
 
 METAL_TABLE_FILE = Path(__file__).parent / "data" / "metal_indices.json"
-"""The file with eta and k of each channel, by name of the metal."""
+"""The file with eta and k of each channel, by the name of the metal (`MetalEntry`)."""
 
 CONDUCTOR = "conductor"
+"""The token of the parameter ``"fresnel"`` for the exact Fresnel term."""
 
 METAL_COLORS = ("nearest", "bands")
-"""The ways to derive a channel's index from a metal's spectra."""
+"""The ways to derive the eta and k of a channel from a metal's spectra (`lookdev.brdf.metal_fits`)."""
 
 _NO_METAL = "none"
 
@@ -42,11 +44,15 @@ INDEX_QUOTES = {
     "k": "the extinction coefficient (k) is effectively how conductive the material is",
     "externalIor": "the external IOR (η_o) is the index of refraction of the material the object is contained in.",
 }
-"""Quotations from Trent 2017, section 4, by parameter."""
+"""Quotations from Trent, A. 2017. Rendering Notes, section 4, by parameter."""
 
 
 class MetalIndex(TypedDict):
-    """Eta and k of each channel, and the deviation of the resulting curve (`lookdev.brdf.metal_fits`)."""
+    """The eta and k of each channel of a metal.
+
+    `deviation` is the largest difference of each channel's reflectance from that of the metal's spectra
+    (`lookdev.brdf.metal_fits`).
+    """
 
     eta: list[float]
     k: list[float]
@@ -54,7 +60,10 @@ class MetalIndex(TypedDict):
 
 
 class MetalEntry(TypedDict):
-    """The indices of a metal by `METAL_COLORS`, and the excess of its reflectance below 0 and above 1."""
+    """The data of a metal: its index by each of `METAL_COLORS`.
+
+    `outside` has the largest excess of the metal's colour in Rec.709 below 0 and above 1.
+    """
 
     nearest: MetalIndex
     bands: MetalIndex
@@ -63,13 +72,13 @@ class MetalEntry(TypedDict):
 
 @cache
 def metal_table() -> dict[str, MetalEntry]:
-    """Return the data of `METAL_TABLE_FILE` by metal."""
+    """Return the data of `METAL_TABLE_FILE`, by the name of the metal."""
     table: dict[str, MetalEntry] = json.loads(METAL_TABLE_FILE.read_text())
     return table
 
 
 def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, ParameterValue]:
-    """Return eta and k of one of `METALS`, derived by one of `METAL_COLORS`."""
+    """Return the parameters ``"eta"`` and ``"k"`` of one of `METALS`, derived in one of the ways `METAL_COLORS`."""
     entry = metal_table()[name]
     index = {"nearest": entry["nearest"], "bands": entry["bands"]}[color]
     (eta, k) = ((red, green, blue) for red, green, blue in (index["eta"], index["k"]))
@@ -77,7 +86,11 @@ def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, ParameterV
 
 
 def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
-    """Return the parameters that select a metal by name; a metal expands to eta and k, and to `other_tokens`."""
+    """Return the parameters that select a metal by name, ``"metal"`` and ``"metalColor"``.
+
+    They are abbreviations (`Parameter.expand`): a metal's name expands to values of eta and k, and to `other_tokens`,
+    values of other parameters.
+    """
 
     def expand_tokens(tokens: Mapping[str, str]) -> Mapping[str, ParameterValue]:
         name = tokens["metal"]
@@ -102,7 +115,10 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
 
 
 def metal_parameters(agreement: Literal["apart", "own"]) -> tuple[Parameter, ...]:
-    """Return the parameters of a model with exact metals; `agreement` is `Parameter.agreement` of ``"fresnel"``."""
+    """Return the parameters of a model whose metals can have the exact Fresnel term.
+
+    `agreement` is `Parameter.agreement` of the parameter ``"fresnel"``.
+    """
     return (
         token_parameter(
             "fresnel",
@@ -117,7 +133,7 @@ def metal_parameters(agreement: Literal["apart", "own"]) -> tuple[Parameter, ...
 
 
 def is_exact(p: Parameters) -> bool:
-    """Return whether metals have the exact Fresnel curve of eta and k."""
+    """Return whether parameters choose the exact Fresnel term of eta and k for metals."""
     return bool(p["fresnel"] == CONDUCTOR)
 
 

@@ -1,12 +1,14 @@
-"""Make the table of metals by name: ``python -m lookdev.brdf.metal_fits`` writes it.
+"""Make the table of metals by name, `lookdev.brdf.metal.METAL_TABLE_FILE`: ``python -m lookdev.brdf.metal_fits``.
 
-For each metal and each of `lookdev.brdf.metal.METAL_COLORS`, the table has eta and k of each channel, and their
-deviation: the largest difference between the conductor's curve and the reflectance of the metal's spectra
-(`lookdev.brdf.conductor.metal_curve`), clipped to [0, 1], at angles of incidence from 0 to 90 degrees. `outside` has
-the largest excess of that reflectance below 0 and above 1.
+The table has an index of refraction, eta + ik, for each of red, green and blue. The red, green and blue of a metal's
+true reflectance (`lookdev.brdf.conductor.metal_curve`) are weighted sums over all wavelengths, with some negative
+weights, so that no single index reproduces one of them exactly. There are two ways to choose the index
+(`lookdev.brdf.metal.METAL_COLORS`). ``"nearest"`` has the smallest deviation. ``"bands"`` are the means of eta and k
+over a band of wavelengths.
 
-A channel is a weighted sum over all wavelengths, some weights negative, so no index reproduces it exactly.
-``"nearest"`` has the smallest deviation; ``"bands"`` are means over bands of wavelengths.
+The deviation of an index is the largest difference, at angles of incidence from 0 to 90 degrees, between its
+reflectance by Fresnel's equations and the true reflectance, clipped to [0, 1]. `outside` has the largest excess of the
+true reflectance below 0 and above 1.
 
 - Gulbrandsen, O. 2014. Artist Friendly Metallic Fresnel. JCGT 3(4).
 - Trent, A. 2017. Rendering Notes, section 4.2.
@@ -25,22 +27,28 @@ from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.metal import INTERFACE, METAL_TABLE_FILE, MetalEntry, MetalIndex
 
 COSINES: Floats = np.cos(np.radians(np.arange(91.0)))
-"""Cosines of the angles at which curves are compared."""
+"""Cosines of the angles of incidence, 0 to 90 degrees, at which reflectances are compared."""
 
 _BANDS = ((620.0, 740.0), (495.0, 570.0), (450.0, 495.0))  # nm; red, green, blue
+
+# The search of `nearest_index`: the number of grids, the factor by which each is smaller than the one before, and the
+# number of points of a grid along each axis.
 _ROUNDS, _SHRINK, _POINTS = 60, 0.7, 21
 
 
 def largest_deviation(index: Floats, target: Floats) -> Floats:
-    """Return the largest difference of the curves of eta and k, (..., 2), from reflectances at `COSINES`, (...)."""
+    """Return the deviation (...) of indices (..., 2), eta and k, from true reflectances (..., 91) at `COSINES`."""
     curve = conductor_fresnel(COSINES, index[..., :1], index[..., 1:])
     return np.asarray(np.abs(curve - target).max(axis=-1))
 
 
 # Gulbrandsen 2014, section 3. The search is over r, the reflectance at normal incidence, and u, the position of eta in
-# its range for r. Good fits have nearly the same r.
+# the range that r allows, from 0 to 1. Good fits have nearly the r of the target, so the first grid is narrow in r.
 def nearest_index(target: Floats) -> Floats:
-    """Return the eta and k, (2,), with the least deviation from reflectances at `COSINES`, by shrinking grids."""
+    """Return the eta and k, (2,), with the least deviation from reflectances (91,) at `COSINES`.
+
+    Each grid of candidates is smaller than the one before, and is centred at the best candidate of that one.
+    """
     ranges = np.array([INTERFACE[name].hard for name in ("eta", "k")]).T
 
     def eta_and_k(r: Floats, u: Floats) -> Floats:
@@ -57,9 +65,10 @@ def nearest_index(target: Floats) -> Floats:
     return eta_and_k(*centre)
 
 
-# Trent 2017, section 4.2. His integral of p has the band's width as a factor, with which the result is not a mean.
+# Trent 2017, section 4.2, with weights p over a band. His integral of p has the band's width as an additional factor,
+# with which the result would not be a mean.
 def band_means(name: str) -> Floats:
-    """Return the means of eta and of k, (3, 2), over three bands, weighted by p."""
+    """Return the means of eta and k of a metal over the bands of red, green and blue, (3, 2)."""
     rows = []
     for low, high in _BANDS:
         x = np.linspace(0.0, 1.0, 241)
@@ -72,7 +81,7 @@ def band_means(name: str) -> Floats:
 
 
 def make_table() -> dict[str, MetalEntry]:
-    """Return the table."""
+    """Return the entry of each metal, by its name."""
     table: dict[str, MetalEntry] = {}
     for name in METALS:
         curve = np.asarray(metal_curve(name, COSINES))
@@ -86,11 +95,13 @@ def make_table() -> dict[str, MetalEntry]:
 
 
 def _rounded_index(index: Floats, target: Floats) -> MetalIndex:
+    """Return the entry of indices (3, 2), with their deviations from true reflectances `target` (91, 3)."""
     eta, k = index.T
     return {"eta": _round(eta), "k": _round(k), "deviation": _round(largest_deviation(index, target.T))}
 
 
 def _round(values: Iterable[float]) -> list[float]:
+    """Return numbers rounded to five significant digits, and to 8 decimals."""
     return [float(f"{round(float(value), 8):.5g}") for value in values]
 
 

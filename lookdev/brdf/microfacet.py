@@ -1,7 +1,12 @@
-"""Microfacet distributions, shadowing, and their sampling (Burley 2012, appendix B; Smith 1967; Walter et al. 2007).
+"""Microfacet distributions D, shadowing, and the drawing of half vectors, for Disney's model and others.
 
-Distributions are written with ``sin^2 theta_h = wm_x^2 + wm_y^2``: ``1 + (alpha^2 - 1) cos^2 theta_h`` cancels in
-float32 exactly where a smooth lobe has its peak.
+They follow Burley 2012, appendix B, Smith 1967 and Walter et al. 2007.
+
+wm is the half vector, a unit vector (..., 3), and theta_h its angle to the normal. alpha_x and alpha_y are the
+roughness along tangent and bitangent, u1 and u2 uniform random numbers. Results are (...) or, for directions, (..., 3).
+
+Distributions are written with ``sin^2 theta_h = wm_x^2 + wm_y^2``, because ``1 + (alpha^2 - 1) cos^2 theta_h`` cancels
+in float32 exactly where a smooth lobe has its peak.
 
 - Burley, B. 2012. Physically Based Shading at Disney. SIGGRAPH course notes, version 3 (2014).
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
@@ -24,7 +29,7 @@ def polar(sin2: Array, u: Array) -> Array:
 
 # Burley 2012, eq. 4.
 def gtr1(wm: Array, alpha: Real) -> Array:
-    """D of the generalised Trowbridge-Reitz distribution with gamma = 1; alpha in (0, 1)."""
+    """Return D of the generalised Trowbridge-Reitz distribution (GTR) with gamma = 1; alpha is in (0, 1)."""
     alpha2 = alpha * alpha
     t = alpha2 * wm[..., 2] * wm[..., 2] + wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
     return (alpha2 - 1.0) / (np.pi * np.log(alpha2) * t)
@@ -32,24 +37,25 @@ def gtr1(wm: Array, alpha: Real) -> Array:
 
 # Burley 2012, eq. 2 and 5. sin^2 theta_h = alpha^2 (alpha^(-2 u) - 1) / (1 - alpha^2) is eq. 5 without cancellation.
 def sample_gtr1(alpha: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with pdf ``D cos theta_h`` of `gtr1`."""
+    """Draw half vectors with the pdf ``D cos theta_h``, where D is that of `gtr1`."""
     alpha2 = alpha * alpha
     return polar(alpha2 * np.expm1(-u2 * np.log(alpha2)) / (1.0 - alpha2), u1)
 
 
 # Burley 2012, eq. 13.
 def gtr2_aniso(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
-    """D of the anisotropic GTR with gamma = 2 (GGX, Trowbridge-Reitz)."""
+    """Return D of the anisotropic GTR with gamma = 2, which is GGX or Trowbridge-Reitz."""
     x, y, z = wm[..., 0] / alpha_x, wm[..., 1] / alpha_y, wm[..., 2]
     t = x * x + y * y + z * z
     return 1.0 / (np.pi * alpha_x * alpha_y * t * t)
 
 
-# Burley 2012, eq. 1. With L = log(alpha^2) and E(x) = (exp(x) - 1) / x, its constant is E(L) / (pi E((1 - gamma) L)),
-# which has no singularity at gamma = 1. Burley has no anisotropic form with a closed normalisation. This one stretches
-# the slopes of the isotropic distribution of the mean alpha; for gamma = 2 it is eq. 13.
+# Burley 2012, eq. 1. With L = log(alpha^2) and E(x) = (exp(x) - 1) / x, the constant of eq. 1 can be written as
+# E(L) / (pi E((1 - gamma) L)), which has no singularity at gamma = 1. Burley has no anisotropic form with a closed
+# normalisation. The form here stretches the slopes of the isotropic distribution whose alpha is the geometric mean of
+# alpha_x and alpha_y. For gamma = 2 it is eq. 13.
 def gtr_aniso(wm: Array, alpha_x: Real, alpha_y: Real, gamma: Real) -> Array:
-    """D of the anisotropic GTR for any gamma."""
+    """Return D of the anisotropic GTR for any gamma."""
     alpha2 = alpha_x * alpha_y
     x2, y2, z2 = wm[..., 0] * wm[..., 0], wm[..., 1] * wm[..., 1], wm[..., 2] * wm[..., 2]
     ratio = alpha_y / alpha_x
@@ -65,11 +71,11 @@ def gtr_aniso(wm: Array, alpha_x: Real, alpha_y: Real, gamma: Real) -> Array:
 # Burley 2012, eq. 2 and 3. Without cancellation, sin^2 theta_h is (exp(w) - 1) alpha^2 / (1 - alpha^2), where w is
 # log(1 + u (alpha^(2 (gamma - 1)) - 1)) / (1 - gamma).
 def sample_gtr_aniso(alpha_x: Real, alpha_y: Real, gamma: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with pdf ``D cos theta_h`` of `gtr_aniso`."""
+    """Draw half vectors with the pdf ``D cos theta_h``, where D is that of `gtr_aniso`."""
     alpha2 = alpha_x * alpha_y
     log_alpha2 = np.log(alpha2)
     power = (gamma - 1.0) * log_alpha2
-    # -w / log(alpha^2)
+    # This is -w / log(alpha^2), with w of the comment above.
     scaled_log = u2 * _expm1_ratio(power) * _log1p_ratio(u2 * np.expm1(power))
     sin2 = np.minimum(alpha2 * scaled_log * _expm1_ratio(-log_alpha2 * scaled_log) / _expm1_ratio(log_alpha2), 1.0)
     phi = 2.0 * np.pi * u1
@@ -79,13 +85,13 @@ def sample_gtr_aniso(alpha_x: Real, alpha_y: Real, gamma: Real, u1: Array, u2: A
 
 
 def _expm1_ratio(x: Array) -> Array:
-    """``(exp(x) - 1) / x``, 1 at 0."""
+    """Return ``(exp(x) - 1) / x``, which is 1 at 0."""
     small = np.absolute(x) < 1e-6
     return np.where(small, 1.0 + 0.5 * x, np.expm1(x) / np.where(small, 1.0, x))
 
 
 def _log1p_ratio(x: Array) -> Array:
-    """``log(1 + x) / x``, 1 at 0."""
+    """Return ``log(1 + x) / x``, which is 1 at 0."""
     small = np.absolute(x) < 1e-3
     series = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 3.0 - x * (1.0 / 4.0 - x * (1.0 / 5.0))))
     return np.where(small, series, np.log(1.0 + x) / np.where(small, 1.0, x))
@@ -94,9 +100,9 @@ def _log1p_ratio(x: Array) -> Array:
 # Heitz 2014, eq. 86 with eq. 72:
 # G1 / (2 cos theta) = 1 / (cos theta + sqrt(cos^2 theta + (alpha_x x)^2 + (alpha_y y)^2)).
 def smith_ggx_aniso(w: Array, alpha_x: Real, alpha_y: Real) -> Array:
-    """Smith's G1 for the anisotropic GGX, divided by ``2 cos theta``.
+    """Return Smith's G1 of a direction `w` for the anisotropic GGX, divided by ``2 cos theta``.
 
-    The product over both directions is ``G / (4 cos_theta_i cos_theta_o)``.
+    The product of the results for `wo` and `wi` is ``G / (4 cos_theta_i cos_theta_o)``.
     """
     x, y, z = w[..., 0] * alpha_x, w[..., 1] * alpha_y, w[..., 2]
     return 1.0 / (z + np.sqrt(x * x + y * y + z * z))
@@ -104,7 +110,7 @@ def smith_ggx_aniso(w: Array, alpha_x: Real, alpha_y: Real) -> Array:
 
 # Walter et al. 2007, eq. 34, in Burley's form.
 def smith_ggx(cos_theta: Array, alpha: Real) -> Array:
-    """Smith's G1 for the isotropic GGX, divided by ``2 cos theta``."""
+    """Return Smith's G1 for the isotropic GGX, divided by ``2 cos theta``."""
     alpha2 = alpha * alpha
     cos2 = cos_theta * cos_theta
     return 1.0 / (cos_theta + np.sqrt(alpha2 + cos2 - alpha2 * cos2))
@@ -112,7 +118,7 @@ def smith_ggx(cos_theta: Array, alpha: Real) -> Array:
 
 # Dupuy and Benyoub 2023, listing 3.
 def sample_visible_ggx(wo: Array, alpha_x: Real, alpha_y: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors visible from `wo`: pdf ``G1(wo) D max(0, wo . wm) / cos_theta_o``."""
+    """Draw half vectors of GGX that are visible from `wo`: the pdf is ``G1(wo) D max(0, wo . wm) / cos_theta_o``."""
     standard = normalize(vector(wo[..., 0] * alpha_x, wo[..., 1] * alpha_y, wo[..., 2]))
     phi = 2.0 * np.pi * u1
     one_plus_z = (1.0 - u2) * (1.0 + standard[..., 2])
@@ -125,19 +131,23 @@ def sample_visible_ggx(wo: Array, alpha_x: Real, alpha_y: Real, u1: Array, u2: A
 
 
 def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Real, alpha_y: Real) -> Array:
-    """Pdf over reflected directions of `sample_visible_ggx`: ``G1(wo) D / (4 cos_theta_o)``."""
+    """Return the pdf over reflected directions of `sample_visible_ggx`, ``G1(wo) D / (4 cos_theta_o)``.
+
+    `d` is D at the half vector.
+    """
     return 0.5 * d * smith_ggx_aniso(wo, alpha_x, alpha_y)
 
 
-# Smits, "Specular", normalised: the integral of D cos theta_h is 1. The scan of the paper lost minus signs.
+# Smits, "Specular" (`lookdev.brdf.pixar`), normalised: the integral of D cos theta_h is 1. In the scan of the paper,
+# minus signs are missing.
 def sin_gaussian(wm: Array, power: Real) -> Array:
-    """D of a Gaussian of ``sin theta_h``."""
+    """Return D of a Gaussian of the sine, in proportion to ``exp(-power sin^2 theta_h)``."""
     sin2 = wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
     return power / (-np.pi * np.expm1(-power)) * np.exp(-power * sin2)
 
 
 def sample_sin_gaussian(power: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with pdf ``D cos theta_h`` of `sin_gaussian`, by inversion in ``sin^2 theta_h``."""
+    """Draw half vectors with the pdf ``D cos theta_h``, where D is that of `sin_gaussian`."""
     sin2 = np.clip(-np.log(1.0 + u1 * np.expm1(-power)) / power, 0.0, 1.0)
     sin_theta = np.sqrt(sin2)
     phi = 2.0 * np.pi * u2
@@ -145,5 +155,5 @@ def sample_sin_gaussian(power: Real, u1: Array, u2: Array) -> Array:
 
 
 def sample_cosine(u1: Array, u2: Array) -> Array:
-    """Draw directions of the upper hemisphere with pdf ``cos theta / pi``."""
+    """Draw directions of the upper hemisphere with the pdf ``cos theta / pi``."""
     return polar(u1, u2)

@@ -1,4 +1,7 @@
-"""The records of a reflectance model, and of a layer of a stack."""
+"""The records `Model`, a reflectance model with all that the package knows of it, and `StackLayer`, a layer of a look.
+
+Each model's file defines one `Model`. The renderers, checks, plots and documentation read these records.
+"""
 
 from __future__ import annotations
 
@@ -15,18 +18,19 @@ from lookdev.brdf.vectors import Array, Parameters, Real, are_equal, mix
 from lookdev.errors import ModelError
 
 Mode = Literal["over", "transmit", "coat"]
-"""How a layer combines with the layers beneath.
+"""How a layer is combined with the layers beneath.
 
-``"over"``: it covers them by mask and presence. ``"transmit"``: the light that it transmits meets them. ``"coat"``: it
-reflects, and withholds the reflected light from them.
+``"over"``: the layer covers them by its mask and presence. ``"transmit"``: the light that the layer transmits meets
+them. ``"coat"``: the layer reflects light, which then does not reach them.
 """
 
 
 @dataclass(frozen=True)
 class StackLayer:
-    """One layer: its model, all of the model's parameters, its mask (...) in [0, 1], and its mode.
+    """One layer of a look at some points: the name of its model, and the values of all parameters of the model.
 
-    The mask of the base has no meaning, as nothing is beneath it. `name` is for readers.
+    `mask` (...), in [0, 1], is how much of the layer there is. The mask of the base has no meaning, as nothing is
+    beneath it. `name` is the layer's name for people.
     """
 
     model: str
@@ -38,12 +42,12 @@ class StackLayer:
 
 @dataclass(frozen=True)
 class Preview:
-    """A model's approximation by UsdPreviewSurface.
+    """The approximation of a model by UsdPreviewSurface.
 
-    `same` maps inputs of UsdPreviewSurface to parameters of the same meaning; that of ``opacity`` is the presence of a
-    layer.
-    `derived` maps all parameters (tokens, and float64 arrays, () or (3,)) to the other inputs that differ from their
-    defaults. Its ``f0``, the reflectance at normal incidence, determines the index of refraction.
+    `same` has the model's parameter for each input of UsdPreviewSurface that has the same meaning. The parameter for
+    ``opacity`` is the presence of a layer. `derived` is a function of all parameters (tokens, and float64 arrays () or
+    (3,)) that returns the values of other inputs by name. Inputs that it leaves out have their defaults. Its ``f0``,
+    the reflectance at normal incidence, determines the index of refraction.
     """
 
     same: Mapping[str, str] = field(default_factory=dict)
@@ -54,40 +58,45 @@ class Preview:
 class Model:
     """A reflectance model.
 
-    name, title, text
-        The token in files and messages, the short name for readers, and a sentence with the publication.
+    name
+        The model's name in files and messages.
+    title
+        The short name for people.
+    text
+        A sentence that describes the model and names the publication.
     parameters
         The parameters by name, in the order of the documentation.
     bsdf
-        Function of all parameters that returns the surface of one layer.
+        Function of all parameters, by name, that returns the BSDF of one layer.
     combine
-        Function of layers of this model, base first, that returns one surface. Without it, the masks blend the layers'
-        parameters.
+        Function of layers of this model, base first, that returns one BSDF. If a model has none, the masks blend the
+        parameters of its layers.
     identifier
-        `info:id` of the UsdShade shader.
+        The `info:id` of the model's UsdShade shader.
     energy
-        Function of the tokens, by name, that returns an upper bound of the directional albedo. It is above 1 where the
-        published model does not conserve energy. The bound holds if all normals are the shading normal, optional
-        numbers have their defaults, and numbers whose default is at most 1 are at most 1.
+        Function of the tokens, by name, that returns an upper bound of the directional albedo. The bound is above 1 if
+        the published model does not conserve energy. It holds if all normals are the shading normal, optional numbers
+        have their defaults, and numbers whose default is at most 1 are at most 1.
     reciprocal
-        Function of the tokens, by name, that returns the names of the lobes with f(wo, wi) = f(wi, wo) where all
+        Function of the tokens, by name, that returns the names of reciprocal lobes. Their f(wo, wi) is f(wi, wo) if all
         normals are the shading normal.
     modes
         The modes that a layer may have.
     reflectance
-        For mode ``"coat"``: function of all parameters and unit views (..., 3) above the horizon. It returns the
-        directional albedo of a layer, (...), which is the share of light that the layers beneath do not receive.
+        Function of all parameters and of unit views (..., 3) above the horizon, for a model with mode ``"coat"``. It
+        returns the directional albedo (...) of a layer, which is the share of light that the layers beneath do not
+        receive.
     two_sided
-        Whether the surface is thin and scatters alike from both sides.
+        Whether the surface is thin, and scatters in the same way from both sides.
     probe
-        Parameters at which checks and tests evaluate the model, the rest at their defaults. No lobe has share 0, and
-        the surface is isotropic.
+        Values of parameters at which checks and tests evaluate the model. Other parameters have their defaults. With
+        these values, no lobe has share 0, and the surface is isotropic.
     preview
         The approximation by UsdPreviewSurface.
     delta
         Whether the model scatters along single directions only, and has no lobes.
-    quotes
-        Verbatim quotations about parameters, by parameter; `quote_source` has the publication and the section.
+    quotes, quote_source
+        Verbatim quotations about parameters, by the parameter's name, and their publication and section.
     """
 
     name: str
@@ -109,15 +118,20 @@ class Model:
     quote_source: str = ""
 
     def stack(self, layers: Sequence[StackLayer]) -> Bsdf:
-        """Combine layers of this model, base first, into one surface; raises ModelError for tokens that differ."""
+        """Combine layers of this model, base first, into one BSDF; raise ModelError if they differ in a token."""
         return self.combine(layers) if self.combine else self.bsdf(self.blend(layers))
 
     def blend(self, layers: Sequence[StackLayer]) -> Parameters:
         """Blend the parameters of layers, base first, by their masks (Burley 2012, section 5.7).
 
-        The result is exactly the upper layer's value where its mask is 1, and exactly the value beneath where it is 0.
-        Presence is coverage, as the mask is: the weight of a layer is its visible share. Raises ModelError for tokens
-        that differ.
+        A blended value is exactly that of the upper layer where its mask and presence are 1, and exactly the value
+        beneath where its mask is 0. If the model has a presence, the weight of a layer is its share of the surface that
+        the layers cover by mask and presence.
+
+        Raises
+        ------
+        ModelError
+            The layers differ in a token.
         """
         blended = dict(layers[0].parameters)
         for layer in layers[1:]:
@@ -129,19 +143,19 @@ class Model:
         return blended
 
     def optional_defaults(self) -> dict[str, float]:
-        """Return the defaults of optional numbers, by name."""
+        """Return the defaults of the parameters that are optional numbers, by name."""
         optional = {name: parameter.default for name, parameter in self.parameters.items() if parameter.optional}
         return {name: default for name, default in optional.items() if isinstance(default, float)}
 
     def must_blend_separately(self, first: Parameters, second: Parameters) -> bool:
-        """Return whether layers with these parameters differ in a token that the model cannot combine."""
+        """Return whether layers with these parameters differ in a token whose `agreement` is ``"apart"``."""
         return any(
             parameter.agreement == "apart" and first[name] != second[name]
             for name, parameter in self.parameters.items()
         )
 
     def forms(self) -> dict[str, tuple[str, ...]]:
-        """Return the choices of each token that selects a form of the model, by name."""
+        """Return the choices of each token that selects a form of the model, by the token's name."""
         return {
             parameter.name: parameter.choices
             for parameter in self.parameters.values()
@@ -149,7 +163,7 @@ class Model:
         }
 
     def tokens(self, values: Mapping[str, str]) -> dict[str, str]:
-        """Return all tokens of the model by name: `values`, and the defaults of the rest."""
+        """Return all tokens of the model by name, those in `values` and the defaults of the others."""
         return {
             parameter.name: str(parameter.default)
             for parameter in self.parameters.values()
@@ -157,7 +171,7 @@ class Model:
         } | dict(values)
 
     def complete(self, constants: Mapping[str, object]) -> dict[str, Floats | str]:
-        """Return `lookdev.brdf.parameters.complete` of this model."""
+        """Return the values of all parameters, constants and defaults (`lookdev.brdf.parameters.complete`)."""
         return complete(self.name, self.parameters, constants)
 
 
@@ -165,7 +179,7 @@ _PRESENCE = "presence"
 
 
 def _share_and_presence(below: Parameters, layer: StackLayer) -> tuple[Real, Real]:
-    """Return the layer's share of the coverage of both layers, and that coverage: the presence of the blend."""
+    """Return the visible share (...) of a layer over one with parameters `below`, and the presence (...) of both."""
     coverage, presence_below = layer.mask * layer.parameters.get(_PRESENCE, 1.0), below.get(_PRESENCE, 1.0)
     if are_equal(presence_below, 1.0):
         return coverage, presence_below + 0.0 * coverage  # has the shape of the mask
@@ -174,6 +188,7 @@ def _share_and_presence(below: Parameters, layer: StackLayer) -> tuple[Real, Rea
 
 
 def _blend(parameter: Parameter, below: Real | str, above: Real | str, mask: Real) -> Real | str:
+    """Return the blend of a parameter's values in two layers; tokens must be equal."""
     if not isinstance(below, str) and not isinstance(above, str):
         return mix(below, above, mask if parameter.kind == "float" else np.expand_dims(mask, -1))
     if below != above:

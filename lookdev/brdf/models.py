@@ -1,4 +1,4 @@
-"""The registry of reflectance models: the only list of them."""
+"""The registry of reflectance models, `MODELS`, which is the only list of them in the package."""
 
 from __future__ import annotations
 
@@ -41,21 +41,21 @@ MODELS: dict[str, Model] = {
 """Every model by its name."""
 
 CONTINUOUS_MODELS: dict[str, Model] = {name: model for name, model in MODELS.items() if not model.delta}
-"""The models without deltas, by name: all but those that scatter along single directions only."""
+"""The models that have lobes, by name; the others scatter along single directions only."""
 
 
 def model_named(name: str) -> Model:
-    """Return a model; an unknown name raises ModelError."""
+    """Return the model `name`; raise ModelError if there is none."""
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}' ({nearest_hint(name, list(MODELS))})")
     return MODELS[name]
 
 
 def layer_shaders() -> dict[str, str]:
-    """Return the model names by the identifier of the UsdShade shader that is a layer of the model."""
+    """Return the names of the models by the identifiers of their UsdShade shaders, which are the layers of looks."""
     return {model.identifier: name for name, model in MODELS.items()}
 
 
 def complete_parameters(model: str, constants: Mapping[str, object]) -> dict[str, Floats | str]:
-    """Complete parameters by `Model.complete` of a model; an unknown name raises ModelError."""
+    """Return `Model.complete` of the model named `model`; raise ModelError if there is none."""
     return model_named(model).complete(constants)

@@ -1,6 +1,6 @@
-"""Parameters of a model: type, default, ranges and help.
+"""The records of a model's parameters, with type, default, ranges and help, and the check of given values.
 
-`shaders/shaderDefs.usda`, the generated OSL and every message about a parameter follow these records.
+`shaders/shaderDefs.usda`, the generated code and every message about a parameter follow these records.
 """
 
 from __future__ import annotations
@@ -15,26 +15,44 @@ from lookdev.arrays import Floats
 from lookdev.errors import ModelError, nearest_hint
 
 ParameterValue = float | tuple[float, float, float] | str
+"""A constant value of a parameter: a number, a colour or normal, or a token."""
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One input of a reflectance model.
 
-    `hard` is the range outside which the model has no meaning: a constant outside it is an error at load time. `soft`
-    is the range of a slider. `unit` is the unit of the number, empty for a ratio. Colours are linear Rec.709, and their
-    ranges hold per channel. A ``"token"`` is one of `choices`, the forms of the model; code generation selects one, so
-    a token must be constant. A ``"normal"`` is a vector in the frame of tangent, bitangent and shading normal, of any
-    length but zero. A parameter that is not given has the value of the parameter that it `follows`, whose default is
-    the same. `optional` numbers belong to parts of the model that are off at their defaults. A token with a function
-    `file` may also be the path of a file, which that function reads; such a token must be given.
-
-    `help` is for users. It is part of the digests of node trees, so a new text renders their frames again.
-
-    `agreement` states how layers that one model combines may differ in a token. ``"alike"``: they must not differ.
-    ``"apart"``: layers that differ are blended as layers of different models are. ``"own"``: each layer has its own.
-    A token with a function `expand` is an abbreviation, not a form of the model. The function maps all tokens of the
-    layer to values of other parameters; when these have been set, the token has its default.
+    Attributes
+    ----------
+    kind
+        A ``"float"`` is a number. A ``"color"`` is linear Rec.709. A ``"normal"`` is a vector in the frame of tangent,
+        bitangent and shading normal, of any length but zero. A ``"token"`` is a word that selects a form of the model.
+        Code is generated for one form, so a token must be constant.
+    default
+        The value of a parameter that is not given.
+    hard
+        The range outside which the model has no meaning. A constant outside it is an error at load time. Ranges of a
+        colour hold for each channel.
+    soft
+        The range of a slider.
+    choices
+        The values that a token can have.
+    help
+        The text for users. It is part of the digests of node trees, so a new text renders their frames again.
+    unit
+        The unit of the number, empty for a ratio.
+    follows
+        The name of a parameter with the same default. If this parameter is not given, it has the value of that one.
+    optional
+        Whether the number belongs to a part of the model that is off at the number's default.
+    agreement
+        How layers that one model combines may differ in a token. ``"alike"``: they must not differ. ``"apart"``: layers
+        that differ are blended in the same way as layers of different models. ``"own"``: each layer has its own value.
+    expand
+        If a token is an abbreviation, and not a form of the model: a function that returns the values of other
+        parameters, by name, from all tokens of the layer. When these have been set, the token has its default.
+    file
+        A function that reads a file. A token with such a function may also be the path of a file, and must be given.
     """
 
     name: str
@@ -64,12 +82,12 @@ def token_parameter(
     agreement: Literal["alike", "apart", "own"] = "alike",
     expand: Callable[[Mapping[str, str]], Mapping[str, ParameterValue]] | None = None,
 ) -> Parameter:
-    """Return a parameter that is one of `choices`, by default the first."""
+    """Return a parameter that is a token, by default the first of `choices`."""
     return Parameter(name, "token", choices[0], choices=choices, help=help, agreement=agreement, expand=expand)
 
 
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:
-    """Return a parameter that is a normal, by default the shading normal or the normal that it follows."""
+    """Return a parameter that is a normal, by default the shading normal or the normal named `follows`."""
     return Parameter(name, "normal", (0.0, 0.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), help=help, follows=follows)
 
 
@@ -86,7 +104,7 @@ _T = TypeVar("_T")
 
 
 def add_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T]:
-    """Return `values` and, for each parameter that is not among them and follows one of them, the value it follows."""
+    """Return `values`, with the values of the parameters that are not among them and follow one of them added."""
     following = {name: parameter.follows for name, parameter in parameters.items() if name not in values}
     return dict(values) | {name: values[leader] for name, leader in following.items() if leader in values}
 
@@ -94,9 +112,14 @@ def add_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T])
 def expand_tokens(
     owner: str, parameters: Mapping[str, Parameter], values: Mapping[str, _T]
 ) -> dict[str, _T | ParameterValue]:
-    """Replace tokens that are abbreviations among `values` by the values that they expand to.
+    """Return `values` with the tokens that are abbreviations replaced by the values that `Parameter.expand` returns.
 
-    Raises ModelError where a token is not one of its choices, or where one of `values` contradicts an expansion.
+    `owner`, the model's name, is for messages.
+
+    Raises
+    ------
+    ModelError
+        A token is not one of its choices, or one of `values` contradicts a value of an abbreviation.
     """
     shorthands = {name for name in values if name in parameters and parameters[name].expand}
     if not shorthands:
@@ -117,6 +140,7 @@ def expand_tokens(
 
 
 def _equals(value: object, expected: ParameterValue) -> bool:
+    """Return whether a given value, of any type, is the same as a parameter's value."""
     numbers = as_numbers(value)
     return value == expected if numbers is None or isinstance(expected, str) else np.array_equal(numbers, expected)
 
@@ -124,9 +148,10 @@ def _equals(value: object, expected: ParameterValue) -> bool:
 def complete(
     owner: str, parameters: Mapping[str, Parameter], constants: Mapping[str, object]
 ) -> dict[str, Floats | str]:
-    """Check constant values of `parameters` and fill in the defaults; `owner` names them in messages.
+    """Return the values of all `parameters` by name: `constants`, which are checked, and defaults for the others.
 
-    Floats become float64 scalars, colours and normals arrays of shape (3,), tokens stay strings.
+    Floats become float64 arrays of shape (), colours and normals arrays of shape (3,). Tokens stay strings. `owner`,
+    the model's name, is for messages.
 
     Raises
     ------
@@ -155,6 +180,7 @@ def as_numbers(value: object) -> Floats | None:
 
 
 def _check_value(location: str, parameter: Parameter, value: object) -> Floats | str:
+    """Return a parameter's value as an array or a token; raise ModelError, with `location`, if it is not valid."""
     if parameter.kind == "token":
         if parameter.file:
             if not isinstance(value, str) or not value or "\0" in value:

@@ -1,4 +1,7 @@
-"""Quadrature over directions of light: for lobes that peak at half vectors near the normal, and for smooth lobes."""
+"""Quadrature over the hemisphere of light directions, for directional albedos and fits.
+
+One grid is for lobes that peak at half vectors near the normal, another for smooth lobes.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,15 @@ from lookdev.brdf.angles import direction_at_cosine
 
 
 def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return directions (n, 3) above the horizon, and their quadrature weights (n,) in steradians.
+    """Return directions to the light (n, 3) above the horizon, and their quadrature weights (n,) in steradians.
 
-    The grid has `cells` along slope and azimuth of the half vector, with two Gauss nodes a cell in each. With
-    ``t = tan^2 theta_h``, the first coordinate is ``log(1 + t / t0) / L``, where L makes its largest value 1. Cells are
-    equal in t within a lobe of width `alpha`, and logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``;
-    beyond, no direction is above the horizon. `view`, (3,), is a unit direction above the horizon.
+    The directions are mirror images of `view` (3,), a unit direction above the horizon, about a grid of half vectors.
+    `cells` are the numbers of cells along the slope and the azimuth of the half vector. A cell has two Gauss nodes
+    along each of them.
+
+    With ``t = tan^2 theta_h`` and ``t0 = alpha^2 / 4``, cells along the slope have equal steps of ``log(1 + t / t0)``.
+    These are nearly equal steps of t within a lobe of width `alpha`, and logarithmic steps beyond. The grid ends at
+    ``tan theta_h = 2 / view_z``. No half vector beyond gives a direction above the horizon.
     """
     t0 = (0.5 * alpha) ** 2
     nodes, weights = np.polynomial.legendre.leggauss(2)  # type: ignore[no-untyped-call]
@@ -23,7 +29,7 @@ def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tupl
     log_range = np.log1p((2.0 / view[2]) ** 2 / t0)
     growth = np.exp(slope_fraction * log_range)
     t = t0 * (growth - 1.0)
-    # d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
+    # The solid angle of half vectors: d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
     weight *= (np.pi * t0 * log_range * growth / (1.0 + t) ** 1.5)[:, None]
     cos_h, azimuth = 1.0 / np.sqrt(1.0 + t), 2.0 * np.pi * azimuth_fraction
     sin_h = np.sqrt(t) * cos_h
@@ -31,17 +37,20 @@ def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tupl
     wm = np.stack([x, y, np.broadcast_to(cos_h[:, None], x.shape)], axis=-1)
     cos_d = wm @ view
     wi = 2.0 * cos_d[..., None] * wm - view
-    # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
+    # The solid angle of directions to the light: d omega_i = 4 (wi . wm) d omega_h (Walter et al. 2007, eq. 14).
     weight = weight * 4.0 * cos_d
     above = (wi[..., 2] > 0.0) & (cos_d > 0.0)
     return wi[above], weight[above]
 
 
 def hemisphere_grid(node_count: int) -> tuple[Floats, Floats]:
-    """Return directions (n, 3) and weights (n,) in steradians for functions that are smooth over the hemisphere."""
+    """Return directions (n, 3) and quadrature weights (n,) in steradians for smooth functions on the hemisphere.
+
+    The grid has `node_count` nodes along the cosine, and as many along the azimuth.
+    """
     x, w = np.polynomial.legendre.leggauss(node_count)  # type: ignore[no-untyped-call]
     cos = 0.5 * (x + 1.0)
-    # The azimuth is periodic: the midpoint rule converges as Gauss's does.
+    # For a periodic function, such as one of the azimuth, the midpoint rule converges as fast as Gauss's.
     azimuth = 2.0 * np.pi * (np.arange(node_count) + 0.5) / node_count
     directions = direction_at_cosine(*np.meshgrid(cos, azimuth, indexing="ij")).reshape(-1, 3)
     return directions, np.repeat(w * np.pi / node_count, node_count)

@@ -1,4 +1,7 @@
-"""Rational functions in plain arithmetic, which can be traced, for integrals without a closed form."""
+"""Rational functions of one or two variables, which are fitted to integrals and functions without a closed form.
+
+They are plain arithmetic, so that code generation can trace them.
+"""
 
 from __future__ import annotations
 
@@ -11,29 +14,30 @@ from pathlib import Path
 from lookdev.brdf.vectors import Real
 
 Coefficients = Sequence[Sequence[float]]
+"""The coefficients of a polynomial: row i has those of x^i, by the power of y."""
 
 
 @dataclass(frozen=True)
 class Rational:
-    """A quotient of two polynomials in x and y; each row has the coefficients of one power of x, by power of y."""
+    """A quotient of two polynomials in x and y."""
 
     numerator: Coefficients
     denominator: Coefficients
 
     def __call__(self, x: Real, y: Real = 0.0) -> Real:
-        """Evaluate at x and y, (...), within the fitted domain."""
+        """Return the value (...) at x and y (...), which must be within the domain of the fit."""
         return polynomial(self.numerator, x, y) / polynomial(self.denominator, x, y)
 
 
 @cache
 def load_rational(file: Path, name: str) -> Rational:
-    """Return the function `name` of a JSON file of fits."""
+    """Return the function `name` in a JSON file of fits."""
     entry = json.loads(file.read_text())[name]
     return Rational(entry["numerator"], entry["denominator"])
 
 
 def polynomial(rows: Coefficients, x: Real, y: Real) -> Real:
-    """Evaluate the sum of ``rows[i][j] x^i y^j`` by Horner's rule."""
+    """Return the sum of ``rows[i][j] x^i y^j``, by Horner's rule."""
     total: Real = 0.0
     for row in reversed(rows):
         inner: Real = 0.0

@@ -1,8 +1,8 @@
-"""Stacks of layers of any models as one BSDF.
+"""Combine the layers of a look, of any models, into one BSDF.
 
-From the base upwards, the base's model combines the layers of that model, up to the first layer that is of another
-model, is a coat, or differs in a token whose agreement is ``"apart"``. From this layer on, the masks blend evaluated
-BSDFs.
+The base and the layers directly above it that are of the same model are combined by this model (`Model.stack`). The
+first layer that is of another model, is a coat, or differs in a token whose `Parameter.agreement` is ``"apart"`` is
+not one of them. From this layer upwards, the BSDFs of the single layers are blended, one by one, by their masks.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
     Raises
     ------
     ModelError
-        There are no layers; a model is unknown; layers that one model combines differ in a token; a model lacks the
-        mode of its layer; or a mode needs a single model, and a layer beneath is of another.
+        There are no layers; a model is unknown; layers that one model combines differ in a token; a model does not have
+        the mode of its layer; or mode ``"transmit"`` is above a layer of another model.
     """
     if not layers:
         raise ModelError("a stack has no layers; a base would be right")
@@ -42,7 +42,10 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
 
 
 def split_by_combination(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
-    """Split layers into groups that one model combines: the base with layers of its model, then single layers."""
+    """Split layers into those that the base's model combines, and single layers that are blended one by one.
+
+    The result has sequences of layers: the first begins with the base, and each of the others has one layer.
+    """
     base, *others = layers
     model = model_named(base.model)
     alike = takewhile(
@@ -58,10 +61,10 @@ def split_by_combination(layers: Sequence[StackLayer]) -> list[Sequence[StackLay
 
 
 def find_mode_conflict(mode: Mode, models: Sequence[str]) -> int | None:
-    """Return the index of the lowest layer whose model excludes the mode of the uppermost layer, or None.
+    """Return the index of the lowest layer that excludes mode `mode` of the uppermost layer, or None if none does.
 
-    `models` are the models of all layers, base first. The uppermost model must have the mode. ``"transmit"`` also needs
-    the same model in all layers beneath.
+    `models` are the names of the models of all layers, base first. The model of the uppermost layer must have the mode.
+    ``"transmit"`` also needs the same model in all layers beneath.
     """
     if mode not in model_named(models[-1]).modes:
         return len(models) - 1
@@ -71,14 +74,17 @@ def find_mode_conflict(mode: Mode, models: Sequence[str]) -> int | None:
 
 
 def _blend(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
-    """Blend evaluated BSDFs: f is ``mask * f_above + (1 - mask) * f_below``."""
+    """Return the blend of two BSDFs by mask and presence of a layer, whose BSDF is `above`.
+
+    f is ``mask * f_above + (1 - mask * presence_above) * f_below``, where f_above includes the presence.
+    """
     covered = layer.mask * above.presence
     presence = 1.0 - (1.0 - covered) * (1.0 - below.presence)
     return _sum(below, lambda wo: 1.0 - covered, above, layer.mask, presence)
 
 
 def _coat(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
-    """Add a BSDF, and attenuate the BSDF below by the share of light that the coat reflects."""
+    """Return the sum of the BSDF of a coat, `above`, and the BSDF below, attenuated by what the coat reflects."""
 
     def beneath(wo: Array) -> Real:
         return 1.0 - layer.mask * above.presence * reflectance(layer, wo)
@@ -87,14 +93,21 @@ def _coat(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
 
 
 def reflectance(layer: StackLayer, wo: Array) -> Real:
-    """Return `Model.reflectance` of a coat with mask and presence 1, for unit views (..., 3) above the horizon."""
+    """Return the directional albedo (...) of a coat with mask and presence 1, for unit views (..., 3).
+
+    The views are above the horizon (`Model.reflectance`).
+    """
     albedo = model_named(layer.model).reflectance
     assert albedo is not None, "a model with mode coat has a reflectance"
     return albedo(layer.parameters, wo)
 
 
-# `weight_below` and `weight` multiply the lobes and deltas below and above; `presence` is that of the result.
 def _sum(below: Bsdf, weight_below: Callable[[Array], Real], above: Bsdf, weight: Real, presence: Real) -> Bsdf:
+    """Return the sum of two BSDFs, with the given presence.
+
+    `weight_below`, a function of the views, and `weight` multiply the lobes and deltas of `below` and of `above`.
+    """
+
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         parts = (below, weight_below(wo)), (above, weight)
         return tuple(lobe.blend(factor) for bsdf, factor in parts for lobe in bsdf.lobes(wo))

@@ -1,4 +1,7 @@
-"""Tables of numbers, and their look-up, the only operation of models that is not a NumPy ufunc."""
+"""Tables of numbers that a model looks up, such as measured samples; code generation can trace the look-up.
+
+`look_up` is the only function that models call on arrays besides those of NumPy.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,13 @@ from lookdev.brdf.vectors import Array
 
 @dataclass(frozen=True, eq=False)
 class NumberTable:
-    """Numbers (rows, columns), or colours (rows, columns, 3); generated code stores them in float32."""
+    """A table of numbers (rows, columns) or of colours (rows, columns, 3), which generated code stores in float32."""
 
     values: Floats
 
     @cached_property
     def digest(self) -> str:
-        """The SHA-256 of shape and numbers, in hexadecimal."""
+        """The SHA-256 of the table's shape and numbers, in hexadecimal."""
         data = np.ascontiguousarray(self.values, np.float32)
         return hashlib.sha256(repr(data.shape).encode() + data.tobytes()).hexdigest()
 
@@ -29,7 +32,7 @@ class NumberTable:
 
 
 def look_up(table: NumberTable, row: Array | float, column: Array | float) -> Array:
-    """Return a table's numbers (...), or colours (..., 3), in the cells of whole numbers `row` and `column` (...)."""
+    """Return the numbers (...) or colours (..., 3) in cells of a table, given by whole numbers `row` and `column`."""
     for index in (row, column):
         if not isinstance(index, np.ndarray | np.generic | float):
             # Dispatch to symbolic arrays, as NumPy's own functions do (NEP 18).

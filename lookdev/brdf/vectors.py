@@ -1,7 +1,7 @@
-"""The array type of all models, and vector algebra over its last axis.
+"""The array type of all models, and vector algebra over the last axis of arrays.
 
-Functions use only ufuncs, `where`, `stack`, `expand_dims` and sums over the last axis, so that symbolic arrays
-(`lookdev.codegen.trace`) run through the same code.
+Functions use only ufuncs, `where`, `stack`, `expand_dims` and sums over the last axis. Code generation can therefore
+call them with symbolic arrays (`lookdev.codegen.trace`).
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ import numpy as np
 from lookdev.arrays import Bools, Floats
 
 UfuncMethod: TypeAlias = Literal["__call__", "reduce", "reduceat", "accumulate", "outer", "inner"]
-"""How a ufunc is applied."""
+"""The ways to apply a ufunc, as `__array_ufunc__` (NEP 13) names them."""
 
 _IndexPart: TypeAlias = SupportsIndex | slice | EllipsisType | None
 Index: TypeAlias = _IndexPart | tuple[_IndexPart, ...]
-"""An index of an array, except another array."""
+"""An index of an array; index arrays are excluded."""
 
 
 class BooleanArray(Protocol):
-    """The result of comparing arrays: an array of truth values, or a symbolic one."""
+    """The result of a comparison of arrays: an array of booleans, or a symbolic array in its place."""
 
     def __array__(self, dtype: None = ..., /) -> Bools: ...
     def __array_ufunc__(self, ufunc: np.ufunc, method: UfuncMethod, *inputs: object, **kwargs: object) -> object: ...
@@ -68,7 +68,7 @@ Parameters: TypeAlias = Mapping[str, Any]
 """Values of a model's parameters by name: arrays, and strings for tokens."""
 
 TINY = 1e-18
-"""A floor for divisors; its square, and the inverse of its square, are normal float32 numbers."""
+"""A floor for divisors. Its square, and the inverse of its square, are still normal float32 numbers."""
 
 
 def vector(x: Array, y: Array, z: Array) -> Array:
@@ -82,19 +82,19 @@ def scale(vectors: Array, factor: Real) -> Array:
 
 
 def mix(a: Real, b: Real, t: Real) -> Real:
-    """Interpolate linearly: exactly `a` at t = 0 and exactly `b` at t = 1."""
-    # Not a + (b - a) t: where a is far larger than b, the rounding error of a exceeds b.
+    """Interpolate linearly between `a` and `b`; the result is exactly `a` at t = 0, and exactly `b` at t = 1."""
+    # a + (b - a) t is not exact at t = 1: if a is far larger than b, the rounding error exceeds b.
     return a + 0.0 * t if are_equal(a, b) else a * (1.0 - t) + b * t
 
 
 def mix_color(a: Array, b: Array, t: Real) -> Array:
-    """Interpolate colours (..., 3) by scalars (...)."""
+    """Interpolate linearly between colours (..., 3) by scalars (...)."""
     return mix(a, b, np.expand_dims(t, -1))  # type: ignore[return-value]
 
 
 def dot(a: Array, b: Array) -> Array:
     """Return the dot product over the last axis."""
-    # Not numpy.sum, which takes three times as long over an axis of three.
+    # numpy.sum would take three times as long over an axis of three.
     product = a * b
     return product[..., 0] + product[..., 1] + product[..., 2]
 
@@ -112,7 +112,7 @@ def normalize(v: Array) -> Array:
 
 # Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017, listing 3, vector b1.
 def perpendicular(n: Array) -> Array:
-    """Return unit vectors (..., 3) perpendicular to unit vectors (..., 3), without singularities."""
+    """Return unit vectors (..., 3) perpendicular to unit vectors (..., 3), by a formula without singularities."""
     x, y, z = n[..., 0], n[..., 1], n[..., 2]
     sign = np.where(z < 0.0, -1.0, 1.0)
     a = -1.0 / (sign + z)
@@ -120,7 +120,7 @@ def perpendicular(n: Array) -> Array:
 
 
 def reflect(w: Array, wm: Array) -> Array:
-    """Mirror `w` about the unit microfacet normal `wm` (Burley 2012, appendix B.1)."""
+    """Mirror directions `w` (..., 3) about unit microfacet normals `wm` (..., 3) (Burley 2012, appendix B.1)."""
     return scale(wm, 2.0 * dot(w, wm)) - w
 
 

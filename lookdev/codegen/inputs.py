@@ -1,4 +1,7 @@
-"""The values that a shader reads at a point of a surface, as symbols: look-ups of textures, primvars, UV sets."""
+"""Represent the inputs of a look as symbols while its model is traced; every emitter of looks uses this module.
+
+The inputs are the values that a shader reads at a point of a surface: texels, primvars and UV coordinates.
+"""
 
 from __future__ import annotations
 
@@ -19,29 +22,33 @@ from lookdev.material.textures import resolve_texture, udim_tiles
 
 @dataclass
 class SymbolicSurface:
-    """The points of a surface at which code runs: a `lookdev.material.values.Surface` whose values are symbols.
+    """A `lookdev.material.values.Surface` whose values are symbols, and a record of the inputs that they stand for.
 
-    Equal reads of a texture are one look-up. Only `look_up` opens images, so an image whose look-ups fold away is never
-    opened.
-    `resolve` returns the linear EXR file of a texture, or the file of the slopes of a height map.
+    A look-up is a read of a texture, or of the slopes of a height map (`Bump`). Equal reads share one look-up. Only the
+    method `look_up` opens images. If folding removes a look-up from the traced code, its image is never opened.
+
+    `graph` is the graph of the traced code. `resolve` returns the linear EXR file of a texture, or the file of the
+    slopes of a height map. `attributes` has the mesh attributes that were read, by the names of the shader's
+    parameters.
     """
 
     graph: Graph
     resolve: Callable[[Texture | Bump], Path]
     attributes: dict[str, AttributeBinding] = field(default_factory=dict)
-    # The names of look-ups by all that distinguishes them; their images by name; and, for each symbol, the names of the
-    # attributes and look-ups that it depends on, its own look-up first.
+    # The name of each look-up, by its texture's file, coordinates, wrap modes etc. Two look-ups differ in one of these.
     _lookups: dict[tuple[object, ...], str] = field(default_factory=dict)
+    # The texture or height map of each look-up, by the look-up's name.
     _images: dict[str, Texture | Bump] = field(default_factory=dict)
+    # For each symbol, the attribute that it is a component of; or the look-up that it is a channel of, then its UV set.
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def attributes_read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
-        """Return the attributes on which the values of these symbols depend, sorted by name."""
+        """Return the mesh attributes on which the values of named symbols depend, sorted by name."""
         sources = self._sources_of(symbols)
         return [binding for name, binding in sorted(self.attributes.items()) if name in sources]
 
     def look_ups_read_by(self, symbols: Iterable[str]) -> list[str]:
-        """Return the names of the look-ups on which the values of these symbols depend."""
+        """Return the names of the look-ups on which the values of named symbols depend."""
         sources = self._sources_of(symbols)
         return [name for name in self._images if name in sources]
 
@@ -51,12 +58,12 @@ class SymbolicSurface:
         return {source for symbol in symbols for source in self._sources.get(symbol, ())}
 
     def label(self, name: str) -> str:
-        """Return the name, without suffix, of the file that a look-up reads."""
+        """Return the file name, without suffix, of the image of the look-up `name`."""
         source = self._images[name]
         return (source.height if isinstance(source, Bump) else source).file.stem
 
     def look_up(self, name: str) -> ImageBinding:
-        """Open the images of a look-up.
+        """Open the image of the look-up `name`, or all its UDIM tiles, and return the binding.
 
         Raises
         ------
@@ -71,9 +78,12 @@ class SymbolicSurface:
         return ImageBinding(name, uv, isinstance(source, Bump), texture.wrap_s, texture.wrap_t, transform, files)
 
     def _file(self, source: Texture | Bump, texture: Texture) -> Content:
+        """Return the stored file of `texture`, which is the image of `source` or one of its UDIM tiles."""
         return Content.store_copy(
             self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture)
         )
+
+    # The next methods are those of the protocol `Surface`, at a single point.
 
     def uv(self, name: str) -> SymbolicArray:
         return self._symbols(self._uv_attribute(name), ("[0]", "[1]"))
@@ -98,12 +108,12 @@ class SymbolicSurface:
         return symbol(self.graph, WO[2])
 
     def look_up_of(self, symbol: str) -> str | None:
-        """Return the name of the look-up of which a symbol is a channel, or None."""
+        """Return the name of the look-up that has this symbol as a channel, or None if the symbol is not a channel."""
         source = self._sources.get(symbol, ("",))[0]
         return source if source in self._images else None
 
     def _look_up_name(self, source: Texture | Bump) -> str:
-        """Return the name of the look-up of an image; add the look-up unless an equal one exists."""
+        """Return the name of the look-up of a texture or height map; add the look-up unless an equal one exists."""
         texture = source.height if isinstance(source, Bump) else source
         height = (texture.channel, texture.scale) if isinstance(source, Bump) else ()
         key = texture.file, texture.colorspace, texture.wrap_s, texture.wrap_t, texture.st, texture.transform, height
@@ -113,15 +123,19 @@ class SymbolicSurface:
         return name
 
     def _uv_attribute(self, name: str) -> str:
-        """Return the name of the parameter that has a UV set."""
+        """Bind the UV set `name`, and return the name of the shader's parameter for it."""
         return self._attribute(f"uv_{short_name(name)}", name, "uv", None)
 
     def _symbol(self, name: str) -> SymbolicArray:
+        """Return the symbol of an attribute that is one number, and record the attribute as its source."""
         self._sources[name] = (name,)
         return symbol(self.graph, name)
 
     def _symbols(self, source: str, components: Sequence[str]) -> SymbolicArray:
-        """Return symbols, and record what they depend on: an attribute, or a look-up and its UV set."""
+        """Return the symbols of the components of `source`, an attribute or a look-up, and record what they depend on.
+
+        `components` are the suffixes of their names, such as ``"[0]"``.
+        """
         names, image = [f"{source}{component}" for component in components], self._images.get(source)
         texture = image.height if isinstance(image, Bump) else image
         self._sources |= dict.fromkeys(names, (source, self._uv_attribute(texture.st)) if texture else (source,))
@@ -130,7 +144,13 @@ class SymbolicSurface:
     def _attribute(
         self, name: str, attribute: str, kind: Literal["uv", "float", "color"], fallback: tuple[float, ...] | None
     ) -> str:
-        """Bind an attribute to a parameter, and return its name; two different bindings of one raise CodegenError."""
+        """Bind a mesh attribute to the shader's parameter `name`, and return `name`.
+
+        Raises
+        ------
+        CodegenError
+            The parameter is already bound in another way.
+        """
         binding = AttributeBinding(name, attribute, kind, fallback)
         if self.attributes.setdefault(name, binding) != binding:
             raise CodegenError(

@@ -1,4 +1,4 @@
-"""Operations of graphs in OSL, whose operators are those of GLSL, too."""
+"""The text of each operation of a traced graph, for the emitters of OSL and GLSL, which have the same operators."""
 
 CODE: dict[str, str] = {
     "add": "({} + {})",
@@ -29,7 +29,7 @@ CODE: dict[str, str] = {
     "logical_not": "(!{})",
     "where": "({} ? {} : {})",
 }
-"""Text of operations, in parentheses where it contains an operator."""
+"""Format strings of OSL by the operation's name in a graph; text with an operator is in parentheses."""
 
 BOOLEAN_OPERATIONS = {
     "greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not",

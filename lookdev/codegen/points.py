@@ -1,4 +1,8 @@
-"""Stacks of layers at points: generated code reads the inputs of each point from a row of a table."""
+"""The inputs of a stack of layers as rows of a table, one for each point, for checks that evaluate BSDFs in a renderer.
+
+Generated code reads two directions and the layers' inputs from the row of a point, and evaluates the BSDF there
+(`codegen.osl.points`).
+"""
 
 from __future__ import annotations
 
@@ -18,18 +22,24 @@ from lookdev.material.values import view_dependent_value
 
 @dataclass(frozen=True)
 class PointLayer:
-    """The part of a layer on which its code depends; its other numbers are read from a table, point by point.
+    """The inputs of a layer on which its generated code depends; the table has the other inputs.
+
+    A number here is an input of one or three components: the mask, or a parameter that is not a token.
 
     Attributes
     ----------
+    model
+        The name of the layer's reflectance model.
     tokens
-        Tokens that differ from their defaults.
+        The tokens that differ from their defaults, by parameter.
+    mode
+        How the layer is combined with the layers below it.
     constants
-        Numbers that are the same at every point: they fold as in the shader of a look.
+        The numbers that are the same at every point, by name. They fold as in the shader of a look.
     following
-        Names of numbers that have the value of the number that they follow.
+        The names of the numbers that have the value of another parameter, `Parameter.follows`.
     formulas
-        Numbers that are expressions of the view alone.
+        The text of the numbers that are expressions of the cosine between view and normal, by name.
     """
 
     model: str
@@ -40,9 +50,9 @@ class PointLayer:
     formulas: Mapping[str, str] = field(default_factory=dict)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shapes at one point, () or (3,), of the mask and the numbers, by name.
+        """Return the shapes at one point, () or (3,), of the mask and the other numbers, by name.
 
-        Numbers that follow others, and formulas, are left out.
+        Numbers in `following` and `formulas` are left out: they are computed from others.
         """
         parameters = MODELS[self.model].parameters.items()
         numbers = {name: parameter for name, parameter in parameters if parameter.kind != "token"}
@@ -51,7 +61,7 @@ class PointLayer:
         return {name: shape for name, shape in ({"mask": ()} | shapes).items() if name not in computed}
 
     def stack_layer(self, numbers: Mapping[str, Array], view: Array) -> StackLayer:
-        """Return the layer with `numbers` from the table; `view` (...) is the cosine between view and normal."""
+        """Return the layer whose other inputs are `numbers`, by name; `view` (...) is the cosine of view and normal."""
         parameters = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
         computed = {
@@ -65,7 +75,7 @@ class PointLayer:
 
 
 def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
-    """Return the BSDF of layers whose numbers are symbols, named by `point_columns`."""
+    """Return the BSDF of layers, base first, whose numbers are symbols of `graph` with the names in `point_columns`."""
     stack = []
     for number, layer in enumerate(layers):
         columns = _layer_columns(number, layer).items()
@@ -75,21 +85,22 @@ def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
 
 
 def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
-    """Return the columns of a table of points: wo, wi, then the mask and inputs of each layer except constants."""
+    """Return the names of a table's columns: wo, wi, then the numbers of each layer that the table has."""
     columns = (_layer_columns(number, layer).values() for number, layer in enumerate(layers))
     return (*WO, *WI, *chain(*chain(*columns)))
 
 
 def point_cells(layers: Sequence[PointLayer]) -> int:
-    """Return the number of texels of three channels in a row of a table of points.
+    """Return the number of texels in a row of a table of points; a texel has three columns.
 
-    It is a power of two, so that texel centres are exact in float32, and a look-up that interpolates returns the texel.
+    The number is a power of two, so that texel centres are exact in float32. A look-up at a centre then returns the
+    texel, although it interpolates.
     """
     return 1 << (-(-len(point_columns(layers)) // 3) - 1).bit_length()
 
 
 def _layer_columns(number: int, layer: PointLayer) -> dict[str, list[str]]:
-    """Return the columns of the numbers of a layer that are read, by the numbers' names."""
+    """Return the names of the columns of each number of a layer that the table has; `number` is the layer's index."""
     return {
         name: [f"layer{number}_{name}_{i}" for i in range(3)] if shape else [f"layer{number}_{name}"]
         for name, shape in layer.shapes().items()

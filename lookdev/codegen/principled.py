@@ -1,6 +1,6 @@
-"""A look as the most similar Principled BSDF, for the benchmark.
+"""Translate a look of Disney's model into Blender's Principled BSDF, which the benchmark compares with it.
 
-The two models differ: their pictures are similar, not equal. Sampling one is as hard as sampling the other.
+The two models differ, so their pictures are similar, not equal. Sampling one is as hard as sampling the other.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from lookdev.codegen.source import PrincipledSource
 from lookdev.errors import CodegenError
 from lookdev.material import Look, Varying
 
+# Parameters of Disney's model that have a counterpart in the Principled BSDF.
 _SUPPORTED = ("baseColor", "metallic", "roughness", "anisotropic", "clearcoat", "clearcoatGloss")
 
 
 def generate_principled(look: Look) -> PrincipledSource:
-    """Translate a look of one Disney layer with constant inputs.
+    """Return the Principled BSDF that is most similar to a look of one Disney layer with constant inputs.
 
-    Disney's clearcoat is a quarter as strong as Blender's coat. Its alpha is 0.1 at a gloss of 0 and 0.001 at 1
-    (Burley 2012, section 5.6); alpha is the square of Blender's roughness.
+    Disney's clearcoat is a quarter as strong as Blender's coat. The clearcoat's alpha is 0.1 at a gloss of 0 and 0.001
+    at a gloss of 1 (Burley 2012, section 5.6). Blender's coat roughness is the square root of alpha.
 
     Raises
     ------

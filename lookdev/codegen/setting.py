@@ -1,4 +1,7 @@
-"""The setting for which a source is generated: everything except the look on which the source depends."""
+"""Define `SourceSetting`, all that the generated code of a look depends on, except the look itself.
+
+The renderer makes a setting for each scene, and passes it to the code generators with each look.
+"""
 
 from __future__ import annotations
 
@@ -18,25 +21,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SourceSetting:
-    """The lights, the sampling and the picture for which a source is generated.
+    """The lights, the sampling and the picture for which code (a `GeneratedSource`) is generated.
 
     Attributes
     ----------
     lights
-        Their code and its constants are part of a source; their files and numbers are not.
+        The lights of the scene. The code of a light's kind is part of the generated code; the light's files and numbers
+        are not.
     resolution
-        Width and height of the picture in pixels: each pixel has a scramble of its own.
+        Width and height of the picture in pixels. The code depends on them because each pixel has its own scramble of
+        the sample sequence.
     sampling
-        Numbers of directions that are None depend on the look.
+        How light is sampled. A number of directions that is None here is chosen for each look.
     shadows
         Whether the asset can occlude light. Without shadows there are no bounces either.
     catching
-        In a scene with a shadow catcher: whether the look is that of the ground or of the asset.
+        In a scene with a shadow catcher, ``"ground"`` or ``"asset"``: the one that has the look.
     resolve
-        Returns the linear EXR file of a texture, or that of the slopes of a height map. If it is None, the files are
-        those of the cache.
+        A function that returns the linear EXR file of a texture, or that of the slopes of a height map. If it is None,
+        the files are those of the cache.
     light_groups
-        The number of the group of each light, if a pass records groups.
+        The number of the group of each light, if a pass records groups of lights.
     space
         The colour space of the lights and of reflected light.
     """
@@ -52,7 +57,7 @@ class SourceSetting:
 
     def image_file(self, source: Texture | Bump) -> Path:
         """Return the file of a texture, or of the slopes of a height map."""
-        # This import is local as workers decode sources but do not read materials.
+        # The import is local because worker processes load this module to decode sources, and do not read materials.
         from lookdev.material.textures import image_file
 
         return (self.resolve or image_file)(source)

@@ -1,4 +1,9 @@
-"""The results of code generation as plain data: shader text, node trees, and the files and attributes they read."""
+"""The results of code generation, as plain data that renderers and their worker processes read.
+
+A `GeneratedSource` is one look for one backend: OSL text (`ShaderSource`), node trees (`NodeSource`), operations on
+numbers (`ProgramSource`), or Blender's Principled BSDF (`PrincipledSource`). Bindings are the files and the mesh
+attributes that it reads.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +24,11 @@ HANDEDNESS = "lookdev_handedness"
 """Name of the mesh attribute that is -1 where the first UV set is mirrored, 1 elsewhere."""
 
 
+# The pattern of names that `short_name` keeps, unless they are in `_RESERVED` or match `_SHORTENED`.
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _NON_ALPHANUMERIC = re.compile(r"[^A-Za-z0-9]")
 _RESERVED = {
+    # Attributes of Blender and of this package, and globals of OSL.
     "position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius",
     "velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P",
     # Cycles computes these attributes, and looks them up before those of a mesh.
@@ -36,7 +43,7 @@ _SHORTENED = re.compile(r".*_[0-9a-f]{12}")
 
 @dataclass(frozen=True)
 class TextureBinding:
-    """A texture of a shader: the parameter that has its path, and the linear EXR file."""
+    """An image that a shader reads: the linear EXR file, and the shader's parameter that has the file's path."""
 
     parameter: str
     file: Content
@@ -44,9 +51,10 @@ class TextureBinding:
 
 @dataclass(frozen=True)
 class TableBinding:
-    """A table that a shader looks up: a parameter, and the file of its values.
+    """A table of numbers that a shader reads: the file of the numbers, and the shader's parameter for them.
 
-    For an .npy file, the parameter is an array of all its float32 numbers; for an EXR, it has the path.
+    If the file is an .npy, the parameter is an array of all its float32 numbers. If it is an EXR, the parameter has the
+    file's path.
     """
 
     parameter: str
@@ -57,8 +65,9 @@ class TableBinding:
 class AttributeBinding:
     """A mesh attribute, and the parameter of a shader that has its value.
 
-    On a mesh without the attribute, the value is `fallback`. If that is None, every mesh must have the attribute: it is
-    a UV set, or the tangents.
+    `attribute` is the attribute's name in USD, `TANGENT` or `HANDEDNESS`. `kind` is the type of its values; a ``"uv"``
+    is a UV set. On a mesh without the attribute, the value is `fallback`. UV sets and tangents have no fallback: every
+    mesh must have them.
     """
 
     parameter: str
@@ -75,7 +84,7 @@ class AttributeBinding:
 
     @property
     def symbols(self) -> tuple[str, ...]:
-        """The names of its numbers in a program: the parameter, with ``[0]``, ``[1]``, ... appended unless a float."""
+        """The names of the value's components in a program: ``<parameter>[0]`` etc., or ``<parameter>`` of a float."""
         return tuple(f"{self.parameter}[{i}]" for i in range(self.width)) if self.width > 1 else (self.parameter,)
 
     @property
@@ -85,10 +94,10 @@ class AttributeBinding:
 
 
 def short_name(name: str) -> str:
-    """Return the name of a UV set or primvar in Blender and in shaders; different names stay different.
+    """Return the name that a UV set or primvar has in Blender and in shaders; different names stay different.
 
-    Names are changed because Blender truncates them, OSL's identifiers are ASCII, and some names have a meaning in
-    Blender, in Cycles or here.
+    A name is changed if Blender would truncate it, if it is not an identifier of OSL, or if it already has a meaning in
+    Blender, in Cycles or in this package. The new name ends with 12 digits of the old name's hash.
     """
     plain = _PLAIN.fullmatch(name) and name not in _RESERVED and not _SHORTENED.fullmatch(name)
     if plain and not name.startswith("lookdev_"):
@@ -97,13 +106,15 @@ def short_name(name: str) -> str:
 
 
 TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")
+"""The binding of the tangents."""
 
 
 class GeneratedSource(Protocol):
-    """A look generated for one backend, as it is assigned to a slot of an asset: a frozen dataclass of plain data.
+    """A look generated for one backend: a frozen dataclass of plain data.
 
-    It reads `attributes` and `images`. `digest` depends on everything that affects the picture. A look `transmits` if
-    light passes through its surface, and is `see_through` if its presence is below 1 somewhere.
+    `attributes` are the mesh attributes that it reads, `images` the files of its textures. Its `digest` depends on
+    everything that affects the picture. The look `transmits` if light passes through its surface. It is `see_through`
+    if its presence is below 1 somewhere.
     """
 
     @property
@@ -124,10 +135,13 @@ Catching = Literal["", "ground", "asset"]
 """In a scene with a shadow catcher: whether a look is that of the ground or of the asset; else ``""``."""
 
 LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
-"""The groups of lobes whose light can be recorded. Light of a lobe that transmits is recorded in the last."""
+"""The groups of lobes whose light a render can record as a picture each. The last one has all transmitting lobes."""
 
 FIRST_LIGHT_PART = 2 + len(LOBE_GROUPS)
-"""The index of the first group of lights among the parts of light that shaders record."""
+"""The number of the first group of lights among the parts of the light that a shader records.
+
+Part 0 is all light, part 1 the light of lamps and domes that the first hit reflects, part 2 + i the group i of lobes.
+"""
 
 
 @dataclass(frozen=True)
@@ -136,20 +150,25 @@ class ShaderSource:
 
     Attributes
     ----------
+    osl
+        The shader's text.
+    textures, tables
+        The images and the tables of numbers that the shader reads.
     directions
-        The numbers of directions drawn at a shading point from the BSDF and from the light.
+        The number of directions drawn at a shading point from the BSDF, and the number drawn from the light.
     shadows
         Whether rays are traced along these directions.
     constants
         Numbers of the look. The text refers to them as ``look_0``, ``look_1``, ...
     varying
-        Indices of constants that are not compiled into the shader. Sources that share a `program` differ only in these.
+        Indices of the constants that are parameters of the compiled shader, rather than part of its code. Sources of
+        one `program` differ only in these constants.
     recorded
-        The groups in `LOBE_GROUPS` that the look has, if the source can record parts of its light.
+        The groups in `LOBE_GROUPS` that the look has, if the source can record the light of each group.
     folded
-        The number of lobes for which no code is generated, as constants make them 0.
+        The number of lobes for which no code is generated, because the look's constants make them 0.
     catching
-        Whether the source can show the parts of a frame with a shadow catcher, and which part the look is.
+        Whether the look is that of the ground or of the asset in a scene with a shadow catcher (`Catching`).
     """
 
     name: str
@@ -170,7 +189,7 @@ class ShaderSource:
 
     @property
     def program(self) -> ShaderSource:
-        """The part of the source that is compiled: without name and digest, and with 0 for constants that vary."""
+        """The part of the source that the renderer compiles: no name, no digest, and 0 for each varying constant."""
         fixed = tuple(0.0 if index in self.varying else constant for index, constant in enumerate(self.constants))
         return replace(self, name="", digest="", constants=fixed)
 
@@ -180,10 +199,10 @@ class ShaderSource:
 
 
 def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, ShaderSource]:
-    """Return, for each source, an equivalent one that shares its program with all sources of the same text.
+    """Return an equivalent of each source, whose `ShaderSource.program` is the same for all sources of the same text.
 
-    Constants that are equal in all these sources stay constants. The picture does not change: the shader reads a number
-    that was a literal in its code.
+    A constant that differs among these sources becomes `varying`: it is a parameter of the shader instead of a literal
+    in its code. The pictures stay the same.
     """
     by_text: dict[ShaderSource, list[ShaderSource]] = {}
     for source in dict.fromkeys(sources):
@@ -198,19 +217,23 @@ def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, Shade
 
 @dataclass(frozen=True)
 class ProgramOperation:
-    """One step of a program. Operands are the numbers of earlier steps, whose results it reads.
+    """One operation in a program's list of operations.
 
-    `op` is NumPy's name of a ufunc, ``"where"``, or one of these:
+    The result of an operation is a number or a boolean. `operands` are the indices of earlier operations in the list,
+    whose results this one reads. `op` is NumPy's name of a ufunc, ``"where"``, or one of these:
 
-    ``"constant"``, ``"truth"``
-        The number, or the truth, `value`.
+    ``"constant"``
+        The result is the number `value`.
+    ``"truth"``
+        The result is the boolean `value`, 0 or 1.
     ``"uniform"``
-        The number at `index` of the program's constants.
+        The result is the number at `index` of `ProgramSource.constants`.
     ``"symbol"``
-        The symbol `name`.
+        The result is the value of the symbol `name`, which the renderer supplies.
     ``"look_up"``
-        A cell of the table at `index`; the operands are its row and column. `value` is the number of columns of
-        the table, `name` the channel that is read, or ``""`` if cells are numbers.
+        The result is read from a cell of the program's table number `index`. The operands are the cell's row and
+        column, and `value` is the number of columns of the table. If cells are colours, `name` is the channel, ``"0"``
+        to ``"2"``; else it is ``""``.
     """
 
     op: str
@@ -222,11 +245,13 @@ class ProgramOperation:
 
 @dataclass(frozen=True)
 class ImageBinding:
-    """A look-up of an image in a program: symbols ``name[0]`` to ``name[2]`` and ``name_a`` are its four channels.
+    """A look-up of an image in generated code.
 
-    Coordinates are those of the attribute `uv` after the affine map `transform`, whose rows of three are for s and t.
-    `files` are by the number of a UDIM tile, or 0. With `slopes`, channels 0 and 1 are slopes of heights, which change
-    sign where the image is mirrored.
+    The symbols ``<name>[0]``, ``<name>[1]``, ``<name>[2]`` and ``<name>_a`` are the image's four channels. The texture
+    coordinates s and t are the attribute `uv` after the affine map `transform`: its first three numbers are the row
+    for s, the others the row for t. `files` has the images by the number of their UDIM tile, or the only image by 0.
+    With `slopes`, channels 0 and 1 are the slopes of a height map by s and t, which change sign where the image is
+    mirrored.
     """
 
     name: str
@@ -240,30 +265,37 @@ class ImageBinding:
 
 @dataclass(frozen=True)
 class ProgramSource:
-    """A `GeneratedSource` of operations on numbers, for renderers that trace programs themselves.
+    """A `GeneratedSource` of operations on numbers, for targets that compile or trace them: Mitsuba, GLSL and NumPy.
 
-    With `shadows`, rays are traced. A look is `glossy` if no lobe is broad or transmits light. `folded` is as in
-    `ShaderSource`. `outputs` are the numbers of operations, by these names:
+    If `shadows`, rays are traced from the shading point. A look is `glossy` if none of its lobes is broad, transmits or
+    crosses the surface (`lookdev.brdf.Lobe`). `recorded` and `folded` are as in `ShaderSource`. `deltas` is the number
+    of terms that scatter along a single direction.
 
-    ``tangent bitangent normal facet`` (3)
-        Vectors in world space, functions of the symbols of the mesh.
+    `outputs` has the indices of the operations whose results are the components of an output, by the output's name. In
+    this list, a number in parentheses is the number of components, 1 where it is left out:
+
+    ``tangent``, ``bitangent``, ``normal``, ``facet`` (3)
+        The axes of the shading frame and the facet's normal in world space, functions of the symbols of the mesh.
     ``value`` (3), ``pdf``
-        The BSDF times the cosine of each lobe, and its density, functions of the symbols ``wo_x .. wi_z``.
+        The BSDF times the cosine, summed over the lobes, and its density. They are functions of the symbols ``wo_x`` to
+        ``wo_z`` and ``wi_x`` to ``wi_z``, the directions to the viewer and to the light in the shading frame.
     ``wi`` (3)
-        A direction drawn by ``u1 u2``.
+        A direction to the light, drawn by the symbols ``u1`` and ``u2``.
     ``diffuse`` (3)
         The part of ``value`` from diffuse lobes.
     ``of_<group>`` (6)
-        For each group in `recorded` that has lobes, their part of ``value``, and the part of that from diffuse lobes.
-    ``delta0 ..`` (7)
-        A single direction, the factor of light from there, and the index of its group. The symbol ``inside`` is 1 where
-        the viewer is in the solid.
+        The part of ``value`` from the lobes of a group, then the part of this from diffuse lobes. Each group in
+        `recorded` that has lobes has this output.
+    ``delta0``, ``delta1``, ... (7)
+        A single direction (3), the factor of light from there (3), and the index of its group in `LOBE_GROUPS`. They
+        also depend on the symbol ``inside``, which is 1 where the viewer is inside the solid.
     ``presence``
-        Present if the look is `see_through`.
+        The presence. It exists if the look is `see_through`.
     ``albedo``, ``bent`` (3)
-        Guides of a denoiser.
+        The albedo and the mean normal of the lobes, which guide a denoiser.
     ``value/roughness``
-        The derivative of an output with respect to a symbol of a live input, here ``roughness``.
+        The derivative of ``value`` with respect to the symbol of a live input, here ``roughness``: a parameter that a
+        fit varies. Other outputs have derivatives, too.
     """
 
     name: str
@@ -287,9 +319,9 @@ class ProgramSource:
         return tuple(file for look_up in self.look_ups for file in look_up.files.values())
 
     def check_plugin(self, look: str) -> None:
-        """Raise CodegenError if the look cannot be a BSDF plug-in in a scene of Mitsuba.
+        """Raise CodegenError if the look, named `look`, cannot be a BSDF plug-in in a scene of Mitsuba.
 
-        It cannot if it has deltas, several UV sets, or primvars.
+        A plug-in has no deltas, no primvars and at most one UV set.
         """
         if self.deltas:
             raise CodegenError(f"{look}: scatters along single directions; Mitsuba's own plug-ins do that")
@@ -336,8 +368,9 @@ class ShaderNode:
 
     `kind` is Blender's type without the prefix ``ShaderNode`` (``"Math"``), or ``"NodeGroupInput"``,
     ``"NodeGroupOutput"``. `properties` are attributes of the node (``{"operation": "ADD"}``), `inputs` the values of
-    its sockets by identifier. A ``"Group"`` is an instance of the tree named `group`. A ``"TexImage"`` reads the file
-    `image`, without colour conversion. `position` is the upper left corner, in Blender's units.
+    its sockets by Blender's identifier. A ``"Group"`` is an instance of the tree named `group`. A ``"TexImage"`` reads
+    the file `image`, without colour conversion. `position` is the upper left corner of the node in Blender's editor, in
+    Blender's units.
     """
 
     name: str
@@ -352,7 +385,11 @@ class ShaderNode:
 
 @dataclass(frozen=True)
 class GroupSocket:
-    """A socket of a group's interface, identified by its name; `default`, `soft` and `help` are as in `Parameter`."""
+    """A socket of a group's interface, identified by its name.
+
+    `default`, the range `soft` and `help` are as in `lookdev.brdf.Parameter`. `panel` is the heading under which
+    Blender shows the socket, or ``""``.
+    """
 
     name: str
     kind: Literal["float", "color", "vector", "shader"]
@@ -374,10 +411,10 @@ class NodeTree:
 
 @dataclass(frozen=True)
 class NodeSource:
-    """A `GeneratedSource` of native nodes: groups, each after those that it contains, then the material's own tree.
+    """A `GeneratedSource` of Blender's native nodes.
 
-    If `exact`, the nodes send rays along one importance-sampled direction through a ray portal; else they are Cycles'
-    closures.
+    `trees` are the groups, each after the groups that it contains, and last the material's own tree. If `exact`, the
+    nodes send a ray along one importance-sampled direction through a ray portal; else they are Cycles' closures.
     """
 
     name: str

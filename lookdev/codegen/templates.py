@@ -1,4 +1,7 @@
-"""Hand-written code in `lookdev/shaders`, by sections, and templates there that generated code fills."""
+"""Read the hand-written shader files of `lookdev/shaders`: templates that generated code completes, and sections.
+
+The emitters of OSL and GLSL use this module.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,10 @@ SHADERS = files("lookdev") / "shaders"
 
 
 def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
-    """Fill a template, a file of `lookdev/shaders`.
+    """Return the text of the file `name` of `lookdev/shaders`, with its placeholders replaced.
 
-    A line ``//@ NAME`` is replaced by the lines of that section, ``//@ include FILE`` by that file.
+    A line ``//@ NAME`` is replaced by the lines ``sections[NAME]``. A line ``//@ include FILE`` is replaced by that
+    file, whose own placeholders are replaced, too.
 
     Raises
     ------
@@ -36,7 +40,11 @@ def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
 
 
 def read_sections(osl: Traversable) -> dict[str, list[str]]:
-    """Return the lines of a file by section; a section begins with ``//@ section NAME``."""
+    """Return the lines of each section of a file, by the section's name.
+
+    A section begins after a line ``//@ section NAME``, and ends at the next such line. Lines before the first section
+    are left out.
+    """
     sections: dict[str, list[str]] = {}
     lines: list[str] = []
     for line in osl.read_text(encoding="utf-8").splitlines():

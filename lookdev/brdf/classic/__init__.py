@@ -1,1 +1,1 @@
-"""The classic models of reflection, as published: one file for each model or family of models."""
+"""The classic reflectance models, as published: one file for each model or family of models."""

@@ -1,7 +1,9 @@
-"""Ashikhmin and Shirley's anisotropic Phong model; the highlight attenuates its diffuse part.
+"""Ashikhmin and Shirley's anisotropic Phong model, whose diffuse lobe is attenuated by the highlight.
 
 - Ashikhmin, M. and Shirley, P. 2000. An Anisotropic Phong BRDF Model. Journal of Graphics Tools 5(2). Equations 4 to 6,
   sampling by equations 8 to 10.
+
+nu and nv, the exponents of the highlight along tangent and bitangent, are the parameters `exponentU` and `exponentV`.
 """
 
 from __future__ import annotations
@@ -18,10 +20,11 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, s
 
 
 def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the diffuse lobe (eq. 5)."""
     reflected = p["diffuse"] * (1.0 - p["specular"])
 
     def diffuse_factor(cosine: Array) -> Array:
-        """``1 - (1 - cosine / 2)^5``."""
+        """Return ``1 - (1 - cosine / 2)^5``."""
         return schlick_weights(0.5 * cosine)[0]
 
     # Eq. 5. The cosine-weighted mean of `diffuse_factor` is 23 / 28.
@@ -34,6 +37,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the highlight (eq. 4)."""
     u_plus_1, v_plus_1 = p["exponentU"] + 1.0, p["exponentV"] + 1.0
     norm = np.sqrt(u_plus_1 * v_plus_1)
 
@@ -41,9 +45,9 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         return fresnel_blend(p["specular"], np.ones(3), cos_theta)
 
     def power(d: DirectionPair) -> Array:
-        """Return ``hz^((nu hx^2 + nv hy^2) / (1 - hz^2))``, finite also at hz = 1, for the half vector h.
+        """Return the power ``hz^((nu hx^2 + nv hy^2) / (1 - hz^2))`` of eq. 4, for the half vector h.
 
-        `log1p_ratio` is log(hz^2) / (hz^2 - 1).
+        It is computed from log(hz^2) / (hz^2 - 1), which `log1p_ratio` returns, and which is finite at hz = 1.
         """
         x2, y2, z = d.wm[..., 0] * d.wm[..., 0], d.wm[..., 1] * d.wm[..., 1], d.wm[..., 2]
         weighted = p["exponentU"] * x2 + p["exponentV"] * y2
@@ -69,7 +73,8 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "ashikhmin-shirley",
         "specular",
-        # Half vectors are tilted: with Rs = 0, the lobe is not black for a view along the normal.
+        # The floor is for a specular colour of 0: the Fresnel term is then 0 for a view along the normal, but above 0
+        # for the half vectors of tilted facets.
         np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate,
         # Eq. 8.

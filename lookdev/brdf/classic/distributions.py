@@ -1,12 +1,16 @@
-"""Isotropic distributions of microfacets of roughness m, with their sampling, and Smith's G of Beckmann's.
+"""Isotropic microfacet distributions of the Torrance-Sparrow model, their sampling, and Smith's G1 of Beckmann's.
 
 - Beckmann, P. and Spizzichino, A. 1963. The Scattering of Electromagnetic Waves from Rough Surfaces.
 - Blinn, J. F. 1977. Models of Light Reflection for Computer Synthesized Pictures. SIGGRAPH.
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Burley, B. 2012. Physically Based Shading at Disney, appendix B.
 
-The integral of D cos theta_h is 1, except for ``"gaussian"``: its normalisation is exact as m goes to 0, and it
-reflects less for larger m. Formulas use ``sin^2 theta_h = wm_x^2 + wm_y^2``, as in `lookdev.brdf.microfacet`.
+wm is the half vector, a unit vector (..., 3), and theta_h its angle to the normal. m is the roughness, and gamma the
+exponent of the distribution ``"gtr"``. u1 and u2 are uniform random numbers.
+
+The integral of D cos theta_h over the hemisphere is 1. The exception is ``"gaussian"``: its integral goes to 1 as m
+goes to 0, and is smaller for larger m. Formulas use ``sin^2 theta_h = wm_x^2 + wm_y^2``, which does not cancel near the
+normal.
 """
 
 from __future__ import annotations
@@ -22,14 +26,15 @@ from lookdev.brdf.special import expm1_ratio, log1p_ratio, scaled_erfc, squared_
 from lookdev.brdf.vectors import TINY, Array, Real
 
 Density = Callable[[Array, Real, Real], Array]
-"""Function of unit half vectors (..., 3), m and gamma that returns D, (...), in 1/sr."""
+"""A function of half vectors, m and gamma that returns D, (...), in 1/sr."""
 
 
 @dataclass(frozen=True)
 class Distribution:
-    """A distribution D, and the sampling of half vectors by m, gamma and two uniform numbers.
+    """A distribution D, and a way to draw half vectors from it or from a similar distribution.
 
-    The pdf of `sample` is `sampled_density` times ``cos theta_h``.
+    `density` is D. `sample` is a function of m, gamma, u1 and u2 that returns half vectors, with the pdf
+    `sampled_density` times ``cos theta_h`` over their solid angle.
     """
 
     density: Density
@@ -38,12 +43,13 @@ class Distribution:
 
 
 def _sin2(wm: Array) -> Array:
+    """Return sin^2 theta_h, (...)."""
     return wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
 
 
 # Walter et al. 2007, eq. 25 and 28.
 def _beckmann(wm: Array, m: Real, gamma: Real) -> Array:
-    # At this floor, the exponential underflows to 0: D is 0, not 0 / 0.
+    # At this floor, the exponential underflows to 0. Without the floor, D would be 0 / 0 at the horizon.
     cos2 = np.maximum(wm[..., 2] * wm[..., 2], 1e-8)
     return np.exp(-_sin2(wm) / (m * m * cos2)) / (np.pi * m * m * cos2 * cos2)
 
@@ -72,8 +78,8 @@ def _gtr(wm: Array, m: Real, gamma: Real) -> Array:
     return factor * np.exp(-gamma * np.log(t))
 
 
-# Burley 2012, appendix B, solved for t: ln t is -L R, with R = ln(1 + (1 - u) expm1(x)) / x and x = (1 - gamma) L; then
-# sin^2 = (t - m^2) / (1 - m^2).
+# Burley 2012, appendix B, solved for t of `_gtr`. With x = (1 - gamma) L and R = 1 - ln(1 + (1 - u) expm1(x)) / x, the
+# code computes sin^2 theta_h = (t - m^2) / (1 - m^2) from t = m^2 exp(-L R), without cancellation.
 def _sample_gtr(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
     log_m2, complement = 2.0 * np.log(m), 1.0 - u2
     x = (1.0 - gamma) * log_m2
@@ -83,8 +89,9 @@ def _sample_gtr(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
     return polar(np.clip(sin2, 0.0, 1.0), u1)
 
 
-# Blinn 1977, normalised; the exponent is 2 / m^2 - 2.
+# Blinn 1977, normalised.
 def _blinn(wm: Array, m: Real, gamma: Real) -> Array:
+    """Return D in proportion to a power of cos theta_h, with the exponent 2 / m^2 - 2."""
     sin2, inverse = _sin2(wm), 1.0 / (m * m)
     return inverse / np.pi * np.exp((1.0 - inverse) * sin2 * log1p_ratio(-sin2, wm[..., 2] * wm[..., 2]))
 
@@ -94,6 +101,7 @@ def _sample_blinn(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
 
 
 def _gaussian(wm: Array, m: Real, gamma: Real) -> Array:
+    """Return D in proportion to exp(-theta_h^2 / m^2)."""
     inverse = 1.0 / (m * m)
     return inverse / np.pi * np.exp(-squared_angle(versine(wm)) * inverse)
 
@@ -103,15 +111,18 @@ DISTRIBUTIONS: dict[str, Distribution] = {
     "ggx": Distribution(_ggx, _sample_ggx, _ggx),
     "gtr": Distribution(_gtr, _sample_gtr, _gtr),
     "blinn": Distribution(_blinn, _sample_blinn, _blinn),
-    # Sampled as GGX: this D is at most 1.5 times that of GGX.
+    # Half vectors are drawn from GGX of the same m, as this D is at most 1.5 times that of GGX.
     "gaussian": Distribution(_gaussian, _sample_ggx, _ggx),
 }
-"""By the token of the parameter ``"distribution"``, the default first."""
+"""The distributions, by the token of the parameter ``"distribution"``. The first one is the default."""
 
 
 # Walter et al. 2007, section 5.2: Lambda = exp(-a^2) (1 / (a sqrt(pi)) - exp(a^2) erfc(a)) / 2, a = 1 / (m tan theta).
 def smith_beckmann(cos_theta: Array, m: Real) -> Array:
-    """Smith's G1 for Beckmann's distribution, divided by ``2 cos theta``."""
+    """Return Smith's G1 for Beckmann's distribution, divided by ``2 cos theta``, for cosines (...) of directions.
+
+    G1 is 1 / (1 + Lambda).
+    """
     slope = m * np.sqrt(np.maximum((1.0 - cos_theta) * (1.0 + cos_theta), 0.0))
     # For a above 6, `masked` would be below 1e-17.
     a = np.minimum(cos_theta / np.maximum(slope, TINY), 6.0)

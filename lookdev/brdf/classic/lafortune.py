@@ -1,14 +1,17 @@
-"""Lafortune's model: lobes that are powers of a generalised cosine.
+"""Lafortune's model: a diffuse lobe, and three lobes that are powers of a generalised cosine.
 
-f = kd / pi + sum of weight_j (C_j . (wo * wi))^{e_j} over three lobes, where C * wo, taken componentwise, is a lobe's
-direction: (-1, -1, 1) is that of Phong, the mirror image of the view, and (1, 1, 1) is back to the viewer.
+f = kd / pi + sum of weight_j (C_j . (wo * wi))^{e_j} over the lobes j, where ``*`` is the componentwise product. The
+vector C_j * wo is the direction of a lobe. For C_j = (-1, -1, 1) it is the mirror image of the view, as in Phong's
+model. For (1, 1, 1) it is the direction back to the viewer.
 
 - Lafortune, E. P., Foo, S.-C., Torrance, K. E. and Greenberg, D. P. 1997. Non-Linear Approximation of Reflectance
   Functions. SIGGRAPH, eq. 7.
 
-Powers are clamped to `MAX_POWER`: a lobe whose peak exceeds this limit has a plateau about its direction. A lobe is
-sampled in proportion to a power of the cosine to its direction. The exponent is the lobe's own where its peak is at
-most twice the limit. Above, it is smaller: the pdf at the end of the plateau is half of the pdf at the peak.
+Powers are clamped to `MAX_POWER`. A lobe whose peak would exceed this limit has a plateau about its direction.
+
+A lobe is sampled in proportion to a power of the cosine to its direction. The exponent is e_j if the peak without the
+clamp is at most twice the limit. For a higher peak, the exponent is smaller, so that the pdf at the end of the plateau
+is half of the pdf at the peak.
 """
 
 from __future__ import annotations
@@ -24,24 +27,28 @@ from lookdev.brdf.special import log1p_ratio
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, scale
 
 MAX_POWER = 1e30
-"""The largest value of a lobe's power."""
+"""The largest value of a power of the generalised cosine."""
 
 LOBES = (1, 2, 3)
 """The numbers of the lobes, as in the names of their parameters."""
 
 
 def _lobe(number: int) -> parts.LobeBuilder:
+    """Return the builder of lobe 1, 2 or 3."""
+
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         weight, c, e = (p[f"{name}{number}"] for name in ("weight", "coefficients", "exponent"))
         direction = c * wo
-        # For a view of exactly unit length.
+        # The squared length of the direction, minus 1, which is precise if C is near (-1, -1, 1). It assumes that the
+        # view has exactly unit length.
         length2_minus_one = dot((c - 1.0) * (c + 1.0), wo * wo)
         length2 = dot(direction, direction)
         log_length = 0.5 * length2_minus_one * log1p_ratio(length2_minus_one, length2)
         is_zero = length2 < TINY * TINY
         axis = scale(direction, 1.0 / np.sqrt(np.where(is_zero, 1.0, length2)))
         axis = np.where(np.expand_dims(is_zero, -1), np.array([0.0, 0.0, 1.0]), axis)
-        # If the peak exceeds the limit by a factor exp(m), the plateau ends where cos^e is exp(-m).
+        # If the peak exceeds the limit by a factor exp(m), the plateau ends where cos^e is exp(-m), with the cosine to
+        # the lobe's direction. With the exponent e ln(2) / m, the pdf there is half of that at the peak.
         sampled_exponent = e / np.maximum((e * log_length - np.log(MAX_POWER)) * (1.0 / np.log(2.0)), 1.0)
 
         def evaluate(d: DirectionPair) -> Array:
@@ -76,6 +83,7 @@ def _lobe(number: int) -> parts.LobeBuilder:
 
 
 def _inputs(number: int) -> tuple[Parameter, ...]:
+    """Return the parameters of lobe 1, 2 or 3."""
     return (
         parts.color_parameter(f"weight{number}", 0.1 if number == 1 else 0.0, f"Factor of lobe {number}; linear."),
         Parameter(

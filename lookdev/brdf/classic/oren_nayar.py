@@ -4,9 +4,9 @@ f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min th
 
 - Oren, M. and Nayar, S. K. 1994. Generalization of Lambert's Reflectance Model. SIGGRAPH, eq. 30.
 
-Two lobes: `diffuse` is the term of A, `retroreflection` the term of B. The latter is sampled in proportion to
-``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``: of f times the cosine, divided by the pdf,
-only the sines remain.
+The model has two lobes: `diffuse` is the term with A, `retroreflection` the term with B. Directions of the second lobe
+are drawn in proportion to ``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``. Of f times the
+cosine over the pdf, only the sines then vary.
 """
 
 from __future__ import annotations
@@ -22,26 +22,28 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, scale, vec
 
 
 def _factors(p: Parameters) -> tuple[Real, Real]:
-    """Return A and B."""
+    """Return A and B of the formula above."""
     variance = p["sigma"] * p["sigma"]
     variance_offset = 0.57 if p["interreflection"] == "included" else 0.33
     return 1.0 - 0.5 * variance / (variance + variance_offset), 0.45 * variance / (variance + 0.09)
 
 
 def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the lobe of the term with A."""
     color = scale(p["reflectance"], _factors(p)[0])
     return diffuse_lobe("oren-nayar", mean(color), color, frame, lambda d: color * (1.0 / np.pi))
 
 
 def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the lobe of the term with B."""
     albedo = scale(p["reflectance"], _factors(p)[1])
     color = albedo * (1.0 / np.pi)
     cos_o, sin_o = wo[..., 2], _sine(wo)
-    # The integral of the density over the cosine.
+    # The integral of cos_theta_i / max(cos_theta_i, cos_theta_o) over cos_theta_i, from 0 to 1.
     integral = 1.0 - 0.5 * cos_o
 
     def evaluate(d: DirectionPair) -> Array:
-        # The greater sine times the smaller tangent, times the cosine of the azimuth.
+        # sin(max theta) tan(min theta) is the product of both sines over the greater cosine.
         return scale(color, np.maximum(_azimuth_product(d), 0.0) / np.maximum(_max_cosine(d), TINY))
 
     def pdf(d: DirectionPair) -> Array:
@@ -51,11 +53,11 @@ def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
     def sample(u1: Array, u2: Array) -> Array:
         position = u2 * integral
-        # Linear in the cosine up to that of the view, constant beyond.
+        # The density of cos_theta_i rises linearly up to the cosine of the view, and is constant beyond.
         cos_i = np.where(position < 0.5 * cos_o, np.sqrt(2.0 * cos_o * position), position + 0.5 * cos_o)
         sin_i, sin_phi = np.sqrt(np.maximum((1.0 - cos_i) * (1.0 + cos_i), 0.0)), 2.0 * u1 - 1.0
         cos_phi = np.sqrt(np.maximum(1.0 - sin_phi * sin_phi, 0.0))
-        # For a view along the normal the lobe is 0, and any azimuth is right.
+        # For a view along the normal the lobe is 0, so the azimuth does not matter.
         upright = sin_o < TINY
         x, y = (component / np.maximum(sin_o, TINY) for component in (wo[..., 0], wo[..., 1]))
         x, y = np.where(upright, 1.0, x), np.where(upright, 0.0, y)
@@ -77,6 +79,7 @@ def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _sine(w: Array) -> Array:
+    """Return the sine of the angle to the normal."""
     sine: Array = np.sqrt(w[..., 0] * w[..., 0] + w[..., 1] * w[..., 1])
     return sine
 
@@ -87,6 +90,7 @@ def _azimuth_product(d: DirectionPair) -> Array:
 
 
 def _max_cosine(d: DirectionPair) -> Array:
+    """Return the greater of both cosines to the normal."""
     greater: Array = np.maximum(d.cos_theta_i, d.cos_theta_o)
     return greater
 

@@ -1,4 +1,4 @@
-"""Parts of the classic models: BSDFs with one normal, Lambert's lobe, parameters, and powers of a cosine."""
+"""Code that several classic models share: BSDFs with one normal, diffuse lobes, parameters, and powers of a cosine."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from lookdev.brdf.special import cosine_power, expm1_ratio, log1p_ratio
 from lookdev.brdf.vectors import Array, Parameters, Real, cross, dot, mean, perpendicular, scale, vector
 
 MIN_COSINE_PRODUCT = 1e-30
-"""A floor of products of two cosines in denominators; a highlight divided by it is still a normal float32."""
+"""A floor for a product of two cosines in a denominator. A highlight divided by it is still a normal float32."""
 
 LobeBuilder = Callable[[Parameters, Array, Frame], Lobe]
-"""Function of all parameters, of the view in the lobe's frame, (..., 3), and of that frame. It returns a lobe."""
+"""A function that builds a lobe of a model.
+
+Its arguments are all parameters of the model, the direction to the viewer (..., 3) in the lobe's frame, and this frame.
+"""
 
 
 def bsdf_of_lobes(*builds: LobeBuilder) -> Callable[[Parameters], Bsdf]:
-    """Return the BSDF function of a model whose lobes share the parameter ``"normal"``."""
+    """Return `Model.bsdf` of a model whose lobes, built by `builds`, all have the normal in parameter ``"normal"``."""
 
     def bsdf(parameters: Parameters) -> Bsdf:
         def lobes(wo: Array) -> tuple[Lobe, ...]:
@@ -35,9 +38,9 @@ def bsdf_of_lobes(*builds: LobeBuilder) -> Callable[[Parameters], Bsdf]:
 
 
 def lambert_builder(model: str, color: str, albedo: float = 1.0) -> LobeBuilder:
-    """Return the builder of a lobe of constant f: the parameter named `color`, times `albedo` / pi.
+    """Return the builder of a lobe with the constant f = colour * `albedo` / pi.
 
-    `albedo` is the lobe's directional albedo where that parameter is white.
+    The colour is the parameter named `color`. For white, `albedo` is the directional albedo of the lobe.
     """
 
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
@@ -50,9 +53,10 @@ def lambert_builder(model: str, color: str, albedo: float = 1.0) -> LobeBuilder:
 def diffuse_lobe(
     model: str, share: Real, color: Array, frame: Frame, evaluate: Callable[[DirectionPair], Array]
 ) -> Lobe:
-    """Return a lobe of the directional albedo `color`, (..., 3), that is sampled in proportion to the cosine.
+    """Return a diffuse lobe, which is sampled in proportion to the cosine.
 
-    `share`, (...), is the unnormalised probability of selecting the lobe (`Lobe`). `evaluate` returns f.
+    `share` (...) and `evaluate`, which returns f, are those of `Lobe`. `color` (..., 3) is the lobe's directional
+    albedo.
     """
     return Lobe(
         model,
@@ -74,13 +78,13 @@ def cosine_pdf(d: DirectionPair) -> Array:
 
 
 def parameters_with_normal(*model_parameters: Parameter) -> Mapping[str, Parameter]:
-    """Return a model's parameters by name, with the normal last."""
+    """Return parameters by name, and the parameter ``"normal"`` last."""
     normal = normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal.")
     return parameters_by_name(*model_parameters, normal)
 
 
 def color_parameter(name: str, grey: float, help: str) -> Parameter:
-    """Return a parameter that is a colour in [0, 1]."""
+    """Return a parameter that is a colour in [0, 1], by default `grey` in all channels."""
     return Parameter(name, "color", (grey, grey, grey), help=help)
 
 
@@ -90,12 +94,12 @@ def exponent_parameter(name: str, default: float, help: str) -> Parameter:
 
 
 def versine(wm: Array) -> Array:
-    """Return 1 - cos theta, (...), of unit vectors (..., 3) at angles theta to the normal up to a right angle."""
+    """Return 1 - cos theta, (...), for the angles theta of unit vectors (..., 3), z at least 0, to the normal."""
     return (wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]) / (1.0 + wm[..., 2])
 
 
 def power_cosine(axis: Array, w: Array, exponent: Real) -> Array:
-    """Return ``max(0, axis . w)^exponent``, (...), of unit vectors (..., 3)."""
+    """Return ``max(0, axis . w)^exponent``, (...), for unit vectors (..., 3)."""
     difference = w - axis
     return cosine_power(dot(axis, w), 0.5 * dot(difference, difference), exponent)
 
@@ -113,13 +117,17 @@ def sample_power_cosine(axis: Array, exponent: Real, u1: Array, u2: Array) -> Ar
 
 
 def sin2_of_power(power: Real, u: Array) -> Array:
-    """Return the squared sine of an angle, ``1 - (1 - u)^power``, for a uniform number."""
+    """Return ``1 - (1 - u)^power`` for a uniform number u.
+
+    It is the squared sine of a drawn angle. With power 2 / (e + 1), the density of the angle over solid angle is
+    proportional to cos^e.
+    """
     x = power * log_complement(u)
     return -x * expm1_ratio(x)
 
 
 def log_complement(u: Array) -> Array:
-    """Return ``log(1 - u)`` of a uniform number; float32 may round the number to 1."""
+    """Return ``log(1 - u)`` for a uniform number u; the result is finite even if float32 rounds u to 1."""
     return -u * log1p_ratio(-u, 1.0 - u)
 
 

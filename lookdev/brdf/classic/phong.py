@@ -1,14 +1,18 @@
-"""Phong's model and two variants: a diffuse part, and a highlight that is a power of a cosine.
+"""Phong's model and two variants: a diffuse lobe, and a highlight that is a power of a cosine.
 
-phong: ``kd + ks (r . wi)^e / cos_theta_i``; blinn-phong: ``kd + ks (n . h)^e / cos_theta_i``; modified-phong, which is
-reciprocal and conserves energy: ``kd / pi + ks (e + 2) / (2 pi) (r . wi)^e``. The first two have no pi, as published.
+- phong: ``f = kd + ks (r . wi)^e / cos_theta_i``
+- blinn-phong: ``f = kd + ks (n . h)^e / cos_theta_i``
+- modified-phong: ``f = kd / pi + ks (e + 2) / (2 pi) (r . wi)^e``, which is reciprocal and conserves energy
+
+kd and ks are the colours `diffuse` and `specular`, e is `exponent`, r is the mirrored view, n the normal and h the half
+vector. The first two have no 1 / pi, as published.
 
 - Phong, B. T. 1975. Illumination for Computer Generated Pictures. CACM 18(6).
 - Blinn, J. F. 1977. Models of Light Reflection for Computer Synthesized Pictures. SIGGRAPH.
 - Lafortune, E. P. and Willems, Y. D. 1994. Using the Modified Phong Reflectance Model for Physically Based Rendering.
   Report CW 197, KU Leuven.
 
-Highlights are sampled exactly: in proportion to the power of the cosine.
+Directions of the highlight, or its half vectors, are drawn in proportion to the power of the cosine.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, s
 
 
 def _phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the highlight of phong."""
     e, r = p["exponent"], parts.mirror(wo)
 
     def evaluate(d: DirectionPair) -> Array:
@@ -36,13 +41,14 @@ def _phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the highlight of modified-phong."""
     e, r = p["exponent"], parts.mirror(wo)
     factor = (e + 2.0) * (0.5 / np.pi)
 
     def evaluate(d: DirectionPair) -> Array:
         return scale(p["specular"], factor * parts.power_cosine(r, d.wi, e))
 
-    # The mean cosine of the light is about the cosine of the view.
+    # The albedo is about the mean of cos_theta_i over the highlight, which is about the cosine of the view.
     albedo = np.minimum(np.sqrt(wo[..., 2] * wo[..., 2] + 1.0 / (e + 2.0)), 1.0)
     return _mirror_lobe("modified-phong", p, r, frame, mean(p["specular"]) * albedo, evaluate)
 
@@ -50,6 +56,7 @@ def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 def _mirror_lobe(
     model: str, p: Parameters, r: Array, frame: Frame, share: Real, evaluate: Callable[[DirectionPair], Array]
 ) -> Lobe:
+    """Return a highlight about the mirrored view `r`; `share` and `evaluate` are those of `Lobe`."""
     e = p["exponent"]
     return Lobe(
         model,
@@ -65,6 +72,7 @@ def _mirror_lobe(
 
 
 def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the highlight of blinn-phong."""
     e = p["exponent"]
 
     def power(d: DirectionPair) -> Array:
@@ -90,6 +98,8 @@ def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _preview(diffuse: float) -> Preview:
+    """Return the preview of a model whose diffuse lobe has the albedo `diffuse` where kd is white."""
+
     def derived(p: Parameters) -> dict[str, Real]:
         return {
             "diffuseColor": np.minimum(diffuse * p["diffuse"], 1.0),
@@ -113,7 +123,7 @@ PHONG = Model(
     parameters=_PARAMETERS,
     bsdf=parts.bsdf_of_lobes(parts.lambert_builder("phong", "diffuse", np.pi), _phong),
     identifier="LookdevPhong",
-    # The diffuse part reflects up to pi, the highlight up to 2 pi at exponent 0.
+    # The albedo of the diffuse lobe is at most pi, and that of the highlight at most 2 pi, at exponent 0.
     energy=lambda tokens: 3.0 * np.pi,
     reciprocal=lambda tokens: ("diffuse",),
     preview=_preview(np.pi),
@@ -138,7 +148,7 @@ MODIFIED_PHONG = Model(
     parameters=_PARAMETERS,
     bsdf=parts.bsdf_of_lobes(parts.lambert_builder("modified-phong", "diffuse"), _modified_phong),
     identifier="LookdevModifiedPhong",
-    # Both parts may be white; neither alone reflects more light than it receives.
+    # Both lobes may be white, and each of them reflects at most the light that it receives.
     energy=lambda tokens: 2.0,
     reciprocal=lambda tokens: ("diffuse", "specular"),
     preview=_preview(1.0),

@@ -1,16 +1,17 @@
-"""Torrance and Sparrow's microfacet model, as in Cook and Torrance's: exact Fresnel, a choice of D and of G.
+"""Torrance and Sparrow's microfacet model in Cook and Torrance's form: exact Fresnel reflectance, a choice of D and G.
 
-f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o), where q is 4 or pi, by the parameter `normalisation`.
+f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o). The divisor q is 4 or pi, the parameter `normalisation`.
 
 - Torrance, K. E. and Sparrow, E. M. 1967. Theory for Off-Specular Reflection from Roughened Surfaces. JOSA 57(9).
 - Cook, R. L. and Torrance, K. E. 1982. A Reflectance Model for Computer Graphics. ACM TOG 1(1).
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Heitz, E. 2014. Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. JCGT 3(2).
 
-Multiscale roughness is two lobes, `specular` and `specular2`. Both have the G of the first roughness. With G of
-V-grooves, half vectors are sampled from D: the weight is at most 8 F / q. With Smith's G, half vectors are sampled from
-the visible normals of GGX of the same roughness, because every D except ``"gtr"`` is at most 1.5 times that of GGX.
-``"gtr"`` may have a heavier tail, and is sampled from D.
+Roughness at two scales is modelled by two lobes, `specular` and `specular2`. Both have the G of the first roughness.
+
+If G is that of V-grooves, half vectors are drawn from D, and the sample's weight is at most 8 F / q. If G is Smith's,
+half vectors are drawn from the visible normals of GGX of the same roughness, because every D except ``"gtr"`` is at
+most 1.5 times that of GGX. ``"gtr"`` may have a heavier tail, so half vectors are drawn from D itself.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from lookdev.brdf.vectors import Array, Parameters, Real, mean, reflect, scale
 
 
 def _fresnel(p: Parameters, cos_theta: Array) -> Array:
+    """Return F (..., 3) at cosines of incidence (...)."""
     cos_theta, ior, polarisation = (
         np.expand_dims(quantity, -1) for quantity in (cos_theta, p["externalIor"], p["polarisation"])
     )
@@ -39,7 +41,7 @@ def _fresnel(p: Parameters, cos_theta: Array) -> Array:
 
 
 def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
-    """Return the function of a pair of directions that computes ``G / (cos_theta_i cos_theta_o)``."""
+    """Return a function that computes ``G / (cos_theta_i cos_theta_o)`` for a pair of directions."""
     if p["geometry"] == "v-groove":
         return _v_groove
     g1 = smith_beckmann if p["distribution"] == "beckmann" else mf.smith_ggx
@@ -47,14 +49,20 @@ def _shadowing(p: Parameters) -> Callable[[DirectionPair], Array]:
     return lambda d: 4.0 * g1(d.cos_theta_i, p["roughness"]) * g1(d.cos_theta_o, p["roughness"])
 
 
-# Torrance and Sparrow 1967 as in Cook and Torrance 1982: min(1, 2 n.h c_o / (wo.h), 2 n.h c_i / (wo.h)).
+# Torrance and Sparrow 1967 as in Cook and Torrance 1982: G = min(1, 2 n.h n.wo / (wo.h), 2 n.h n.wi / (wo.h)).
 def _v_groove(d: DirectionPair) -> Array:
+    """Return ``G / (cos_theta_i cos_theta_o)`` for V-grooves."""
     i, o = d.cos_theta_i, d.cos_theta_o
     grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, parts.MIN_COSINE_PRODUCT)
     return np.minimum(1.0 / np.maximum(i * o, parts.MIN_COSINE_PRODUCT), grooves)
 
 
 def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Real]) -> parts.LobeBuilder:
+    """Return the builder of a specular lobe.
+
+    `roughness` is the name of the lobe's parameter m. `facet_share` returns the share of the facets that the lobe has.
+    """
+
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         m, gamma = p[roughness], p["gamma"]
         distribution, shadowing = DISTRIBUTIONS[p["distribution"]], _shadowing(p)
@@ -74,7 +82,7 @@ def _specular(name: str, roughness: str, facet_share: Callable[[Parameters], Rea
         return Lobe(
             "torrance-sparrow",
             name,
-            # Half vectors are tilted: F may be 0 at the angle of the view and above 0 at theirs.
+            # The floor is for an F of 0 at the angle of the view: F may be above 0 at half vectors of tilted facets.
             mean(tint * np.maximum(fresnel, 0.001)) * 4.0,
             evaluate,
             pdf=visible_pdf if samples_visible else drawn_pdf,
@@ -102,12 +110,14 @@ def _preview(p: Parameters) -> dict[str, Real]:
 
 
 def _roughness(name: str, help: str) -> Parameter:
+    """Return a parameter that is the roughness m of a lobe."""
     return Parameter(name, "float", 0.3, hard=(0.001, 1.0), soft=(0.02, 1.0), help=help)
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
-    # G is that of the first roughness. At its smallest m, Smith's G1 masks almost nothing, and the D of the second lobe
-    # may be broad: G / (4 cos_theta_i cos_theta_o) reaches 1 / m, and sqrt(pi) / m for Beckmann.
+    # Both lobes have the G of the first roughness. With Smith's G, the first m may be as small as 0.001, so that almost
+    # nothing is masked, while the D of the second lobe is broad. G / (4 cos_theta_i cos_theta_o) then reaches 1 / m,
+    # and sqrt(pi) / m for Beckmann.
     specular = 2000.0 if tokens["geometry"] == "smith" else 1.0
     return 1.0 + specular * (4.0 / np.pi if tokens["normalisation"] == "pi" else 1.0)
 

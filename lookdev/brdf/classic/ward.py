@@ -1,12 +1,14 @@
 """Ward's anisotropic model: a Gaussian of the half vector's slopes.
 
-f = kd / pi + ks exp(-tan^2 theta_h (cos^2 phi_h / ax^2 + sin^2 phi_h / ay^2)) / (4 pi ax ay N).
+f = kd / pi + ks exp(-tan^2 theta_h (cos^2 phi_h / ax^2 + sin^2 phi_h / ay^2)) / (4 pi ax ay N). kd and ks are the
+colours `diffuse` and `specular`, ax and ay the roughness along tangent and bitangent, `alphaX` and `alphaY`. theta_h
+and phi_h are the angles of the half vector.
 
 - Ward, G. J. 1992. Measuring and Modeling Anisotropic Reflection. SIGGRAPH, eq. 5a.
 - Dür, A. 2006. An Improved Normalization for the Ward Reflectance Model. Journal of Graphics Tools 11(1).
 
-N is the root of the product of both cosines, or with ``variant = "dur"`` the product. Half vectors are sampled in
-proportion to the Gaussian of slopes (Ward 1992, eq. 6).
+N is the square root of cos_theta_i cos_theta_o (Ward 1992), or with ``variant = "dur"`` the product itself (Dür 2006).
+Half vectors are drawn in proportion to the Gaussian of slopes (Ward 1992, eq. 6).
 """
 
 from __future__ import annotations
@@ -22,9 +24,11 @@ from lookdev.brdf.vectors import Array, Parameters, Real, mean, normalize, refle
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    """Build the highlight."""
     alpha_x, alpha_y = p["alphaX"], p["alphaY"]
 
     def gaussian(d: DirectionPair) -> Array:
+        """Return the exponential over ``4 pi ax ay``."""
         x, y, z = d.wm[..., 0] / alpha_x, d.wm[..., 1] / alpha_y, _cosine(d)
         value: Array = np.exp(-(x * x + y * y) / (z * z)) / (4.0 * np.pi * alpha_x * alpha_y)
         return value
@@ -56,12 +60,15 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 
 
 def _cosine(d: DirectionPair) -> Array:
-    # At this floor, the Gaussian underflows to 0: `pdf`, which divides it by the cube of the cosine, is 0, not 0 / 0.
+    """Return cos theta_h, at least 1e-6."""
+    # At this floor, the Gaussian underflows to 0. Without the floor, `pdf`, which divides the Gaussian by the cube of
+    # the cosine, would be 0 / 0 at the horizon.
     cosine: Array = np.maximum(d.wm[..., 2], 1e-6)
     return cosine
 
 
 def _alpha(name: str, along: str) -> Parameter:
+    """Return the parameter that is the roughness along the tangent or the bitangent."""
     return Parameter(
         name,
         "float",
@@ -93,7 +100,7 @@ WARD = Model(
     ),
     bsdf=parts.bsdf_of_lobes(parts.lambert_builder("ward", "diffuse"), _specular),
     identifier="LookdevWard",
-    # Diffuse and specular may both be white; Dür's albedo grows without bound towards grazing views.
+    # Both lobes may be white. Dür's albedo grows without bound towards grazing views.
     energy=lambda tokens: np.inf if tokens["variant"] == "dur" else 2.0,
     reciprocal=lambda tokens: ("diffuse", "specular"),
     probe={"alphaX": 0.2, "alphaY": 0.2},

@@ -1,7 +1,7 @@
-"""Measured reflectance: f is looked up in a file's samples; importance sampling uses tables of the same samples.
+"""The model `MEASURED`: f is looked up in the samples of a file of measured reflectance; nothing is fitted.
 
-The model has one lobe, in the units of the data; nothing is fitted. `grids` has the look-up, `proposal` the sampling,
-`files` the formats. `synthetic` makes files of known models.
+The model has one lobe. `files` reads the file formats, `grids` looks up f, and `proposal` draws directions by tables
+that are made from the samples. `synthetic` makes measurements of other models, for tests and for `BUILT_IN`.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_n
 from lookdev.brdf.vectors import Array, Parameters, Real, scale
 
 BUILT_IN = "builtin:plastic"
-"""The name of the built-in measurement, `lookdev.brdf.measured.synthetic.plastic_grid`, in place of a file."""
+"""The name that stands, in place of a file's path, for the measurement `synthetic.plastic_grid`."""
 
 
 def load_grid(file: str) -> MeasurementGrid:
-    """Return the samples of a file, or of `BUILT_IN`; raises ModelError where the file has none."""
+    """Return the samples of a file, given by its path, or of `BUILT_IN`; raise ModelError if it is not readable."""
     return plastic_grid() if file == BUILT_IN else read_grid(Path(file))
 
 
@@ -36,7 +36,8 @@ _proposal_lock = Lock()
 
 
 def _load_proposal(grid: MeasurementGrid) -> Proposal:
-    with _proposal_lock:  # a proposal takes seconds to make: simultaneous threads share one
+    """Return the sampling tables of a grid, from a cache."""
+    with _proposal_lock:  # tables take seconds to make: a thread waits for another one that makes the same
         return _make_cached_proposal(grid)
 
 
@@ -46,6 +47,7 @@ def _make_cached_proposal(grid: MeasurementGrid) -> Proposal:
 
 
 def _bsdf(p: Parameters) -> Bsdf:
+    """Return the BSDF of the model (`Model.bsdf`)."""
     grid = load_grid(p["file"])
     proposal = _load_proposal(grid)
 
@@ -71,11 +73,14 @@ def _bsdf(p: Parameters) -> Bsdf:
 
 
 def _combine(layers: Sequence[StackLayer]) -> Bsdf:
-    """Blend f by the masks: the samples of two files cannot be interpolated as parameters."""
+    """Return the BSDF of layers, base first, whose f are blended by the layers' masks.
+
+    The layers cannot be blended by their parameters, as a file is not a number.
+    """
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         lobes_above: tuple[Lobe, ...] = ()
-        visible: Real = 1.0
+        visible: Real = 1.0  # the share that the layers above, which come first, leave visible
         for layer in layers[:0:-1]:
             lobes_above = (
                 *(lobe.blend(visible * layer.mask) for lobe in _bsdf(layer.parameters).lobes(wo)),
@@ -88,16 +93,17 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
 
 
 def _reciprocal(tokens: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the names of the reciprocal lobes (`Model.reciprocal`)."""
     return ("measured",) if isinstance(load_grid(tokens["file"]), IsotropicGrid) else ()
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
-    # Between the views of the tables, the albedo differs by less than a tenth from the tabulated values.
+    # The tables have the albedo for some views. Between these, it differs by less than a tenth from their values.
     return 1.1 * float(_load_proposal(load_grid(tokens["file"])).albedo.max())
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
-    # The mean over the views of the tables, each weighted by its part of the projected hemisphere.
+    # The colour is the mean albedo over the views of the tables, weighted by their shares of the projected hemisphere.
     proposal = _load_proposal(load_grid(p["file"]))
     theta = (np.arange(len(proposal.albedo)) + 0.5) * 0.5 * np.pi / len(proposal.albedo)
     weights = np.sin(2.0 * theta)

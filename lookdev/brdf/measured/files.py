@@ -1,11 +1,20 @@
-"""Files of measured reflectance: MERL's binaries, and the anisotropic data of Ngan et al.
+"""Read and write files of measured reflectance: MERL's binaries, and the anisotropic data of Ngan et al.
+
+All numbers of both formats are little-endian. A negative sample is missing, and counts as 0. `grids` explains the
+angles.
 
 A MERL binary has three int32, 90, 90 and 180, then float64 samples: a block for each of red, green and blue, in the
-order theta_h, theta_d, phi_d, in units of 1/1500, 1.15/1500 and 1.66/1500 per sr. A file of Ngan et al. has 16 int32,
-then float32 samples in 1/sr, a block for each channel. The 16 int32 are: the numbers of theta_i, theta_o, phi_d and
-phi_i, two reserved, 1 for this parametrisation, 0 for cells of equal size, one reserved, 1 where phi_d covers only
-[0, pi], the number of channels, 3, and five reserved. All numbers are little-endian. A negative sample is missing, and
-counts as 0.
+order theta_h, theta_d, phi_d. The units of the blocks are 1/1500, 1.15/1500 and 1.66/1500 per sr.
+
+A file of Ngan et al. has 16 int32, then float32 samples in 1/sr, a block for each channel. By their indices, the 16
+int32 are:
+
+- 0 to 3: the numbers of theta_i, theta_o, phi_d and phi_i;
+- 6: 1 for this parametrisation;
+- 7: 0 for cells of equal size;
+- 9: 1 if phi_d covers only [0, pi];
+- 10: the number of channels, 3;
+- the others: reserved.
 
 - Matusik, W. et al. 2003. A Data-Driven Reflectance Model. ACM TOG 22(3), and the reader beside the data.
 - Ngan, A., Durand, F., Matusik, W. 2005. Experimental Analysis of BRDF Models. EGSR. The layout of the files is as
@@ -27,15 +36,24 @@ from lookdev.brdf.measured.grids import AnisotropicGrid, IsotropicGrid, Measurem
 from lookdev.errors import ModelError
 
 MERL_SIZE = (90, 90, 180)
-MERL_SCALES = np.array([1.0, 1.15, 1.66]) / 1500.0
+"""The numbers of theta_h, theta_d and phi_d in a MERL binary."""
 
-_MAX_F = 1e12  # 1/sr
-_MAX_SAMPLES = 1 << 28
+MERL_SCALES = np.array([1.0, 1.15, 1.66]) / 1500.0
+"""The units in 1/sr of the red, green and blue samples of a MERL binary."""
+
+_MAX_F = 1e12  # the largest sample that is accepted, in 1/sr
+_MAX_SAMPLES = 1 << 28  # the largest number of samples of a channel
 _EXPECTED_FILE = "a MERL binary or the anisotropic data of Ngan et al. would be right"
 
 
 def read_grid(file: Path) -> MeasurementGrid:
-    """Read a file, from a cache while it does not change; raises ModelError if it is not a readable measurement."""
+    """Return the samples of a file, from a cache while the file does not change.
+
+    Raises
+    ------
+    ModelError
+        The file is not a readable measurement.
+    """
     try:
         status = file.stat()
     except FileNotFoundError:
@@ -49,6 +67,7 @@ def read_grid(file: Path) -> MeasurementGrid:
 
 @lru_cache(maxsize=8)
 def _read(file: Path, size: int, *state: int) -> MeasurementGrid:
+    """Read a file of `size` bytes; `state` is part of the cache's key, and changes with the file."""
     try:
         with file.open("rb") as stream:
             head = np.frombuffer(stream.read(64), "<i4", count=min(size, 64) // 4).tolist()
@@ -60,6 +79,7 @@ def _read(file: Path, size: int, *state: int) -> MeasurementGrid:
 
 
 def _read_merl(file: Path, size: int, head: list[int]) -> IsotropicGrid:
+    """Read a MERL binary of `size` bytes; `head` has its first int32."""
     expected = (
         f"a MERL binary has {_dimensions(MERL_SIZE)} samples of three channels, {12 + 24 * prod(MERL_SIZE)} bytes"
     )
@@ -76,6 +96,7 @@ def _read_merl(file: Path, size: int, head: list[int]) -> IsotropicGrid:
 
 
 def _read_anisotropic(file: Path, size: int, head: list[int]) -> AnisotropicGrid:
+    """Read a file of Ngan et al. of `size` bytes; `head` has its first 16 int32."""
     shape, subject = tuple(head[:4]), f"{file}: its header of anisotropic data gives"
     if min(shape) < 1 or prod(shape) > _MAX_SAMPLES:
         raise ModelError(
@@ -93,7 +114,10 @@ def _read_anisotropic(file: Path, size: int, head: list[int]) -> AnisotropicGrid
 
 
 def _read_samples(file: Path, dtype: str, offset: int, shape: tuple[int, ...]) -> Floats:
-    """Read samples (*shape, 3) in the units of the file; negative samples become 0."""
+    """Return samples (*shape, 3) in the units of the file; negative ones become 0.
+
+    `dtype` is the type of the stored numbers, which begin at byte `offset`.
+    """
     stored = np.fromfile(file, np.dtype(dtype), offset=offset).reshape(3, *shape)
     is_invalid = ~(np.isfinite(stored) & (stored <= _MAX_F))
     if is_invalid.any():
@@ -110,7 +134,10 @@ def write_merl(file: Path, f: Floats) -> None:
 
 
 def write_anisotropic(file: Path, f: Floats, *, half: bool = False) -> None:
-    """Write samples (theta_i, theta_o, phi_d, phi_i, 3), in 1/sr, as a file of Ngan et al."""
+    """Write samples (theta_i, theta_o, phi_d, phi_i, 3), in 1/sr, as a file of Ngan et al.
+
+    With `half`, their phi_d covers only [0, pi].
+    """
     head = np.array([*f.shape[:4], 0, 0, 1, 0, 0, int(half), 3, 0, 0, 0, 0, 0], "<i4")
     file.write_bytes(head.tobytes() + np.moveaxis(f, -1, 0).astype("<f4").tobytes())
 

@@ -1,11 +1,12 @@
-"""Measured reflectance on a grid of angles, and its look-up.
+"""Samples of measured reflectance on a grid of angles, and the look-up of f between them.
 
 - Rusinkiewicz, S. 1998. A New Change of Variables for Efficient BRDF Representation. EGWR.
 - Matusik, W. et al. 2003. A Data-Driven Reflectance Model. ACM TOG 22(3): the grid of MERL's files.
 - Ngan, A. et al. 2005. Experimental Analysis of BRDF Models. EGSR: the grid of the anisotropic measurements.
 
-A sample is at the centre of its cell. ``"nearest"`` returns the sample of the cell that contains the angles.
-``"linear"`` interpolates in every coordinate: elevations are clamped to the first and last sample, azimuths wrap.
+The cells of a grid divide the range of each angle. A sample is at the centre of its cell. The interpolation
+``"nearest"`` returns the sample of the cell that contains the angles. ``"linear"`` interpolates along every angle.
+Angles to the normal and to the half vector are clamped to the first and last sample; azimuths wrap.
 """
 
 from __future__ import annotations
@@ -25,9 +26,10 @@ from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import TINY, Array, Real, dot
 
 Corner: TypeAlias = tuple[Array, Real]
-"""The index of a sample, and its weight, (...)."""
+"""A sample that an interpolation along one angle reads: its index (...) along this angle, and its weight (...)."""
 
 HALF_PI = 0.5 * np.pi
+"""The range in radians of angles to the normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,19 +45,19 @@ class IsotropicGrid:
 
     @cached_property
     def table(self) -> NumberTable:
-        """The samples with a row for each theta_h and theta_d, and a column for each phi_d."""
+        """The samples as a table of colours: a row for each theta_h and theta_d, a column for each phi_d."""
         return NumberTable(self.samples.reshape(-1, self.samples.shape[2], 3))
 
     def f(self, d: DirectionPair, interpolation: str) -> Array:
-        """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
-        halves, differences, azimuths = self.samples.shape[:3]
+        """Return f (..., 3), in 1/sr, for a pair of directions; `interpolation` is ``"nearest"`` or ``"linear"``."""
+        halves, differences, azimuths = self.samples.shape[:3]  # the numbers of theta_h, theta_d and phi_d
         find_corners = _CORNERS[interpolation]
         theta_h = _elevation(d.wm)
         # sin theta_d is half the length of the chord between the directions; their dot product would cancel.
         chord = d.wi - d.wo
         theta_d = arc_tangent(0.5 * np.sqrt(dot(chord, chord)), d.cos_theta_d)
-        # About the half vector, the light's direction is at (wo_z - wi_z, (wo x wi)_z / cos theta_d): both have the
-        # factor 2 sin theta_h sin theta_d.
+        # phi_d is the angle of the point (wo_z - wi_z, (wo x wi)_z / cos theta_d). Both coordinates have the factor
+        # 2 sin theta_h sin theta_d.
         y = (d.wo[..., 0] * d.wi[..., 1] - d.wo[..., 1] * d.wi[..., 0]) / d.cos_theta_d
         phi_d = arc_tangent(y, d.wo[..., 2] - d.wi[..., 2])
         folded = np.where(phi_d < 0.0, phi_d + np.pi, phi_d)
@@ -76,8 +78,9 @@ class IsotropicGrid:
 class AnisotropicGrid:
     """Samples (theta_i, theta_o, phi_d, phi_i, 3) of an anisotropic surface, in 1/sr.
 
-    phi_i is the azimuth of the light from the tangent, phi_d the azimuth of the view from the light. With `half`, phi_d
-    covers only [0, pi], and the rest follows by reciprocity. A negative sample counts as 0.
+    theta_i and theta_o are the angles of light and view to the normal. phi_i is the azimuth of the light from the
+    tangent, phi_d that of the view from the light. With `half`, phi_d covers only [0, pi], and the rest follows by
+    reciprocity. A negative sample counts as 0.
     """
 
     samples: Floats
@@ -85,12 +88,13 @@ class AnisotropicGrid:
 
     @cached_property
     def table(self) -> NumberTable:
-        """The samples with a row for each theta_i and theta_o, and a column for each phi_d and phi_i."""
+        """The samples as a table of colours: a row for each theta_i and theta_o, a column for each phi_d and phi_i."""
         lights, views, differences, azimuths = self.samples.shape[:4]
         return NumberTable(self.samples.reshape(lights * views, differences * azimuths, 3))
 
     def f(self, d: DirectionPair, interpolation: str) -> Array:
-        """Return f (..., 3), in 1/sr, by one of the interpolations ``"nearest"`` and ``"linear"``."""
+        """Return f (..., 3), in 1/sr, for a pair of directions; `interpolation` is ``"nearest"`` or ``"linear"``."""
+        # The numbers of theta_i, theta_o, phi_d and phi_i.
         lights, views, differences, azimuths = self.samples.shape[:4]
         find_corners = _CORNERS[interpolation]
         phi_i, phi_o = (arc_tangent(w[..., 1], w[..., 0]) for w in (d.wi, d.wo))
@@ -120,11 +124,15 @@ MeasurementGrid: TypeAlias = IsotropicGrid | AnisotropicGrid
 
 
 def _elevation(w: Array) -> Array:
+    """Return the angles (...) of directions (..., 3) to the normal."""
     return arc_tangent(np.sqrt(w[..., 0] * w[..., 0] + w[..., 1] * w[..., 1]), w[..., 2])
 
 
 def arc_tangent(y: Array, x: Array) -> Array:
-    """Return the angle of (x, y) to the x axis: arctan2, then a Newton step, as OSL's arctan2 can be off by 1e-4."""
+    """Return the angle of the point (x, y) to the x axis, as arctan2 does.
+
+    A Newton step follows arctan2, because OSL's arctan2 can be off by 1e-4.
+    """
     angle: Array = np.arctan2(y, x)
     length = np.sqrt(x * x + y * y)
     return angle + (y * np.cos(angle) - x * np.sin(angle)) / np.maximum(length, TINY)
@@ -140,12 +148,18 @@ def _azimuth_fraction(angle: Array, period: float) -> Array:
 
 
 def _nearest(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
-    """Return the index of the cell that contains a position in units of cells, with weight 1."""
+    """Return the cell that contains a position along one angle, as one corner of weight 1.
+
+    The position is in units of cells, from 0 to `count`.
+    """
     return ((np.clip(np.floor(position), 0.0, count - 1.0), 1.0),)
 
 
 def _linear(position: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
-    """Return the indices of the two samples beside a position in units of cells, with their weights."""
+    """Return the two samples beside a position along one angle as corners, with weights that sum to 1.
+
+    The position is in units of cells, from 0 to `count`. With `wraps`, the first sample follows the last one.
+    """
     last = count - 1.0
     shifted = position - 0.5
     if wraps:
@@ -168,10 +182,10 @@ def _interpolate(
     rows: tuple[tuple[Corner, ...], ...],
     columns: tuple[tuple[Corner, ...], ...],
 ) -> Array:
-    """Sum the samples of a table at all corners, multiplied by the products of their weights.
+    """Return the sum of a table's samples at all corners, each multiplied by the product of its weights.
 
-    `rows` has the corners along each coordinate that selects a row, `columns` along each that selects a column. The
-    functions `row` and `column` convert one index for each of these coordinates to a row and to a column of the table.
+    `rows` has the corners along each angle that selects a row of the table. The function `row` returns the row from one
+    index along each of these angles. `columns` and `column` are the same for the columns.
     """
     total: Real = 0.0
     for row_corners in product(*rows):
@@ -185,4 +199,5 @@ def _interpolate(
 
 
 def _apply_weights(color: Real, corners: tuple[Corner, ...]) -> Real:
+    """Return a colour (..., 3) times the product of the corners' weights."""
     return color * np.expand_dims(reduce(mul, (weight for _, weight in corners)), -1)

@@ -1,15 +1,17 @@
-"""Importance sampling of measured data: a table of half vectors for each cell of views, and a cosine lobe.
+"""Importance sampling of measured data: half vectors are drawn from tables, and some directions from a cosine lobe.
 
-The floor of f is a small quantile of its values over the projected hemisphere. For each cell of half vectors, a table
-has the mean over some points of ``(f - floor) cos``, 0 where f is below the floor, times the Jacobian ``4 wi . wm``
-from directions of the light to half vectors (Walter et al. 2007, eq. 14). The density over solid angle is linear
-between the elevations of the cells' edges, and constant over the azimuths of a cell. The cosine lobe samples the floor
-exactly. It also bounds the weights ``f cos / pdf`` where a table misses a highlight. A highlight has nearly the same
-half vectors for all views, so few views suffice. A view uses the table of its cell, which is the mean over some views
-in that cell.
+The hemisphere of views is divided into cells, and so is that of half vectors. A view uses the table of its cell, which
+is the mean over some views in the cell. A highlight has nearly the same half vectors for all views, so few cells of
+views suffice.
 
-Cells have equal steps of azimuth and of the square root of theta_h, as MERL's have. "Linear" means linear in
-``sin^2(theta_h / 2)``: equal steps of it are equal solid angles, and it does not cancel as the cosine would.
+The floor of f is a small quantile of its values over the projected hemisphere. The table has a number for each cell of
+half vectors: the mean, over some points of the cell, of ``(f - floor) cos`` times the Jacobian ``4 wi . wm`` from
+directions of the light to half vectors (Walter et al. 2007, eq. 14). Where f is below the floor, 0 is taken. The cosine
+lobe samples the floor exactly. It also bounds the weights ``f cos / pdf`` where a table misses a highlight.
+
+Cells of half vectors have equal steps of azimuth, and of the square root of theta_h, as MERL's have. The density over
+solid angle is constant over the azimuths of a cell. Between the cell's edges in theta_h, it is linear in
+``sin^2(theta_h / 2)``, equal steps of which are equal solid angles. The cosine also has this property, but cancels.
 
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Lawrence, J. et al. 2004. Efficient BRDF Importance Sampling Using a Factored Representation. SIGGRAPH.
@@ -32,27 +34,41 @@ from lookdev.brdf.mixture import ONE_MINUS_EPSILON
 from lookdev.brdf.table import NumberTable, look_up
 from lookdev.brdf.vectors import TINY, Array, Real, reflect, vector
 
-# The keys are `Proposal.is_anisotropic`: whether the data are anisotropic.
-# Elevations and azimuths of half vectors; powers of two, for bisection.
-_HALF_VECTOR_CELLS = {False: (256, 16), True: (128, 32)}
-_POINTS_PER_CELL = {False: (2, 2), True: (1, 2)}  # half vectors in a cell, along elevation and azimuth
-_VIEW_CELLS = {False: (64, 1), True: (16, 16)}  # elevations and azimuths of views
+# The numbers of cells along theta and phi, the angle to the normal and the azimuth; the keys are whether the data are
+# anisotropic (`Proposal.is_anisotropic`).
+_HALF_VECTOR_CELLS = {False: (256, 16), True: (128, 32)}  # cells of half vectors: powers of two, for bisection
+_POINTS_PER_CELL = {False: (2, 2), True: (1, 2)}  # half vectors in a cell at which f is evaluated
+_VIEW_CELLS = {False: (64, 1), True: (16, 16)}  # cells of views
 
 _MIN_NEIGHBOUR_RATIO = 0.1  # least density relative to the neighbouring cells, as the horizon may cut a cell
-_FLOOR_FRACTION = 0.02  # part of the projected hemisphere where f is below the floor
+_FLOOR_FRACTION = 0.02  # share of the projected hemisphere where f is below the floor
 _COSINE_SHARES = (3e-5, 0.99)  # least and largest share of the cosine lobe
-_MIN_VIEW_COSINE = 1e-3  # cosine of the lowest view that has a table
+_MIN_VIEW_COSINE = 1e-3  # least cosine to the normal of the views for which tables are made
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """Tables for importance sampling, with a row for each view.
+    """The tables for importance sampling of one measurement.
 
-    `density` (views, thetas + 1) is the density over solid angle of half vectors, at the elevations of the cells'
-    edges; `azimuth_factor` (views * thetas, phis) is its factor in each azimuth. `marginal` (views, thetas + 1) and
-    `conditional` (views * thetas, phis + 1) are the cumulative distributions at the beginnings of cells. `albedo`
-    (views, 3) is the directional albedo, `cosine` (views, 1) the share of the cosine lobe. If `is_anisotropic`,
-    azimuths are measured from the tangent, else from the view.
+    `views` is the number of cells of views, `thetas` and `phis` are the numbers of cells of half vectors along theta_h
+    and phi_h.
+
+    Attributes
+    ----------
+    cosine : (views, 1)
+        The share of the cosine lobe.
+    density : (views, thetas + 1)
+        The density of half vectors over solid angle, as a mean over the azimuth, at the edges of cells in theta_h.
+    azimuth_factor : (views * thetas, phis)
+        The factor of this density in each cell of azimuth.
+    marginal : (views, thetas + 1)
+        The cumulative distribution of the cells in theta_h, from 0 to 1.
+    conditional : (views * thetas, phis + 1)
+        The cumulative distribution of the cells in azimuth for given theta_h, from 0 to 1.
+    albedo : (views, 3)
+        The directional albedo.
+    is_anisotropic
+        Whether azimuths are measured from the tangent. Otherwise they are measured from the view.
     """
 
     cosine: NumberTable
@@ -89,10 +105,12 @@ class Proposal:
         return density
 
     def sample(self, wo: Array, u1: Array, u2: Array) -> Array:
-        """Draw directions to the light (..., 3), which may be below the horizon."""
+        """Draw directions to the light (..., 3) for views (..., 3); they may be below the horizon."""
         thetas, phis = _HALF_VECTOR_CELLS[self.is_anisotropic]
         view = self._view(wo)
         cosine_share = self._cosine(view)
+        # i and j are the numbers of a cell along theta_h and azimuth, `up` and `around` positions in the cell. s is
+        # sin^2(theta_h / 2) of the half vector.
         u = np.clip((u1 - cosine_share) / (1.0 - cosine_share), 0.0, ONE_MINUS_EPSILON)
         i, up = _bisect(self.marginal, view, u)
         j, around = _bisect(self.conditional, view * float(thetas) + i, u2)
@@ -108,7 +126,7 @@ class Proposal:
         return np.where(np.expand_dims(u1 < cosine_share, -1), cosine_sample, reflect(wo, wm))
 
     def _axis(self, wo: Array) -> tuple[Real, Real]:
-        """Return x and y of the direction from which the azimuths of half vectors are measured."""
+        """Return x and y of the horizontal unit vector from which the azimuths of half vectors are measured."""
         if self.is_anisotropic:
             return 1.0, 0.0
         x, y = wo[..., 0], wo[..., 1]
@@ -118,11 +136,11 @@ class Proposal:
         return np.where(is_vertical, 1.0, x / divisor), np.where(is_vertical, 0.0, y / divisor)
 
     def _cosine(self, view: Array) -> Array:
-        """Return the share of the cosine lobe for a row of the tables."""
+        """Return the share of the cosine lobe (...) for cells of views, given by their rows in the tables."""
         return look_up(self.cosine, view, 0.0 * view)
 
     def _view(self, wo: Array) -> Array:
-        """Return the row of a view in the tables."""
+        """Return the rows (...) of the tables for views (..., 3): the numbers of their cells."""
         thetas, phis = _VIEW_CELLS[self.is_anisotropic]
         x, y = wo[..., 0], wo[..., 1]
         theta = arc_tangent(np.sqrt(x * x + y * y), wo[..., 2])
@@ -134,7 +152,10 @@ class Proposal:
 
 
 def _bisect(cumulative: NumberTable, row: Array, u: Array) -> tuple[Array, Array]:
-    """Return the cells of numbers in [0, 1), and their positions in them, by the cumulative distribution of a row."""
+    """Return the cells that uniform numbers u in [0, 1) select, and the positions of the numbers in their cells.
+
+    `cumulative` has the cumulative distributions of the cells, one in each row. Positions are in [0, 1).
+    """
     count = cumulative.values.shape[1] - 1
     cell: Array = 0.0 * u
     step = count // 2
@@ -146,17 +167,17 @@ def _bisect(cumulative: NumberTable, row: Array, u: Array) -> tuple[Array, Array
 
 
 def _edge_sin2(edge: Array, thetas: int) -> Array:
-    """Return sin^2(theta_h / 2) at an edge between cells, by the number of the edge."""
+    """Return sin^2(theta_h / 2) at an edge between cells in theta_h, by the number of the edge, 0 to `thetas`."""
     root: Array = np.sin(0.5 * HALF_PI / thetas**2 * edge * edge)
     return root * root
 
 
 def make_proposal(grid: MeasurementGrid) -> Proposal:
-    """Make the tables for measured data."""
+    """Return the sampling tables of measured data."""
     is_anisotropic = isinstance(grid, AnisotropicGrid)
     (thetas, phis), points = _HALF_VECTOR_CELLS[is_anisotropic], _POINTS_PER_CELL[is_anisotropic]
-    squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))
-    solid_angle = np.diff(squares) * (4.0 * np.pi / phis)
+    squares = np.asarray(_edge_sin2(np.arange(thetas + 1.0), thetas))  # sin^2(theta_h / 2) at the edges of cells
+    solid_angle = np.diff(squares) * (4.0 * np.pi / phis)  # of a cell, for each cell in theta_h
     half_vectors = _half_vectors(squares[:-1], np.diff(squares), phis, points)
     edges = _half_vectors(squares, 0.0, phis, (1, points[1]))
     density, cell_shares, albedo, cosine = [], [], [], []
@@ -164,15 +185,16 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
         f, weight = _evaluate_views(grid, views, half_vectors)
         weight *= (solid_angle / prod(points))[:, None, None, None] / len(views)
         color = (f * weight[..., None]).sum(axis=(0, 1, 2, 3, 4))
+        # `shares` (thetas, phis) are the numbers of the table, for each cell of half vectors.
         brightness = f.mean(axis=-1)
-        # The factor keeps values that only rounding lifts above the floor out of the highlights.
+        # The factor excludes from the tables values that are above the floor only by rounding.
         floor = _quantile(brightness, weight, _FLOOR_FRACTION) * (1.0 + 1e-9)
         shares = (np.maximum(brightness - floor, 0.0) * weight).sum(axis=(0, 2, 4))
         total, least, most = color.mean(), *_COSINE_SHARES
         cosine.append(np.clip(np.pi * floor / total, least, most) if total > 0.0 else most)
         f, weight = _evaluate_views(grid, views, edges)
         at_edges = (np.maximum(f.mean(axis=-1) - floor, 0.0) * weight).mean(axis=(0, 2, 3, 4))
-        ring_solid_angle = solid_angle * phis
+        ring_solid_angle = solid_angle * phis  # of all cells of the same theta_h
         density.append(_edge_density(at_edges, shares.sum(axis=-1) / ring_solid_angle, ring_solid_angle))
         cell_shares.append(
             np.maximum(
@@ -194,9 +216,10 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
 
 
 def _edge_density(at_edges: Floats, mean: Floats, solid: Floats) -> Floats:
-    """Return the normalised density at the edges of cells of solid angles (thetas,), from its values at the edges.
+    """Return the density (thetas + 1,) at the edges of cells in theta_h, normalised to the integral 1.
 
-    It is raised where the mean of a neighbouring cell is much higher.
+    `at_edges` (thetas + 1,) are its values before, `mean` (thetas,) the mean values in the cells, and `solid` (thetas,)
+    the solid angles of the cells. A value is raised where the mean of a neighbouring cell is much higher.
     """
     neighbours = 0.25 * (np.append(mean, mean[-1]) + np.append(mean[0], mean))
     density = np.maximum(at_edges, neighbours)
@@ -206,16 +229,17 @@ def _edge_density(at_edges: Floats, mean: Floats, solid: Floats) -> Floats:
 
 
 def _quantile(values: Floats, weights: Floats, part: float) -> float:
-    """Return the weighted quantile of values, below which the values have the fraction `part` of the weights."""
+    """Return the weighted quantile of values: the values below it have the share `part` of all weights."""
     order = np.argsort(values, axis=None)
     sums = np.cumsum(weights.ravel()[order])
     return float(values.ravel()[order[np.searchsorted(sums, part * sums[-1])]])
 
 
 def _half_vectors(squares: Floats, sizes: Floats | float, phis: int, points: tuple[int, int]) -> Floats:
-    """Return half vectors (thetas, points, phis, points, 3) in cells, with equal steps of solid angle in each cell.
+    """Return half vectors (thetas, points[0], phis, points[1], 3) in all cells, in equal steps of solid angle.
 
-    `squares` (thetas,) is sin^2(theta_h / 2) at the beginning of each cell, and `sizes` its increase over the cell.
+    `points` are the numbers of half vectors in a cell along theta_h and azimuth. `squares` (thetas,) is
+    sin^2(theta_h / 2) at the beginning of each cell, and `sizes` its increase over the cell.
     """
     up, around = ((np.arange(count) + 0.5) / count for count in points)
     s = (squares[:, None] + np.reshape(sizes, (-1, 1)) * up)[..., None, None]
@@ -226,7 +250,7 @@ def _half_vectors(squares: Floats, sizes: Floats | float, phis: int, points: tup
 
 
 def _view_cells(is_anisotropic: bool) -> Iterator[list[Floats]]:
-    """Yield the views of each cell, in the order of the tables' rows."""
+    """Yield some views (3,) in each cell of views, in the order of the tables' rows."""
     thetas, phis = _VIEW_CELLS[is_anisotropic]
     for row in range(thetas):
         for column in range(phis):
@@ -239,7 +263,10 @@ def _view_cells(is_anisotropic: bool) -> Iterator[list[Floats]]:
 
 
 def _evaluate_views(grid: MeasurementGrid, views: Sequence[Floats], wm: Floats) -> tuple[Floats, Floats]:
-    """Return f (views, ..., 3) at half vectors, and the cosine times the Jacobian; 0 for light from below."""
+    """Return f (views, ..., 3) at half vectors (..., 3), and the cosine times the Jacobian, (views, ...).
+
+    Both are 0 where the light is below the horizon.
+    """
     wo = np.stack([np.broadcast_to(view, wm.shape) for view in views])
     wi = np.asarray(reflect(wo, wm))
     valid = (wi[..., 2] > 0.0) & ((wm * wo).sum(axis=-1) > 0.0)

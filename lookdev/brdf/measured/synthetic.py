@@ -1,4 +1,4 @@
-"""Synthetic measurements of a known BSDF: the value at the centre of each cell of a file's grid."""
+"""Make synthetic measurements: the values of a known BSDF at the centres of the cells of a grid."""
 
 from __future__ import annotations
 
@@ -18,22 +18,26 @@ from lookdev.brdf.parameters import ParameterValue
 from lookdev.brdf.vectors import normalize
 
 ANISOTROPIC_SIZE = (16, 16, 36, 36)
-"""Size of synthetic data of Ngan et al., coarser than their measurements of 45 x 45 x 180 x 90."""
+"""The numbers of theta_i, theta_o, phi_d and phi_i of synthetic anisotropic data.
+
+The grid is coarser than that of Ngan et al., who measured 45 x 45 x 180 x 90 samples.
+"""
 
 _PLASTIC: dict[str, ParameterValue] = {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.35}
-_BLOCK = 1 << 18
+_BLOCK = 1 << 18  # the number of direction pairs that are evaluated at once
 
 
 @cache
 def plastic_grid() -> IsotropicGrid:
-    """Return the built-in measurement: a coarse grid of red plastic of Disney's model."""
+    """Return a measurement on a coarse grid of a red plastic, which is a material of Disney's model."""
     return IsotropicGrid(isotropic_samples(DISNEY.bsdf(DISNEY.complete(_PLASTIC)), (32, 32, 24)))
 
 
 def isotropic_samples(bsdf: Bsdf, size: tuple[int, int, int] = MERL_SIZE) -> Floats:
-    """Return f (*size, 3) at the centres of theta_h, theta_d and phi_d; 0 where a direction is below the horizon.
+    """Return f (*size, 3) at the centres of the cells of theta_h, theta_d and phi_d (`IsotropicGrid`).
 
-    phi_d is the azimuth of the light. As f is reciprocal, its value at the azimuth of the view is the same.
+    f is 0 where a direction is below the horizon. phi_d is the azimuth of the light. As f is reciprocal, its value at
+    the azimuth of the view is the same.
     """
     centres = [(np.arange(count) + 0.5) / count for count in size]
     h, d, phi = np.meshgrid(centres[0] ** 2 * HALF_PI, centres[1] * HALF_PI, centres[2] * np.pi, indexing="ij")
@@ -43,7 +47,10 @@ def isotropic_samples(bsdf: Bsdf, size: tuple[int, int, int] = MERL_SIZE) -> Flo
 def anisotropic_samples(
     bsdf: Bsdf, size: tuple[int, int, int, int] = ANISOTROPIC_SIZE, *, half: bool = False
 ) -> Floats:
-    """Return f (*size, 3) at the centres of theta_i, theta_o, phi_d and phi_i."""
+    """Return f (*size, 3) at the centres of the cells of theta_i, theta_o, phi_d and phi_i (`AnisotropicGrid`).
+
+    With `half`, phi_d covers only [0, pi].
+    """
     centres = [(np.arange(count) + 0.5) / count for count in size]
     phi_range = np.pi if half else 2.0 * np.pi
     theta_i, theta_o, phi_d, phi_i = np.meshgrid(
@@ -53,7 +60,7 @@ def anisotropic_samples(
 
 
 def write_synthetic(file: Path, bsdf: Bsdf) -> None:
-    """Write a measurement of a BSDF: anisotropic data of Ngan et al. for the suffix ``.dat``, else a MERL binary."""
+    """Write a measurement of a BSDF: in the format of Ngan et al. if the suffix is ``.dat``, else as a MERL binary."""
     if file.suffix == ".dat":
         write_anisotropic(file, anisotropic_samples(bsdf))
     else:
@@ -61,6 +68,7 @@ def write_synthetic(file: Path, bsdf: Bsdf) -> None:
 
 
 def _evaluate_in_blocks(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
+    """Return f (..., 3) for directions (..., 3); blocks limit the memory that is needed."""
     o, i = wo.reshape(-1, 3), wi.reshape(-1, 3)
     blocks = [slice(first, first + _BLOCK) for first in range(0, len(o), _BLOCK)]
     values = [evaluate(bsdf, np.asarray(normalize(o[block])), np.asarray(normalize(i[block]))) for block in blocks]

@@ -1,4 +1,7 @@
-"""Pixar's reflection model for Wall-E and Up (Smits): its record, and the combination of its layers."""
+"""Pixar's reflection model for Wall-E and Up (Smits): the record `PIXAR`, and the combination of its layers.
+
+A layer divides the incoming light among six lobes (`partition`). `layering` combines the divisions of several layers.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from lookdev.errors import ModelError
 
 
 def _combine(layers: Sequence[StackLayer]) -> Bsdf:
+    """Return the BSDF of layers, base first (`Model.combine`)."""
     for layer in layers[1:]:
         if layer.parameters["energy"] != layers[0].parameters["energy"]:
             raise ModelError("layers disagree on 'energy'; all Pixar layers of a stack must use the same")

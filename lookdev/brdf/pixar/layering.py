@@ -1,9 +1,11 @@
-"""Layering of Pixar's model: partitions of light combined into one (Smits, "Layering").
+"""Layering of Pixar's model: the partitions of several layers are combined into one (Smits, "Layering").
 
 "Layering is simply a matter of taking two (or more) sets of lobe weights and cone angles and normals along with a layer
-weight for each layer and producing a single set." Light meets the layers from the top down. Each lobe that it meets
-contributes to one lobe of the stack, with an energy. The cone angles, normals and indices of refraction of a lobe are
-averages over all of its contributions, weighted by energy.
+weight for each layer and producing a single set." A `Partition` is such a set, the division of light among six lobes.
+
+Light meets the layers from the top down. Each lobe of a layer that it meets contributes some energy to one of the six
+lobes of the stack. The cone angle, the normal and the index of refraction of a lobe of the stack are means over its
+contributions, weighted by energy.
 """
 
 from __future__ import annotations
@@ -32,7 +34,11 @@ _LOBES = (*REFLECTED_LOBES, *TRANSMITTED_LOBES)
 
 @dataclass(frozen=True)
 class _Contribution:
-    """A contribution to a lobe: its term, its frame, and the energy (...) that weights cone, index and frame."""
+    """A contribution to the lobe `name` of the stack.
+
+    `term` has its weights, cone and index of refraction, `frame` its normal. `energy` (...) is its weight in means over
+    contributions.
+    """
 
     name: str
     term: PartitionLobe
@@ -40,29 +46,30 @@ class _Contribution:
     energy: Array
 
     def multiply(self, weight: Real) -> _Contribution:
-        """Return the contribution, multiplied by a weight (...) of the light."""
+        """Return the contribution of light that is multiplied by a weight (...)."""
         term = self.term.with_weights(lambda values: scale(values, weight), lambda values: scale(values, weight))
         return replace(self, term=term, energy=self.energy * weight)
 
 
 def resulting_lobe(incoming: str, lobe: str) -> str:
-    """Return the lobe into which `lobe` of the layer beneath scatters light of `incoming` (Smits, "Layering").
+    """Return the name of the lobe into which a layer's `lobe` scatters light that the lobe `incoming` transmits to it.
 
-    It is on the side of `lobe`, and as blurred as the more blurred of the two.
+    The resulting lobe is on the side of `lobe`, and as blurred as the more blurred of both (Smits, "Layering").
     """
     side = REFLECTED_LOBES if lobe in REFLECTED_LOBES else TRANSMITTED_LOBES
     return side[max(TRANSMITTED_LOBES.index(incoming), side.index(lobe))]
 
 
 def combine_partitions(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
-    """Combine partitions, base first, seen from the same direction, with masks (...) in [0, 1] and modes.
+    """Return the combined partition of layers, which are given, base first, by their partitions, masks and modes.
 
-    Mode ``"over"`` is simple layering, A over B. In mode ``"transmit"``, the light that a layer transmits meets all six
-    lobes of the layers beneath instead of leaving on the other side. The mask of the base has no effect.
+    All partitions are for the same views. Masks (...) are in [0, 1], and that of the base has no effect. Mode
+    ``"over"`` is simple layering, A over B. In mode ``"transmit"``, the light that a layer transmits meets all six
+    lobes of the layers beneath instead of leaving on the other side.
     """
-    leaving: list[_Contribution] = []
-    incoming: list[_Contribution] = []  # transmitted by the layers above
-    remaining: Real = 1.0  # weight of the light that no layer above has met
+    leaving: list[_Contribution] = []  # of light that leaves the stack
+    incoming: list[_Contribution] = []  # of light that the layers above transmit to this layer
+    remaining: Real = 1.0  # the weight of the light that no layer above has met
     for number, (partition, mask, mode) in reversed([*enumerate(layers)]):
         mask = mask if number else 1.0
         contributions = [contribution.multiply(mask * remaining) for contribution in _contributions(partition)]
@@ -93,15 +100,16 @@ def combine_partitions(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partit
 
 
 def _contributions(partition: Partition) -> Iterator[_Contribution]:
+    """Yield the contributions of a layer's six lobes for light that has met no layer above."""
     for name in _LOBES:
         term = partition.terms[name]
         yield _Contribution(name, term, partition.frames[lobe_family(name)], term.energy(partition.cosine(name)))
 
 
 def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -> Iterator[_Contribution]:
-    """Yield the 18 products of the three transmitted lobes `incoming` and the six lobes beneath.
+    """Yield the contributions of a layer's six lobes for light of the three lobes `incoming` of the layers above.
 
-    On each side, 1 product belongs to the least blurred lobe, 3 to the next one, and 5 to the diffuse lobe.
+    There are 18. On each side, 1 belongs to the least blurred lobe, 3 to the next one, and 5 to the diffuse lobe.
     """
     for above, entering in incoming.items():
         for name, term in partition.terms.items():
@@ -120,7 +128,7 @@ def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -
 
 
 def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, PartitionLobe]:
-    """Sum the contributions to each lobe, by the lobe's name."""
+    """Return the sum of the contributions to each lobe, by the lobe's name."""
     terms = {}
     for name in _LOBES:
         lobe_contributions = [contribution for contribution in contributions if contribution.name == name]
@@ -137,7 +145,7 @@ def _sum_contributions(contributions: Sequence[_Contribution]) -> dict[str, Part
 
 
 def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
-    """Sum the weights of equal metals."""
+    """Return the metals of all contributions to a lobe; the weights of equal metals are summed."""
     sums: list[Metal] = []
     for part in parts:
         for index, metal in enumerate(sums):
@@ -150,8 +158,11 @@ def _sum_metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
 
 
 def _mean(contributions: Sequence[_Contribution], value: Callable[[PartitionLobe], Real]) -> Real:
-    """Return the mean of a value of the terms, weighted by energy, (...); without energy, the mean has no effect."""
-    # Equal values, and contributions without energy, generate no code.
+    """Return the mean (...) of a value of the contributions' terms, weighted by energy.
+
+    Where there is no energy, the mean has no effect, and is any of the values.
+    """
+    # No code is generated for equal values, nor for contributions whose energy is a constant 0.
     contributing = _contributions_with_energy(contributions)
     first = value((contributing or contributions)[0].term)
     if all(are_equal(value(contribution.term), first) for contribution in contributing):
@@ -163,7 +174,10 @@ def _mean(contributions: Sequence[_Contribution], value: Callable[[PartitionLobe
 
 
 def _mean_frame(contributions: Sequence[_Contribution]) -> Frame:
-    """Return the frame about the mean normal, weighted by energy; the shading normal where there is no energy."""
+    """Return the frame about the mean normal of contributions, weighted by energy.
+
+    Where there is no energy, the normal is the shading normal.
+    """
     contributing = _contributions_with_energy(contributions)
     if not contributing:
         return UprightFrame()
@@ -177,11 +191,12 @@ def _mean_frame(contributions: Sequence[_Contribution]) -> Frame:
 
 
 def _contributions_with_energy(contributions: Sequence[_Contribution]) -> list[_Contribution]:
+    """Return the contributions whose energy is not a constant 0."""
     return [contribution for contribution in contributions if not are_equal(contribution.energy, 0.0)]
 
 
 def _sum_energies(contributions: Sequence[_Contribution]) -> tuple[Array, BooleanArray]:
-    """Return the sum of energies, 1 where there is no energy, and the mask of where there is energy."""
+    """Return the sum (...) of energies, or 1 where it is 0, and the mask (...) of points with energy."""
     total = reduce(operator.add, (contribution.energy for contribution in contributions))
     has_energy = total > TINY * TINY
     return np.where(has_energy, total, 1.0), has_energy

@@ -1,4 +1,8 @@
-"""Inputs of Pixar's reflection model for Wall-E and Up (Smits, "Transmission", "Additional Parameters", "Layering")."""
+"""The parameters of Pixar's reflection model for Wall-E and Up, and quotations about them for the documentation.
+
+- Smits, B. Reflection Model Design for Wall-E and Up. Pixar Animation Studios. Sections "Transmission", "Additional
+  Parameters" and "Layering".
+"""
 
 from __future__ import annotations
 
@@ -9,10 +13,12 @@ _WHITE = (1.0, 1.0, 1.0)
 
 
 def _scale(lobe: str, lobe_text: str) -> Parameter:
+    """Return the parameter that scales a lobe; `lobe_text` names the lobe in the help."""
     return Parameter(f"{lobe}Scale", "float", 1.0, hard=(0.0, 10.0), help=f"Scales {lobe_text}.")
 
 
 def _cone_scale(lobe: str, lobe_text: str, follows: str = "") -> Parameter:
+    """Return the parameter that scales a lobe's cone angle; `lobe_text` names the lobe in the help."""
     help = f"Scales the {lobe_text} lobe's cone angle{f'; if not given, as {follows} does' * bool(follows)}."
     return Parameter(f"{lobe}ConeScale", "float", 1.0, (0.0, 2.0), (0.5, 1.5), help=help, follows=follows)
 

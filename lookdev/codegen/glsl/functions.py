@@ -1,8 +1,11 @@
-"""A program as functions of GLSL ES 3.00: each operation is a line, and the browser's compiler folds them further.
+"""Write a program, a list of `ProgramOperation`, as functions of GLSL ES 3.00, for `look` and `rig` of this package.
+
+Each operation becomes a line, and the browser's compiler optimizes the lines further.
 
 Numbers are float32. For `sin`, `cos` and `atan`, GLSL requires only three or four digits, and implementations do not
-give more. `pow` and `atan` are undefined for some arguments for which NumPy has values. There is no `expm1`. So
-``PRELUDE`` has functions: series accurate to the last place of float32, after reduction to an eighth of a turn or less.
+give more. `pow` and `atan` are undefined for some arguments for which NumPy has values. GLSL has no `expm1`.
+``PRELUDE`` therefore defines replacements. Those of the angle functions reduce the argument to an eighth of a turn or
+less, and then sum a series that is accurate to the last place of float32.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from lookdev.codegen.source import ProgramOperation, ProgramSource
 from lookdev.errors import CodegenError
 
 TABLE_WIDTH = 2048
-"""Texels in a row of the texture with a table's numbers, R32F: they continue from row to row."""
+"""The width in texels of the texture that holds a table's numbers, one per texel (R32F), row after row."""
 
 PRELUDE = """
 float look_expm1(float x) {
@@ -60,8 +63,9 @@ float look_up(highp sampler2D table, float cell) {
     return texelFetch(table, ivec2(number % 2048, number / 2048), 0).r;
 }
 """
-"""The functions that generated code calls; this text precedes it, once."""
+"""The functions that generated code calls. A shader contains this text once, before the generated code."""
 
+# Templates of GLSL for the operations: those of `operators.CODE`, except where GLSL has another name or too few digits.
 _CODE = {operation: strip_parentheses(code) for operation, code in CODE.items()} | {
     "absolute": "abs({})",
     "expm1": "look_expm1({})",
@@ -71,15 +75,16 @@ _CODE = {operation: strip_parentheses(code) for operation, code in CODE.items()}
     "arctan2": "look_atan2({}, {})",
     "power": "look_power({}, {})",
 }
+# The operations whose GLSL type is bool; "truth" is a boolean constant.
 _BOOLEAN_OR_TRUTH = BOOLEAN_OPERATIONS | {"truth"}
 _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def function_lines(program: ProgramWriter | ProgramSource, head: str) -> list[str]:
-    """Return the lines of a function that computes outputs of the program.
+    """Return the lines of a GLSL function that computes outputs of a program.
 
-    `head` is the function's name and parameters; each ``out`` parameter has the name of an output, which has 1 or 3
-    numbers. Uniforms of the program are written as literals.
+    `head` is the function's name and its parameters. Each ``out`` parameter is named like an output of the program, a
+    float or a vec3. The program's operations ``"uniform"`` become literals.
     """
     outputs = re.findall(r"out \w+ (\w+)", head)
     needed: set[int] = set()
@@ -109,6 +114,7 @@ def function_lines(program: ProgramWriter | ProgramSource, head: str) -> list[st
 
 
 def _operation_code(operation: ProgramOperation, names: Mapping[int, str], constants: Sequence[float]) -> str:
+    """Return the GLSL expression of an operation; `names` has the variable or literal of each earlier operation."""
     match operation.op:
         case "constant":
             return _literal(operation.value)
@@ -121,13 +127,14 @@ def _operation_code(operation: ProgramOperation, names: Mapping[int, str], const
         case "look_up":
             row, column = (names[number] for number in operation.operands)
             cell = f"{row} * {_literal(operation.value)} + {column}"
-            if operation.name:
+            if operation.name:  # the table's cells are colours, and the name is a channel: 0, 1 or 2
                 cell = f"3.0 * ({cell}) + {operation.name}.0"
             return f"look_up(look_table{operation.index}, {cell})"
     return _CODE[operation.op].format(*(names[number] for number in operation.operands))
 
 
 def _literal(value: float) -> str:
+    """Return a number as a GLSL literal; raise CodegenError if it exceeds the range of float32."""
     if abs(value) > _FLOAT32_MAX:
         raise CodegenError(f"a constant folded to {value:g}, which no float32 has; the model leaves its domain")
     text = repr(float(value))

@@ -1,6 +1,7 @@
-"""A look as functions of GLSL ES 3.00: its stack, images, expressions and shading frame.
+"""Write a look as functions of GLSL ES 3.00, for the designer's and the explorer's pages in the browser.
 
-Live constants are uniforms: while they change, the compiled program stays the same.
+The functions look up the look's images, evaluate its mask expressions and its stack of layers, and compute the shading
+frame. A live constant, one that the user edits, is a uniform of GLSL: its value changes without compiling again.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from lookdev.codegen.program.look import LivePredicate, generate_program, live_n
 from lookdev.codegen.source import ImageBinding, ProgramSource
 from lookdev.material import Bump, Look, Texture
 
+# The GLSL type of a mesh attribute, by `AttributeBinding.kind`.
 _TYPES = {"uv": "vec2", "float": "float", "color": "vec3", "vector": "vec3"}
+# Declarations of the globals that the functions read (`LookFunctions`).
 _DIRECTIONS = "float wo_x, wo_y, wo_z, wi_x, wi_y, wi_z, u1, u2, inside, hand;"
 _MESH = "vec3 mesh_normal, mesh_tangent, mesh_facet, viewer;"
 
@@ -41,37 +44,48 @@ float look_slope(float place, int wrap) {
     return wrap == 2 && (place < 0.0 || place > 1.0) ? 0.0 : 1.0;
 }
 """
-"""The functions that `look_read` calls; this text precedes it, once."""
+"""The functions that `look_read` calls. A shader contains this text once, before the functions of its looks."""
 
+# The numbers of UsdUVTexture's wrap modes in `TEXTURE_FUNCTIONS`.
 _WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2, "black": 3}
 
 
 @dataclass(frozen=True)
 class LookFunctions:
-    """The text of a look's functions, after `functions.PRELUDE` and `TEXTURE_FUNCTIONS`, and the values that they read.
+    """The GLSL text of a look's functions, and the values that they read.
 
-    The caller first sets these globals: for each attribute, the global with the name of its parameter; ``mesh_normal``,
-    ``mesh_tangent``, ``mesh_facet`` and ``viewer``, in world space; ``hand``, the handedness of the mesh's frame. Then
-    it sets the directions ``wo_x`` to ``wi_z``, in the shading frame and above its horizon, and the random numbers
-    ``u1`` and ``u2``.
-    ``inside`` is above 0 where the viewer is inside the solid.
+    In a shader, `functions.PRELUDE` and `TEXTURE_FUNCTIONS` precede `text`. `program` is the look's program, from which
+    the functions are written.
+
+    The shader first sets these globals:
+
+    - for each mesh attribute that the look reads, the global named `AttributeBinding.parameter`;
+    - ``mesh_normal``, ``mesh_tangent``, ``mesh_facet`` (the triangle's normal) and ``viewer`` (the direction to the
+      viewer), vectors in world space;
+    - ``hand``, the handedness of the mesh's frame, 1 or -1: the argument `hand` of `shading_frame`.
+
+    It then calls ``look_read`` and ``look_frame``. Before it calls the other functions, it sets the directions ``wo_x``
+    to ``wi_z``, in the shading frame and above its horizon, the random numbers ``u1`` and ``u2``, and ``inside``, above
+    0 where the viewer is inside the solid.
 
     ``look_read()``
-        Looks up images by the attributes.
+        Looks up the images, at the coordinates in the attributes.
     ``look_frame(tangent, bitangent, normal, facet)``
-        Sets the shading frame.
+        Sets the axes of the shading frame and the facet's normal, in world space.
     ``look_evaluate(value, pdf)``
-        Sets the BSDF times the cosine, and the density.
+        Sets the BSDF times the cosine, and the density with which ``look_draw`` draws ``wi``.
     ``look_draw(wi)``
-        Draws a direction.
+        Draws a direction in the shading frame by ``u1`` and ``u2``.
     ``look_presence(presence)``
-        Sets the presence, if the look is `see_through`.
+        Sets the presence. It exists if the look's program is `see_through`.
     ``look_delta<k>(direction, factor)``
-        Sets the direction and the factor of delta lobe `k` of `deltas`; z is 0 where the lobe does not scatter.
+        Sets the direction of delta lobe `k`, and the factor of light from there. The direction's z is 0 where the lobe
+        does not scatter.
 
-    `numbers` are the uniforms, one ``float`` or ``vec3`` each, and their values. A look-up reads ``sampler2D
-    look_<name>``, or ``look_<name>_<tile>`` for UDIM tiles, RGBA32F. Table `k` is ``sampler2D look_table<k>``, R32F, in
-    rows of `functions.TABLE_WIDTH` numbers.
+    `numbers` has the values of the uniforms, by name; a uniform is a ``float`` or a ``vec3``. The image of look-up
+    ``<name>`` is the uniform ``sampler2D look_<name>`` (RGBA32F); each UDIM tile has one of its own,
+    ``look_<name>_<tile>``. Table `k` of the program is ``sampler2D look_table<k>`` (R32F), in rows of
+    `functions.TABLE_WIDTH` numbers.
     """
 
     text: str
@@ -82,9 +96,10 @@ class LookFunctions:
 def look_functions(
     look: Look, resolve: Callable[[Texture | Bump], Path], live: LivePredicate, *, split: bool = False
 ) -> LookFunctions:
-    """Return the functions of a look, whose `live` constants are uniforms; arguments are those of `generate_program`.
+    """Return the functions of a look; its `live` constants are uniforms of GLSL.
 
-    With `split`, ``look_evaluate(value, pdf, diffuse)`` also sets the part of the value from diffuse lobes.
+    `resolve` and `live` are those of `generate_program`. With `split`, the function for evaluation is
+    ``look_evaluate(value, pdf, diffuse)``; ``diffuse`` is the part of ``value`` from diffuse lobes.
 
     Raises
     ------
@@ -119,11 +134,13 @@ def look_functions(
 
 
 def _sampler_name(look_up: ImageBinding, tile: int) -> str:
+    """Return the name of the sampler of a look-up's image; `tile` is the number of a UDIM tile, or 0."""
     return f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"
 
 
 def _look_up_lines(look_up: ImageBinding) -> Iterator[str]:
-    """Yield the lines that set a look-up's channels from its coordinates."""
+    """Yield the lines that read the image of a look-up, and set its variables ``<name>`` and ``<name>_a``."""
+    # The constructor mat3x2 takes columns, while `transform` has rows.
     m = ", ".join(repr(look_up.transform[k]) for k in (0, 3, 1, 4, 2, 5))
     wraps = f"{_WRAPS[look_up.wrap_s]}, {_WRAPS[look_up.wrap_t]}"
     yield "{"
@@ -134,7 +151,7 @@ def _look_up_lines(look_up: ImageBinding) -> Iterator[str]:
             s, t = _WRAPS[look_up.wrap_s], _WRAPS[look_up.wrap_t]
             yield f"    texel.xy *= vec2(look_slope(st.x, {s}), look_slope(st.y, {t}));"
     else:
-        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Its look-ups are clamped at its edges.
+        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Its wrap mode is clamp, number 2.
         yield "    vec2 tile = floor(st); vec4 texel = vec4(0.0);"
         for number in look_up.files:
             i, j = (number - 1001) % 10, (number - 1001) // 10

@@ -1,7 +1,7 @@
-"""The lights of a scene as functions of GLSL ES 3.00: a dome, or a rig of lamps and domes.
+"""Write the lights of a scene, lamps and domes, as functions of GLSL ES 3.00, for the designer's view in the browser.
 
-Lamps are rows of numbers, and functions traced from `lookdev.light`, as in OSL and for Mitsuba. Domes are sampled with
-the tables that the renderer reads.
+Each light is a row of numbers (`lookdev.light.lamps.FIELDS`), which the functions read from a texture. The functions of
+lamps are traced from `lookdev.light`, as in OSL and for Mitsuba. Domes are sampled by the same tables as in Cycles.
 """
 
 from __future__ import annotations
@@ -30,8 +30,12 @@ from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.light.picture import LEVELS
 
 RIG_WIDTH = 2048
-"""Numbers in a row of the texture with a rig's numbers, R32F: they continue from row to row."""
+"""The width in texels of the texture that holds a rig's numbers, one per texel (R32F), row after row."""
 
+# The parameters of the GLSL functions, by the functions' names in `program.lamps`, which defines their results: of a
+# lamp's shadow, of a dome with a finite radius ("ball"), of a textured rectangle ("picture") and of any lamp. The
+# ``out`` parameters are the numbers of a traced result, in order. ``light`` is the number of the light, ``p`` the
+# shading point and ``w`` a direction, both in the light's coordinates.
 _P, _W = "int light, vec3 p", "vec3 w"
 _PART = "float part_s, float part_t, float size"
 _SAMPLE_OUTPUTS = "out vec3 w, out float distance, out float pdf"
@@ -53,44 +57,48 @@ _LAMP = {
     "draw": f"{_P}, float u1, float u2, {_SAMPLE_OUTPUTS}",
     "sent": f"{_P}, {_W}, out vec3 sent",
 }
-"""Parameters of GLSL functions, by name; the ``out`` parameters are the numbers of a traced result, in order."""
 
+# The name of the GLSL variable that has a field of a lamp's row.
 _FIELD = "lamp_{}"
-"""The name of the GLSL variable that has a field of a lamp's row."""
 
 
 @dataclass(frozen=True)
 class RigFunctions:
-    """The text of a rig's functions, after `functions.PRELUDE`, and the values that they read.
+    """The GLSL text of a rig's functions, and the values that they read.
 
-    The caller first calls ``rig_meet_surface``, which sets the globals ``rig_place``, the shading point, and the
-    shading frame.
+    In a shader, `functions.PRELUDE` precedes `text`. At each shading point, the shader first calls
+    ``rig_meet_surface``, which stores the point, the shading frame and the number of the asset's slot in globals.
 
     ``rig_arriving``
-        Returns the light from a direction, divided by the density with which all strategies together draw the
-        direction.
+        Returns the radiance from a direction, summed over the lights. That of each light is divided by the density with
+        which the BSDF's and the light's strategies together draw the direction.
     ``rig_draw``
-        Draws a direction, and returns the light from there.
-    ``rig_meet_occluders``, ``rig_passed``
-        Exist if ``SHADOWS`` is 1. The first finds the occluders in a direction, by a function that is not part of the
-        text, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. The second returns the share of a
-        light that passes them.
+        Draws a direction to a light, and returns the radiance from there.
+    ``rig_meet_occluders``
+        Finds the occluders in a direction. It exists if the macro ``SHADOWS`` is 1. It calls a function that the shader
+        defines, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. This returns the distance of
+        the nearest occluder within ``reach``, or with ``any`` of an arbitrary one, and ignores the slots of the set
+        ``spared`` of `CodedRig.shadow_excluded`.
+    ``rig_passed``
+        Returns the share of a light that passes these occluders. It exists if ``SHADOWS`` is 1.
 
-    Uniforms are:
+    The text declares these uniforms:
 
     ``vec4 turns``
-        Sine and cosine of the rotation of the lights that rotate with the rig, and of that of the other lights.
+        Sine and cosine of the rotation angle of the lights that turn with the rig, then those of the other lights.
     ``sampler2D rig_numbers``
-        `numbers`, in rows of `RIG_WIDTH`.
+        The texture of `numbers`, in rows of `RIG_WIDTH`.
     ``dome<k>_map``, ``dome<k>_points`` (RGBA32F), ``isampler2D dome<k>_slots``
-        Dome `k` of `domes`, unless this is None: then its radiance is constant.
+        The map and the sampling tables of dome `k` of `domes`. A dome of constant radiance is None there, and has no
+        textures.
     ``picture<k>`` (RGBA32F)
-        Picture `k` of `pictures`.
+        The texture of rectangle light `k` of `pictures`.
     ``sampler2D rig_tables``
-        `tables`, those of IES profiles and pictures, if any, in rows of `functions.TABLE_WIDTH`.
+        The texture of `tables`, in rows of `functions.TABLE_WIDTH`: the numbers of IES profiles, and the luminance
+        trees of pictures. `tables` is None if there are neither.
 
-    A rig is `split` if a light has factors for diffuse and specular light. A rig is `plain` if every occluder blocks
-    all of every light.
+    A rig is `split` if a light has factors for its diffuse and specular light. A rig is `plain` if every occluder
+    blocks all light of every lamp and dome, at any distance.
     """
 
     text: str
@@ -105,12 +113,15 @@ class RigFunctions:
 def rig_functions(
     lights: Sequence[Light], lights_by_slot: Sequence[Sequence[int]], origin: RigOrigin, groups: Sequence[int] = ()
 ) -> RigFunctions:
-    """Return the functions of lights.
+    """Return the functions of lights that illuminate an asset.
 
-    For each slot, `lights_by_slot` has the numbers of the lights that illuminate it, and `groups` has its shadow group.
+    A slot is a part of the asset with a look of its own. For each slot, `lights_by_slot` has the indices in `lights` of
+    those that illuminate it. `groups` has each slot's shadow group: a light's shadow link excludes whole groups.
+    `origin` places the shader's coordinates in the world.
     """
     rig = CodedRig.from_lights(lights)
     domes = tuple(None if light.constant else light.map_dome for light in rig.domes)
+    # The contents of `RigFunctions.numbers`, block after block; the constants below are the indices of the blocks.
     numbers = [rig.rows(origin).astype(np.float64)]
     bin_starts = []
     for dome in domes:
@@ -142,10 +153,12 @@ def rig_functions(
         "RIG_CASTING": casting_start,
         "RIG_SLOTS": len(lights_by_slot),
         "RIG_SPARED": len(rig.shadow_excluded),
+        # Whether the camera sees a lamp.
         "RIG_SEEN": int(any(light.emission.camera for light in rig.lamps)),
         "RIG_SHADOWED": int(rig.needs("shadowed")),
         "RIG_SPLIT": int(rig.needs("split")),
         "PICTURE_LEVELS": LEVELS,
+        # Whether a shadow depends on the distance of the nearest occluder.
         "RIG_NEAREST": int(is_near or rig.needs("shadowed")),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
@@ -171,11 +184,12 @@ def rig_functions(
 
 
 def _array(name: str, values: Sequence[int]) -> str:
+    """Return the GLSL declaration of a constant array."""
     return f"const int {name}[{len(values)}] = int[{len(values)}]({', '.join(map(str, values))});"
 
 
 def _lamp_functions(rig: CodedRig) -> Iterator[str]:
-    """Yield the functions of each kind of lamp, and those for all kinds, which call the functions of a lamp's kind."""
+    """Yield functions for each kind of lamp, such as ``rect_draw``, then those that call them by a lamp's kind."""
     shapings = [emission.shaping for emission in rig.emissions if emission.shaping]
     profiles = [shaping.profile for shaping in shapings if shaping.profile]
     steps = max((profile.steps for profile in profiles), default=0)
@@ -188,6 +202,7 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
             kind, shaped=rig.needs("shaped"), falling=rig.needs("falling"), steps=steps, field=_FIELD
         )
         if kind == "picture":
+            # The template `picture.glsl` has the other functions of a picture, which call the traced ones.
             untextured = functions[0], {**functions[1], "untextured": functions[1]["sent"]}
             yield from _traced_functions(untextured, kind, {"weight": _LAMP["weight"], "untextured": _LAMP["sent"]})
             yield from _traced_functions(part_operations(field=_FIELD), kind, _PICTURE)
@@ -206,7 +221,10 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
 
 
 def _traced_functions(functions: FunctionOperations, prefix: str, parameters: Mapping[str, str]) -> Iterator[str]:
-    """Yield the lines of functions ``<prefix>_<name>``, which read the numbers of a lamp's row."""
+    """Yield the lines of the functions ``<prefix>_<name>``; `parameters` has their GLSL parameters by name.
+
+    Each function first reads the fields of the lamp's row that it needs into variables.
+    """
     operations, results = functions
     for name, signature in parameters.items():
         numbers = iter(results[name])
@@ -220,12 +238,12 @@ def _traced_functions(functions: FunctionOperations, prefix: str, parameters: Ma
         yield from (
             f"    float lamp_{field} = rig_field(light, LAMP_{field});" for field in FIELDS if field in fields_read
         )
-        # A lamp's only table is that of the rig, whose name differs from those of looks.
+        # The traced code has one table, number 0. It is the texture `rig_tables`, not the table of a look.
         yield from (line.replace("(look_table0,", "(rig_tables,") for line in rest)
 
 
 def _picture_functions(count: int) -> Iterator[str]:
-    """Yield the textures of pictures, and the functions that read them."""
+    """Yield the samplers of `count` pictures, the textures of rectangle lights, and the functions that read them."""
     yield from (f"uniform highp sampler2D picture{k};" for k in range(count))
     textures = (f"    if (number == {k}) return picture_look_up(picture{k}, place);" for k in range(count))
     texel = ["vec3 picture_texel(int number, vec2 place) {", *textures, "    return vec3(1.0);", "}"]
@@ -233,7 +251,7 @@ def _picture_functions(count: int) -> Iterator[str]:
 
 
 def _dome_functions(domes: Sequence[Light]) -> Iterator[str]:
-    """Yield the samplers of domes, the functions of local domes, and functions that read a dome by its number."""
+    """Yield the samplers of domes, the functions of domes with a finite radius, and those that read dome number k."""
     if not domes:
         return
     if any(not light.far for light in domes):

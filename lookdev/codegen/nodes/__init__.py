@@ -1,1 +1,1 @@
-"""Shader nodes of Blender from traced models, as plain data."""
+"""Write looks as shader nodes of Blender: traces of the models become instances of `NodeTree`, which are plain data."""

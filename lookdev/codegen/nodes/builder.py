@@ -1,4 +1,7 @@
-"""Expression graphs as shader nodes of Blender, which compute in float32."""
+"""Build a tree of Blender's shader nodes that computes the values of a traced expression graph, in float32.
+
+Other modules of this package add their nodes to a `TreeBuilder`.
+"""
 
 from __future__ import annotations
 
@@ -17,28 +20,33 @@ from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.errors import CodegenError
 
+# Blender's identifiers of the sockets of Separate XYZ and Combine XYZ.
 _AXES = ("X", "Y", "Z")
 # Blender's identifiers of the input sockets of Math and of Vector Math, in order.
 _SOCKETS = ("Value", "Value_001", "Value_002")
 _VECTOR_SOCKETS = ("Vector", "Vector_001", "Vector_002")
 
-# Operations of both Math and Vector Math, and of Mix.
+# Operations that one node can apply to the three components of vectors: those of both Math and Vector Math, and Mix.
 _VECTOR_OPERATIONS = {
     "ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "MULTIPLY_ADD", "ABSOLUTE", "MINIMUM", "MAXIMUM", "FLOOR", "POWER", "SINE",
     "COSINE", "TANGENT", "MIX",
 }  # fmt: skip
 
 NodeTerm: TypeAlias = "GraphNode | Triple"
-"""The value of one output of a node: a number, or three that are not all the same number."""
+"""The value that one output of a node computes: a graph's node, or three components that are not all the same."""
 
 
 Operand: TypeAlias = "Scalar | Triple | NodeLink"
-"""The input of a socket of a node: a constant, a term that another node computes, or the output of a node."""
+"""The input of a node's socket: a constant, a term that has yet to be computed, or the output of an existing node."""
 
 
 @dataclass(frozen=True)
 class _Recipe:
-    """The node that computes a term: its `kind` and `properties`, the operands of its sockets, and its `output`."""
+    """A plan of the node that computes a term.
+
+    `kind`, `properties` and `group` are those of `ShaderNode`. `inputs` has the operands by the sockets' identifiers.
+    `output` is the identifier of the socket that has the term's value.
+    """
 
     kind: str
     inputs: Mapping[str, Operand]
@@ -48,30 +56,35 @@ class _Recipe:
 
 
 GroupMatcher: TypeAlias = "Callable[[GraphNode], tuple[str, Mapping[str, Scalar]] | None]"
-"""Returns the name of a group whose output ``"Value"`` computes a graph's node, and the values of the group's inputs.
+"""A function that finds a group of nodes whose output ``"Value"`` computes a given node of a graph.
 
-It returns None if no group computes the node.
+It returns the group's name and the values of the group's inputs by name, or None if no group computes the node.
 """
 
 
 class TreeBuilder:
-    """Collects the nodes of one tree, equal nodes once.
+    """Collects the nodes of one tree; nodes that are equal are added once.
 
-    Values are scalars, or vectors of three. Components with the same operation become one vector node; a scalar that is
-    such a component is separated from it.
+    A value is a scalar, or a vector of three components. If its components have the same operation, one vector node
+    computes all of them. A scalar that is also such a component is then separated from the vector.
     """
 
     def __init__(self, name: str, match_group: GroupMatcher = lambda node: None) -> None:
         self.name = name
         self._match_group = match_group
+        # The nodes by name, and their names by all that distinguishes them.
         self._nodes: dict[str, ShaderNode] = {}
         self._names: dict[tuple[object, ...], str] = {}
+        # The output to which one symbol, or three together, are bound.
         self._bound: dict[tuple[str, ...], NodeLink] = {}
         # For a symbol bound as a component of a vector: the link of the vector, and the index of the component.
         self._parts: dict[str, tuple[NodeLink, int]] = {}
+        # The outputs of the terms that have been built, and the plans of the terms.
         self._links: dict[NodeTerm, NodeLink] = {}
         self._recipes: dict[NodeTerm, _Recipe] = {}
+        # For a scalar that is separated from a vector: the vector, and the index of the component.
         self._components: dict[GraphNode, tuple[Triple, int]] = {}
+        # The depths of graph nodes in operations (`add_depths`).
         self._depths: dict[GraphNode, int] = {}
 
     def add(
@@ -94,7 +107,7 @@ class TreeBuilder:
         return name
 
     def bind(self, symbols: Sequence[str], link: NodeLink) -> None:
-        """Bind a symbol to a scalar output, or three symbols to the components of a vector output.
+        """Make a node's output the value of a symbol, or a vector output the values of three symbols.
 
         Raises
         ------
@@ -107,7 +120,7 @@ class TreeBuilder:
             self._parts.update((symbol, (link, index)) for index, symbol in enumerate(symbols))
 
     def scalar(self, value: Scalar) -> NodeLink | float:
-        """Return the output of the node that computes a value; a constant is returned as a number.
+        """Return the output of the node that computes a value, or the number if the value is constant.
 
         Raises
         ------
@@ -117,9 +130,10 @@ class TreeBuilder:
         return self._term_value(value) if isinstance(value, GraphNode) else _number(value)
 
     def vector(self, values: Sequence[Scalar]) -> NodeLink | tuple[float, float, float]:
-        """Return the output that has three values as one vector, or three numbers; it raises what `scalar` raises.
+        """Return the output that has three values as a vector, or the three numbers if they are constant.
 
-        The output of three equal values can be a scalar, which Blender copies to the components of a vector.
+        If the three values are equal, the output can be a scalar: Blender copies it to the components of a vector. The
+        errors are those of `scalar`.
         """
         term = _term(values)
         if _is_term(term):
@@ -128,11 +142,17 @@ class TreeBuilder:
         return x, y, z
 
     def prepare(self, roots: Iterable[Sequence[Scalar]]) -> None:
-        """Plan vectors before they are built, so that scalars built in the meantime become components of them."""
+        """Plan the nodes of vectors, without building them.
+
+        If a component of these vectors is then built as a scalar, it is separated from the vector's node.
+        """
         self._plan([term for root in roots if _is_term(term := _term(root))])
 
     def tree(self, inputs: Sequence[GroupSocket] = (), outputs: Sequence[GroupSocket] = ()) -> NodeTree:
-        """Return the tree, laid out: the nodes that an output depends on, and the inputs that they read."""
+        """Return the tree with the positions of its nodes.
+
+        Nodes on which no output depends are left out, and so are `inputs` that no remaining node reads.
+        """
         nodes_by_name = _nodes_before_output(self._nodes)
         sockets_read = {
             link.socket
@@ -171,7 +191,10 @@ class TreeBuilder:
         return self._links[term]
 
     def _plan(self, roots: Sequence[NodeTerm]) -> None:
-        """Choose recipes for terms and their operands, vectors first: scalars then become components of vectors."""
+        """Choose the recipes of terms and of all their operands.
+
+        Vectors are planned first, so that scalars can become components of them.
+        """
         vectors = [root for root in roots if isinstance(root, tuple)]
         scalars = [root for root in roots if isinstance(root, GraphNode)]
         unbound: set[str] = set()
@@ -196,7 +219,7 @@ class TreeBuilder:
             raise CodegenError(f"nodes of {self.name} read unbound symbols: {missing}; bound: {bound or 'none'}")
 
     def _is_bound(self, term: NodeTerm) -> bool:
-        """Return whether a term is a bound symbol, or three symbols bound together; if so, record its link."""
+        """Return whether a term is a bound symbol, or three symbols bound together; if so, record the term's link."""
         nodes = (term,) if isinstance(term, GraphNode) else term
         names = tuple(node.name for node in nodes if isinstance(node, Symbol))
         if len(names) < len(nodes):
@@ -207,7 +230,7 @@ class TreeBuilder:
         return link is not None
 
     def _scalar_recipe(self, node: GraphNode) -> _Recipe:
-        """Return the recipe of a number: a component of a vector, a group, a dot product, or an operation."""
+        """Return the recipe of a scalar: a component of a vector, a group, a dot product, or a single operation."""
         if node in self._components:
             triple, index = self._components[node]
             return _Recipe("SeparateXYZ", {"Vector": triple}, _AXES[index])
@@ -226,7 +249,10 @@ class TreeBuilder:
         return _Recipe("Math", dict(zip(_SOCKETS, operands, strict=False)), "Value", {"operation": operation})
 
     def _vector_recipe(self, triple: Triple) -> _Recipe:
-        """Return the recipe of a vector; if one node computes it, its components are separated from that node."""
+        """Return the recipe of a vector: a single node, or a node that combines three scalars.
+
+        If it is a single node, the components that are needed as scalars are separated from it.
+        """
         recipe = self._single_node_recipe(triple)
         if recipe is None:
             return _Recipe("CombineXYZ", dict(zip(_AXES, triple, strict=True)), "Vector")
@@ -238,7 +264,7 @@ class TreeBuilder:
         return recipe
 
     def _is_vector(self, triple: Triple) -> bool:
-        """Return whether three values are a vector already, or a single node can compute them."""
+        """Return whether three values are constant, equal, bound as a vector, or computed by a single node."""
         term = _term(triple)
         if not _is_term(term) or not isinstance(term, tuple):
             return True
@@ -247,7 +273,8 @@ class TreeBuilder:
     def _single_node_recipe(self, triple: Triple) -> _Recipe | None:
         """Return the recipe of a single node that computes three values, or None."""
         nodes = [node for node in triple if isinstance(node, GraphNode)]
-        # Nodes of one depth do not depend on each other, so the vector does not depend on its own component.
+        # Components of the same depth do not depend on each other. Otherwise, a component that is separated from the
+        # vector could be an operand of the vector.
         if len(nodes) < 3 or len({self._depths[node] for node in nodes}) > 1 or all(n in self._links for n in nodes):
             return None
         if any(node.op == "symbol" for node in nodes):
@@ -273,12 +300,16 @@ class TreeBuilder:
 
 
 def _vector_math(operation: str, operands: Sequence[Scalar | Triple], output: str = "Vector") -> _Recipe:
+    """Return the recipe of a Vector Math node; a constant operand becomes a vector of three equal numbers."""
     vectors = (operand if isinstance(operand, GraphNode | tuple) else (operand,) * 3 for operand in operands)
     return _Recipe("VectorMath", dict(zip(_VECTOR_SOCKETS, vectors, strict=False)), output, {"operation": operation})
 
 
 def _mix(kind: str, a: Scalar | Triple, b: Scalar | Triple, factor: Scalar | Triple) -> _Recipe:
-    """Return the recipe of a (1 - factor) + b factor: exactly a at factor 0, exactly b at factor 1."""
+    """Return the recipe of the mix a (1 - factor) + b factor, which is exactly a at factor 0 and exactly b at 1.
+
+    `kind` is ``"Float"`` or ``"Vector"``.
+    """
     properties: dict[str, SocketValue | bool] = {"data_type": kind.upper(), "clamp_factor": False}
     factor_socket = "Factor_Float"
     if kind == "Vector":
@@ -289,7 +320,7 @@ def _mix(kind: str, a: Scalar | Triple, b: Scalar | Triple, factor: Scalar | Tri
 
 
 def _term(values: Sequence[Scalar]) -> Scalar | Triple:
-    """Return three values as a triple, or one value if all are the same."""
+    """Return three values as a triple, or a single value if all three are equal."""
     # Constants are compared by repr, as 0.0 == -0.0 in Python.
     different = {value if isinstance(value, GraphNode) else repr(value) for value in values}
     if len(different) == 1:
@@ -299,18 +330,21 @@ def _term(values: Sequence[Scalar]) -> Scalar | Triple:
 
 
 def _is_term(value: Operand) -> TypeGuard[NodeTerm]:
+    """Return whether an operand is a term that a node must compute: not a constant, and not an output."""
     return isinstance(value, GraphNode) or (
         isinstance(value, tuple) and any(isinstance(element, GraphNode) for element in value)
     )
 
 
 def _constant(value: Operand) -> SocketValue | NodeLink:
+    """Return an operand that is not a term, an output or a constant, as the input of a socket."""
     if isinstance(value, NodeLink):
         return value
     return tuple(_number(element) for element in value) if isinstance(value, tuple) else _number(value)
 
 
 def _number(value: Scalar) -> float:
+    """Return a constant as a float; raise CodegenError if it is not finite."""
     assert not isinstance(value, GraphNode)
     if not np.isfinite(value):
         raise CodegenError(f"a constant folded to {value}; the model leaves its domain")

@@ -1,4 +1,7 @@
-"""The closures of Cycles that approximate a BSDF's lobes, as shader nodes."""
+"""Add the nodes of Cycles' closures that approximate the lobes of a BSDF, for the looks of backend ``nodes``.
+
+`lookdev.closures` chooses the closures of a lobe; this module writes them as shader nodes.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +23,16 @@ from lookdev.codegen.trace.lobes import WO, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
 SocketInputs: TypeAlias = dict[str, SocketValue | NodeLink]
+"""The inputs of a node, constants or links, by the identifiers of its sockets."""
 
 _X = np.array([1.0, 0.0, 0.0])
 
 
 def add_closures(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[NodeLink | None, bool]:
-    """Add the closures of a BSDF, traced in `graph`, to a tree.
+    """Add the closures of a BSDF, traced in `graph`, to a tree; return their sum, and whether one of them transmits.
 
-    `frame` has tangent, bitangent and normal in world space, (3, 3). Its symbols, and those of `WO`, are bound in the
-    tree. Return two values: the output that sums the closures, or None if there are no closures; and whether light
-    passes through.
+    The sum is an output, or None if there are no closures. The rows of `frame` (3, 3) are tangent, bitangent and normal
+    in world space. Its symbols, and the symbols `WO`, must be bound in the tree.
     """
     lobes = present_lobes(graph, bsdf)
     closures = _merge_closures(
@@ -48,14 +51,17 @@ def add_closures(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -
 
 
 def add_shaders(builder: TreeBuilder, a: NodeLink | None, b: NodeLink | None) -> NodeLink | None:
-    """Add a node that sums two shaders, and return its output; None is a black shader."""
+    """Add a node that sums two shaders, and return its output. None stands for a black shader."""
     if a is None or b is None:
         return b if a is None else a
     return NodeLink(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
 
 
 def scale_shader(builder: TreeBuilder, shader: NodeLink | None, factor: Real) -> NodeLink | None:
-    """Add a node that mixes a shader with black, by a factor from 0 to 1, and return its output."""
+    """Add a node that multiplies a shader by a factor from 0 to 1, and return its output; None is a black shader.
+
+    The node mixes the shader with black.
+    """
     if shader is None or are_equal(factor, 0.0):
         return None
     if are_equal(factor, 1.0):
@@ -66,7 +72,10 @@ def scale_shader(builder: TreeBuilder, shader: NodeLink | None, factor: Real) ->
 
 
 def add_transparent(builder: TreeBuilder, shader: NodeLink | None, presence: Real) -> NodeLink | None:
-    """Add a transparent shader to a shader, so that rays pass unchanged where the surface is absent."""
+    """Add a transparent shader of weight 1 - presence to a shader, and return the sum.
+
+    Rays pass unchanged where the surface is absent.
+    """
     absence = 1.0 - presence
     if are_equal(absence, 0.0):
         return shader
@@ -75,7 +84,10 @@ def add_transparent(builder: TreeBuilder, shader: NodeLink | None, presence: Rea
 
 
 def _merge_closures(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
-    """Return closures without those of weight 0; closures that differ only in their weight are summed."""
+    """Return closures with their labels, without those of weight 0; sum those that differ only in their weight.
+
+    The labels are the names of lobes.
+    """
     merged: dict[tuple[object, ...], tuple[Closure, str]] = {}
     for closure, label in closures:
         if are_equal(closure.weight, 0.0):
@@ -113,7 +125,8 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
             node_type = "BsdfRefraction"
             properties["distribution"] = closure.kind.removesuffix("_refraction").upper()
             inputs["Roughness"] = add_value(builder, np.sqrt(closure.alpha_x))
-            # Cycles takes the back of a surface for the inside of a solid; a thin surface is the same from both sides.
+            # On the back of a surface, Cycles inverts the index of refraction, as inside a solid. This lobe belongs to
+            # a thin surface, which refracts in the same way from both sides, so the index is inverted once more.
             geometry = NodeLink(builder.add("NewGeometry"), "Backfacing")
             behind = bind_symbols(graph, builder, "frame.behind", geometry, vector=False)
             inputs["IOR"] = add_value(builder, np.where(behind > 0.5, 1.0 / closure.ior, closure.ior))
@@ -127,7 +140,10 @@ def _add_closure(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Ar
 def _add_metal(
     builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: SocketInputs
 ) -> NodeLink | None:
-    """Add a metal or a conductor, whose node has no socket for a weight, and return its output."""
+    """Add the node of a closure ``"metal"`` or ``"conductor"``, and return its output.
+
+    The node has no socket for a weight, so a mix with black scales its shader.
+    """
     exact = closure.kind == "conductor"
     if exact:
         inputs |= {"IOR": add_value(builder, closure.eta), "Extinction": add_value(builder, closure.k)}
@@ -140,10 +156,10 @@ def _add_metal(
 
 
 def _add_sheen(builder: TreeBuilder, color: SocketValue | NodeLink, label: str, inputs: SocketInputs) -> NodeLink:
-    """Add sheen: a black metal, multiplied by the tint of a coat.
+    """Add sheen as a Principled BSDF, a metal under a coat of the tint `color`, and return its output.
 
-    The coat's index of refraction is 1, so it does not reflect. Its normal is the direction to the viewer: along it,
-    the tint applies unchanged.
+    The metal's base colour is black. The coat's index of refraction is 1, so the coat does not reflect. The coat's
+    normal is the direction to the viewer: along its normal, a coat has exactly its tint.
     """
     inputs |= {"Base Color": (0.0, 0.0, 0.0), "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": (1.0, 1.0, 1.0)}
     inputs |= {"Coat Weight": 1.0, "Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Tint": color}
@@ -152,10 +168,10 @@ def _add_sheen(builder: TreeBuilder, color: SocketValue | NodeLink, label: str, 
 
 
 def _glossy_inputs(builder: TreeBuilder, closure: Closure, frame: Array) -> SocketInputs:
-    """Return the sockets for roughness r, anisotropy a and tangent.
+    """Return the inputs of the sockets for roughness r, anisotropy a and tangent of a glossy closure.
 
-    Cycles has alpha_x = r^2 / s and alpha_y = r^2 s. For a metal, s^2 = 1 - 0.9 a, as in Disney's BRDF; for other
-    closures, s = 1 + a where a is negative.
+    Cycles computes alpha_x = r^2 / s and alpha_y = r^2 s from them, where s depends on a. For a metal, s^2 = 1 - 0.9 a,
+    as in Disney's BRDF. For other closures, s = 1 + a, with a negative a.
     """
     x, y = closure.alpha_x, closure.alpha_y
     if are_equal(x, y):
@@ -170,6 +186,7 @@ def _glossy_inputs(builder: TreeBuilder, closure: Closure, frame: Array) -> Sock
 
 
 def _to_world(frame: Array, w: Array) -> Array:
+    """Return the world direction (3,) of w (3,), whose components are along the axes of `frame` (3, 3)."""
     if are_equal(w, ZENITH):
         return frame[2]
     return scale(frame[0], w[0]) + scale(frame[1], w[1]) + scale(frame[2], w[2])

@@ -1,7 +1,8 @@
-"""A look as nodes that sample its model exactly: at each hit, a ray portal continues along one direction of the BSDF.
+"""Write a look as nodes that sample its model exactly, for backend ``nodes-exact``, which needs no OSL.
 
-The portal's weight is f times the cosine over the pdf. This is an unbiased estimator for rays that meet the asset again
-and for rays that meet the light. The light is not sampled. No OSL is needed.
+At each hit, the node Ray Portal sends the ray on along one direction that is drawn from the BSDF. Its weight is f times
+the cosine over the pdf. This estimator is unbiased, whether the ray then meets the asset or a light. Directions are not
+drawn from the light.
 """
 
 from __future__ import annotations
@@ -29,20 +30,22 @@ from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
-# Fourth coordinate of the white noise. Each channel hashes the four coordinates in another order: if this one were
-# equal to a component of the position, two channels could be equal.
+# The fourth coordinate of the white noise, arbitrary. Each channel of the noise hashes the four coordinates in another
+# order: if this coordinate were equal to one of the position, two channels could be equal.
 _NOISE_SEED = 0.7548776662
 
 
 def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], *, bounces: int) -> NodeSource:
-    """Generate the nodes that sample a look, with `resolve` as in `lookdev.codegen.inputs.SymbolicSurface`.
+    """Generate the nodes that sample a look; a path ends after `bounces` portals.
 
-    Every ray that leaves the surface has passed a portal. The world detects this by `Light Path`'s transparent depth.
+    `resolve` is as in `lookdev.codegen.inputs.SymbolicSurface`. Every ray that leaves the surface has passed a portal,
+    which Cycles counts in the transparent depth of the node Light Path. By this number, the nodes of the world
+    distinguish the rays that have left a surface from camera rays.
 
     Raises
     ------
     CodegenError
-        The surface is see-through: a ray that passes it unchanged has a transparent depth, too.
+        The surface is see-through. A ray that passes it unchanged would increase the transparent depth, too.
     """
     graph = Graph()
     inputs = SymbolicSurface(graph, resolve)
@@ -58,7 +61,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
 
     axes = {name: symbols(graph, [f"{name}_{axis}" for axis in "xyz"]) for name in ("t", "b", "n", "facet")}
     world = scale(axes["t"], wi[..., 0]) + scale(axes["b"], wi[..., 1]) + scale(axes["n"], wi[..., 2])
-    # The direction must be on the same side of the facet as of the plane perpendicular to the shading normal.
+    # A direction is valid if it is above both the facet and the shading normal's horizon, or below both.
     facet_cosine = dot(world, axes["facet"])
     valid = facet_cosine * wi[..., 2] > 0.0
     transmits = any(lobe.transmits for lobe in lobes)
@@ -83,7 +86,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder.bind([f"facet_{axis}" for axis in "xyz"], NodeLink(geometry, "True Normal"))
     builder.bind([f"place_{axis}" for axis in "xyz"], NodeLink(geometry, "Position"))
     builder.bind(["lift"], add_lift(builder))
-    # Each sample of a pixel has a position of its own.
+    # u1 and u2 are white noise at the shading point. They are random because each sample of a pixel hits another point.
     noise = builder.add(
         "TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": NodeLink(geometry, "Position"), "W": _NOISE_SEED}
     )
@@ -102,17 +105,18 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
 
 
 def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Array, Array]:
-    """Trace one sample of lobes, at the symbols ``wo_x wo_y wo_z u1 u2``.
+    """Return the weight (3,) and the direction (3,) of one sample of lobes, as functions of symbols.
 
-    Return its weight, (3,), and its direction in the surface's frame, (3,). The weight is f times the cosine over the
-    density of all lobes, 0 where no lobe scatters.
+    The symbols are ``wo_x wo_y wo_z``, the direction to the viewer, and the random numbers ``u1 u2``. Directions are in
+    the shading frame. The weight is f times the cosine over the density, both summed over all lobes. It is 0 where no
+    lobe scatters.
     """
     if not lobes:
         return np.zeros(3), ZENITH
     mixture = trace_mixture(graph, lobes)
     assume_positive(graph, mixture.wo[..., 2])
     u1, u2 = np.minimum(symbols(graph, ("u1", "u2")), ONE_MINUS_EPSILON)
-    # Built from the last lobe to the first: the result is the direction of the first lobe whose `is_below_end` is true.
+    # The result is the direction of the first lobe whose `is_below_end` is true: u1 is in the range of this lobe.
     *others, last = mixture.choices(u1)
     wi = last.lobe.draw(last.remapped, u2)
     for choice in reversed(others):

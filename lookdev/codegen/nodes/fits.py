@@ -1,4 +1,8 @@
-"""Fits (`lookdev.closures.fits`) as groups of nodes: wherever a lobe needs a long polynomial, it is a single node."""
+"""Put each fitted function of `lookdev.closures.fits` into a group of nodes, so that a tree has one node for it.
+
+A fit is a polynomial, or a quotient of two, of x and y. A closure's weight or roughness contains fits, whose many
+operations would otherwise all be nodes of the tree.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +19,13 @@ _INPUTS = ("x", "y")
 
 
 def match_fit(node: GraphNode) -> tuple[str, dict[str, GraphNode]] | None:
-    """Return the group that computes a node, and the values of its sockets; None if it is not a fit of x and y."""
+    """Return the name of the group that computes a node, and the group's inputs; None if the node is not a fit."""
     variables = _variables(node)
     if variables is None:
         return None
     x, y = (SymbolicArray(node.graph, np.array(variable, dtype=object)) for variable in variables)
     for name, entry in closure_table()["fits"].items():
-        # Equal expressions are the same node.
+        # Fits of x alone stay nodes of the tree. Equal expressions of a graph are the same object.
         if len(entry["numerator"][0]) > 1 and elements_of(closure_fit(name)(x, y))[0] is node:
             return f"{_PREFIX}{name}", dict(zip(_INPUTS, variables, strict=True))
     return None
@@ -33,7 +37,7 @@ def is_fit(group: str) -> bool:
 
 
 def fit_tree(group: str) -> NodeTree:
-    """Return the tree of a fit's group."""
+    """Return the tree of the group of a fit, named `group`."""
     graph, builder = Graph(), TreeBuilder(group)
     group_input = builder.add("NodeGroupInput")
     for name in _INPUTS:
@@ -44,7 +48,10 @@ def fit_tree(group: str) -> NodeTree:
 
 
 def _variables(node: GraphNode) -> tuple[GraphNode, GraphNode] | None:
-    """Return x and y of a node that may be a polynomial (... y + c) x + (... y + c), or a quotient of two; or None."""
+    """Return the candidates for x and y of a node that may be a fit, or None if the node cannot be one.
+
+    The node of a fit is a polynomial (... y + c) x + (... y + c) by Horner's rule, or a quotient of two.
+    """
     match node.args[0] if node.op == "divide" else node:
         case GraphNode(op="add", args=(GraphNode(op="multiply", args=(_, GraphNode() as x)), remainder)):
             match remainder:

@@ -1,4 +1,4 @@
-"""The shading frame (`lookdev.scene.shading`) as a group of nodes."""
+"""Write the shading frame (`lookdev.scene.shading`) as a group of nodes, for the trees of all looks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of
 from lookdev.scene.shading import shading_frame
 
 GROUP = "Lookdev Frame"
+"""The name of the group."""
 
+# The group's outputs, and their tooltips in Blender.
 _OUTPUTS = {
     "Normal": "The shading normal on the viewer's side, bent where it would face away from the viewer",
     "Tangent": "Along the first UV set's u, where the look depends on its direction",
@@ -24,9 +26,9 @@ _OUTPUTS = {
 
 
 def add_frame(builder: TreeBuilder) -> dict[str, NodeLink]:
-    """Add a node of the group `frame_tree` to a tree, and bind ``wo_x wo_y wo_z`` to its output.
+    """Add a node of the group `frame_tree` to a tree, and return its outputs ``tangent``, ``bitangent`` and ``normal``.
 
-    Return the outputs of the frame's axes, unit vectors in world space, by their names: tangent, bitangent, normal.
+    They are unit vectors in world space. The symbols ``wo_x wo_y wo_z`` are bound to the group's output ``"Viewer"``.
     """
     node = builder.add("Group", group=GROUP)
     builder.bind(("wo_x", "wo_y", "wo_z"), NodeLink(node, "Viewer"))
@@ -34,9 +36,10 @@ def add_frame(builder: TreeBuilder) -> dict[str, NodeLink]:
 
 
 def reads_frame_tangent(tree: NodeTree) -> bool:
-    """Return whether nodes of a tree read the frame's tangent or bitangent, or the viewer's component along them."""
+    """Return whether nodes of a tree read the frame's tangent or bitangent, or the viewer's components along these."""
     frames = {node.name for node in tree.nodes if node.group == GROUP}
     links = [(node, link) for node in tree.nodes for link in node.inputs.values() if isinstance(link, NodeLink)]
+    # The nodes that separate the components of the direction to the viewer.
     viewers = {node.name for node, link in links if link.node in frames and node.kind == "SeparateXYZ"}
     return any(
         (link.node in frames and link.socket != "Normal" and node.name not in viewers)
@@ -48,8 +51,8 @@ def reads_frame_tangent(tree: NodeTree) -> bool:
 def frame_tree(*, reads_tangent: bool, bends_normals: bool) -> NodeTree:
     """Return the group that computes the shading frame.
 
-    With `reads_tangent`, for a look that depends on the tangent's direction, it reads the mesh's tangent. With
-    `bends_normals`, for a look with bumps or normal maps, it mirrors the bitangent of a mirrored instance.
+    With `reads_tangent`, the group reads the mesh's tangent, for a look that depends on the tangent's direction. With
+    `bends_normals`, it mirrors the bitangent of a mirrored instance, for a look with bumps or normal maps.
     """
     graph, builder = Graph(), TreeBuilder(GROUP)
 

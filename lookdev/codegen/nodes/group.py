@@ -1,4 +1,4 @@
-"""Groups of nodes whose sockets are parameters of the models."""
+"""Build groups of nodes whose input sockets are the parameters of a reflectance model, for backend ``nodes``."""
 
 from __future__ import annotations
 
@@ -16,24 +16,28 @@ from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, s
 
 
 class TracedGroup:
-    """A group under construction, from values traced in a graph of its own."""
+    """A group of nodes under construction.
+
+    The group's values are traced in its own graph, `graph`, whose nodes `builder` collects. The values that the group's
+    sockets receive are traced in the outer graph, that of the tree that contains the group's node.
+    """
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.graph = Graph()
         self.builder = TreeBuilder(name, match_fit)
-        # The values of sockets by name: arrays of the graph of the tree that contains the group's node.
+        # The values of sockets by name: arrays of the outer graph.
         self._values: dict[str, Array] = {}
         self._sockets: list[GroupSocket] = []
         self._input = self.builder.add("NodeGroupInput")
 
     def add_inputs(self, parameters: Mapping[str, Parameter], values: Parameters, panel: str = "") -> Parameters:
-        """Add sockets for parameters, and return the parameters' values inside the group.
+        """Add input sockets for parameters, and return the values of the parameters inside the group.
 
-        `values` are the values outside: tokens, and arrays of the graph outside. Inside, a value is the symbols of a
-        socket. A token, and a constant at which terms of the model vanish, has no socket and is the same inside. A
-        parameter that follows another one and has the same value shares the socket of the other. The name of a socket
-        begins with that of its panel.
+        `values` has tokens, and arrays of the outer graph. Inside the group, the value of a parameter is the symbols of
+        its socket. Tokens have no socket, and neither have constants at which terms of the model vanish: they are the
+        same inside. If a parameter follows another one (`Parameter.follows`) and has the same value, both share a
+        socket. `panel` is the heading of the sockets, with which their names begin.
         """
         inner_values: dict[str, Array | str] = {}
         for name, value in values.items():
@@ -54,16 +58,16 @@ class TracedGroup:
         return inner_values
 
     def add_shader_input(self, name: str, panel: str = "") -> NodeLink:
-        """Add a socket for a shader and return its output inside."""
+        """Add an input socket for a shader, and return the shader as an output inside the group."""
         self._sockets.append(GroupSocket(name, "shader", panel=panel))
         return NodeLink(self._input, name)
 
     def tree(
         self, values: Mapping[GroupSocket, Real], shader: NodeLink | None = None, *, has_shader: bool = True
     ) -> NodeTree:
-        """Return the tree, whose outputs are `values` of the group's graph and, if `has_shader`, a shader first.
+        """Return the finished tree, whose outputs are `values`, arrays of the group's graph, by their sockets.
 
-        The shader is black if `shader` is None.
+        If `has_shader`, the first output is `shader`, or black if that is None.
         """
         self.builder.prepare(_vector_elements(values.values()))
         inputs: dict[str, SocketValue | NodeLink] = {
@@ -78,9 +82,10 @@ class TracedGroup:
         return self.builder.tree(self._sockets, outputs)
 
     def add_to(self, outer: TreeBuilder, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
-        """Add a node of the finished group, with the values of its sockets, to the tree outside; return its name.
+        """Add a node of the group to the outer tree, and return the node's name.
 
-        `shaders` are the outputs that are linked to the sockets of shaders, by name.
+        `tree` is the group's finished tree. `shaders` has the outputs of the outer tree that are linked to the sockets
+        for shaders, by the names of these sockets.
         """
         values = self.input_values(tree)
         outer.prepare(_vector_elements(values.values()))
@@ -88,12 +93,12 @@ class TracedGroup:
         return outer.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
 
     def input_values(self, tree: NodeTree) -> dict[str, Array]:
-        """Return the values of the sockets that the finished tree has, by name."""
+        """Return the values, arrays of the outer graph, of the sockets that the finished tree has, by name."""
         return {socket.name: self._values[socket.name] for socket in tree.inputs if socket.kind != "shader"}
 
 
 def followed_parameter(parameter: Parameter, values: Parameters) -> str:
-    """Return the parameter that a parameter follows, if `values` has the same value for both, else ``""``."""
+    """Return the name in `parameter.follows` if `values` has the same value for both parameters, else ``""``."""
     followed = parameter.follows
     same = followed and elements_of(values[parameter.name]) == elements_of(values[followed])
     return followed if same else ""
@@ -107,19 +112,19 @@ def parameter_socket(parameter: Parameter) -> GroupSocket:
 
 
 def bind_symbols(graph: Graph, builder: TreeBuilder, name: str, link: NodeLink, *, vector: bool) -> SymbolicArray:
-    """Bind symbols of a name to an output, and return them as an array, () or (3,)."""
+    """Bind the symbols of `named_symbols` to the output `link`, and return them as an array, () or (3,)."""
     value = named_symbols(graph, name, vector=vector)
     builder.bind([node.name for node in elements_of(value) if isinstance(node, Symbol)], link)
     return value
 
 
 def named_symbols(graph: Graph, name: str, *, vector: bool) -> SymbolicArray:
-    """Return the symbols of a name as an array, () or (3,)."""
+    """Return the symbol `name`, or with `vector` the symbols ``<name>_0`` to ``<name>_2``, as an array, () or (3,)."""
     return symbols(graph, [f"{name}_{i}" for i in range(3)]) if vector else symbol(graph, name)
 
 
 def add_value(builder: TreeBuilder, value: Real) -> NodeLink | float | tuple[float, float, float]:
-    """Add nodes that compute an array, () or (3,), to a tree, and return the output, or the numbers of a constant."""
+    """Add the nodes that compute an array, () or (3,); return their output, or the numbers if the array is constant."""
     elements = elements_of(value)
     return builder.vector(elements) if len(elements) == 3 else builder.scalar(elements[0])
 
@@ -138,4 +143,5 @@ def _is_folded(parameter: Parameter, value: Real) -> bool:
 
 
 def _vector_elements(values: Iterable[Real]) -> list[list[Scalar]]:
+    """Return the elements of those values that have three."""
     return [elements for value in values if len(elements := elements_of(value)) == 3]

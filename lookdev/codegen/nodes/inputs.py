@@ -1,7 +1,7 @@
-"""The symbols of `SymbolicSurface` as nodes: textures, primvars and coordinates.
+"""Add the nodes that read a look's inputs, which are the symbols of `SymbolicSurface`: images, primvars and UV sets.
 
-An image node wraps both axes in the same way. For other textures, and for sets of UDIM tiles, several look-ups are
-combined with the arithmetic of `lookdev/shaders/texture.h`.
+An image node of Blender has one wrap mode for both axes. A texture with two wrap modes, or with UDIM tiles, becomes
+several image nodes, whose values are combined by the arithmetic of `lookdev/shaders/texture.h`.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # the `ImageBinding.transform` that 
 
 
 def bind_inputs(builder: TreeBuilder, inputs: SymbolicSurface, names: Iterable[str]) -> tuple[AttributeBinding, ...]:
-    """Add the nodes that symbols of a look depend on to a tree, bind the symbols, and return the attributes they read.
+    """Add the nodes that compute the symbols `names` of a look, bind the symbols, and return the attributes read.
 
-    Symbols that `inputs` does not have are skipped.
+    Names that are not symbols of `inputs` are skipped.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def bind_inputs(builder: TreeBuilder, inputs: SymbolicSurface, names: Iterable[s
 
 
 def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding]) -> str:
-    """Return the digest of trees, the attributes they read, and the content of their images."""
+    """Return the digest of trees, of the mesh attributes that they read, and of the contents of their images."""
     hashed = [repr(tuple(attributes))]
     for tree in trees:
         hashed.append(repr(replace(tree, nodes=())))
@@ -53,7 +53,7 @@ def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding
 
 
 def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
-    """Add the node of an attribute, and bind the symbols of its components."""
+    """Add the node that reads a mesh attribute, and bind the symbols of the attribute's components."""
     if binding.kind == "uv":
         components = [f"{binding.parameter}[{i}]" for i in range(3)]
         builder.bind(components, NodeLink(builder.add("UVMap", {"uv_map": binding.mesh_name}), "UV"))
@@ -63,12 +63,12 @@ def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
 
 
 def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, label: str) -> None:
-    """Add the nodes of a look-up, and bind the symbols of its channels."""
+    """Add the nodes of a look-up, labelled `label`, and bind the symbols of the image's channels."""
     uv = vector_symbols(graph, look_up.uv)
     a, b, c, d, e, f = look_up.transform
     s, t = uv[0] * a + uv[1] * b + c, uv[0] * d + uv[1] * e + f
-    # Image nodes do not use the third coordinate. With that of the UV set, the vector of untransformed coordinates is
-    # the output of the UV set itself, and needs no further node.
+    # Image nodes ignore the third coordinate. Where coordinates are not transformed, it is that of the UV set: the
+    # vector is then the output of the UV Map node itself, and needs no further node.
     w = uv[2] if look_up.transform == _IDENTITY else np.array(0.0)
 
     def sample_image(file: Content, uv: Sequence[Array], wrap: str) -> Array:
@@ -111,14 +111,15 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, lab
 
 
 def _is_tile(coordinate: Array, number: int) -> BooleanArray:
+    """Return whether a whole coordinate is `number`; nodes compute it in float32."""
     return (coordinate > number - 0.5) & (coordinate < number + 0.5)
 
 
 def _copy_coordinates(s: Array, wrap: str) -> tuple[Array, ...]:
-    """Return the coordinates at which look-ups with a black border add up to one look-up at `s` with this wrap mode.
+    """Return coordinates at which look-ups with a black border add up to one look-up at `s` with the mode `wrap`.
 
-    Bilinear weights are tents about texel centres. So an image that repeats or mirrors is the sum of its copies, of
-    which at most two overlap.
+    Under the bilinear filter, an image with a black border fades to 0 within half a texel beyond its edge. An image
+    that repeats or mirrors is therefore the sum of such copies, of which at most two overlap at a point.
     """
     if wrap == "black":
         return (s,)
@@ -131,7 +132,7 @@ def _copy_coordinates(s: Array, wrap: str) -> tuple[Array, ...]:
 
 
 def _wrap_derivative(s: Array, wrap: str) -> Array:
-    """Return the derivative of a wrapped coordinate by `s`: -1 in mirrored copies, 0 beyond a clamped edge, or 1."""
+    """Return the derivative of a wrapped coordinate by `s`: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
     if wrap == "mirror":
         whole: Array = np.floor(s)
         return 1.0 - 2.0 * (whole - 2.0 * np.floor(0.5 * whole))

@@ -1,4 +1,7 @@
-"""Positions of nodes: columns by the distance to the output, rows near the nodes that read them."""
+"""Arrange the nodes of a tree for Blender's editor, so that an artist can read it.
+
+A node's column is its distance to the output, in links. Within a column, nodes are near the nodes that read them.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,24 @@ from collections.abc import Mapping
 
 from lookdev.codegen.source import NodeLink, ShaderNode
 
-# In Blender's units: the distance of columns, the gap between nodes of a column, and the heights of a node's header, of
-# a socket or property, and of the three fields of a vector that is not linked.
+# In Blender's units: the distance between columns, the gap between the nodes of a column, the height of a node's
+# header, that of a socket or property, and that of the three fields of a vector that is not linked.
 _COLUMN = 220.0
 _GAP = 30.0
 _HEADER, _ROW, _VECTOR = 90.0, 24.0, 90.0
 
 
 def lay_out_nodes(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
-    """Return the upper left corners of nodes, in Blender's units, without overlap, right of the nodes they read."""
+    """Return the upper left corners (x, y) of nodes, by name, in Blender's units.
+
+    Nodes do not overlap. A node is to the right of the nodes that it reads.
+    """
     readers: dict[str, list[str]] = defaultdict(list)
     for name, node in nodes.items():
         for source in dict.fromkeys(link.node for link in node.inputs.values() if isinstance(link, NodeLink)):
             readers[source].append(name)
+    # The number of each node's column, counted from the output to the left. Nodes are in the order in which they were
+    # added, so readers follow the nodes that they read.
     columns: dict[str, int] = {}
     for name in reversed(list(nodes)):
         columns[name] = 1 + max((columns[reader] for reader in readers[name]), default=-1)
@@ -31,6 +39,7 @@ def lay_out_nodes(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, flo
     by_column: dict[int, list[str]] = defaultdict(list)
     for name in nodes:
         by_column[columns[name]].append(name)
+    # The heights of the centres of nodes. A node's target is the mean of the centres of its readers.
     middles: dict[str, float] = {}
     positions: dict[str, tuple[float, float]] = {}
     for column in sorted(by_column):

@@ -1,7 +1,11 @@
-"""`lookdev.scene.shading.LIFT` as nodes: surfaces that coincide with a surface do not shadow it.
+"""Add nodes that keep a surface from being shadowed by surfaces that coincide with it.
 
-The coordinates of a triangle's corners determine how far a position is rounded, but nodes cannot read them. The corners
-are assumed to be at most as far from the origin as the position, plus its distance to the viewer.
+A ray leaves a surface at a small height above it, the lift (`lookdev.scene.shading.LIFT`). The lift is proportional to
+the largest coordinate of the shading point and of its triangle's corners, but nodes cannot read the corners. The
+distance of the point from the origin, plus its distance to the camera, replaces this coordinate.
+
+Backend ``nodes-exact`` lifts the points where its rays start. In backend ``nodes``, a surface is transparent to rays
+that start below the lift.
 """
 
 from __future__ import annotations
@@ -11,10 +15,11 @@ from lookdev.codegen.source import GroupSocket, NodeLink, NodeTree
 from lookdev.scene.shading import LIFT
 
 GROUP = "Lookdev Coincident"
+"""The name of the group `coincident_tree`."""
 
 
 def add_lift(builder: TreeBuilder) -> NodeLink:
-    """Add the nodes that compute the lift, in metres: rays that leave a surface pass others up to this height."""
+    """Add the nodes that compute the lift at the shading point, in metres, and return their output."""
     position = NodeLink(builder.add("NewGeometry"), "Position")
     distance = NodeLink(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": position}), "Value")
     size = _add_math(builder, "ADD", distance, NodeLink(builder.add("CameraData"), "View Distance"))
@@ -22,16 +27,19 @@ def add_lift(builder: TreeBuilder) -> NodeLink:
 
 
 def _add_math(builder: TreeBuilder, operation: str, *operands: NodeLink | float) -> NodeLink:
+    """Add a Math node, and return its output."""
     inputs = dict(zip(("Value", "Value_001"), operands, strict=False))
     return NodeLink(builder.add("Math", {"operation": operation}, inputs), "Value")
 
 
 def coincident_tree(*, see_through: bool) -> NodeTree:
-    """Return the group that makes a surface transparent to rays that start no higher above its facet than the lift.
+    """Return the group that makes a surface transparent to rays that start near it, and otherwise is the input shader.
 
-    Cycles starts its rays on the surface itself, so they would end on coincident surfaces. For shadow rays that start
-    higher, a surface that is not `see_through` is black: Cycles then skips the shader of its look, which takes a fifth
-    of a frame's time.
+    A ray is near if it starts no higher above the surface's facet than the lift. Cycles starts its rays on a surface
+    itself, so they would end on coincident surfaces.
+
+    To other shadow rays, a surface that is not `see_through` is black. Cycles then does not evaluate the shader of the
+    surface's look for them, which would take a fifth of a frame's time.
     """
     builder = TreeBuilder(GROUP)
     shader = NodeLink(builder.add("NodeGroupInput"), "Shader")

@@ -1,8 +1,9 @@
-"""A look as Cycles' own closures, for backend ``nodes`` and for an artist in Blender.
+"""Write a look as nodes with Cycles' own closures, for backend ``nodes`` and for an artist in Blender.
 
-The material's tree contains textures, primvars, mask expressions and constants. Groups contain the models, whose
-parameters are sockets. Layers of one model are combined in one group, by the model's rule or by blending parameters.
-Layers from the first one of another model onwards are blended as shaders.
+The material's own tree reads textures and primvars, evaluates mask expressions, and has the constants. Groups of nodes
+contain the models, whose parameters are the groups' sockets. The base and the layers of its model directly above it
+share a group, which combines them by the model's rule or by blending their parameters. From the first layer of another
+model upwards, each layer is a shader of its own, which is blended with the shader of the layers below.
 """
 
 from __future__ import annotations
@@ -48,17 +49,18 @@ from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbols
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
 
-_LAYERS = "Lookdev Layers"
+_LAYERS = "Lookdev Layers"  # the name of a group that blends layers
 _PRESENCE = Parameter("presence", "float", 1.0, help="How much of the surface is there.")
 _REFLECTANCE = Parameter("reflectance", "float", 1.0, help="How much of the light the coat reflects to the viewer.")
+# The sockets of a group that blends shaders, for each of its parts.
 _PART_PARAMETERS = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECTANCE}
 
 
 @dataclass(frozen=True)
 class _ShaderPart:
-    """The shader of consecutive layers, their presence, and their reflectance if they are a coat.
+    """The shader of one layer or of several consecutive layers, as an output in the material's tree.
 
-    Presence and reflectance are values of the material's graph.
+    `presence` and `reflectance` are arrays () of the material's graph. Only a coat has a reflectance.
     """
 
     shader: NodeLink
@@ -68,9 +70,10 @@ class _ShaderPart:
 
 
 def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> NodeSource:
-    """Generate the closures of a look, with `resolve` as in `lookdev.codegen.inputs.SymbolicSurface`.
+    """Generate the nodes of a look, whose shaders are Cycles' own closures.
 
-    Constants at which terms vanish are folded. Other constants are values of sockets.
+    Constants at which terms of a model vanish are folded. Other constants are values of sockets. `resolve` is as in
+    `lookdev.codegen.inputs.SymbolicSurface`.
 
     Raises
     ------
@@ -83,7 +86,7 @@ def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> Nod
 
 
 class _Material:
-    """A material under construction: its own tree, and its groups."""
+    """A material under construction: its own tree, its groups, and the mesh attributes that they read."""
 
     def __init__(self, look: Look, resolve: Callable[[Texture | Bump], Path]) -> None:
         self._look = look
@@ -94,9 +97,10 @@ class _Material:
         self._attributes: dict[AttributeBinding, None] = {}
 
     def build_source(self) -> NodeSource:
+        """Build all trees, and return them as a source."""
         stack = look_layers(self._look, self._inputs)
         names = _unique_names(layer.name for layer in stack)
-        # This raises if layers do not fit together, even if they fold to nothing.
+        # `stack_bsdf` raises ModelError if the layers do not fit together, even where the groups would omit some.
         presence = stack_bsdf(stack).presence
         first, *others = split_by_combination(stack)
         if not others:
@@ -128,9 +132,10 @@ class _Material:
         )
 
     def _add_model_layers(self, stack: Sequence[StackLayer], names: Sequence[str], part_name: str) -> _ShaderPart:
-        """Add the groups of layers of one model.
+        """Add the groups of nodes of consecutive layers of one model, and return their shader.
 
-        `part_name` is appended to the groups' names; it is empty if the layers are the whole look.
+        `names` are the layers' names. `part_name` ends the names of the groups. It is empty if the layers are the whole
+        look.
         """
         model = model_named(stack[0].model)
         if len(stack) == 1:
@@ -148,9 +153,10 @@ class _Material:
         part_name: str,
         on_finished: Callable[[NodeTree], None] = lambda tree: None,
     ) -> _ShaderPart:
-        """Finish a group that shades with `stack`, the layers inside it, and add a node of it to the material's tree.
+        """Add the closures of layers to their group, and a node of the group to the material's tree.
 
-        `on_finished` is called with the group's tree before the node is added.
+        The values of `stack` are those inside the group. `on_finished` is called with the group's tree before the node
+        is added.
         """
         bsdf = stack_bsdf(stack)
         shader, transmits = _add_group_closures(group, bsdf)
@@ -172,10 +178,13 @@ class _Material:
         return _ShaderPart(NodeLink(node, "Shader"), presence, transmits, output_symbols.get("reflectance"))
 
     def _blend_parameters(self, layers: TracedGroup, stack: Sequence[StackLayer], part_name: str) -> _ShaderPart:
-        """Add a group that blends the parameters of layers, and one that shades with the results."""
+        """Add the group `layers`, which blends the parameters of `stack`, and one that shades with the results.
+
+        The values of `stack` are those inside the group `layers`.
+        """
         model = model_named(stack[0].model)
         parameters, blended = model.parameters, model.blend(stack)
-        # The outputs of the first group are the inputs that the second reads.
+        # The symbols in the material's graph of blended values: outputs of the first group, and inputs of the second.
         symbol_names = {
             name: f"{layers.name} {followed_parameter(parameters[name], blended) or name}"
             for name, value in blended.items()
@@ -191,6 +200,7 @@ class _Material:
         blended_layer = replace(stack[0], parameters=group.add_inputs(parameters, values))
 
         def add_layers_group(tree: NodeTree) -> None:
+            """Add a node of the first group, with the outputs that `tree`, that of the second, has as inputs."""
             names_read = [name for name in group.input_values(tree) if name in symbol_names]
             outputs = {parameter_socket(parameters[name]): blended[name] for name in names_read}
             node = self._add_group(layers, layers.tree(outputs, has_shader=False))
@@ -203,13 +213,15 @@ class _Material:
     def _mix_parts(
         self, parts: Sequence[_ShaderPart], stack: Sequence[StackLayer], names: Sequence[str]
     ) -> _ShaderPart:
-        """Blend shaders, base first: f is ``mask * f_above + (1 - mask * presence_above) * f_below``.
+        """Blend shaders of layers, base first, in a group, and return the blended shader.
 
-        For a coat, ``mask * presence_above`` is also multiplied by its reflectance.
+        `stack` and `names` are all layers of the look, and their names. Two layers blend to
+        ``mask * f_above + (1 - mask * presence_above) * f_below``. If the upper layer is a coat, its reflectance also
+        multiplies ``mask * presence_above``.
         """
         group = TracedGroup(_LAYERS)
-        above = len(parts) - 1
-        panels = [names[0], *names[-above:]]
+        above = len(parts) - 1  # the number of layers above the base that are blended as shaders
+        panels = [names[0], *names[-above:]]  # the headings of the sockets of each part
         # The base does not cover anything, so its mask has no effect.
         layers = [replace(stack[0], mask=np.array(1.0)), *stack[-above:]]
         shaders = {f"{panel} shader": part.shader for panel, part in zip(panels, parts, strict=True)}
@@ -231,7 +243,10 @@ class _Material:
         return _ShaderPart(NodeLink(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
 
     def _add_group(self, group: TracedGroup, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
-        """Add a node of a finished group, and the inputs that it reads, to the material's tree; return its name."""
+        """Add a node of a finished group, and the nodes that its inputs read, to the material's tree; return its name.
+
+        `shaders` are those of `TracedGroup.add_to`.
+        """
         self._groups.append(tree)
         elements = [element for value in group.input_values(tree).values() for element in elements_of(value)]
         names = [node.name for node in reachable_nodes(elements) if isinstance(node, Symbol)]
@@ -242,8 +257,8 @@ class _Material:
 
 
 def _add_group_closures(group: TracedGroup, bsdf: Bsdf) -> tuple[NodeLink | None, bool]:
-    """Add the frame and closures of a BSDF to a group; return the closures' sum and whether light passes through."""
-    # No other symbol has such a name, as names of parameters and layers do not contain dots.
+    """Add the shading frame and the closures of a BSDF to a group, and return what `add_closures` returns."""
+    # The symbols' names begin with "frame." to be unique: the names of parameters and layers do not contain dots.
     bases = [
         bind_symbols(group.graph, group.builder, f"frame.{name}", link, vector=True)
         for name, link in add_frame(group.builder).items()
@@ -254,7 +269,7 @@ def _add_group_closures(group: TracedGroup, bsdf: Bsdf) -> tuple[NodeLink | None
 def _layer_over(
     builder: TreeBuilder, above: NodeLink, below: NodeLink | None, mask: Real, coverage: Real
 ) -> NodeLink | None:
-    """Layer a shader, scaled by `mask`, over another one, which it hides in proportion to `coverage`."""
+    """Return the shader ``mask * above + (1 - coverage) * below``; None is a black shader."""
     if below is not None and are_equal(mask, coverage) and not are_equal(mask, 0.0) and not are_equal(mask, 1.0):
         inputs = {"Fac": add_value(builder, mask), "Shader": below, "Shader_001": above}
         return NodeLink(builder.add("MixShader", inputs=inputs), "Shader")
@@ -264,7 +279,10 @@ def _layer_over(
 def _add_layer_inputs(
     group: TracedGroup, stack: Sequence[StackLayer], names: Sequence[str] = ("",)
 ) -> list[StackLayer]:
-    """Return layers whose values are inputs of a group; each of several layers has a panel, named in `names`."""
+    """Add the inputs of layers to a group, and return the layers with their values inside the group.
+
+    `names` are the headings of the layers' sockets. The base has no mask.
+    """
     layers = []
     for number, (layer, panel) in enumerate(zip(stack, names, strict=True)):
         mask = group.add_inputs({"mask": MASK}, {"mask": layer.mask}, panel)["mask"] if number else np.array(1.0)
@@ -274,7 +292,7 @@ def _add_layer_inputs(
 
 
 def _unique_names(names: Iterator[str]) -> list[str]:
-    """Return names, with a number appended to those that repeat."""
+    """Return names that are all different: a number, from 2, is appended to a name that an earlier one equals."""
     unique: list[str] = []
     for name in names:
         number, new = 2, name

@@ -1,7 +1,8 @@
-"""Operations of expression graphs as those of Blender's Math nodes; one node can do several operations.
+"""Choose the operation of a Math node of Blender for an operation of an expression graph (`builder` adds the node).
 
-The arithmetic of these nodes differs from NumPy's only outside the domain of models: a division by 0 gives 0, as do the
-square root and the logarithm of a negative number.
+One Math node can replace several operations, such as a product and a sum. The arithmetic of Math nodes differs from
+NumPy's only outside the domain of the models: a division by 0 gives 0, as do the square root and the logarithm of a
+negative number.
 """
 
 from __future__ import annotations
@@ -14,9 +15,9 @@ from lookdev.codegen.trace.vectors import is_inverse_root
 from lookdev.errors import CodegenError
 
 Match: TypeAlias = tuple[str, *tuple[Scalar, ...]]
-"""An operation and its operands; ``"MIX", a, b, t`` is a (1 - t) + b t."""
+"""The name of an operation of Blender, then its operands. ``"MIX", a, b, t`` is a (1 - t) + b t, by a Mix node."""
 
-# Other names differ from NumPy's by case alone. Booleans are 0 and 1.
+# Blender's names of operations, by NumPy's. Other names differ by case alone. Nodes have 0 and 1 for booleans.
 _NAMES = {
     "exp": "EXPONENT",
     "sin": "SINE",
@@ -32,9 +33,10 @@ _E = 2.718281828459045
 
 
 def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
-    """Return the operation that computes a node, and its operands.
+    """Return the operation of Blender that computes a node of a graph, and its operands.
 
-    A summand that is a product becomes part of the addition, unless it is in `computed`, the nodes that exist.
+    A sum with a product becomes one multiply-add, unless the product is in `computed`, the values that nodes already
+    compute.
     """
     apply = node.graph.apply
     match node.op, node.args:
@@ -56,7 +58,7 @@ def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
         case "log", (a,):
             return "LOGARITHM", a, _E
         case "expm1", (a,):
-            # As tanh(x / 2) (exp(x) + 1), without cancellation.
+            # exp(x) - 1 = tanh(x / 2) (exp(x) + 1), which does not lose digits near 0 by cancellation.
             half = GraphNode("tanh", (apply("multiply", a, 0.5),), node.graph)
             return "MULTIPLY_ADD", half, apply("exp", a), half
         case "greater_equal", (a, b):
@@ -74,15 +76,16 @@ def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
 
 
 def add_depths(value: Scalar, depths: dict[GraphNode, int]) -> None:
-    """Add the depths, in operations, of a node and of all nodes that it needs to `depths`."""
+    """Set the depths of a node and of all nodes that it depends on: the lengths of the longest chains of operations."""
     for node in post_order([value], stop=lambda operand: operand in depths):
         depths[node] = 1 + max((depths[operand] for operand in node.operands()), default=0)
 
 
 def _is_product(value: Scalar, computed: Container[object]) -> TypeGuard[GraphNode]:
-    """Return whether a value is a product that only a sum needs.
+    """Return whether a value is a product that can become part of a multiply-add.
 
-    A product with an inverse length does not count: it is a component of a normalized vector.
+    It cannot if a node already computes it. A product with an inverse square root is left as it is, too: it is a
+    component of a normalized vector, for which there is a node.
     """
     return (
         isinstance(value, GraphNode)
@@ -93,6 +96,7 @@ def _is_product(value: Scalar, computed: Container[object]) -> TypeGuard[GraphNo
 
 
 def _match_multiply_add(a: Scalar, b: Scalar, computed: Container[object]) -> Match | None:
+    """Return a + b as a ``"MULTIPLY_ADD"`` if a or b is a product, else None."""
     for product, rest in ((a, b), (b, a)):
         if _is_product(product, computed):
             x, y = product.args
@@ -110,7 +114,7 @@ def _factors(value: Scalar) -> Iterator[tuple[Scalar, Scalar]]:
 
 
 def _match_mix(p: Scalar, q: Scalar) -> Match | None:
-    """Return p + q as a ``"MIX"``, a (1 - t) + b t, or None."""
+    """Return p + q as a ``"MIX"`` if p = a (1 - t) and q = b t, else None."""
     for rest, a in _factors(p):
         match rest:
             case GraphNode(op="subtract", args=(1.0, t)):
@@ -121,6 +125,10 @@ def _match_mix(p: Scalar, q: Scalar) -> Match | None:
 
 
 def _match_where(condition: Scalar, a: Scalar, b: Scalar) -> Match:
+    """Return the operation for `a` where the condition is 1, and `b` where it is 0.
+
+    Math has the comparisons ``<`` and ``>`` alone; negated ones become these, with `a` and `b` exchanged.
+    """
     match condition:
         case GraphNode(op="logical_not", args=(inner,)):
             condition, a, b = inner, b, a

@@ -1,1 +1,1 @@
-"""OSL text from traced models."""
+"""Write looks, lights and tables of points as OSL shaders, for backend ``exact`` in Cycles."""

@@ -1,6 +1,7 @@
-"""Expression graphs as OSL text, by scopes.
+"""Write expression graphs as OSL text; a `Block` is one scope of braces, with its variables.
 
-A table is a parameter that is an array if `fits_array`, else a texture.
+A table of numbers that the code looks up is a parameter of the shader: an array if `fits_array`, else the path of a
+texture.
 """
 
 from __future__ import annotations
@@ -15,15 +16,16 @@ from lookdev.codegen.operators import BOOLEAN_OPERATIONS, CODE, strip_parenthese
 from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
 
-# Cycles loads this number of values in four seconds.
+# The largest number of values of an array, which Cycles loads in four seconds.
 _MAX_ARRAY_SIZE = 10_000_000
 
-# Longer expressions get a name, so that the generated shader can be read.
+# The largest number of characters of an inline expression. A longer one becomes a variable, so that people can read the
+# generated shader.
 _MAX_INLINE = 70
 
 
 def literal(value: float | bool) -> str:
-    """Return the literal of a constant; a number that is not finite has none in OSL and raises CodegenError."""
+    """Return the OSL literal of a constant; raise CodegenError if the constant is not finite."""
     if isinstance(value, bool | np.bool_):
         return "1" if value else "0"
     if not np.isfinite(value):
@@ -32,7 +34,10 @@ def literal(value: float | bool) -> str:
 
 
 SymbolText = Callable[["str | Uniform"], str]
-"""A function from a symbol or a uniform to its text; it is called in the order in which the code is written."""
+"""A function that returns the text of a symbol, given by its name, or of a uniform.
+
+It is called in the order in which the code is written.
+"""
 
 
 def plain_symbol_text(value: str | Uniform) -> str:
@@ -43,26 +48,30 @@ def plain_symbol_text(value: str | Uniform) -> str:
 def fits_array(table: NumberTable) -> bool:
     """Return whether a table is small enough for an array.
 
-    A look-up in an array takes a fortieth of the time of one in a texture, but Cycles loads the array as text.
+    A look-up in an array takes a fortieth of the time of a look-up in a texture, but Cycles loads arrays as text.
     """
     return table.values.size <= _MAX_ARRAY_SIZE
 
 
 def table_name(table: NumberTable) -> str:
-    """Return the name of the shader's parameter for a table, or for the path of its texture."""
+    """Return the name of the shader's parameter for a table: the array, or the path of the texture."""
     return f"table_{table.digest[:16]}{'' if fits_array(table) else '_file'}"
 
 
 def texture_size(table: NumberTable) -> tuple[int, int]:
-    """Return width and height of a table's texture, powers of two, so that texel centres are exact in float32."""
+    """Return the width and the height of a table's texture in texels.
+
+    They are powers of two, so that texel centres are exact in float32.
+    """
     rows, columns = (1 << (size - 1).bit_length() for size in table.values.shape[:2])
     return columns, rows
 
 
 class Block:
-    """One scope of emitted code: nodes used more than once become variables, others are inline.
+    """One scope of emitted code. Nodes of the graph that are used more than once become variables, others are inline.
 
-    `variables` are the names of variables by node, also those of the scopes around.
+    `lines` is the code. `variables` has the names of the variables, by the node whose value they have, including those
+    of the enclosing scopes. `prefix` begins the names of this scope's own variables.
     """
 
     def __init__(
@@ -77,12 +86,14 @@ class Block:
         self._prefix = prefix
         self._pad = "    " * indent
         self._symbol_text = symbol_text
+        # How often the code uses each node; names that `define` gives; and the variables that have a table's cell, by
+        # the table's digest, the row and the column.
         self._uses: Counter[GraphNode] = Counter()
         self._preset_names: dict[GraphNode, str] = {}
         self._cells: dict[tuple[str, str, str], str] = {}
 
     def inner_block(self, prefix: str, indent: int) -> Block:
-        """Return a scope inside this one, which starts with the variables that this one has now."""
+        """Return a scope inside this one. It can read the variables that this scope has now."""
         inner = Block(prefix, indent, self.variables, self._symbol_text)
         inner._cells = dict(self._cells)
         return inner
@@ -92,7 +103,7 @@ class Block:
         self.lines.append(self._pad + text)
 
     def define(self, name: str, value: Scalar, comment: str = "") -> None:
-        """Compute a number into a variable of that name."""
+        """Write a float variable `name` that has a number's value."""
         if isinstance(value, GraphNode) and value.op != "symbol" and value not in self.variables:
             self._preset_names[value] = name
             self.name(value)
@@ -101,7 +112,10 @@ class Block:
         self.lines[-1] += f"  // {comment}" if comment else ""
 
     def prepare(self, roots: Iterable[Scalar]) -> None:
-        """Count uses of nodes under `roots`, all expressions of this block, so that shared nodes become variables."""
+        """Count how often this block uses each node, so that nodes used more than once become variables.
+
+        `roots` are all expressions that the block will write.
+        """
         roots = list(roots)
         for node in reachable_nodes(roots, stop=self.variables):
             if node not in self.variables:
@@ -109,7 +123,10 @@ class Block:
         self._uses.update(root for root in roots if isinstance(root, GraphNode))
 
     def name(self, value: Scalar) -> str:
-        """Write a variable for `value` unless it has one; return the variable's name, or the literal of a constant."""
+        """Return the name of a variable that has `value`, which is written if there is none.
+
+        Constants and symbols need no variable: the result is their text.
+        """
         code = self.expression(value)
         if isinstance(value, GraphNode) and value.op != "symbol" and value not in self.variables:
             self._define(value, code)
@@ -117,7 +134,7 @@ class Block:
         return code
 
     def expression(self, value: Scalar) -> str:
-        """Return code for `value`; the variables that it needs are written first."""
+        """Return the OSL expression of `value`, and write the variables that the expression reads."""
         inline: dict[GraphNode, str] = {}
 
         def code_of(part: Scalar) -> str:
@@ -142,7 +159,11 @@ class Block:
         return code_of(value)
 
     def _look_up_code(self, table: NumberTable, channel: int | None, row: str, column: str) -> str:
-        """Return code for a number of a table; the cell's index or colour, which channels share, is written first."""
+        """Return the OSL expression of a number in a table's cell, or of one channel of the colour there.
+
+        A variable with the cell's index in the array, or with the texel's colour, is written first: the channels of a
+        cell share it. `row` and `column` are OSL expressions.
+        """
         name, key = table_name(table), (table.digest, row, column)
         cell = self._cells.get(key)
         if cell is None:

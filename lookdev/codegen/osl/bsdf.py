@@ -1,17 +1,19 @@
-"""A mixture of lobes as OSL: fragments that run once for a shading point, for a direction, and for a sample.
+"""Write a BSDF, a mixture of lobes, as three fragments of OSL: setup, evaluate and sample.
 
-The shaders that include the fragments (`lookdev/shaders/*.osl`) share these names with them:
+The shaders of `lookdev/shaders/*.osl` include the fragments, and share these variables with them:
 
-- setup reads ``wo_x wo_y wo_z`` and the inputs, and defines the variables that do not depend on the light's direction;
-  if terms scatter along single directions, it also reads ``inside``, and sets ``vector delta_wi[]`` and
-  ``color delta_f[]``;
-- evaluate reads ``wi_x wi_y wi_z`` and sets ``color f``, the BSDF times the cosine of each lobe, and ``float pdf``;
-- sample reads ``u1 u2`` and sets ``wi_x wi_y wi_z``.
+- setup runs once for a shading point. It reads ``wo_x wo_y wo_z``, the direction to the viewer in the shading frame,
+  and the inputs. It defines the variables that do not depend on the light's direction. If the BSDF also scatters along
+  single directions, setup reads ``inside``, and sets these directions, ``vector delta_wi[]``, and the factors of light
+  from there, ``color delta_f[]``.
+- evaluate runs for each direction to the light, ``wi_x wi_y wi_z``. It sets ``color f``, the BSDF times the cosine,
+  summed over the lobes, and ``float pdf``, the density with which sample draws the direction.
+- sample runs for each pair of random numbers ``u1 u2``, and sets the direction ``wi_x wi_y wi_z``.
 
-The unoccluded light on a light-sampled lobe is estimated by directions drawn from the light alone. If a mixture has
-such lobes, evaluate also sets ``float bsdf_sampled_pdf``, the part of the other lobes in ``pdf``, and sample sets ``int
-light_sampled`` when it draws from a light-sampled lobe. On request, evaluate also sets ``color f_diffuse``, the part of
-``f`` from lobes of the group ``"diffuse"``.
+A lobe is light-sampled if the unoccluded light that it scatters is estimated by directions drawn from the light alone.
+If a mixture has such lobes, evaluate also sets ``float bsdf_sampled_pdf``, the part of ``pdf`` from the other lobes,
+and sample sets ``int light_sampled`` when it draws from a light-sampled lobe. On request, evaluate also sets ``color
+f_diffuse``, the part of ``f`` from lobes of the group ``"diffuse"``.
 """
 
 from __future__ import annotations
@@ -40,18 +42,34 @@ from lookdev.codegen.trace.lobes import INSIDE, WI, WO, lobe_parts, recorded_gro
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
 VARYING = frozenset((*WI, "u1", "u2"))
-"""The symbols that differ between the directions of a shading point."""
+"""The symbols whose values differ between the directions to the light at a shading point."""
 
 
 @dataclass(frozen=True)
 class TracedLobe:
     """The scalar expressions of one lobe of a mixture.
 
-    `value` (3) and `density` are those of `LobeTerms`, `is_below_end` is that of `LobeChoice`. `wi` (3) is the
-    direction drawn, in the surface's frame. `share` is a constant if the lobe is present at every point. The code of a
-    lobe runs where the condition `side` is true; if `side` is None, it runs where the light is on the lobe's side of
-    the shading normal. The lights' factors for diffuse lobes apply if the lobe `is_diffuse`. Its light is recorded in
-    `group`, one of `LOBE_GROUPS`, except for `parts`: these are parts of `value` that are recorded in other groups.
+    Attributes
+    ----------
+    side
+        The condition on the light's direction under which the lobe's code runs. If it is None, the code runs where the
+        light is on the lobe's side of the shading normal: below it if the lobe `transmits`, else above it.
+    share
+        The probability of the lobe in sampling, not normalised. It is a constant if the lobe is present at every point.
+    value, density
+        The three channels of the lobe's f times the cosine, and its density, as in `LobeTerms`.
+    is_below_end
+        The condition that u1 is below the end of the lobe's range, as in `LobeChoice`.
+    wi
+        The three components of the direction drawn from the lobe, in the shading frame.
+    light_sampled
+        Whether the unoccluded light on the lobe is estimated by directions drawn from the light alone.
+    is_diffuse
+        Whether the lights' factors for diffuse lobes apply to the lobe.
+    group
+        The group in `LOBE_GROUPS` in which the lobe's light is recorded.
+    parts
+        The parts of `value` that are recorded in other groups, by group.
     """
 
     name: str
@@ -74,20 +92,26 @@ class TracedLobe:
 
 @dataclass(frozen=True)
 class BrdfCode:
-    """Emitted fragments, as lines, and the run-time symbols and tables that they read.
+    """The emitted fragments, and what a shader that includes them must know.
 
     Attributes
     ----------
+    setup, evaluate, sample
+        The lines of the fragments.
+    inputs
+        The names of the symbols that the fragments read, except directions and random numbers.
+    tables
+        The tables that the fragments look up.
     transmits
         Whether light can come from the back.
     crosses_surface
-        Whether a lobe `crosses_surface`.
+        Whether a lobe scatters to both sides of the surface (`Lobe.crosses_surface`).
     see_through
         Whether setup defines a ``float presence``.
     light_sampled
         Whether a lobe is light-sampled.
     features
-        The lines that define the colours of `features` of `emit_brdf`.
+        The lines of a fourth fragment, which defines the colours `features` of `emit_brdf`.
     groups
         The groups of all lobes and deltas, in the order of `LOBE_GROUPS`.
     """
@@ -106,16 +130,17 @@ class BrdfCode:
 
     @property
     def sections(self) -> dict[str, Sequence[str]]:
-        """The fragments, by the names of their sections in templates."""
+        """The lines of the fragments, by the names of their sections in templates."""
         return {"setup": self.setup, "evaluate": self.evaluate, "sample": self.sample, "features": self.features}
 
 
 @dataclass(frozen=True)
 class TracedMixture:
-    """The scalar expressions of a mixture: its lobes, the sum of their shares, and its densities by name.
+    """The scalar expressions of a mixture of lobes.
 
-    The names are ``"pdf"`` and, if a lobe is light-sampled, ``"bsdf_sampled_pdf"``. A density is an expression of the
-    symbol that has its name, and whose value is the sum of the lobes' densities.
+    `total_share` is the sum of the lobes' shares. `densities` has an expression for ``"pdf"`` and, if a lobe is
+    light-sampled, for ``"bsdf_sampled_pdf"``. Each expression normalises a sum of the lobes' densities. This sum is the
+    symbol that has the same name.
     """
 
     lobes: tuple[TracedLobe, ...]
@@ -132,10 +157,10 @@ def trace_lobes(
 ) -> TracedMixture:
     """Trace the mixture of lobes at the symbols ``wo_x wo_y wo_z wi_x wi_y wi_z u1 u2``.
 
-    `light_sampled` returns whether a lobe is light-sampled. If `recorded`, lobes have parts.
+    `light_sampled` returns whether a lobe is light-sampled. Only with `recorded` do lobes have `TracedLobe.parts`.
     """
     mixture, wi = trace_mixture(graph, lobes), symbols(graph, WI)
-    # A lobe's code runs only where the light is on the lobe's side.
+    # A lobe's code runs only where the light is on the lobe's side, so the trace can take these conditions for true.
     sides = [_side_condition(lobe, mixture.wo, wi) for lobe in lobes]
     for condition in (*elements_of(wi[..., 2] > 0.0), *elements_of(wi[..., 2] < 0.0), *sides):
         if condition is not None:
@@ -164,7 +189,7 @@ def trace_lobes(
 
 
 def _side_condition(lobe: Lobe, wo: Array, wi: Array) -> Scalar | None:
-    """Return, for a lobe that `crosses_surface`, the condition that both directions are above its horizon."""
+    """Return the condition that both directions are above the horizon of a lobe that `crosses_surface`, else None."""
     if not lobe.crosses_surface:
         return None
     local_o, local_i = lobe.local_directions(wo, wi)
@@ -185,25 +210,33 @@ def emit_brdf(
 
     Parameters
     ----------
+    presence
+        The share of the surface that is there, from 0 to 1.
     symbol_text
-        Returns the text of symbols and uniforms (`Block`).
+        Returns the text of symbols and uniforms (`SymbolText`).
     splits_diffuse
         Whether evaluate sets ``f_diffuse``.
     recorded
-        Whether setup sets ``int delta_group[]``, and evaluate sets ``f_lobe[]``, with `splits_diffuse` also
-        ``f_lobe_diffuse[]``. Entry i of the last two is that of group i of `BrdfCode.groups`.
+        Whether the fragments record the light of groups of lobes. Setup then sets ``int delta_group[]``, the group of
+        each single direction. Evaluate sets ``f_lobe[]`` and, with `splits_diffuse`, ``f_lobe_diffuse[]``: entry i is
+        the part of ``f`` or ``f_diffuse`` from group i of `BrdfCode.groups`.
+    deltas
+        The terms that scatter along single directions.
     features
-        Triples of numbers that depend on the view alone, by the names of the colours that they become in a fragment of
-        their own.
+        Triples of numbers that depend on the view alone, by name. Each becomes a colour of this name, defined in a
+        fourth fragment.
     """
     lobes = mixture.lobes
     see_through = isinstance(presence, GraphNode) or presence < 1.0
+    # The expressions of evaluate and sample. Those of their nodes that do not depend on the light's direction, nor on
+    # random numbers, are computed by setup.
     values = [value for lobe in lobes for value in (*lobe.direction_values(), *lobe.wi, lobe.is_below_end)]
     values += [lobe.side for lobe in lobes if lobe.side is not None]
     varying = dependent_nodes(values, VARYING)
     invariant = _invariant_nodes(values, varying)
 
     setup = Block("s", indent=1, symbol_text=symbol_text)
+    # The assignments for single directions: the text before the parenthesis, and the three components.
     triples = [
         (f"{name}[{number}] = {kind}", elements_of(value))
         for number, delta in enumerate(deltas)
@@ -252,7 +285,10 @@ def emit_brdf(
 
 
 def _invariant_nodes(values: Iterable[Scalar], varying: set[GraphNode]) -> list[GraphNode]:
-    """Return the invariant operands of varying nodes, computed once for a shading point, in a stable order."""
+    """Return the nodes that setup computes for the other fragments, in a reproducible order.
+
+    They do not depend on the light's direction, and are operands of nodes that do (`varying`), or are in `values`.
+    """
     roots = [value for value in values if isinstance(value, GraphNode)]
     operands = [operand for node in post_order(roots, lambda node: node not in varying) for operand in node.operands()]
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
@@ -265,8 +301,13 @@ def _evaluate_lines(
     splits_diffuse: bool,
     group_indices: Mapping[str, int],
 ) -> Iterable[str]:
-    """Return the lines that sum the lobes on the light's side; `group_indices` are those of groups in ``f_lobe``."""
+    """Return the lines of evaluate, which sum the lobes on the light's side.
+
+    `varying` are the nodes that depend on the light's direction. `group_indices` has the indices of groups in
+    ``f_lobe``, and is empty if nothing is recorded.
+    """
     has_light_sampled = len(mixture.densities) > 1
+    # The lobes by their side: False (above the shading normal's horizon), True (below), or a condition of their own.
     sides: dict[Scalar, list[TracedLobe]] = {False: [], True: []}
     for lobe in mixture.lobes:
         sides.setdefault(lobe.transmits if lobe.side is None else lobe.side, []).append(lobe)
@@ -290,6 +331,7 @@ def _evaluate_lines(
                 else f"wi_z {'<' if side else '>'} 0"
             )
             block.write(f"if ({condition}) {{")
+        # The prefix of variables: "c" under a condition of the lobe's own, "t" for transmitted and "e" for other light.
         prefix = f"c{number}_" if isinstance(side, GraphNode) else "t" if side else "e"
         block.lines += _side_lines(
             side_lobes, setup, varying, prefix, 2 + (len(groups) > 1), has_light_sampled, splits_diffuse, group_indices
@@ -312,16 +354,18 @@ def _side_lines(
     splits_diffuse: bool,
     group_indices: Mapping[str, int],
 ) -> Iterable[str]:
-    """Return the lines that sum lobes: common subexpressions first, then each lobe in a block guarded by its share.
+    """Return the lines that sum the lobes of one side.
 
+    Expressions that lobes share come first. Each lobe follows in a block, which runs if the lobe's share is above 0.
     With `has_light_sampled`, the densities of lobes that are not light-sampled are also summed separately. With
-    `splits_diffuse`, the values of diffuse lobes are. `group_indices` are as in `_evaluate_lines`.
+    `splits_diffuse`, so are the values of diffuse lobes. `varying` and `group_indices` are as in `_evaluate_lines`.
     """
+    # The nodes that each lobe reads, and those that several lobes read.
     groups = [reachable_nodes(lobe.direction_values(), stop=setup.variables) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
     shared = {node for node, count in counts.items() if count > 1 and node in varying and node not in setup.variables}
     shared = {node for node in shared if node.op != "symbol"}
-    # Only the nodes that a lobe's block reads: writing them writes the variables that they need.
+    # The shared nodes that a lobe's block reads itself. To write them, `Block` also writes those that they depend on.
     shared_operands: dict[GraphNode, None] = {}
     for lobe, group in zip(lobes, groups, strict=True):
         roots = [value for value in lobe.direction_values() if isinstance(value, GraphNode)]
@@ -369,7 +413,7 @@ def _side_lines(
 
 
 def _sample_lines(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
-    """Return the lines that choose a lobe by u1 and sample it."""
+    """Return the lines of sample, which choose a lobe by u1, and draw a direction from it."""
     block = setup.inner_block("d", indent=3)
     block.prepare([lobe.is_below_end for lobe in lobes[:-1]])
     conditions = [f"if ({strip_parentheses(block.expression(lobe.is_below_end))}) " for lobe in lobes[:-1]]

@@ -1,8 +1,8 @@
-"""Sections of the light integral's template for scenes with a shadow catcher.
+"""Lines of the surface shader (`surface.osl`) for a scene with a shadow catcher: a ground that shows only shadows.
 
-A frame is three renders, which the number in ``caught`` selects: 1 shows the asset, 2 the ground with the asset, 3 the
-ground without it. Surfaces that a render does not show are holdouts, but only for camera rays: later in a path, rays
-meet all surfaces.
+A frame needs three renders: of the asset, of the ground with the asset, and of the ground without it. The shader's
+parameter ``caught`` has the number of the render. To camera rays, the surfaces that a render does not show are
+holdouts. Later in a path, rays meet all surfaces.
 """
 
 from __future__ import annotations
@@ -12,9 +12,12 @@ from lookdev.codegen.source import Catching
 ASSET, GROUND, BARE = 1, 2, 3
 """The numbers of the renders: of the asset, of the ground with it, and of the ground without it."""
 
+# The line of the template that traces a ray from the surface, and begins the block that runs if the ray hits.
 _TRACE = "        if (trace(start, wi)) {"
 
-# A ray that passes through surfaces is still a camera ray at the surfaces behind them.
+# The lines of a holdout. CONDITION completes the test whether the render omits the surface. A camera ray that has
+# passed see-through surfaces has a depth above 0, as later rays have. It is recognized by the start of its path, which
+# is on the camera's near clipping plane: `cycles.scene` passes the distance of this plane as the object's alpha.
 _HOLDOUT = """
     int held_out = int(caught[0]) CONDITION;
     if (held_out && depth > 0) {
@@ -38,7 +41,11 @@ _HOLDOUT = """
 
 
 def catching_sections(catching: Catching) -> dict[str, list[str]]:
-    """Return the lines of each section; without a catcher, the sections do not change the shader."""
+    """Return the lines of the template's sections for a shadow catcher, by the sections' names.
+
+    `catching` says whether the look is that of the ground or of the asset. Without a catcher, the sections do not
+    change the shader.
+    """
     if not catching:
         return {"catching_parameter": [], "catching": [], "trace": [_TRACE]}
     condition = f"== {ASSET}" if catching == "ground" else f">= {GROUND}"

@@ -1,7 +1,7 @@
-"""The shading frame (`lookdev.scene.shading`) as OSL.
+"""Write the shading frame (`lookdev.scene.shading`) as OSL, for the surface shader.
 
-The code calls OSL's own vector functions, which round as Cycles' do. The next point of a path seeds its random numbers:
-a direction that differs in its last digit gives another picture, with as much noise.
+The code calls OSL's own vector functions, which round as Cycles' do. Rounding matters because the next point of a path
+seeds the random numbers there: if a direction differs in its last digit, the picture has other noise, though not more.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, vector_symbols
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.scene.shading import shading_frame
 
+# The variables of the surface shader that the frame depends on.
 _VECTORS = ("mesh_normal", "mesh_facet", "I")
 _TANGENT = "mesh_tangent"
 
@@ -23,8 +24,10 @@ _TANGENT = "mesh_tangent"
 def emit_frame(*, reads_tangent: bool, bends_normals: bool) -> Sequence[str]:
     """Return the lines that define ``vector t b n facet`` and ``float wo_x wo_y wo_z``.
 
-    They read ``vector mesh_normal mesh_facet I``. With `reads_tangent`, for a look that
-    depends on the tangent's direction, they also read ``vector mesh_tangent``; with `bends_normals`, ``float hand``.
+    These are the frame's tangent, bitangent and normal, the facet's normal, and the direction to the viewer in the
+    frame. The lines read ``vector mesh_normal mesh_facet I``. With `reads_tangent`, for a look that depends on the
+    tangent's direction, they also read ``vector mesh_tangent``. With `bends_normals`, for a look with bumps or normal
+    maps, they read ``float hand``, -1 if the instance's matrix mirrors, else 1.
     """
     graph = Graph()
     vectors = {name: vector_symbols(graph, name) for name in (*_VECTORS, *[_TANGENT] * reads_tangent)}
@@ -41,14 +44,14 @@ def emit_frame(*, reads_tangent: bool, bends_normals: bool) -> Sequence[str]:
 
 
 class _FrameWriter:
-    """Lines of code, and the names of the vectors and numbers that they define."""
+    """Writes lines of code, and remembers the names of the vectors and numbers that they define."""
 
     def __init__(self, names: dict[Scalar | tuple[Scalar, ...], str]) -> None:
         self.lines: list[str] = []
         self._names = names
 
     def define(self, variable: str, value: Scalar | Triple) -> None:
-        """Compute a number, or a vector, into a variable."""
+        """Write a variable, given as its type and name, that has the value of a number or a vector."""
         self.lines.append(f"    {variable} = {strip_parentheses(self._compute(value))};")
         name = self._names[value] = variable.split()[1]
         if isinstance(value, tuple):
@@ -57,14 +60,16 @@ class _FrameWriter:
             }
 
     def _code(self, value: Scalar | Triple) -> str:
+        """Return the name of a variable that has the value, or else an expression of the value."""
         if value not in self._names and isinstance(value, GraphNode) and (match_dot(value) or value.op == "where"):
-            # Costly numbers become variables; vectors are inline.
+            # Costly numbers first become variables. Vectors stay inline.
             code = self._compute(value)
             self._names[value] = f"g{len(self.lines)}"
             self.lines.append(f"    float {self._names[value]} = {strip_parentheses(code)};")
         return self._names.get(value) or self._compute(value)
 
     def _compute(self, value: Scalar | Triple) -> str:
+        """Return the expression of a number or of a vector."""
         if not isinstance(value, GraphNode | tuple):
             return literal(value)
         if isinstance(value, GraphNode):
@@ -78,7 +83,7 @@ class _FrameWriter:
         nodes = [component for component in value if isinstance(component, GraphNode)]
         if len(nodes) < 3 or len({node.op for node in nodes}) > 1:
             return self._call("vector", value)
-        # All components have the same operation: it applies to vectors, and to numbers that all three share.
+        # All components have the same operation, so OSL applies it to vectors, or to a number that all three share.
         triples = zip(*(node.args for node in nodes), strict=True)
         return self._operation(nodes[0].op, (triple[0] if len(set(triple)) == 1 else triple for triple in triples))
 

@@ -1,4 +1,4 @@
-"""Look-ups of textures, and constants of a look, as OSL."""
+"""Write the inputs of a look as OSL for the surface shader: look-ups of images, and the look's constants."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from lookdev.codegen.osl.block import literal
 from lookdev.codegen.source import ImageBinding, TextureBinding
 from lookdev.codegen.trace.graph import Uniform
 
+# OSL's names of UsdUVTexture's wrap modes.
 _WRAP = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mirror"}
 
 
 @dataclass
 class ShaderNames:
-    """Names of look-ups and constants in a shader, numbered in the order in which the text first reads them.
+    """The names of a look's inputs in a shader, numbered in the order in which the shader's text first reads them.
 
-    `texture_names` are the names ``texture0``, ``texture1``, ... by look-up. `constants` are the names ``look_0``,
-    ``look_1``, ... of the look's constants, by value.
+    `inputs` has the symbols of the traced look. `texture_names` has the names ``texture0``, ``texture1``, ... by the
+    name of the look-up in `inputs`. `constants` has the names ``look_0``, ``look_1``, ... by the constant's value.
     """
 
     inputs: SymbolicSurface
@@ -25,7 +26,7 @@ class ShaderNames:
     constants: dict[float, str] = field(default_factory=dict)
 
     def symbol_text(self, symbol: str | Uniform) -> str:
-        """Return the text of a symbol or of a uniform."""
+        """Return the text of a symbol, given by its name, or of a uniform, a constant of the look."""
         if isinstance(symbol, Uniform):
             literal(symbol)  # raises if it is not finite
             return self.constants.setdefault(float(symbol), f"look_{len(self.constants)}")
@@ -36,7 +37,10 @@ class ShaderNames:
 
 
 def emit_look_up(name: str, look_up: ImageBinding) -> tuple[list[str], list[TextureBinding]]:
-    """Return the code of a look-up, which defines ``color <name>`` and ``float <name>_a``, and the images it reads."""
+    """Return the lines of a look-up, and the bindings of the images that they read.
+
+    The lines define ``color <name>``, the first three channels of the image, and ``float <name>_a``, the fourth.
+    """
     function = "lookdev_slopes" if look_up.slopes else "lookdev_texture"
     m, uv = list(map(repr, look_up.transform)), look_up.uv
     s, t = (f"{m[k]} * {uv}[0] + {m[k + 1]} * {uv}[1] + {m[k + 2]}" for k in (0, 3))

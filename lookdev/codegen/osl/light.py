@@ -1,29 +1,35 @@
-"""Lights in the shader of a look: the OSL of a light's kind, by sections, and that of a rig of several lights.
+"""Write the OSL of a scene's lights, which is part of the surface shader of every look (`osl.surface`).
 
-The functions of a rig's shapes are traced from `lookdev.light`: radiance, pdf and samples follow the code that the
-reference renderer evaluates.
+A single light whose kind has an OSL file of its own is rendered by this file. All other lights are a rig. The functions
+of a rig's lamps are traced from `lookdev.light`: radiance, pdf and samples follow the code that the reference renderer
+evaluates.
 
-A kind's file is divided by lines ``//@ section NAME``, after a comment; `lookdev/shaders/surface.osl` includes each
-section by ``//@ light_NAME``. Sections can read the shader's globals (``P`` is relative to the center of the asset's
-bounding sphere), ``turn``, the rotation of the light about z in radians, and ``IBL_SAMPLES``, 0 where directions are
-drawn from the BSDF alone: then no other macro or variable of sampling exists.
+The OSL file of a kind begins with a comment, and is then divided into sections by lines ``//@ section NAME``. The
+template `lookdev/shaders/surface.osl` includes each section at a line ``//@ light_NAME``. Sections can read:
+
+- the globals of the shader, where ``P`` is relative to the centre of the asset's bounding sphere;
+- ``turn``, the rotation of the light about z in radians;
+- ``IBL_SAMPLES``, which is 0 if directions are drawn from the BSDF alone. No other macro or variable of sampling then
+  exists.
+
+These are the sections:
 
 ``parameters``
     Parameters of the shader, whose values are in `LightCode`.
 ``functions``
     Functions, which precede the shader.
 ``setup``
-    Runs at each shading point, with ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble.
-    ``front_samples`` and ``back_samples`` are the numbers of directions for light from the viewer's side of the surface
-    and, with ``TRANSMITS``, from the other side.
+    Runs at each shading point if ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble.
+    ``front_samples`` is the number of directions for light from the viewer's side of the surface. With ``TRANSMITS``,
+    ``back_samples`` is that for light from the other side.
 ``sample``
-    Draws sample ``number`` of the pixel, for the other side if ``back`` is 1. Sets ``wi``, ``radiance`` and, if the
-    probability of the draw is not exactly the pdf, ``ratio``, the pdf divided by the probability. Numbers of a pixel
-    count from 0, separately for front and back.
+    Draws sample ``number`` of the pixel, for the other side if ``back`` is 1. Samples are numbered from 0, separately
+    for front and back. The section sets the direction ``wi`` and its ``radiance``. If the probability of the draw is
+    not exactly the pdf, it also sets ``ratio``, the pdf divided by the probability.
 ``density``
-    Adds the pdf of ``wi`` at front and back, times the samples of each side, to ``density``, and sets ``radiance``.
+    Adds to ``density``, for each side, the pdf of ``wi`` times the samples of that side. Also sets ``radiance``.
 ``lookup``
-    Sets ``radiance`` from ``wi``.
+    Sets ``radiance`` to the light from direction ``wi``.
 """
 
 from __future__ import annotations
@@ -47,10 +53,13 @@ from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, of
 from lookdev.light.lamps import SHAPES, CodedRig
 
 SECTIONS = ("parameters", "functions", "setup", "sample", "density", "lookup")
+"""The sections of the OSL file of a light's kind."""
 
 Lines: TypeAlias = tuple[str, ...]
+"""Lines of OSL."""
 
-_FIELD = "lamps[at + LAMP_{}]"  # a field of the row of a lamp that begins at `at`
+_FIELD = "lamps[at + LAMP_{}]"  # the text of a field of a lamp, whose row begins at index `at` of the array `lamps`
+# Parameters and heads of functions of lamps. p is the shading point and w a direction, both in the lamp's coordinates.
 _ROW = "float lamps[], int at"
 _MEET = "vector p, vector w, output float distance, output float pdf"
 _DRAW = "vector p, float u1, float u2, output vector w, output float distance, output float pdf"
@@ -58,7 +67,7 @@ _SHAPE_HEADS = {
     "meet": f"void KIND_meet(float lamps[], float tables[], int at, {_MEET})",
     "draw": f"void KIND_draw(float lamps[], float tables[], int at, {_DRAW})",
 }
-# s, t and the size are fractions of the rectangle's sides.
+# A part of a textured rectangle begins at part_s, part_t; these and its size are fractions of the rectangle's sides.
 _PART = "float part_s, float part_t, float size"
 _PART_HEADS = {
     "angle": f"float rect_part_angle({_ROW}, vector p, {_PART})",
@@ -66,13 +75,15 @@ _PART_HEADS = {
     "density": f"float rect_part_density({_ROW}, vector p, vector w, {_PART})",
     "part": f"void rect_part_draw({_ROW}, {_DRAW.replace('vector p,', f'vector p, {_PART},')})",
 }
+# The line that reads the number of samples from a parameter.
 _SAMPLES = ("    int samples = int(control[2]);",)
-# `cycles.scene` passes the number of samples, a power of two, times 1 + e / 720: e is the asset's rotation in degrees.
+# The same for a rig with lights that do not turn with it: `cycles.scene` passes the number of samples, a power of two,
+# times 1 + e / 720, where e is the asset's rotation in degrees.
 _SAMPLES_AND_TURN = ("    int samples = 1 << int(floor(log2(control[2]) + 0.01));",)
 
 
 def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
-    """Return the lines of each section of the lights, by its name in templates, ``light_NAME`` and ``rig_NAME``.
+    """Return the lines of each section of the lights, by the names ``light_NAME`` and ``rig_NAME`` of the template.
 
     Raises
     ------
@@ -94,7 +105,7 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
 
 
 def _rig_sections(rig: CodedRig) -> dict[str, list[str]]:
-    """Return the lines of each section of several lights, by the section's name in templates."""
+    """Return the lines of each section of a rig, by the section's name in the template."""
     sections = read_sections(SHADERS / "rig.osl.h")
     kinds = {_dome_kind(light) for light in rig.domes}
     expanded = {
@@ -120,11 +131,16 @@ def _rig_sections(rig: CodedRig) -> dict[str, list[str]]:
 
 
 def _dome_kind(light: Light) -> str:
+    """Return the name with which a dome's sections in `rig.osl.h` begin."""
     return "constant_dome" if light.constant else light.kind
 
 
 def _expand_line(rig: CodedRig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
-    """Return the lines that replace a line ``//@ domes NAME`` or ``//@ pictures NAME``; other lines stay."""
+    """Return the lines that replace a line of `rig.osl.h`.
+
+    A line ``//@ domes NAME`` is replaced by the section of each dome, ``//@ pictures NAME`` by that of each textured
+    lamp. Other lines stay as they are.
+    """
     match line.split():
         case ["//@", "domes", name]:
             return _dome_lines(rig, sections, name)
@@ -135,6 +151,7 @@ def _expand_line(rig: CodedRig, sections: Mapping[str, list[str]], line: str) ->
 
 
 def _dome_lines(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
+    """Yield the section ``<kind>_<name>`` of each dome, or ``dome_<name>`` if its kind has none."""
     for number, light in enumerate(rig.domes):
         kind = _dome_kind(light)
         section = f"{kind}_{name}"
@@ -143,13 +160,14 @@ def _dome_lines(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> 
 
 
 def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
-    # A "#" at the beginning of a line is one of the preprocessor's.
+    """Replace ``@`` by the number of a dome among domes, and ``#`` by its number among all lights of the rig."""
+    # A "#" at the beginning of a line belongs to the preprocessor.
     begin = len(line) - len(line.lstrip("#"))
     return (line[:begin] + line[begin:].replace("#", str(len(rig.lamps) + number))).replace("@", str(number))
 
 
 def _shape_functions(rig: CodedRig) -> Iterator[str]:
-    """Yield the functions that lamps of all kinds share, and those of each shape."""
+    """Yield the lines of the functions that lamps of all kinds share, and of those of each kind."""
     beam, falloff, shadow = _control_functions()
     yield from (*beam * rig.needs("shaped"), *falloff * rig.needs("falling"), *shadow * rig.needs("shadowed"))
     for kind in rig.kinds:
@@ -158,7 +176,7 @@ def _shape_functions(rig: CodedRig) -> Iterator[str]:
 
 @cache
 def _control_functions() -> tuple[Lines, Lines, Lines]:
-    """Return the functions of a beam, of a falloff, and of a shadow."""
+    """Return the lines of the functions of a lamp's beam, of its falloff, and of its shadow."""
     row = LampSymbols(_FIELD)
     direction, tint = row.vector("w"), row.fields(*TINT)
     *cone, focus = row.fields(*BEAM)
@@ -173,7 +191,7 @@ def _control_functions() -> tuple[Lines, Lines, Lines]:
 
 
 def _lamp_functions(rig: CodedRig) -> Iterator[str]:
-    """Yield functions for all kinds of lamps, which call those of a lamp's kind."""
+    """Yield the lines of functions that call those of a lamp's kind."""
     if rig.lamps:
         yield from _dispatch_function(rig, "void lamp_meet", _MEET, tables=True)
         yield from _dispatch_function(rig, "void lamp_draw", _DRAW, tables=True)
@@ -182,7 +200,7 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
 
 @cache
 def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
-    """Return the functions of a kind of lamp; for pictures, of a part of a rectangle."""
+    """Return the lines of the functions of a kind of lamp; of a picture, those of `trace_parts` and the weight."""
     lamp = trace_lamp(kind, shaped=shaped, falling=falling, field=_FIELD)
     traced, heads = (trace_parts(_FIELD), _PART_HEADS) if kind == "picture" else (lamp, _SHAPE_HEADS)
     functions = [_function_lines(head.replace("KIND", kind), traced[name]()) for name, head in heads.items()]
@@ -191,7 +209,11 @@ def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
 
 
 def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: bool = False) -> Iterator[str]:
-    """Yield the lines of a function for all kinds of lamps, which calls that of a lamp's kind."""
+    """Yield the lines of the function `name`, which calls the function of a lamp's kind.
+
+    `name` also has the type of the result. `parameters` are those after the lamp's row. With `tables`, the function
+    also takes the rig's tables.
+    """
     suffix = name.split()[-1].removeprefix("lamp_")
     first = "lamps, tables, at" if tables else "lamps, at"
     names = ", ".join((first, *(parameter.split()[-1] for parameter in parameters.split(", "))))
@@ -207,7 +229,10 @@ def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: boo
 
 
 def _function_lines(head: str, values: Sequence[Scalar]) -> Lines:
-    """Return the lines of a function that assigns values to the outputs in its head, or returns them if it has none."""
+    """Return the lines of a function that sets its ``output`` parameters to values.
+
+    `head` is the function's type, name and parameters. If there are no outputs, the function returns the values.
+    """
     components = {"float": ("",), "vector": ("[0]", "[1]", "[2]")}
     outputs = [name + part for kind, name in re.findall(r"output (\w+) (\w+)", head) for part in components[kind]]
     block = Block("v", indent=1)

@@ -1,4 +1,7 @@
-"""The shader that evaluates a stack of layers at points; it reads the inputs of each point from a table."""
+"""Generate the shader that evaluates a stack of layers at points in the renderer, for ``lookdev check`` and ``eval``.
+
+The shader reads the directions and the layers' inputs of each point from a table (`codegen.points`).
+"""
 
 from __future__ import annotations
 
@@ -15,9 +18,10 @@ from lookdev.codegen.trace.lobes import present_lobes
 
 
 def generate_point_shader(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
-    """Generate the shader of a stack of layers, or of the named lobes alone.
+    """Generate the shader of a stack of layers, base first, or only of its lobes with the names `lobes`.
 
-    A row of the shader's table has the values of `point_columns`, in `point_cells` texels of three channels.
+    The shader's table is a texture with a row for each point. A row has the values of `point_columns`, in `point_cells`
+    texels of three channels.
     """
     graph = Graph()
     bsdf = point_bsdf(graph, layers)

@@ -1,4 +1,8 @@
-"""The light integral of a look as OSL: a hand-written template around the generated BSDF."""
+"""Generate the surface shader of a look, OSL that computes the reflected light itself, for backend ``exact``.
+
+The hand-written template `lookdev/shaders/surface.osl` estimates the light integral. The generated code of the BSDF, of
+the look's inputs and of the lights completes it.
+"""
 
 from __future__ import annotations
 
@@ -29,25 +33,31 @@ from lookdev.light.lamps import CodedRig
 from lookdev.material import Look
 from lookdev.scene.shading import LIFT
 
+# The OSL type of a mesh attribute, by `AttributeBinding.kind`.
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
-# Directions drawn at a shading point from the BSDF, and from the light, unless the job or the lobes decide otherwise.
+# The number of directions drawn at a shading point from the BSDF, and also the number drawn from the light, unless the
+# job or the look's lobes decide otherwise.
 _DIRECTIONS = 4
 
-# Factors of a broad lobe's share in the directions drawn from the BSDF, without and with bounces. The lobe is
-# light-sampled: it needs these directions only for light that the asset reflects. Smaller ones are not better
-# (docs/bench.md).
+# The factors, without and with bounces, by which a broad lobe's share of the directions drawn from the BSDF is reduced.
+# The lobe's direct light is estimated by directions drawn from the light. The lobe needs directions drawn from the BSDF
+# only for light that the asset reflects. Smaller factors are not better (docs/bench.md).
 _BROAD_SHARES = (0.05, 0.3)
 
-# In 1/sr. Russian roulette decides whether a direction drawn from the light is traced, if the BSDF's pdf and values are
-# smaller than this. This does not raise the error of a metal; roulette on more directions does not save more time
-# (docs/bench.md).
+# A bound in 1/sr. If the BSDF's pdf and values in a direction drawn from the light are smaller, Russian roulette
+# decides whether a ray is traced there. This does not raise the error of a metal. A higher bound does not save more
+# time (docs/bench.md).
 _MIN_TRACED_PDF = 0.01
 
 
 @dataclass(frozen=True)
 class DirectionCounts:
-    """Numbers of directions drawn from the BSDF and from the light, at the first hit and after a bounce."""
+    """The numbers of directions that are drawn at a shading point.
+
+    `brdf` and `ibl` are drawn from the BSDF and from the light at the first hit, `brdf_onward` and `ibl_onward` at
+    later hits of a path.
+    """
 
     brdf: int
     ibl: int
@@ -58,14 +68,17 @@ class DirectionCounts:
 def generate_surface(
     look: Look, setting: SourceSetting, replacements: Mapping[str, Sequence[str]] = MappingProxyType({})
 ) -> ShaderSource:
-    """Generate the light integral shader of a look.
+    """Generate the surface shader of a look.
 
     Parameters
     ----------
     look
-        Its constants are folded. Textures that only absent lobes read are not looked up.
+        The look. Its constants are folded. Textures that only absent lobes read are not looked up.
+    setting
+        The lights, the sampling and the picture.
     replacements
-        Lines that replace sections of the template, by the sections' names; the benchmark omits parts of the shader.
+        Lines that replace sections of the template, by the sections' names. The benchmark omits parts of the shader in
+        this way.
     """
     sampling, lights = setting.sampling, setting.lights
     features, recorded, bounces = sampling.features, sampling.records_parts, sampling.bounces
@@ -77,7 +90,7 @@ def generate_surface(
     constant = all(light.constant for light in lights)
     samples_light = sampling.ibl_samples != 0 and not constant
     counts = _direction_counts(lobes, sampling.brdf_samples, sampling.ibl_samples, bounces, constant_light=constant)
-    # A single direction is drawn for light from the front.
+    # If only one direction is drawn from the light, it is for light from the front, and none is for light from behind.
     from_behind = min(counts.ibl, counts.ibl_onward) > 1
     if samples_light:
         share = _BROAD_SHARES[bounces > 0]
@@ -85,6 +98,7 @@ def generate_surface(
     transmits = any(lobe.transmits for lobe in lobes)
 
     def light_sampled(lobe: Lobe) -> bool:
+        """Return whether the lobe's direct light is estimated by directions drawn from the light alone."""
         behind = lobe.transmits or (transmits and lobe.crosses_surface)
         return counts.ibl > 0 and lobe.broad and (from_behind or not behind)
 
@@ -178,7 +192,7 @@ def generate_surface(
 
 
 def _groups_in_shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
-    """Return the group of each light, 0 without groups, in the order in which the shader numbers lights."""
+    """Return the group of each light in the order in which the shader numbers lights; without groups, all are 0."""
     light_groups = groups or [0] * len(lights)
     if coded_light(lights):
         return list(light_groups)
@@ -188,8 +202,11 @@ def _groups_in_shader_order(lights: Sequence[Light], groups: Sequence[int]) -> l
 
 
 def _recording_lines(lobes: Sequence[str], lights: Sequence[int]) -> list[str]:
-    """Return the lines that define which groups of lobes, as indices of `LOBE_GROUPS`, and of lights are recorded."""
-    numbers = [LOBE_GROUPS.index(name) for name in lobes] or [-1]  # a black look has none
+    """Return the lines that define which groups of lobes and of lights are recorded.
+
+    `lobes` are the names of groups in `LOBE_GROUPS`, `lights` the group of each light.
+    """
+    numbers = [LOBE_GROUPS.index(name) for name in lobes] or [-1]  # a black look has no groups
     return [
         f"#define FIRST_LIGHT_PART {FIRST_LIGHT_PART}",
         f"#define RECORDED_LOBES {len(numbers)}",
@@ -201,9 +218,12 @@ def _recording_lines(lobes: Sequence[str], lights: Sequence[int]) -> list[str]:
 
 
 def _remove_recording(osl: str) -> str:
-    """Return a shader without the lines that only recording compiles, so that its digest does not depend on them."""
+    """Return a shader without the lines that are compiled only if ``RECORDED`` is 1.
+
+    The digest of a shader that does not record then does not depend on these lines.
+    """
     lines: list[str] = []
-    # Of each open condition: whether it is that of recording, and whether its lines are compiled.
+    # For each open #if: whether its condition is RECORDED, and whether its present branch is compiled.
     conditions: list[tuple[bool, bool]] = []
     for line in osl.splitlines(keepends=True):
         command = line.split()[:1]
@@ -222,7 +242,10 @@ def _remove_recording(osl: str) -> str:
 
 
 def _count_lines(suffix: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:
-    """Return the lines that define the numbers of directions; those of the light are divided between front and back."""
+    """Return the lines that define the numbers of directions, as macros whose names end with `suffix`.
+
+    If the look `transmits`, directions drawn from the light are divided between its front and back.
+    """
     back = ibl_samples // 2 if transmits else 0
     return [
         f"#define BRDF_SAMPLES{suffix} {brdf_samples}",
@@ -231,15 +254,19 @@ def _count_lines(suffix: str, brdf_samples: int, ibl_samples: int, transmits: bo
     ]
 
 
-# If every lobe is glossy, most of the variance of a shape with recesses is in light that other parts of it reflect. A
-# path that continues adds one sample of that light, whatever number of directions was drawn at its first hit. So the
-# first hit draws few directions, and paths cost less. Later hits draw more directions from the light, since few of
-# these fall into a narrow lobe. A broad lobe takes its direct light from all of them. Measured: docs/bench.md,
-# "Recesses".
+# The numbers 2, 2, 1 and 4 are for a look whose lobes are all glossy. On a shape with recesses, most of its variance is
+# in light that other parts of the shape reflect. A path that continues adds one sample of this light, whatever number
+# of directions was drawn at its first hit. So the first hit draws few directions, and paths cost less. Later hits draw
+# more directions from the light, since few of these fall into a narrow lobe. A broad lobe takes its direct light from
+# all directions drawn from the light. Measured: docs/bench.md, "Recesses".
 def _direction_counts(
     lobes: Sequence[Lobe], brdf: int | None, ibl: int | None, bounces: int, *, constant_light: bool
 ) -> DirectionCounts:
-    """Return the numbers of directions; the lobes decide where `brdf` or `ibl`, the job's numbers, are None."""
+    """Return the numbers of directions for a look with these lobes.
+
+    `brdf` and `ibl` are the numbers in the job, or None where the lobes decide. `constant_light` is whether all lights
+    have constant radiance.
+    """
     if not lobes:
         return DirectionCounts(1, 0, 1, 0)
     if constant_light:
@@ -255,9 +282,9 @@ def _direction_counts(
 
 
 def _counts_with_bounces(brdf: int, ibl: int) -> DirectionCounts:
-    """Return the numbers of directions at the first hit, and smaller ones after a bounce.
+    """Return `brdf` and `ibl` as the numbers at the first hit, and smaller numbers after a bounce.
 
-    After a bounce, every path adds a sample. A path continues only if a direction is drawn from the BSDF, so at least
-    one is.
+    Fewer directions suffice after a bounce, because every path adds a sample there. At least one direction is drawn
+    from the BSDF, because the path continues along it.
     """
     return DirectionCounts(brdf, ibl, max(1, brdf // 4), -(-ibl // 2))

@@ -1,4 +1,4 @@
-"""Tables that a model looks up, as parameters of a shader, and the files that have their values."""
+"""Pass the tables of measured data that a model looks up to a shader: as arrays, or textures if they are large."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lookdev.codegen.source import TableBinding
 
 
 def bind_tables(tables: Iterable[NumberTable]) -> tuple[list[str], tuple[TableBinding, ...]]:
-    """Put tables into the store, each once; return the lines that declare them as parameters, and their bindings.
+    """Store the files of tables; return the lines that declare the shader's parameters for them, and their bindings.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def bind_tables(tables: Iterable[NumberTable]) -> tuple[list[str], tuple[TableBi
 
 
 def _store_table(table: NumberTable) -> Content:
-    """Put the values of a table into the store, as the array or the texture that a shader reads."""
+    """Store a table as the file that a shader reads: an array if `fits_array`, else a texture."""
 
     if fits_array(table):
         return store_table(table)

@@ -1,1 +1,1 @@
-"""Traced graphs as programs: lists of operations, plain data for targets that compile no text for a look."""
+"""Write traced looks and lights as programs: lists of operations, for Mitsuba, GLSL and evaluation by NumPy."""

@@ -1,7 +1,8 @@
-"""A traced BSDF evaluated on NumPy's arrays: the folded graph in float64, faster than the model that was traced.
+"""Evaluate the f of a stack of layers fast on NumPy's arrays, in float64, for plots and the explorer.
 
-Constants are folded. Equal expressions are computed once; those that do not depend on directions, once in each call.
-For an editor, numbers stay symbols, and one trace serves all their values.
+The stack is traced and compiled to a program, which is faster than the models themselves: constants are folded, equal
+expressions are computed once, and those that do not depend on the directions once in a call. A parameter that a user
+edits can stay a symbol. The same program then serves all its values.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobe
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
 PART_SIZE = 4096
-"""Pairs of directions in a part: an array of 4096 numbers has 32 KiB, so that a program's arrays stay in a cache."""
+"""The number of direction pairs that are computed together, a part of all pairs.
+
+An array of 4096 numbers has 32 KiB, so the arrays of a program stay in the processor's cache.
+"""
 
 
 _ZENITH = np.array([[0.0], [0.0], [1.0]])
@@ -33,12 +37,15 @@ _ZENITH = np.array([[0.0], [0.0], [1.0]])
 
 @cache
 def _threads() -> ThreadPoolExecutor:
-    """Return the threads that compute parts, one for each core."""
+    """Return the pool of threads that compute the parts, one thread for each core."""
     return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="parts")
 
 
 def run_in_parts(fill: Callable[[slice], None], count: int) -> None:
-    """Call a function with the parts of `count` pairs of directions, on all cores if there are several parts."""
+    """Divide `count` pairs of directions into parts, and call `fill` with the slice of each part.
+
+    If there are several parts, they are computed on all cores.
+    """
     parts = [slice(start, start + PART_SIZE) for start in range(0, count, PART_SIZE)]
     for _ in map(fill, parts) if len(parts) == 1 else _threads().map(fill, parts):
         pass
@@ -46,7 +53,11 @@ def run_in_parts(fill: Callable[[slice], None], count: int) -> None:
 
 @dataclass(frozen=True)
 class _Step:
-    """An operation, with the numbers of its operands, of its result, and of the values that no later step reads."""
+    """One operation of a compiled program, the function `run`.
+
+    `operands` and `result` are the numbers of the values that it reads and computes. `dead` are the numbers of values
+    that no later step reads, so that their arrays can be freed after this step.
+    """
 
     run: Callable[..., Array]
     operands: tuple[int, ...]
@@ -56,10 +67,24 @@ class _Step:
 
 @dataclass(frozen=True)
 class CompiledProgram:
-    """f of a stack of layers as a program: steps that run once, and steps that run for each pair of directions.
+    """The f of a stack of layers, compiled to steps.
 
-    A value is a constant, a symbol or the result of a step; each has a number. `constants` are values by number;
-    `symbols` are the numbers of symbols by name; `result` are the numbers of the three channels of f.
+    A value of the program is a constant, a symbol or the result of a step. Values are numbered.
+
+    Attributes
+    ----------
+    shared_steps
+        The steps that do not depend on the directions, which run once in a call.
+    pair_steps
+        The steps that run for each pair of directions.
+    constants
+        The constants by the numbers of their values.
+    symbols
+        The numbers of the symbols by their names.
+    result
+        The numbers of the values of the three channels of f.
+    two_sided
+        Whether f is mirrored to a viewer below the surface. If not, f is 0 there.
     """
 
     shared_steps: tuple[_Step, ...]
@@ -70,19 +95,22 @@ class CompiledProgram:
     two_sided: bool
 
     def f(self, wo: Floats, wi: Floats, symbol_values: Mapping[str, float]) -> Floats:
-        """Return f (n, 3) for directions (n, 3), as `lookdev.brdf.evaluate` does, with these values of symbols."""
+        """Return f (n, 3) for unit directions (n, 3) to viewer and light, as `lookdev.brdf.evaluate` does.
+
+        `symbol_values` has the values of the symbols other than the directions, by name.
+        """
         values_once: dict[int, Real] = {
             **self.constants,
             **{number: symbol_values[name] for name, number in self.symbols.items() if name in symbol_values},
         }
         for step in self.shared_steps:
             values_once[step.result] = step.run(*(values_once[number] for number in step.operands))
-        # Components that the program does not read get unused numbers.
+        # The numbers of the six components of wo and wi; negative for a component that the program does not read.
         symbol_numbers = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
         out = np.empty((len(wo), 3))
 
         def fill(part: slice) -> None:
-            columns = np.concatenate([wo[part].T, wi[part].T])
+            columns = np.concatenate([wo[part].T, wi[part].T])  # (6, n): the components of wo, then those of wi
             if self.two_sided:
                 columns *= np.where(columns[2] < 0.0, -1.0, 1.0)
             above = columns[2] > 0.0
@@ -104,7 +132,9 @@ class CompiledProgram:
 
 
 def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> CompiledProgram:
-    """Trace and compile layers, base first, whose parameters are constants or symbols of the graph.
+    """Trace and compile a stack of layers.
+
+    `make_layers` returns the layers, base first. Their parameters are constants, or symbols of the graph that it gets.
 
     Raises
     ------
@@ -118,7 +148,8 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
     wi = symbols(graph, WI)
     cosine, total = np.abs(wi[..., 2]), np.zeros(3)
     for term in mixture.terms(wi):
-        # As in `lookdev.brdf.evaluate`, the quotient is computed first.
+        # A lobe's f belongs to the cosine to the lobe's own normal. The ratio of cosines converts it to an f that
+        # belongs to the cosine to the shading normal. As in `lookdev.brdf.evaluate`, the ratio is computed first.
         ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
         total = total + scale(term.f, np.where(term.valid, ratio, 0.0))
     writer = ProgramWriter()
@@ -127,8 +158,8 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
 
 
 def _compile_program(writer: ProgramWriter, two_sided: bool) -> CompiledProgram:
-    """Return the steps of a program: those that depend on a direction run for each pair, the others once."""
-    varying: set[int] = set()
+    """Return the compiled program of the output ``"f"`` of a writer."""
+    varying: set[int] = set()  # the numbers of the values that depend on a direction
     constants: dict[int, float] = {}
     names: dict[str, int] = {}
     once: list[_Step] = []
@@ -160,7 +191,7 @@ def _compile_program(writer: ProgramWriter, two_sided: bool) -> CompiledProgram:
 
 
 def _mark_dead(steps: Sequence[_Step], live: set[int]) -> tuple[_Step, ...]:
-    """Return the steps, each with the results that no later step reads; values in `live` are never dead."""
+    """Return the steps with their `_Step.dead` values; the values numbered in `live` are never dead."""
     unread = {step.result for step in steps} - live
     steps_from_last: list[_Step] = []
     for step in reversed(steps):
@@ -171,5 +202,6 @@ def _mark_dead(steps: Sequence[_Step], live: set[int]) -> tuple[_Step, ...]:
 
 
 def _look_up_function(table: NumberTable, channel: str) -> Callable[[Floats, Floats], Array]:
+    """Return a function that looks up cells by row and column; `channel` is that of a colour, ``""`` of numbers."""
     channel_table = table if channel == "" else NumberTable(table.values[..., int(channel)])
     return lambda row, column: look_up(channel_table, np.asarray(row), np.asarray(column))

@@ -1,4 +1,8 @@
-"""The functions of `lookdev.light`, traced and written as operations; their symbols are the fields of a light's row."""
+"""Trace the functions of lights in `lookdev.light`, for OSL, GLSL and Mitsuba, which sample the same lights.
+
+In the traced code, the numbers of a light are symbols, the fields of its row (`lookdev.light.lamps.FIELDS`). The code
+is thus the same for all lights of a kind.
+"""
 
 from __future__ import annotations
 
@@ -24,61 +28,68 @@ from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import TexturedRectangle
 
 BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
-"""The fields of a row that `cone_factor` and `focus_factor` of `lookdev.light.emission` read."""
+"""The fields of a row that `cone_factor` and `focus_factor` of `lookdev.light.emission` read: a beam, and its tint."""
 
 FALLOFF = ("virtual", "power", "fade", "fade_rise")
-"""The fields of a row that `falloff_factor` reads."""
+"""The fields of a row that `falloff_factor` of `lookdev.light.emission` reads."""
 
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
-"""The fields of a row that `shadow_operations` reads."""
+"""The fields of a row that `shadow_factor` of `lookdev.light.emission` reads."""
 
 FunctionOperations = tuple[list[ProgramOperation], Mapping[str, tuple[int, ...]]]
-"""Operations, and the results of each function by its name."""
+"""The operations of several functions, and, by a function's name, the indices of the operations with its results."""
 
 TracedFunctions: TypeAlias = Mapping[str, Callable[[], list[Scalar]]]
-"""For each function's name, a function that traces its results."""
+"""By a function's name, a callable that traces the function and returns its results, one scalar each."""
 
 _TABLES = NumberTable(np.zeros((1, 1)))
-"""A placeholder for the tables of a rig, which are passed when a program runs."""
+"""A placeholder for the rig's tables, whose numbers are known only when a program runs."""
 
 _Arguments = ParamSpec("_Arguments")
 
 
 class LampSymbols:
-    """Symbols of one graph: a function's arguments, and the fields of a lamp's row, which the format `field` names."""
+    """Makes the symbols of one graph: the arguments of functions, and the fields of a lamp's row.
+
+    The name of a field's symbol is the format string `field` with the field's name, such as ``lamp_{}``.
+    """
 
     def __init__(self, field: str = "{}") -> None:
         self._graph, self._field = Graph(), field
 
     def numbers(self, *names: str) -> Floats:
+        """Return named symbols as an array (len(names),)."""
         return cast("Floats", symbols(self._graph, names))  # the functions of lights run on symbols, too
 
     def vector(self, name: str) -> Floats:
+        """Return the symbols ``<name>[0]`` to ``<name>[2]`` as an array (3,)."""
         return self.numbers(*(f"{name}[{i}]" for i in range(3)))
 
     def fields(self, *names: str) -> Floats:
+        """Return the symbols of fields of the row as an array (len(names),)."""
         return self.numbers(*map(self._field.format, names))
 
 
 def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field: str = "{}") -> TracedFunctions:
-    """Return the functions of a kind of lamp.
+    """Return the functions of a kind of lamp, a key of `lookdev.light.lamps.SHAPES`.
 
-    Symbols are the names in `lookdev.light.lamps.FIELDS`, formatted by `field`, the components of a point p, a
-    direction w and a normal n, and u1 and u2.
+    Their symbols are the fields of a row, formatted by `field`, and these arguments in the lamp's coordinates: the
+    shading point p, a direction w from there, the shading normal n, and the random numbers u1 and u2. The results:
 
     ``weight``
         `lookdev.light.lamps.estimate_irradiance` at p and n, times the mean radiance.
     ``meet``
-        Distance and density of the direction w from p.
+        The distance from p to the lamp along w, and the pdf with which ``draw`` draws w.
     ``draw``
-        A direction drawn by u1 and u2, its distance and density.
+        A direction to the lamp drawn by u1 and u2 (3 numbers), the distance to the lamp, and the pdf.
     ``sent``
-        The radiance that arrives at p along -w, without the texture of a picture.
+        The radiance (3 numbers) that arrives at p along -w, without the texture of a picture.
     ``place``
-        Of a picture, the coordinates in its texture.
+        The coordinates in the texture where w meets the lamp. Only the kind ``"picture"``, a textured rectangle, has
+        this function.
 
-    A lamp that is not `shaped` emits equally in all directions, except by an IES profile, which is looked up in `steps`
-    steps if these are not 0. A lamp that is not `falling` has no falloff.
+    A lamp that is `shaped` has a beam, and one that is `falling` has a falloff. If `steps` is not 0, an IES profile is
+    looked up, too; `steps` is the number of bisections that find an angle in its table.
     """
     row = LampSymbols(field)
     sizes = row.fields(*("a", "b")[: len(fields(SHAPES[kind]))])
@@ -126,7 +137,10 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
 
 
 def trace_shadow(field: str = "{}") -> TracedFunctions:
-    """Return ``passed``, the share of a light that passes an occluder at ``distance``, from `SHADOW_FIELDS`."""
+    """Return the function ``passed``: the share of a light (3 numbers) that passes an occluder.
+
+    Its symbols are `SHADOW_FIELDS`, formatted by `field`, and the occluder's ``distance``.
+    """
     row = LampSymbols(field)
     enable, limit, zone, gamma = row.fields(*SHADOW_FIELDS[:4])
     share = shadow_factor(row.numbers("distance")[0], enable, limit, zone, gamma, row.fields(*SHADOW_FIELDS[4:]))
@@ -134,19 +148,20 @@ def trace_shadow(field: str = "{}") -> TracedFunctions:
 
 
 def trace_parts(field: str = "{}") -> TracedFunctions:
-    """Return the functions of a part of a picture, at the symbols p, w, u1, u2, part_s, part_t and size.
+    """Return the functions of a rectangular part of a picture, which is a textured rectangle light.
 
-    The part begins at part_s and part_t, and extends by `size` along both sides; these numbers are fractions of the
-    picture's sides.
+    Their symbols are the fields of a row, formatted by `field`, the part, part_s, part_t and size, and the arguments p,
+    w, u1 and u2 of `trace_lamp`. The part begins at part_s and part_t, and extends by size along both sides. These
+    numbers are fractions of the picture's sides. The results:
 
     ``angle``
-        Roughly the solid angle of the part from p (`lookdev.light.picture`).
+        The approximate solid angle of the part from p (`lookdev.light.picture`).
     ``part``
-        A direction to the part drawn by u1 and u2, its distance and density.
+        A direction to the part drawn by u1 and u2 (3 numbers), the distance to the picture, and the pdf.
     ``density``
-        The density of a direction w that meets the part.
+        The pdf with which ``part`` draws a direction w that meets the part.
     ``place``
-        The distance along w to the whole picture, and the coordinates where w meets it.
+        The distance from p to the whole picture along w, and the two coordinates where w meets it.
     """
     row = LampSymbols(field)
     (width, height), (s, t, size) = row.fields("a", "b"), row.numbers("part_s", "part_t", "size")
@@ -170,15 +185,19 @@ def trace_parts(field: str = "{}") -> TracedFunctions:
 
 
 def trace_ball(field: str = "{}") -> TracedFunctions:
-    """Return the functions of a local dome, from a and b of its row.
+    """Return the functions of a local dome, whose map is on a ball of finite radius about its centre.
+
+    Their symbols are the fields a and b of its row, formatted by `field`: the distance from the centre at which the
+    light begins to fade, and the radius. The arguments are p and w of `trace_lamp`, and the direction onto. The
+    results:
 
     ``share``
-        The share of its light that arrives at p.
+        The share of the dome's light that arrives at p.
     ``meet``
-        1 if a ray from p along w meets the dome, else 0; the distance; and the solid angle that a piece of the dome
-        there subtends at the dome's centre, divided by the one that it subtends at p.
+        Three numbers: 1 if a ray from p along w meets the ball from inside, else 0; the distance to it; and a ratio of
+        solid angles of a piece of the ball there, the one seen from the centre divided by the one seen from p.
     ``draw``
-        The direction from p to the point where the direction `onto` from the centre meets the dome.
+        The direction (3 numbers) from p to the point of the ball that is in the direction onto from the centre.
     """
     row = LampSymbols(field)
     start, radius = row.fields("a", "b")
@@ -193,7 +212,10 @@ def trace_ball(field: str = "{}") -> TracedFunctions:
 
 
 def _write_functions(trace: Callable[_Arguments, TracedFunctions]) -> Callable[_Arguments, FunctionOperations]:
-    """Return a function that writes the traced functions as operations, once for the same arguments."""
+    """Return a function with the arguments of `trace` that writes the traced functions as operations.
+
+    Results are cached by the arguments.
+    """
 
     def write(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> FunctionOperations:
         writer = ProgramWriter()
@@ -205,6 +227,7 @@ def _write_functions(trace: Callable[_Arguments, TracedFunctions]) -> Callable[_
     return cast("Callable[_Arguments, FunctionOperations]", cache(write))
 
 
+# The functions above as operations.
 lamp_operations = _write_functions(trace_lamp)
 shadow_operations = _write_functions(trace_shadow)
 part_operations = _write_functions(trace_parts)

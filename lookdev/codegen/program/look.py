@@ -1,4 +1,6 @@
-"""A look as a program: the traced graph, node by node, which the renderer's own compiler reads without source text.
+"""Generate the program of a look, the operations of its traced graph, for Mitsuba and for pages in the browser.
+
+Mitsuba traces the operations with its own compiler, Dr.Jit, without source text. `codegen.glsl` writes them as text.
 
 - Jakob, W., Speierer, S., Roussel, N. and Vicini, D. 2022. Dr.Jit: A Just-In-Time Compiler for Differentiable
   Rendering. ACM Transactions on Graphics 41(4).
@@ -46,9 +48,13 @@ from lookdev.scene.shading import shading_frame
 from lookdev.space import REC709, Space, matrix_from_rec709
 
 LivePredicate = Callable[[int, str], bool]
-"""Returns whether a constant is live, from the number of its layer and its parameter (see `generate_program`)."""
+"""A function that returns whether a constant is live: its value can change while the program stays the same.
 
-_CONSTANT_TYPES = (np.ndarray, float)  # of a layer's values that are constants: others are symbols or tokens
+The arguments are the index of the constant's layer, counted from the base, and its parameter or ``"mask"``.
+"""
+
+# The types of a layer's values that are constants. Other values are symbols or tokens.
+_CONSTANT_TYPES = (np.ndarray, float)
 
 
 def generate_program(
@@ -62,23 +68,25 @@ def generate_program(
 ) -> ProgramSource:
     """Generate the program of a look.
 
-    Constants are folded and named, so that looks that differ in numbers alone share one program. The program has
-    derivatives with respect to the inputs that `lookdev.material.change.look_with_live_inputs` makes live.
+    Constants are folded, and become uniforms of the program, so that looks that differ in numbers alone have the same
+    operations. A fit makes some inputs live by `lookdev.material.change.look_with_live_inputs`. The program then has
+    derivatives with respect to these inputs.
 
     Parameters
     ----------
+    look
+        The look.
     resolve
-        Returns the linear EXR file of a texture, or the file of the slopes of a height map.
+        A function that returns the linear EXR file of a texture, or the file of the slopes of a height map.
     shadows
-        Whether rays are traced along directions.
+        Whether rays are traced from the shading point.
     features
         Whether the program has outputs that guide a denoiser.
     space
         The colour space of the light.
     live
-        Which constants do not fold, from the number of their layer, counted from the base, and their parameter or
-        ``"mask"``. They are symbols named by `live_name`; a colour is three symbols, with ``[0]`` to ``[2]`` appended.
-        An editor changes their values while the program stays the same.
+        Which constants are live. They do not fold, but are symbols named by `live_name`. A colour is three symbols,
+        with ``[0]`` to ``[2]`` appended to the name.
     """
     graph = Graph()
     inputs = SymbolicSurface(graph, resolve)
@@ -87,8 +95,9 @@ def generate_program(
     presence = elements_of(bsdf.presence)[0]
     see_through = isinstance(presence, GraphNode) or presence < 1.0
     mixture = Mixture(lobes, symbols(graph, WO))
-    # The shading frame is bent until the viewer is above its horizon. Shares are not assumed positive: lobes may be
-    # absent at some points, and no branch leaves out their code.
+    # The shading frame is bent until the viewer is above its horizon, so wo_z is positive. The shares of lobes are not
+    # assumed positive, as they are for OSL: the program has no branches, so the code of a lobe also runs where the lobe
+    # is absent.
     assume_positive(graph, mixture.wo[..., 2])
     value, pdf = mixture.response(symbols(graph, WI))
     outputs: dict[str, Real | list[Scalar]] = {"value": value, "pdf": pdf}
@@ -141,14 +150,14 @@ def generate_program(
 def trace_look(
     look: Look, inputs: SymbolicSurface, space: Space, live: LivePredicate = lambda number, name: False
 ) -> Bsdf:
-    """Return the BSDF of a look in a colour space; its constants are uniforms, or symbols where they are live."""
+    """Return the traced BSDF of a look in a colour space; its constants are uniforms, or symbols if they are live."""
     layers = enumerate(look_layers(look, inputs))
     bsdf = stack_bsdf([_trace_constants(inputs.graph, number, layer, live) for number, layer in layers])
     return bsdf if space == REC709 else bsdf.convert(matrix_from_rec709(space))
 
 
 def _group_parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
-    """Return, by group, the value of its lobes for light from `wi`, and the part of that from diffuse lobes."""
+    """Return two arrays (3,) for each group of lobes: its value for light from `wi`, and the diffuse lobes' part."""
     parts: dict[str, tuple[Array, Array]] = {}
     for term in mixture.terms(wi):
         other = lobe_parts(term)
@@ -160,7 +169,11 @@ def _group_parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
 
 
 def stated_constants(look: Look) -> LivePredicate:
-    """Return which constants of a look can be live: those that its layers state, if all models are in `MODELS`."""
+    """Return a predicate that is true for the constants of a look that can be live.
+
+    These are the constants that the look's layers state. If a layer is of a foreign model, which has to be translated,
+    no constant can be live.
+    """
     names_by_layer = [
         {name for name, value in layer.inputs.items() if isinstance(value, float | tuple)} for layer in look.layers
     ]
@@ -169,7 +182,7 @@ def stated_constants(look: Look) -> LivePredicate:
 
 
 def live_name(layer: int, parameter: str) -> str:
-    """Return the name of the symbol of a layer's parameter."""
+    """Return the name of the symbol of a live constant, from its layer's index and its parameter."""
     return f"layer{layer}_{parameter}"
 
 
@@ -194,7 +207,7 @@ def _trace_constants(graph: Graph, number: int, layer: StackLayer, live: LivePre
 
     traced: dict[int, Array] = {}
     for name, value in _layer_values(layer).items():
-        # Values are distinguished by identity: a parameter that follows another has the same object.
+        # A parameter that follows another one has the same object as value. It gets the same symbols.
         if isinstance(value, _CONSTANT_TYPES) and id(value) not in traced:
             traced[id(value)] = trace(name, value)
     parameters = {name: traced.get(id(value), value) for name, value in layer.parameters.items()}
@@ -202,13 +215,16 @@ def _trace_constants(graph: Graph, number: int, layer: StackLayer, live: LivePre
 
 
 def _layer_values(layer: StackLayer) -> Parameters:
+    """Return the values of a layer's parameters and of its ``"mask"``, by name."""
     return {**layer.parameters, "mask": layer.mask}
 
 
 def _derivatives(
     graph: Graph, look: str, inputs: SymbolicSurface, outputs: Mapping[str, Real | list[Scalar]]
 ) -> Mapping[str, list[Scalar]]:
-    """Return the derivatives of value, diffuse part, presence and deltas, with respect to each symbol of live inputs.
+    """Return the derivatives of outputs with respect to each symbol of a live input, by `derivative_name`.
+
+    The outputs are ``value``, ``diffuse``, ``presence`` and those of deltas.
 
     Raises
     ------
@@ -238,11 +254,12 @@ def derivative_name(output: str, symbol: str) -> str:
 
 
 def _open_no_image(texture: Texture | Bump) -> Path:
+    """Stand in for the argument `resolve` where only constants are read."""
     raise AssertionError("no image is opened")
 
 
 def _frame_outputs(graph: Graph, reads_tangent: bool, bends_normals: bool) -> Mapping[str, Array]:
-    """Return the axes of the shading frame and the facet's normal, as functions of the mesh's symbols."""
+    """Return the axes of the shading frame and the facet's normal, (3,) each, as functions of the mesh's symbols."""
     hand = symbol(graph, "hand") if bends_normals else 1.0
     tangent = vector_symbols(graph, "mesh_tangent") if reads_tangent else None
     normal, facet, viewer = (vector_symbols(graph, name) for name in ("mesh_normal", "mesh_facet", "viewer"))
@@ -251,7 +268,7 @@ def _frame_outputs(graph: Graph, reads_tangent: bool, bends_normals: bool) -> Ma
 
 
 def store_table(table: NumberTable) -> Content:
-    """Put the values of a table into the store, as an array of float32."""
+    """Store the values of a table as an .npy file, a flat array of float32, unless the store has it."""
 
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())

@@ -1,4 +1,4 @@
-"""Nodes of a graph, written as operations of a program."""
+"""Convert an expression graph into a list of `ProgramOperation`, with the constants and tables that they read."""
 
 from __future__ import annotations
 
@@ -15,26 +15,33 @@ from lookdev.errors import CodegenError
 
 @dataclass
 class ProgramWriter:
-    """Writes nodes as operations, each node once, and collects the symbols, constants and tables that they read."""
+    """Writes the nodes of a graph as operations, each node once, and collects what the operations read.
+
+    `outputs` has the indices of the operations whose results are an output's components, by the output's name.
+    `constants` are the values of uniforms, `tables` the tables that are looked up, `symbols` the names of symbols.
+    """
 
     operations: list[ProgramOperation] = field(default_factory=list)
     outputs: dict[str, tuple[int, ...]] = field(default_factory=dict)
     constants: list[float] = field(default_factory=list)
     tables: list[NumberTable] = field(default_factory=list)
     symbols: set[str] = field(default_factory=set)
+    # The index of the operation of each node, and of each constant, by a key.
     _numbers: dict[object, int] = field(default_factory=dict)
 
     def add(self, name: str, roots: Sequence[Scalar]) -> None:
-        """Write nodes and constants, and record them as the output `name`."""
+        """Write the nodes that `roots` depend on, and record `roots` as the components of the output `name`."""
         for node in post_order(roots):
             self._numbers[node] = self._append(self._operation(node))
         self.outputs[name] = tuple(map(self._number, roots))
 
     def _append(self, operation: ProgramOperation) -> int:
+        """Append an operation, and return its index."""
         self.operations.append(operation)
         return len(self.operations) - 1
 
     def _operation(self, node: GraphNode) -> ProgramOperation:
+        """Return the operation of a node whose operands have been written."""
         if node in self._numbers:
             return self.operations[self._numbers[node]]
         match node:
@@ -52,9 +59,10 @@ class ProgramWriter:
                 return ProgramOperation(node.op, tuple(map(self._number, node.args)))
 
     def _number(self, value: Scalar) -> int:
-        """Return the number of a node's operation, or that of a constant, which is appended if it is new."""
+        """Return the index of the operation of a node or a constant; the operation of a new constant is appended."""
         if isinstance(value, GraphNode):
             return self._numbers[value]
+        # The key contains the type, as True == 1.0 in Python, and the text, as 0.0 == -0.0.
         key = (isinstance(value, Uniform), type(value).__name__, str(value))
         if key not in self._numbers:
             if not np.isfinite(value):

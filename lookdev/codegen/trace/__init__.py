@@ -1,1 +1,1 @@
-"""Symbolic arrays, and the expression graph that a model builds when it is called with them."""
+"""Trace the reflectance models: called with symbolic arrays, a model builds an expression graph instead of numbers."""

@@ -1,9 +1,10 @@
-"""Whether traced lobes change when the frame rotates about its normal: only then does a shader need a tangent.
+"""Find out whether traced lobes depend on the frame's tangent: only then must a shader read tangents of the mesh.
 
-Expressions are polynomials in the x and y of the directions to viewer and light. A sum of terms
-``c (a_x b_x + a_y b_y)`` and ``c (a_x b_y - a_y b_x)`` is invariant under rotation and counts as a constant in the
-expressions that contain it. All other expressions, such as the root of an x, or the product of an x with that of a
-normal map, are assumed to change.
+Lobes do not depend on the tangent if their values stay the same when the frame rotates about its normal. To show this,
+each expression of the traced graph is written as a polynomial in the x and y of the directions a and b to viewer and
+light. A sum of terms ``c (a_x b_x + a_y b_y)`` and ``c (a_x b_y - a_y b_x)`` is invariant under the rotation, and
+counts as a constant in the expressions that contain it. All other expressions are assumed to change, such as the root
+of an x, or the product of an x with the x of a normal map.
 """
 
 from __future__ import annotations
@@ -17,8 +18,12 @@ from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
 Polynomial: TypeAlias = dict[tuple[str, ...], Scalar]
-"""A polynomial: its coefficients, which are invariant under rotation, by the sorted names of the factors."""
+"""A polynomial: the coefficient of each product of symbols, by the sorted names of these symbols.
 
+Coefficients are invariant under rotation. The constant term has the key ``()``.
+"""
+
+# The symbols that change with the rotation, and for each of them that of the other axis: "wo_x" has "wo_y".
 _ROTATED = (*WO[:2], *WI[:2])
 _OTHER_AXIS = {name: name[:-1] + {"x": "y", "y": "x"}[name[-1]] for name in _ROTATED}
 
@@ -36,7 +41,7 @@ def depends_on_tangent(graph: Graph, lobes: Sequence[Lobe]) -> bool:
 def _node_polynomial(
     graph: Graph, node: GraphNode, earlier: Mapping[GraphNode, Polynomial | None]
 ) -> Polynomial | None:
-    """Return a node as a polynomial, by the polynomials of its operands; None if it is not a polynomial."""
+    """Return the polynomial of a node, or None if it is not a polynomial; `earlier` has those of its operands."""
     if isinstance(node, Symbol):
         return {(node.name,): 1.0} if node.name in _ROTATED else {(): node}
     operands: list[Polynomial | None] = [earlier[arg] if isinstance(arg, GraphNode) else {(): arg} for arg in node.args]
@@ -51,7 +56,10 @@ def _node_polynomial(
 
 
 def _combine_polynomials(graph: Graph, node: GraphNode, operands: Sequence[Polynomial]) -> Polynomial | None:
+    """Return the polynomial of a node from those of its operands, or None if its operation does not give one."""
+
     def termwise(function: Callable[..., Scalar], *polynomials: Polynomial) -> Polynomial:
+        """Return the polynomial whose coefficients are a function of the coefficients of the same products."""
         factors = dict.fromkeys(factor for polynomial in polynomials for factor in polynomial)
         return {key: function(*(polynomial.get(key, 0.0) for polynomial in polynomials)) for key in factors}
 
@@ -73,11 +81,14 @@ def _combine_polynomials(graph: Graph, node: GraphNode, operands: Sequence[Polyn
 
 
 def _is_constant(polynomial: Polynomial | None) -> bool:
+    """Return whether a polynomial has no terms besides the constant one."""
     return polynomial is not None and polynomial.keys() <= {()}
 
 
 def _is_invariant(graph: Graph, polynomial: Polynomial) -> bool:
-    """Return whether a polynomial is a sum of ``c (a_x b_x + a_y b_y)`` and ``c (a_x b_y - a_y b_x)``."""
+    """Return whether a polynomial is a sum of ``c (a_x b_x + a_y b_y)``, ``c (a_x b_y - a_y b_x)`` and a constant."""
+    # The partner of a term has the other axis of both factors. Its coefficient is the same for a_x b_x and a_y b_y, and
+    # opposite for a_x b_y and a_y b_x.
     for factors, value in polynomial.items():
         if factors and len(factors) != 2:
             return False

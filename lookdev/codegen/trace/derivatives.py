@@ -1,9 +1,12 @@
-"""Derivatives of traced graphs, in forward mode; they are nodes of the same graph, which folds and shares them.
+"""Derivatives of traced graphs in forward mode, for fits of a look's parameters to pictures by gradients.
+
+A tangent is the derivative of a node with respect to the chosen symbol. Tangents are nodes of the same graph, which
+folds them, and shares equal ones.
 
 - Griewank, A. and Walther, A. 2008. Evaluating Derivatives, second edition, chapter 3: the tangents of operations.
 
-Conditions, whole numbers and cells of tables have derivative 0: the derivative of a choice is that of the branch taken.
-Where the derivative of a root or a power is infinite, at 0, the result is 0.
+The derivative of ``where`` is that of the branch taken. Conditions, whole numbers (``floor``) and cells of tables have
+derivative 0. At 0, where the derivative of a root or a power can be infinite, the result is 0.
 """
 
 from __future__ import annotations
@@ -33,7 +36,7 @@ def derivatives(graph: Graph, roots: Sequence[Scalar], name: str) -> list[Scalar
 
 
 class _GraphOperations:
-    """Operations of a graph as methods by their names."""
+    """The operations of a graph as methods, named like the operations, such as ``multiply(a, b)``."""
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
@@ -42,19 +45,24 @@ class _GraphOperations:
         return lambda *args: self._graph.apply(op, *args)
 
     def scale(self, tangent: Scalar, factor: Callable[[], Scalar], valid: Scalar) -> Scalar:
-        """Return a tangent times a factor, 0 where the factor is not valid; a tangent of 0 needs no factor."""
+        """Return a tangent times `factor()`, or 0 where `valid` is false.
+
+        If the tangent is the constant 0, so is the result, and the factor is not traced.
+        """
         if not isinstance(tangent, GraphNode) and tangent == 0.0:
             return 0.0
         return self.where(valid, self.multiply(tangent, factor()), 0.0)
 
 
 def _power(g: _GraphOperations, node: GraphNode, a: Scalar, b: Scalar, da: Scalar, db: Scalar) -> Scalar:
+    """Return the tangent of `node` = a^b, from the tangents da and db; 0 where a is not positive."""
     positive = g.greater(a, 0.0)
     base = g.scale(da, lambda: g.multiply(b, g.power(a, g.subtract(b, 1.0))), positive)
     return g.add(base, g.scale(db, lambda: g.multiply(node, g.log(a)), positive))
 
 
 def _arctan2(g: _GraphOperations, node: GraphNode, y: Scalar, x: Scalar, dy: Scalar, dx: Scalar) -> Scalar:
+    """Return the tangent of `node` = arctan2(y, x), from the tangents dy and dx; 0 at the origin."""
     length = g.add(g.multiply(x, x), g.multiply(y, y))
     cross = g.subtract(g.multiply(x, dy), g.multiply(y, dx))
     return g.where(g.greater(length, 0.0), g.divide(cross, length), 0.0)
@@ -80,4 +88,8 @@ _RULES: Mapping[str, Callable[..., Scalar]] = {
     "minimum": lambda g, node, a, b, da, db: g.where(g.less_equal(a, b), da, db),
     "where": lambda g, node, c, a, b, dc, da, db: g.where(c, da, db),
 }
-"""Maps an operation's node, operands and their tangents to its own tangent, which is 0 without a rule."""
+"""Functions that return the tangent of a node, by the node's operation.
+
+The arguments are the graph's operations g, the node, its operands a, b and c, and their tangents da, db and dc. The
+tangent of an operation without a function is 0.
+"""

@@ -1,7 +1,8 @@
-"""Scalar expression graphs: hash-consed nodes, folded as they are built.
+"""The expression graph that a traced model builds, and from which all emitters write code.
 
-Vectors are traced component by component (`symbolic.py`): equal components share one computation, and a constant
-component folds. Equal expressions are the same object. A trivial operation, such as ``x + 0``, is never a node.
+A node is a scalar operation on earlier nodes and constants. Equal expressions are the same object (hash consing). An
+operation on constants folds to a constant, and a trivial operation, such as ``x + 0``, is never a node. Vectors are
+traced component by component (`trace.symbolic`), so components are also shared and folded.
 """
 
 from __future__ import annotations
@@ -16,44 +17,52 @@ from lookdev.brdf.table import NumberTable
 from lookdev.errors import CodegenError
 
 Scalar: TypeAlias = "GraphNode | float | bool"
-"""A traced number or truth: a node, or a constant."""
+"""A traced number or boolean: a node of the graph, or a constant."""
 
 
 class Uniform(float):
-    """A number that depends on constants of a look alone.
+    """A constant that is computed from the constants of a look.
 
-    It folds as every constant does, but code refers to it by a name: looks that differ only in such numbers share code.
+    It folds like other constants, but generated code refers to it by a name. Looks that differ only in such numbers
+    have the same code.
     """
 
 
 @dataclass(frozen=True, eq=False)
 class GraphNode:
-    """One operation on earlier nodes and constants."""
+    """One operation on earlier nodes and constants.
+
+    `op` is a name in `OPERATIONS`, ``"symbol"`` or ``"look_up"``. `args` are the operands.
+    """
 
     op: str
     args: tuple[Scalar, ...]
     graph: Graph
 
     def operands(self) -> tuple[GraphNode, ...]:
+        """Return the operands that are nodes."""
         return tuple(arg for arg in self.args if isinstance(arg, GraphNode))
 
 
 @dataclass(frozen=True, eq=False)
 class Symbol(GraphNode):
-    """A named value that only run time determines."""
+    """A named value that is known only when the generated code runs."""
 
     name: str
 
 
 @dataclass(frozen=True, eq=False)
 class TableCell(GraphNode):
-    """A number in a table, by row and column, or a channel of the colour there; the channel of numbers is None."""
+    """A number that is looked up in a table; `args` are its row and column.
+
+    If the cells of the table are colours, the number is channel 0, 1 or 2; else `channel` is None.
+    """
 
     table: NumberTable
     channel: int | None
 
 
-# Every ufunc a model may use, by NumPy's own name; the same names choose the code in each emitter.
+# The ufuncs and functions that a model may use, by NumPy's names. Emitters look up their code by these names.
 OPERATIONS = frozenset({
     "add", "subtract", "multiply", "divide", "negative", "positive", "absolute", "square", "sqrt", "exp", "expm1",
     "log", "sin", "cos", "tan", "arctan2", "floor", "power", "maximum", "minimum", "greater", "greater_equal", "less",
@@ -68,24 +77,27 @@ _ALIASES = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": 
 
 
 class Graph:
-    """Builds the nodes of one generated shader."""
+    """The graph of one generated shader: creates its nodes, each once."""
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[object, ...], GraphNode] = {}
         self._facts: dict[Scalar, bool] = {}
 
     def assume(self, condition: Scalar, value: bool = True) -> None:
-        """Fold a condition to a constant from now on, as it has this value wherever the traced code runs."""
+        """Replace a condition by the constant `value` from now on.
+
+        The caller knows that the condition has this value wherever the traced code runs.
+        """
         self._facts[condition] = value
 
     def symbol(self, name: str) -> Symbol:
-        """Return the node of a named value that only run time determines."""
+        """Return the node of a named value that is known only when the generated code runs."""
         node = self._intern(Symbol("symbol", (), self, name), name)
         assert isinstance(node, Symbol), "only conditions are assumed"
         return node
 
     def apply(self, op: str, *args: Scalar) -> Scalar:
-        """Return `op` of `args`: a node, or a constant where the operation folds.
+        """Return the result of an operation: a node, or a constant if the operation folds.
 
         Raises
         ------
@@ -114,28 +126,36 @@ class Graph:
         return float(cell if channel is None else cell[channel])
 
     def _intern(self, node: GraphNode, *names: object) -> GraphNode | bool:
-        """Return the first node that equals `node` and has these names, or its value if `assume` has set it."""
+        """Return the node of the graph that equals `node`, which is added if there is none.
+
+        `names` are properties that distinguish the node, besides its operation and its operands. If the node is a
+        condition that `assume` replaces, its value is returned instead.
+        """
         node = self._nodes.setdefault((node.op, *map(_argument_key, (*names, *node.args))), node)
         return self._facts.get(node, node)
 
 
 def uniform(value: float) -> float:
-    """Return a number as a uniform, unless its value simplifies code."""
+    """Return a number as a `Uniform`, unless its value simplifies code, as 0 and 1 do."""
     return value if value in _SIMPLIFYING_VALUES else Uniform(value)
 
 
 def _argument_key(value: object) -> object:
-    """Return a key that is equal for equal arguments alone."""
-    # It contains the type, as True == 1.0 in Python, and the sign, as 0.0 == -0.0.
+    """Return a dictionary key for an argument; two keys are equal only if the arguments give the same code."""
+    # The key contains the type, as True == 1.0 in Python, and the sign, as 0.0 == -0.0.
     return value if isinstance(value, GraphNode) else (type(value), str(value))
 
 
 def _equals(value: Scalar, constant: float) -> bool:
+    """Return whether a value is a certain constant."""
     return not isinstance(value, GraphNode) and bool(value == constant)
 
 
 def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
-    """Return a simpler equal of `op` of `args`, or None. ``x * 0`` is 0, as x is finite in every model."""
+    """Return a simpler scalar that equals the result of an operation, or None if there is none.
+
+    ``x * 0`` is simplified to 0, which is valid because x is finite in every model.
+    """
     graph: Graph = next(arg.graph for arg in args if isinstance(arg, GraphNode))
     match op, args:
         case "add", (a, b):
@@ -174,7 +194,7 @@ def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
             if _argument_key(a) == _argument_key(b):
                 return a
         case (("logical_and" | "logical_or"), (a, b)):
-            deciding = op == "logical_or"  # the truth that decides the result alone
+            deciding = op == "logical_or"  # the boolean operand that alone decides the result
             for truth, other in ((a, b), (b, a)):
                 if not isinstance(truth, GraphNode):
                     return deciding if bool(truth) == deciding else other
@@ -182,10 +202,10 @@ def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
 
 
 def post_order(roots: Iterable[Scalar], stop: Callable[[GraphNode], bool] = lambda node: False) -> Iterator[GraphNode]:
-    """Yield each node under `roots` once, after its operands.
+    """Yield `roots` and all nodes that they depend on, each once and after its operands.
 
-    Nodes for which `stop` holds, and nodes that only they need, are left out. There is no recursion, as nested
-    expressions make graphs thousands of operations deep.
+    Nodes for which `stop` returns true are left out, and so are the nodes on which only those depend. The function does
+    not recurse, because graphs are thousands of operations deep.
     """
     visited: set[GraphNode] = set()
     stack = [(root, False) for root in reversed(list(roots)) if isinstance(root, GraphNode)]
@@ -200,7 +220,7 @@ def post_order(roots: Iterable[Scalar], stop: Callable[[GraphNode], bool] = lamb
 
 
 def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[GraphNode]:
-    """Return all nodes under `roots` that depend on one of the named symbols."""
+    """Return the nodes that depend on one of the named symbols, among `roots` and the nodes that they depend on."""
     dependent: set[GraphNode] = set()
     for node in post_order(roots):
         if (isinstance(node, Symbol) and node.name in names) or any(
@@ -211,7 +231,10 @@ def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[Graph
 
 
 def reachable_nodes(roots: Iterable[Scalar], stop: Iterable[GraphNode] = ()) -> dict[GraphNode, None]:
-    """Return all nodes under `roots` in a reproducible order, without those that only nodes in `stop` need."""
+    """Return `roots` and all nodes that they depend on, in a reproducible order, as the keys of a dictionary.
+
+    The operands of nodes in `stop` are left out, unless another node depends on them.
+    """
     stops = set(stop)
     visited: dict[GraphNode, None] = {}
     stack = [root for root in roots if isinstance(root, GraphNode)]

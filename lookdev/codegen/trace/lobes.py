@@ -1,4 +1,7 @@
-"""A traced BSDF: its lobes, and the conditions that are true wherever their code runs."""
+"""Trace the lobes of a BSDF at symbolic directions; the emitters of BSDFs use this module.
+
+Lobes that fold to zero are omitted. Conditions that are true wherever the generated code runs are assumed.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ INSIDE = "inside"
 
 
 def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the lobes whose share does not fold to zero, for a view along the symbols `WO`.
+    """Return the lobes of a BSDF whose share does not fold to zero, for a view along the symbols `WO`.
 
     Raises
     ------
@@ -41,13 +44,16 @@ def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
 
 
 def present_deltas(graph: Graph, bsdf: Bsdf) -> list[Delta]:
-    """Return the terms along single directions that do not fold to zero, as functions of the symbols `WO`, `INSIDE`."""
+    """Return the terms along single directions that do not fold to zero.
+
+    They are functions of the symbols `WO` and `INSIDE`.
+    """
     deltas = bsdf.deltas(symbols(graph, WO), symbol(graph, INSIDE) > 0.0)
     return [delta for delta in deltas if _can_be_positive(delta.value)]
 
 
 def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the lobes as `present_lobes` does, also of a BSDF that scatters along single directions."""
+    """Return the lobes of `present_lobes`; the BSDF may also scatter along single directions."""
     return [lobe for lobe in bsdf.lobes(symbols(graph, WO)) if _can_be_positive(lobe.share)]
 
 
@@ -57,7 +63,10 @@ def folded_lobe_count(graph: Graph, bsdf: Bsdf) -> int:
 
 
 def lobe_parts(term: LobeTerms) -> dict[str, Array]:
-    """Return the parts of a lobe's value that are in other groups and do not fold to zero, (3,), by their groups."""
+    """Return the parts of a lobe's value (3,) that are recorded in other groups than the lobe's own, by group.
+
+    Parts that fold to zero are left out.
+    """
     if term.lobe.transmits:
         return {}
     evaluated = {group: evaluate(term.directions) for group, evaluate in term.lobe.parts.items()}
@@ -66,14 +75,20 @@ def lobe_parts(term: LobeTerms) -> dict[str, Array]:
 
 
 def recorded_group(scattering: Lobe | Delta) -> str:
-    """Return the group that the light of a lobe, without its parts, or of a single direction is recorded in."""
+    """Return the group, one of `LOBE_GROUPS`, in which the light of a lobe or of a single direction is recorded.
+
+    `lobe_parts` returns the parts of a lobe's light that are recorded in other groups.
+    """
     if scattering.transmits:
         return "transmission"
     return scattering.group if isinstance(scattering, Lobe) else "specular"
 
 
 def trace_features(mixture: Mixture, deltas: Sequence[Delta]) -> tuple[Array, Array]:
-    """Return the albedo, in [0, 1], and the mean normal of lobes and single directions: they guide a denoiser."""
+    """Return the albedo (3,), in [0, 1], and the mean normal (3,), which guide a denoiser.
+
+    The albedo is that of the lobes and the single directions, the normal that of the lobes.
+    """
     albedo: Array = estimate_albedo(mixture) if mixture.lobes else np.zeros(3)
     for delta in deltas:
         albedo = albedo + delta.value
@@ -81,13 +96,15 @@ def trace_features(mixture: Mixture, deltas: Sequence[Delta]) -> tuple[Array, Ar
 
 
 def _can_be_positive(value: Real) -> bool:
+    """Return whether an element of a value is positive, or known only when the generated code runs."""
     return any(isinstance(element, GraphNode) or element > 0.0 for element in elements_of(value))
 
 
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
     """Return the mixture of lobes for a view along the symbols `WO`.
 
-    Its code runs only above the horizon, where each lobe has a share above 0.
+    Two conditions are assumed wherever its code runs: the viewer is above the horizon, and a lobe's share is above 0
+    where the code of the lobe runs.
     """
     mixture = Mixture(lobes, symbols(graph, WO))
     assume_positive(graph, mixture.wo[..., 2], mixture.total_share, *(lobe.share for lobe in lobes))
@@ -95,7 +112,10 @@ def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
 
 
 def assume_positive(graph: Graph, *values: Array | float) -> None:
-    """Fold the comparisons with zero of scalar values that are positive wherever the traced code runs."""
+    """Fold the comparison ``value > 0`` of each scalar value to true.
+
+    The caller knows that the values are positive wherever the traced code runs.
+    """
     for value in values:
         (condition,) = elements_of(value > 0.0)
         if isinstance(condition, GraphNode):

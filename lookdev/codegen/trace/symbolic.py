@@ -1,8 +1,9 @@
-"""Symbolic arrays: the values of textured parameters and of directions while a model is traced.
+"""Arrays of symbols, on which the NumPy code of a model runs unchanged, and thereby builds an expression graph.
 
-A `SymbolicArray` implements ``__array_ufunc__`` (NEP 13) and ``__array_function__`` (NEP 18), so the NumPy code of a
-model runs on it unchanged. If all elements of a result fold to constants, the result is an ordinary array, or a
-`UniformArray` where some constants are uniforms: numbers of a look, to which generated code refers by name (`Uniform`).
+While a model is traced, directions and textured parameters are a `SymbolicArray`. It implements ``__array_ufunc__``
+(NEP 13) and ``__array_function__`` (NEP 18). If all elements of a result fold to constants, the result is an ordinary
+array. If some of these constants are numbers of a look to which generated code refers by name (`Uniform`), it is a
+`UniformArray`.
 """
 
 from __future__ import annotations
@@ -24,10 +25,11 @@ SymbolicLike: TypeAlias = "Array | BooleanArray | Sequence[Array | BooleanArray 
 """An array, symbolic or not, or a value that can become one."""
 
 TracedFunction: TypeAlias = Callable[..., object]
+"""A function of NumPy, or `look_up`."""
 
 
 class SymbolicArray(NDArrayOperatorsMixin):
-    """An array whose elements are nodes of one expression graph, or constants."""
+    """An array whose `elements` are nodes of one expression graph, or constants."""
 
     def __init__(self, graph: Graph, elements: NDArray[np.object_]) -> None:
         self.graph = graph
@@ -70,9 +72,10 @@ class SymbolicArray(NDArrayOperatorsMixin):
 
 
 class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
-    """An array of constants, some of which are uniforms (`Uniform`), in `elements`.
+    """An array of constants, some of which are uniforms (`Uniform`).
 
-    Traced operations keep uniforms. Other operations return ordinary arrays, whose constants have no names.
+    `elements` has the same constants as Python objects, which tell a `Uniform` from other floats. The result of a
+    traced operation has uniforms, too. Other operations return ordinary arrays, whose constants have no names.
     """
 
     graph: Graph
@@ -99,12 +102,13 @@ class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
 
 
 def uniforms(graph: Graph, value: SymbolicLike) -> Array:
-    """Return an array of floats whose elements are uniforms, as `uniform` makes them."""
+    """Return an array of floats with each element made a uniform by the function `uniform`."""
     elements = np.frompyfunc(uniform, 1, 1)
     return _wrap(graph, elements(np.asarray(value).astype(object)))
 
 
 def _plain_value(value: object) -> object:
+    """Return an argument of a NumPy function with ordinary arrays in place of uniform arrays."""
     if isinstance(value, list | tuple):
         return type(value)(map(_plain_value, value))
     return value.view(np.ndarray) if isinstance(value, UniformArray) else value
@@ -126,18 +130,19 @@ def symbol(graph: Graph, name: str) -> SymbolicArray:
 
 
 def elements_of(value: SymbolicLike) -> list[Scalar]:
-    """Return the nodes and constants of a symbolic or ordinary array, flat."""
+    """Return the elements of a symbolic or ordinary array, nodes and constants, as a flat list."""
     return list(_elements(value).ravel())
 
 
 def _elements(value: object) -> NDArray[np.object_]:
+    """Return the elements of a symbolic or ordinary array, as an array of objects of the same shape."""
     if isinstance(value, SymbolicArray | UniformArray) and value.elements is not None:
         return value.elements
     return np.asarray(value).astype(object)
 
 
 def _wrap(graph: Graph, elements: object) -> Array:
-    """Return elements as a symbolic array, or as an ordinary or uniform array if all are constants."""
+    """Return an array of elements: symbolic, or an ordinary or uniform one if all elements are constants."""
     array = np.asarray(elements, dtype=object)
     if any(isinstance(element, GraphNode) for element in array.ravel()):
         return SymbolicArray(graph, array)
@@ -149,7 +154,11 @@ def _wrap(graph: Graph, elements: object) -> Array:
     return constants
 
 
+# The functions below replace those of NumPy that a model may call.
+
+
 def _elementwise(graph: Graph, op: str, *inputs: object) -> Array:
+    """Return the result of an operation of the graph on each element of arrays, which are broadcast."""
     function = np.frompyfunc(lambda *args: graph.apply(op, *args), len(inputs), 1)
     return _wrap(graph, function(*(_elements(value) for value in inputs)))
 
@@ -178,7 +187,10 @@ def _broadcast_arrays(graph: Graph, *arrays: object) -> list[Array]:
 
 
 def _look_up(graph: Graph, table: NumberTable, row: object, column: object) -> Array:
+    """Return what `lookdev.brdf.table.look_up` returns, for rows and columns that may be symbolic."""
+
     def channel(number: int | None) -> Array:
+        """Return one channel of the cells, or their numbers if the channel is None."""
         function = np.frompyfunc(lambda *cell: graph.look_up(table, number, *cell), 2, 1)
         return _wrap(graph, function(_elements(row), _elements(column)))
 

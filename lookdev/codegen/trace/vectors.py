@@ -1,4 +1,7 @@
-"""Recognize vector operations in expression graphs, whose nodes are scalars: dot, cross product and normalization."""
+"""Recognize dot products, cross products and normalizations in expression graphs, whose nodes are scalars.
+
+The emitters of nodes and of the shading frame replace them by the vector operations of Blender and OSL.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,15 @@ from typing import TypeAlias, TypeGuard
 from lookdev.codegen.trace.graph import GraphNode, Scalar
 
 Triple: TypeAlias = tuple[Scalar, Scalar, Scalar]
-"""The components of a vector: nodes and numbers."""
+"""The three components of a vector, nodes or constants."""
 
 
 def match_dot(node: GraphNode) -> tuple[Triple, Triple] | None:
-    """Return the two vectors whose dot product a node is; None if it is not a dot product."""
+    """Return the two vectors whose dot product a node computes; None if the node does not compute one."""
     factor: Scalar | None = None
     total: Scalar = node
     if node.op == "multiply" and not isinstance(node.args[1], GraphNode):
-        # The mean of three numbers is their dot product with a constant vector.
+        # The node may compute (x + y + z) c, such as a mean: the dot product of (x, y, z) and (c, c, c).
         total, factor = node.args
     summands = _summands(total)
     if summands is None:
@@ -30,7 +33,8 @@ def match_dot(node: GraphNode) -> tuple[Triple, Triple] | None:
 
 
 def match_normalize(triple: Triple) -> Triple | None:
-    """Return the vector that a triple normalizes; None if it does not normalize any."""
+    """Return the vector v if a triple is v / |v|, else None."""
+    # The components are divisions by the root of v . v, or products with its inverse.
     root: Scalar | None
     match triple:
         case (
@@ -55,7 +59,7 @@ def match_normalize(triple: Triple) -> Triple | None:
 
 
 def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
-    """Return the two vectors whose cross product a triple is; None if it is not a cross product."""
+    """Return the two vectors a and b if a triple is their cross product, else None."""
     products: list[Scalar] = []
     for component in triple:
         if not isinstance(component, GraphNode) or component.op != "subtract":
@@ -71,10 +75,12 @@ def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
 
 
 def _is_same(a: Triple, b: Triple) -> bool:
+    """Return whether two vectors have the same components."""
     return all(x is y if isinstance(x, GraphNode) else x == y for x, y in zip(a, b, strict=True))
 
 
 def _summands(value: Scalar) -> Triple | None:
+    """Return x, y and z of a sum (x + y) + z, else None."""
     match value:
         case GraphNode(op="add", args=(GraphNode(op="add", args=(x, y)), z)):
             return x, y, z
