@@ -57,7 +57,7 @@ def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
 
 
 def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]:
-    """Return what `make_meshes` does, from one set of arrays that concatenates all the shapes."""
+    """Return the meshes of `make_meshes` for shapes that are processed together, in concatenated arrays."""
     faces = Faces.collect(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)

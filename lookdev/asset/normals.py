@@ -85,7 +85,7 @@ def area_vectors(corner_positions: Floats, face_sizes: AnyInts) -> Floats:
 
 
 def _same_size_area_vectors(corner_positions: Floats) -> Floats:
-    """Return what `area_vectors` returns, bit for bit, in a third of the time, for f faces of n corners each.
+    """Return the result of `area_vectors`, bit for bit, in a third of the time, for f faces of n corners each.
 
     `corner_positions` is (f, n, 3).
     """
