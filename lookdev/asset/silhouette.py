@@ -19,7 +19,8 @@ from lookdev.asset.normals import concatenate
 
 # A mesh with at least `_HULL_INSTANCES` instances and more than `_FEW_POINTS` points is first reduced to the corners of
 # its convex hull, which is faster than to transform all its points.
-_HULL_INSTANCES, _FEW_POINTS = 8, 32
+_HULL_INSTANCES = 8
+_FEW_POINTS = 32
 _PART_POINTS = 2**11  # points of a part of a mesh, at most
 _COARSE, _FINE = 64, 1024  # planes of the coarse and of the fine polytope
 _MANY_POINTS = 2**18  # with more points outside the coarse polytope, a fine one is built

@@ -109,7 +109,7 @@ def refinement_levels(
     AssetError
         A tag of a cage is wrong (`cage.read_tags`).
     """
-    # Cages are examined at level 1. A cage that would exceed `max_corners` at level 1 is not examined, and gets level 1.
+    # Cages are examined at level 1. A cage that would exceed `max_corners` at level 1 is not examined and gets level 1.
     # Of the others, the surface decides the level; cages that would stay at level 0 are examined for their UVs, too.
     cages = [i for i, mesh in enumerate(asset.meshes) if mesh.subdivision is not None]
     levels = np.zeros(len(asset.meshes), np.intp)
