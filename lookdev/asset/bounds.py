@@ -22,7 +22,7 @@ _CELLS = 8  # grid cells along each side of a mesh's bounding box
 _MAX_PARTS = 512  # parts of a mesh
 _FEW_POINTS, _FEW_INSTANCES = 512, 16  # the points of a mesh with fewer points or instances are not sorted by cells
 _PART_POINTS, _SHORT_PART_POINTS = 1024, 128  # points of a part, if the mesh is not sorted by cells, and if it is
-_INSTANCE_BLOCK = 32  # instances whose parts are searched in one common order
+_INSTANCE_BLOCK = 32  # instances whose parts are examined together
 
 
 class _InstancedPoints:
@@ -35,8 +35,8 @@ class _InstancedPoints:
 
     def __init__(self, meshes: Sequence[Mesh], instances: Sequence[Instance]) -> None:
         self._points, counts, boxes = _join_points(meshes)
-        mesh = np.array([instance.mesh for instance in instances])
-        is_gridded = (counts >= _FEW_POINTS) & (np.bincount(mesh, minlength=len(meshes)) >= _FEW_INSTANCES)
+        mesh_numbers = np.array([instance.mesh for instance in instances])
+        is_gridded = (counts >= _FEW_POINTS) & (np.bincount(mesh_numbers, minlength=len(meshes)) >= _FEW_INSTANCES)
         begins = np.cumsum(counts) - counts
         for number in np.flatnonzero(is_gridded):
             mesh_points = self._points[begins[number] : begins[number] + counts[number]]
@@ -51,11 +51,12 @@ class _InstancedPoints:
         self._part_centers, self._part_half_extents = _centers_and_half_extents(
             bounding_boxes(self._points, self._starts)
         )
-        self._first_part, self._parts = first[mesh], parts[mesh]
+        self._first_part, self._parts = first[mesh_numbers], parts[mesh_numbers]
+        # For each instance: its matrix, and the centre and the half-extents of its mesh's bounding box.
         matrices = np.array([instance.matrix for instance in instances])
         self._linear, self._offset = matrices[:, :3, :3], matrices[:, :3, 3]
-        self._boxes = tuple(values[mesh] for values in _centers_and_half_extents(boxes))
-        self.centers = self._transform(np.arange(len(mesh)), self._boxes[0])
+        self._boxes = tuple(values[mesh_numbers] for values in _centers_and_half_extents(boxes))
+        self.centers = self._transform(np.arange(len(mesh_numbers)), self._boxes[0])
 
     def farthest(self, center: Floats) -> tuple[Floats, float]:
         """Return the point (3,) farthest from `center` (3,) in world space, and its distance.
@@ -70,6 +71,7 @@ class _InstancedPoints:
         for first in range(0, len(order), _INSTANCE_BLOCK):
             block = order[first : first + _INSTANCE_BLOCK]
             block = block[limits[block] > distance]
+            # `parts` has the numbers of all parts of the block's instances, and `owners` the instance of each.
             counts = self._parts[block]
             owners = np.repeat(block, counts)
             parts = self._first_part[owners] + np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -75,10 +75,10 @@ class Faces:
         is_left_handed = np.array([shape.left_handed for shape in shapes])
         if is_left_handed.any() or not is_valid.all():
             corner_source = np.arange(len(points))
-            # Corner c of a face from `start` to `end` becomes corner start + end - c: its corners in reverse order.
-            last = np.repeat(2 * run_starts(sizes) + sizes - 1, sizes)
+            # In reverse order, corner c of a face becomes corner first + last - c; `sums` has first + last.
+            sums = np.repeat(2 * run_starts(sizes) + sizes - 1, sizes)
             is_reversed = np.repeat(is_left_handed, counts[:, 2])
-            corner_source = np.where(is_reversed, last - corner_source, corner_source)[np.repeat(is_valid, sizes)]
+            corner_source = np.where(is_reversed, sums - corner_source, corner_source)[np.repeat(is_valid, sizes)]
             points = points[corner_source]
         face_source = np.flatnonzero(is_valid)
         faces = np.searchsorted(face_source, all_faces)
@@ -180,7 +180,10 @@ def first_in_runs(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
 
 
 def _check_sizes(shapes: Sequence[PolygonShape], sizes: Indices, face_begins: Indices) -> None:
-    """Raise AssetError unless each shape's face sizes (f,) add up to its corners, and none is negative."""
+    """Raise AssetError unless each shape's face sizes add up to its corners, and none is negative.
+
+    `sizes` has the face sizes of all shapes, and `face_begins` (s + 1,) is the index of the first face of each shape.
+    """
     total, has_faces = np.zeros(len(shapes), np.intp), np.diff(face_begins) > 0
     total[has_faces] = np.add.reduceat(sizes, face_begins[:-1][has_faces])
     corner_counts = np.array([len(shape.face_points) for shape in shapes])
@@ -202,6 +205,7 @@ def _check_range(
     `limits` (s,) the number of elements that they index. A message names the USD attribute `name` of the indices, and
     the elements by their plural `noun`.
     """
+    # A quick check that suffices if all indices are valid in every shape.
     smallest = limits.min()
     if len(indices) == 0 or (indices.min() >= 0 and indices.max() < smallest):
         return
@@ -245,12 +249,14 @@ def _distinct_faces(points: Indices, sizes: Indices) -> Bools:
     for faces, corners in blocks(sizes):
         block_sizes, block_points = sizes[faces], points[corners].astype(np.uint64)
         starts = run_starts(block_sizes)
+        # Faces of equal size are compared together.
         for size in block_sizes[:1] if (block_sizes == block_sizes[0]).all() else np.unique(block_sizes):
             faces_of_size = np.flatnonzero(block_sizes == size)
             # Axes: corner of the face, face.
             points_of_faces = block_points[starts[faces_of_size] + np.arange(size)[:, None]]
             sorted_points = np.sort(points_of_faces, axis=0)
             distinct[faces][faces_of_size] = (sorted_points[1:] != sorted_points[:-1]).all(axis=0)
+            # A directed edge is one number of 64 bits, of its two points.
             edges = points_of_faces << np.uint64(32) | np.roll(points_of_faces, -1, axis=0)
             # 1 is added since the hash of 0 is 0: an edge from point 0 to itself would not count.
             key[faces][faces_of_size] = mix_bits(edges + np.uint64(1)).sum(axis=0)

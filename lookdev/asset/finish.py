@@ -168,6 +168,8 @@ def _corner_normals(
     `points` (n, 3) are the used points, and `corner_points` (m,) indexes them. Where an authored normal has no length,
     or a smooth one is not defined, the corner has the normal of its face.
     """
+    # Of the shapes: whether each has smooth normals, and the number and normals of those with authored ones. Of the
+    # faces: `flat` are their unit normals, `areas` their area vectors.
     smooth = np.array([shape.normals is None and not shape.flat for shape in shapes])
     authored = [(i, shape.normals) for i, shape in enumerate(shapes) if shape.normals is not None]
     flat = np.empty((len(faces.sizes), 3), np.float32)
@@ -178,6 +180,7 @@ def _corner_normals(
         if areas is not None:
             areas[block] = block_areas
     if areas is not None and smooth.any():
+        # The smooth unit normal of each point, where there is one.
         sums = sum_by(corner_points, np.repeat(areas, faces.sizes, axis=0), len(points))
         units = normalize_or(sums, np.zeros(3)).astype(np.float32)
         has_normal = (sums != 0.0).any(axis=1)
@@ -191,9 +194,9 @@ def _corner_normals(
         face_slice, corner_slice = slice(*faces.faces[i : i + 2]), slice(*faces.corners[i : i + 2])
         sizes = faces.sizes[face_slice]
         if areas is not None and len(sizes):
-            # A negative sum: the authored normals mostly point against the winding.
             vectors = _to_z_up(values) if y_up else values
             agreement = (np.add.reduceat(vectors, run_starts(sizes), dtype=np.float64) * areas[face_slice]).sum()
+            # If the agreement is negative, the authored normals mostly point against the winding.
             sign = -1.0 if agreement < 0.0 else 1.0
             shape_normals = normals[corner_slice]
             for _, block in blocks(sizes):

@@ -36,6 +36,7 @@ def join_small_meshes(asset: Asset) -> Asset:
     faces = np.array([len(mesh.face_sizes) for mesh in asset.meshes])[mesh_numbers]
     if np.count_nonzero(is_single & (faces <= _MAX_FACES)) < _MIN_MESHES:
         return asset
+    # For each instance: the factor by which its matrix scales volumes, and an estimate of its edge length in metres.
     volumes = np.linalg.det(matrices[:, :3, :3])
     extents = np.array([np.ptp(mesh.points, axis=0).max() for mesh in asset.meshes])[mesh_numbers]
     edges = extents * np.cbrt(np.abs(volumes)) / np.sqrt(faces)
@@ -61,8 +62,8 @@ def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
     If a matrix does not preserve angles, its stretch is applied to the points of a new mesh, and the instance of that
     mesh keeps the rotation or reflection.
     """
-    # The number of the new mesh for each mesh and stretch.
     new_meshes, instances = list(asset.meshes), list[Instance]()
+    # By the number of a mesh and the bytes of a stretch: the number of the stretched mesh.
     numbers: dict[tuple[int, bytes], int] = {}
     for instance in asset.instances:
         u, scales, v = np.linalg.svd(instance.matrix[:3, :3])
@@ -98,14 +99,16 @@ def _join_groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _join_meshes(meshes: Sequence[Mesh], matrices: Floats) -> Mesh:
-    """Return one mesh of several, each transformed by its matrix (k, 4, 4)."""
+    """Return one mesh that joins k meshes, each transformed by its matrix, from matrices (k, 4, 4)."""
     linear, offsets = matrices[:, :3, :3], matrices[:, :3, 3]
-    # The lengths of normals and tangents have no meaning; the scales bring them near 1.
+    # Only the directions of normals and tangents matter; the scales bring their lengths near 1.
     scales = np.cbrt(np.linalg.det(linear))[:, None, None]
+    # The numbers of points and of corners of each mesh.
     points = np.array([len(mesh.points) for mesh in meshes])
     corners = np.array([len(mesh.corner_points) for mesh in meshes])
 
     def transform(name: str, matrices: Floats) -> Floats32:
+        """Return the normals or tangents (m, 3) of all meshes, each mesh's transformed by its matrix (k, 3, 3)."""
         vectors = np.concatenate([getattr(mesh, name) for mesh in meshes])
         return np.asarray(np.einsum("nij,nj->ni", np.repeat(matrices, corners, axis=0), vectors), np.float32)
 

@@ -61,10 +61,12 @@ def revolve(name: str, profile: RevolvedProfile, segments: int, slot: int = 0) -
             np.stack([j, j + 1, j + 0.5], axis=-1).ravel(),
         ]
     )
+    # The point of each corner; the two poles are the last points.
     index = (rows - 1) * segments + columns.astype(np.intp) % segments
     index[rows == 0] = rings * segments
     index[rows == rings + 1] = rings * segments + 1
     face_sizes = np.repeat([3, 4, 3], [segments, (rings - 1) * segments, segments])
+    # The azimuth of each corner.
     phi = 2.0 * np.pi * columns / segments
     radial, axial = profile.normals[rows].T
     return Mesh(

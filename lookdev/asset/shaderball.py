@@ -39,7 +39,10 @@ def make_shaderball(segments: int = 256) -> Asset:
 
 
 def _ball_profile() -> RevolvedProfile:
-    """Return the ball's profile: unit sphere, groove, rim, recess and core, from the back to the core's centre."""
+    """Return the ball's profile, from the pole at the back to the pole on the core.
+
+    Its pieces are the unit sphere with the groove, then the rim, the recess and the core.
+    """
 
     def at(latitude: float, radius: float = 1.0) -> ProfilePoint:
         """Return the profile point at a latitude in degrees, on a circle about the ball's centre."""

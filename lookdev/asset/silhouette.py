@@ -1,6 +1,6 @@
 """Finds the points that determine an asset's silhouette from all directions, and the axis of its turntable.
 
-The camera is framed by these points. They are searched in point clouds: the points of meshes and of parts of meshes.
+The camera is framed by these points. A point cloud here is the points of a mesh, or of a part of a mesh.
 """
 
 from __future__ import annotations
@@ -38,12 +38,13 @@ def hull_points(asset: Asset) -> Floats:
     their bounding boxes are inside, then single points. The corners of the polytope and the remaining points are
     returned.
     """
-    meshes = np.array([instance.mesh for instance in asset.instances])
-    uses = np.bincount(meshes, minlength=len(asset.meshes)).tolist()
+    mesh_numbers = np.array([instance.mesh for instance in asset.instances])
+    uses = np.bincount(mesh_numbers, minlength=len(asset.meshes)).tolist()
     clouds = {number: _mesh_points(asset.meshes[number], count) for number, count in enumerate(uses) if count}
-    placed = _PlacedClouds(clouds, meshes, np.array([instance.matrix for instance in asset.instances]))
-    if len(meshes) == 1:
+    placed = _PlacedClouds(clouds, mesh_numbers, np.array([instance.matrix for instance in asset.instances]))
+    if len(mesh_numbers) == 1:
         return placed.points()
+    # The points of each mesh that are extreme along a coordinate axis.
     extremes = {
         number: np.concatenate([cloud[cloud.argmin(axis=0)], cloud[cloud.argmax(axis=0)]])
         for number, cloud in clouds.items()
@@ -75,8 +76,8 @@ def turning_axis(points: Floats) -> tuple[float, float]:
         index = int(squares.argmax())
         return footprint[index], math.sqrt(squares[index])
 
-    east, north = smallest_ball(farthest, footprint.mean(axis=0)).tolist()
-    return east, north
+    axis_x, axis_y = smallest_ball(farthest, footprint.mean(axis=0)).tolist()
+    return axis_x, axis_y
 
 
 class _Polytope:
@@ -173,13 +174,14 @@ class _PlacedClouds:
 
     def points_outside(self, polytope: _Polytope) -> Iterator[Floats]:
         """Yield the points, in world space, that are not inside a polytope."""
+        # `members` are the numbers of all instances of one cloud.
         order = np.argsort(self.cloud_numbers, kind="stable")
         for members in np.split(order, np.flatnonzero(np.diff(self.cloud_numbers[order])) + 1) if len(order) else []:
             cloud = self.clouds[int(self.cloud_numbers[members[0]])]
             box = np.array([cloud.min(axis=0), cloud.max(axis=0)])
             for block in _blocks(members, 4 * len(polytope.planes)):
                 planes = polytope.local_planes(self.matrices[block])
-                # Only the planes that a part of the cloud's bounding box is beyond can have points beyond them.
+                # Points can be beyond a plane only if a part of the cloud's bounding box is beyond it.
                 owners, numbers = np.nonzero(_is_box_beyond(planes, box[None]))
                 planes = planes[owners, numbers]
                 # The planes are processed in batches of limited memory; all planes of an instance are in one batch.
@@ -204,9 +206,10 @@ def _points_beyond(cloud: Floats, matrices: Floats, planes: Floats, owners: Indi
 
 
 def _is_box_beyond(planes: Floats, boxes: Floats) -> Bools:
-    """Return which planes (n, k, 4) have a part of a box beyond them.
+    """Return whether a part of its box is beyond each plane, (n, k).
 
-    The k planes with the same first index belong to one box; a box has its least and its greatest corner, (n, 2, 3).
+    `planes` (n, k, 4) has k planes for each of n boxes. `boxes` (n, 2, 3) has the least and the greatest corner of each
+    box, or (1, 2, 3) of one box for all planes.
     """
     middles, halves = 0.5 * boxes.sum(axis=1)[..., None], 0.5 * np.ptp(boxes, axis=1)[..., None]
     normals = planes[..., :3]
@@ -214,7 +217,7 @@ def _is_box_beyond(planes: Floats, boxes: Floats) -> Bools:
 
 
 def _blocks(indices: Indices, numbers_per_index: int) -> list[Indices]:
-    """Split indices into blocks; an array of a block has about `_BLOCK` numbers, `numbers_per_index` for each index."""
+    """Split indices into blocks, so that `numbers_per_index` numbers for each index are about `_BLOCK` numbers."""
     size = max(_BLOCK // numbers_per_index, 1)
     return [indices[start : start + size] for start in range(0, len(indices), size)]
 
@@ -222,8 +225,8 @@ def _blocks(indices: Indices, numbers_per_index: int) -> list[Indices]:
 def _directions(count: int) -> Floats:
     """Return unit vectors (count, 3), nearly uniform over the sphere: a spiral that turns by the golden angle."""
     heights = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    angles, levels = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count), np.sqrt(1.0 - heights**2)
-    return np.stack([levels * np.cos(angles), levels * np.sin(angles), heights], axis=-1)
+    angles, radii = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count), np.sqrt(1.0 - heights**2)
+    return np.stack([radii * np.cos(angles), radii * np.sin(angles), heights], axis=-1)
 
 
 def _extreme_points(points: Floats, directions: Floats) -> Floats:
@@ -248,7 +251,8 @@ def _hull_points(points: Floats) -> Floats:
 
     local = points - points.mean(axis=0)
     axes = np.linalg.svd(local, full_matrices=False)[2]
-    # Qhull rejects points without volume: then the hull is found in the plane of the two longest axes, then on a line.
+    # Qhull rejects points that span no volume. Then the hull is computed in the plane in which the points extend most,
+    # and if that fails, too, along a line.
     for coordinates in (local, local @ axes[:2].T):
         with suppress(QhullError):
             return np.asarray(points[ConvexHull(coordinates).vertices])
