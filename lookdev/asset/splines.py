@@ -89,7 +89,9 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
     matrix = BASES[basis]
 
     def evaluate(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
-        # `local` is the number of each vertex in its curve; phantom vertices are -1 and the number of vertices.
+        """Evaluate samples, as `Splines` describes."""
+        # `local` is the number of each vertex in its curve. The phantom vertices before and after the curve have the
+        # numbers -1 and `counts`.
         curve = curves[segments][:, None]
         local: Indices = numbers[segments][:, None] * step + np.arange(matrix.shape[1]) - pinned
         if periodic:
@@ -110,9 +112,9 @@ def nurbs_splines(
 ) -> Splines:
     """Return NURBS curves from the numbers of their vertices, `counts` (c,), their orders (c,) and all their knots.
 
-    `ranges` (c, 2) are the first and the last parameter of each curve, and `weights` (n,) are those of the vertices;
-    both may be empty. A segment lies between two consecutive different knots. An error message names the curves by the
-    prim path `where`.
+    `ranges` (c, 2) restrict the parameters of the curves, and `weights` (n,) are those of the vertices; both may be
+    empty. A segment lies between two consecutive different knots. An error message names the curves by the prim path
+    `where`.
 
     Raises
     ------
@@ -130,6 +132,7 @@ def nurbs_splines(
     if len(weights) not in (0, counts.sum()) or (weights <= 0.0).any():
         raise AssetError(f"{where}: pointWeights must be positive numbers, one for each of {counts.sum()} points")
     first = run_starts(counts)
+    # For each curve, the parameters at the ends of its segments.
     spans: list[Floats] = []
     curve_knots = np.split(knots, np.cumsum(counts + orders)[:-1])
     for curve, own_knots in enumerate(curve_knots):
@@ -146,11 +149,13 @@ def nurbs_splines(
     width = int(orders.max())
 
     def evaluate(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
+        """Evaluate samples, as `Splines` describes."""
         low, high = lows[segments], highs[segments]
         # The end of a segment is evaluated just before its knot, because the curve can have a corner at the knot.
         parameters = np.minimum(low + t * (high - low), np.nextafter(high, low))
         index = np.zeros((len(t), width), np.intp)
         values, rates = np.zeros((2, len(t), width))
+        # The samples of each curve are consecutive; SciPy evaluates them together.
         present, starts = np.unique(curves[segments], return_index=True)
         for curve, start, stop in zip(present, starts, np.append(starts[1:], len(t)), strict=True):
             rows, order = slice(start, stop), int(orders[curve])

@@ -25,7 +25,7 @@ from lookdev.asset.tangents import tangents_of
 from lookdev.cache import cached_file
 from lookdev.errors import AssetError
 
-_ALIGNMENT = 64  # bytes: each array of a file starts at a multiple of it
+_ALIGNMENT = 64  # bytes: each array starts at a multiple of this offset in the file
 _FORMAT = 5  # to be increased when the format changes, or the tangents that are computed for an asset
 _FLAG_FIELDS = ("convex", "sheet", "revolved")
 
@@ -165,7 +165,7 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
 
 
 def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, object]:
-    """Return the values of an asset other than arrays that the digest covers, as they are written in JSON."""
+    """Return the values of an asset that are stored as JSON, not as arrays; the digest covers them, too."""
     return {
         "format": _FORMAT,
         **{name: getattr(asset, name) for name in ("name", *_FLAG_FIELDS)},
@@ -209,6 +209,7 @@ def _assemble_asset(line: bytes, file_bytes: Bytes) -> Asset:
     # For each mesh: whether it has tangents, the names of UV sets, the primvars, and the number of corners.
     mesh_layouts = [(*description["layouts"][layout], count) for layout, count in zip(layouts, corners, strict=True)]
     tangents = [count * has_tangents for has_tangents, _, _, count in mesh_layouts]
+    # `rows` has the number of rows of each mesh, by element; `columns` the array of each mesh, by field.
     rows = {"points": points, "corners": corners, "faces": faces, "tangents": tangents}
     columns = {name: _split_rows(arrays[name], rows[rows_name]) for name, (_, _, rows_name) in _ARRAYS.items()}
     uvs = iter(_split_rows(arrays["uvs"], [count for _, names, _, count in mesh_layouts for _ in names]))

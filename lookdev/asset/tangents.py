@@ -107,7 +107,7 @@ def handedness(mesh: Mesh) -> Floats32:
     """Return the handedness (m,) at each corner: 1 if v grows along cross(normal, tangent), -1 if UVs are mirrored.
 
     The UVs are those of the mesh's first UV set. The sign is constant over a face. It is 1 for a face whose UVs cover
-    no area, and for a mesh without UVs. The green channel of a normal map tilts normals towards increasing v.
+    no area, and for a mesh without UVs. Normal maps need it: their green channel tilts normals towards increasing v.
     """
     uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2))).astype(np.float64)
     sign = np.where(_orientation(mesh.face_sizes, next_corners(mesh.face_sizes), uvs) < 0.0, -1.0, 1.0)

@@ -23,6 +23,7 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
     """
     sizes, starts = mesh.face_sizes.astype(np.int64), run_starts(mesh.face_sizes)
     positions = mesh.points[mesh.corner_points].astype(np.float64)
+    # The number of triangles of each face, and the face of each triangle.
     counts = sizes - 2
     faces = np.repeat(np.arange(len(sizes)), counts)
     ends = np.cumsum(counts)

@@ -68,7 +68,8 @@ def tubes(rings: Rings, sides: int) -> Strips:
     1 with the length along the curve. A cap is a disc in the unit square. Normals are those of a round tube; they are
     exact where the tube is straight or does not taper.
     """
-    # Each ring has `sides` + 1 points; the last has the position of the first, but u = 1.
+    # Each ring has `sides` + 1 points; the last has the position of the first, but u = 1. At each ring, x and y span the
+    # cross-section, and `slope` is the derivative of the radius along the curve.
     fractions = _relative_lengths(rings)
     x = _frames(rings, fractions)
     y = np.cross(rings.directions, x)
@@ -88,6 +89,7 @@ def tubes(rings: Rings, sides: int) -> Strips:
     end_sign = np.repeat([-1.0, 1.0], len(starts))
     has_cap = ~np.tile(rings.closed, 2) & (rings.radii[rims] > 0.0)
     rims, end_sign = rims[has_cap], end_sign[has_cap]
+    # The points around each cap, counter-clockwise when seen from outside, and their positions in the unit disc.
     around = np.where(end_sign[:, None] < 0.0, -np.arange(sides) % sides, np.arange(sides))
     disc = np.stack([np.cos(angle)[around], end_sign[:, None] * np.sin(angle)[around]], axis=-1)
     return Strips(

@@ -55,14 +55,14 @@ def find_sectors(level: Level, selected: Bools) -> Sectors:
     ahead = np.where(sharp[level.previous] & is_divided, -1, level.twins[level.previous])
 
     sector_of_corner = np.full(len(level.points), -1)
-    first, size, closed_parts = [], [], []
-    # A sector begins at a sharp edge or a boundary. The others are closed fans, which begin at any of their corners;
-    # each round of the loop takes one fan per point.
+    start_parts, size_parts, closed_parts = [], [], []
+    # The first round of the loop finds the sectors that begin at a sharp edge or a boundary. The other sectors are
+    # closed fans, which can begin at any of their corners. Each further round finds one fan for each point.
     starts, count = np.flatnonzero((sharp | (level.twins < 0)) & selected[level.points]), 0
     while True:
         sizes, is_closed = _number_corners(starts, ahead, sector_of_corner, count)
-        first.append(starts)
-        size.append(sizes)
+        start_parts.append(starts)
+        size_parts.append(sizes)
         closed_parts.append(is_closed)
         count += len(starts)
         remaining = np.flatnonzero((sector_of_corner < 0) & selected[level.points])
@@ -71,7 +71,7 @@ def find_sectors(level: Level, selected: Bools) -> Sectors:
         start_at_point = np.full(len(selected), -1)
         start_at_point[level.points[remaining]] = remaining
         starts = start_at_point[start_at_point >= 0]
-    firsts, sizes, is_closed = np.concatenate(first), np.concatenate(size), np.concatenate(closed_parts)
+    firsts, sizes, is_closed = np.concatenate(start_parts), np.concatenate(size_parts), np.concatenate(closed_parts)
     kind = point_kinds[level.points[firsts]]
     # The sector of a smooth point or dart must be closed, and any other sector open; else it has no tangent plane.
     kind[is_closed != (kind < SectorKind.CREASE)] = SectorKind.NONE

@@ -66,6 +66,7 @@ def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
         if size > 2:
             theta, i = 2.0 * np.pi / size, np.arange(size)
             edges[1, :size], edges[2, :size] = np.cos(i * theta), np.sin(i * theta)
+            # For each face, the sum of the weights of its two edges.
             across = edges[1:, :size] + np.roll(edges[1:, :size], -1, axis=1)
             faces[1:] = _face_weight(theta, rules) * across
         point[0] = 1.0 - edges[0].sum() - faces[0].sum()
@@ -97,6 +98,8 @@ def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
     eigenvalue = _eigenvalue(theta, rules)
     edges[1:size] = np.sin(np.arange(1, size) * theta)
     faces[:] = _face_weight(theta, rules) * (edges[:-1] + edges[1:])
+    # In the column of an end: eigenvalue * end = point / 8 + end / 2 + inward / 8. `inward` / 8 is the contribution of
+    # the next edge and, for quads, of the face between.
     inward = edges[1] if rules.triangles else 8.0 * eigenvalue * faces[0]
     end = (inward - edges.sum() - faces.sum()) / (8.0 * eigenvalue - 2.0)
     edges[[0, size]] = end

@@ -57,7 +57,10 @@ def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
 
 
 def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
-    """Return the edges (k,) of sharpness below 1, one half-edge (k,) of each, and their sharpness (k, 1)."""
+    """Return the edges (k,) of sharpness below 1, one half-edge (k,) of each, and their sharpness (k, 1).
+
+    These edges have two faces, since boundaries and edges of more faces are infinitely sharp.
+    """
     edges = np.flatnonzero(level.edge_sharpness < 1.0)
     half_edges = np.zeros(len(level.ends), np.intp)
     half_edges[level.edges] = np.arange(len(level.edges))
@@ -105,6 +108,7 @@ def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -
     present_weight = np.where(
         (is_corner == stays_corner) & (is_crease == becomes_crease), 1.0, _transition_weights(level)
     )
+    # The weights (n,) of the masks of a corner, of a crease and of a smooth point.
     corner = present_weight * is_corner + (1.0 - present_weight) * stays_corner
     crease = present_weight * is_crease + (1.0 - present_weight) * becomes_crease
     smooth = 1.0 - corner - crease
