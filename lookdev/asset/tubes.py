@@ -68,8 +68,8 @@ def tubes(rings: Rings, sides: int) -> Strips:
     1 with the length along the curve. A cap is a disc in the unit square. Normals are those of a round tube; they are
     exact where the tube is straight or does not taper.
     """
-    # Each ring has `sides` + 1 points; the last has the position of the first, but u = 1. At each ring, x and y span the
-    # cross-section, and `slope` is the derivative of the radius along the curve.
+    # Each ring has `sides` + 1 points; the last has the position of the first, but u = 1. At each ring, x and y span
+    # the cross-section, and `slope` is the derivative of the radius along the curve.
     fractions = _relative_lengths(rings)
     x = _frames(rings, fractions)
     y = np.cross(rings.directions, x)

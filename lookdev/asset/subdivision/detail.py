@@ -165,6 +165,7 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
     control, rules = join_cages(meshes), mask_rules(subdivision)
     cage = build_cage(control, subdivision)
     level = cage.half_edges
+    # The number of the mesh of each face.
     mesh_numbers = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
     # The limit surface at the points of level 1: the points, edges' middles and, for quads, faces' centres of the cage.
     child = split_faces(level, rules.triangles)
@@ -223,11 +224,13 @@ def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> 
     assert subdivision is not None, "a batch has cages only"
     control = join_cages(meshes)
     is_visible, refined_columns = refined_values(control, subdivision)
+    # The corners of visible faces, each the start of an edge, and the index in `corners` of the edge's end.
     corners, following = np.flatnonzero(np.repeat(is_visible, control.sizes)), next_corners(control.sizes[is_visible])
     first = first_child(corners, subdivision.scheme == "loop")
     points = control.points[control.corners[corners]]
     face_meshes = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
     mesh_numbers = np.repeat(face_meshes, control.sizes)[corners]
+    # The length of each edge in pixels; `edge_length` below is its length in the texture.
     length = np.linalg.norm(points[following] - points, axis=1) / pixel_sizes[mesh_numbers]
     required = np.zeros(len(corners))
     for (interpolation, values), refined in zip(control.values, refined_columns, strict=True):

@@ -53,6 +53,7 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
     # `siblings` (v,) is the number of values at the point of each value.
     siblings = np.bincount(value_points[fans.is_used], minlength=len(surface.point_sharpness))[value_points]
 
+    # Marks values that become infinitely sharp corners.
     is_corner_value = at_seam & ((fans.fan_count > 1) | ~cage.is_manifold[value_points])
     if rule != "none":
         is_corner_value |= fans.face_count == 1
@@ -63,6 +64,7 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
         is_corner_value |= (siblings == 2) & _shares_point(fans.face_count == 1, value_points)
     on_boundary = np.zeros(len(surface.point_sharpness), bool)
     on_boundary[surface.ends[surface.boundary]] = True
+    # A seam ends at an inner point that has a single value.
     if rule in ("cornersPlus2", "boundaries"):
         is_corner_value |= at_seam & (siblings == 1) & ~on_boundary[value_points]
     if rule == "boundaries":

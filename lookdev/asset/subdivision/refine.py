@@ -91,6 +91,7 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
         corner_columns[number] = corner_values.astype(np.float32)
     for group in seam_groups:
         _assign_columns(*_refine_group(group, rules, level), group.columns, corner_columns)
+    # Values that are constant over a face are those of the first corner of the face in the cage.
     first = np.cumsum(control.sizes) - control.sizes
     for number, (interpolation, corner_values) in enumerate(control.values):
         if interpolation in ("constant", "uniform"):
@@ -136,6 +137,7 @@ def _group_values(
         elif interpolation == "vertex":
             surface = surface.with_column(number, _scatter_corner_values(control.corners, values, count))
         else:
+            # Values with the same seams have the same numbers at the corners, and share half-edges.
             value_numbers, value_points = weld(control.corners, values, count)
             key = value_numbers.tobytes()
             if key not in seam_groups:

@@ -210,11 +210,11 @@ class _Samples:
 def _sample_curves(
     splines: Splines, points: Floats, widths: Attribute, path: str, ribbon: bool
 ) -> tuple[_Samples, int]:
-    """Return samples that are denser where the curves or their radii bend, and the number of sides of a tube."""
+    """Return samples that are denser where the curves or their radii bend, and the number of sides, 1 for a ribbon."""
     # Each segment is first divided into 4 chords. Axes of `samples`: segment, sample in it, coordinates and radius.
-    probe = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
+    coarse = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
     points_and_radii = np.hstack(
-        [probe.interpolate_vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")]
+        [coarse.interpolate_vertices(points), 0.5 * coarse.interpolate(widths, f"{path}: widths")]
     )
     samples = points_and_radii.reshape(-1, 5, 4)
     # The second derivative by t, from second differences at steps of 1/4 in t, and the length of each segment.
@@ -257,12 +257,14 @@ def _rings(
     numbers, curves = np.unique(samples.curves[is_used], return_inverse=True)
     is_first = np.diff(pieces, prepend=-1) != 0
     index = np.arange(len(pieces))
+    # The neighbours of each ring in its piece; at an end of the piece, one of them is the ring itself.
     before, after = index - ~is_first, index + ~np.append(is_first[1:], True)
     # Where the derivative is nearly 0, the chord between the neighbours gives the direction. The derivative is 0 at a
     # vertex that coincides with the next vertex.
     chords = positions[after] - positions[before]
     is_slow = dot(slopes, slopes) <= dot(chords, chords) * (_COINCIDENCE / (t[after] - t[before])[:, None]) ** 2
     directions = normalize_or(np.where(is_slow, chords, slopes), np.array([0.0, 0.0, 1.0]))
+    # A curve is closed if its ends agree in position, radius and direction.
     first, last = group_ends(curves)
     gaps = np.linalg.norm(positions[first] - positions[last], axis=1) / _path_lengths(positions, first)
     is_closed = (gaps < _COINCIDENCE) & (np.abs(radii[first] - radii[last]) <= _COINCIDENCE * radii[first])

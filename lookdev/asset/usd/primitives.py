@@ -115,9 +115,9 @@ def surface_errors(radii: Floats) -> Floats:
     for all surfaces, so that together they have about four million faces. The relative error is then at most 0.03, for
     which a sphere has 200 faces.
     """
-    # The absolute error: a sphere has pi^2 / (2 error) faces, where the error is relative.
-    length = 0.5 * np.pi**2 * radii.sum() / _MAX_FACES
-    return np.asarray(np.clip(length / radii, MIN_ERROR, _MAX_ERROR))
+    # A sphere has pi^2 / (2 error) faces, where the error is relative.
+    absolute_error = 0.5 * np.pi**2 * radii.sum() / _MAX_FACES
+    return np.asarray(np.clip(absolute_error / radii, MIN_ERROR, _MAX_ERROR))
 
 
 def _segment_count(error: float) -> int:
@@ -131,9 +131,12 @@ def _segment_count(error: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """A mesh: points (n, 3), the number of corners of each face (f,), and arrays with a row for each of m corners.
+    """A mesh of a primitive.
 
-    The corners have indices of points, face_points (m,), unit normals (m, 3) and texture coordinates st (m, 2).
+    - points (n, 3): positions
+    - face_sizes (f,): the number of corners of each face
+    - face_points (m,): the point at each corner
+    - normals (m, 3), st (m, 2): unit normals and texture coordinates at the corners
     """
 
     points: Floats
@@ -217,8 +220,10 @@ def _make_capsule(axis: str, segments: int, bottom: float, top: float, height: f
     if height <= abs(bottom - top):  # one sphere contains the other, or both are one
         arcs = [(max(bottom, top), 0.5 * height * np.sign(top - bottom), -0.5 * np.pi, 0.5 * np.pi)]
     else:
+        # The side touches both spheres at this latitude.
         tangent = float(np.arcsin((bottom - top) / height))
         arcs = [(bottom, -0.5 * height, -0.5 * np.pi, tangent), (top, 0.5 * height, tangent, 0.5 * np.pi)]
+    # For each arc, and the side between: its points and its normals. A sphere of radius 0 is a single point.
     pieces = []
     for radius, center, start, stop in arcs:
         rows = int(np.ceil((stop - start) * segments / (2.0 * np.pi) - 1e-9)) if radius > 0.0 else 0
