@@ -56,6 +56,7 @@ def _without_subdivision(asset: Asset) -> Asset:
 
 
 def _polygon_mesh(mesh: Mesh) -> Mesh:
+    """Return a mesh of the polygons of a control cage, without the holes; other meshes are returned unchanged."""
     if mesh.subdivision is None:
         return mesh
     keep = np.ones(len(mesh.face_sizes), bool)

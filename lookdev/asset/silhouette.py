@@ -72,6 +72,7 @@ def turning_axis(points: Floats) -> tuple[float, float]:
     x, y = np.ascontiguousarray(footprint.T)
 
     def farthest(center: Floats) -> tuple[Floats, float]:
+        """Return the point (2,) farthest from a centre (2,), and its distance."""
         squares = (x - center[0]) ** 2 + (y - center[1]) ** 2
         index = int(squares.argmax())
         return footprint[index], math.sqrt(squares[index])

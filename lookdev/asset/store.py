@@ -100,6 +100,7 @@ def save_asset(asset: Asset, tangent_meshes: Iterable[int] = ()) -> Path:
     name = hashlib.sha256(json.dumps([digest, missing]).encode()).hexdigest() if missing else digest
 
     def write(path: Path) -> None:
+        """Write the file of the asset, with the missing tangents."""
         meshes = list(asset.meshes)
         for number, tangents in zip(missing, tangents_of([meshes[i] for i in missing]), strict=True):
             meshes[number] = dataclasses.replace(meshes[number], tangents=tangents)

@@ -91,6 +91,7 @@ def export_openjd(
         documents |= _bundle_files(job, out, values)
 
     def encode(data: object, file: Path) -> str:
+        """Return a document as JSON or YAML, by the suffix of its file."""
         if file.suffix.lower() == ".json":
             return json.dumps(data, indent=2) + "\n"
         return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))

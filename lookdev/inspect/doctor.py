@@ -123,6 +123,7 @@ def _check_system_libraries(libraries: Mapping[str, str]) -> DoctorFinding:
 
 
 def _can_load(library: str) -> bool:
+    """Return whether the system's loader finds a library."""
     try:
         ctypes.CDLL(library)
     except OSError:
@@ -194,4 +195,5 @@ def _run_command(command: Sequence[str]) -> tuple[int, str, str]:
 
 
 def _last_line(text: str) -> str:
+    """Return the last line of a text that is not blank, or ""."""
     return "".join(text.strip().splitlines()[-1:]).strip()

@@ -148,7 +148,7 @@ def _describe_falloff(emission: Emission) -> tuple[str, ...]:
 
 
 def _link_rules(link: LightLink | None) -> tuple[tuple[str, str], ...]:
-    """Return the rules of a link; none for no link, by which a light is linked to all parts."""
+    """Return the rules of a link; there are none without a link, which means that the light is linked to all parts."""
     return link.rules if link else ()
 
 

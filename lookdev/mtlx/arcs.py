@@ -47,6 +47,7 @@ def redirect_documents(layer: Sdf.Layer) -> None:
             layer.subLayerPaths[number] = targets[path]
 
     def visit(path: Sdf.Path) -> None:
+        """Redirect the references and payloads of the prim, or of the variant, at a path."""
         if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
             spec = layer.GetPrimAtPath(path)  # the path of a variant set has no spec
             for arcs in (spec.referenceList, spec.payloadList) if spec else ():

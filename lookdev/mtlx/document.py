@@ -57,9 +57,11 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
     parser = expat.ParserCreate("utf-8")
 
     def fault_here(message: str, hint: str = "") -> Fault:
+        """Return a fault at the parser's present location."""
         return Fault(file, f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}", message, hint)
 
     def check_root(tag: str, version: str) -> None:
+        """Raise LookError unless the root element is a MaterialX document of a version that can be read."""
         if tag != "materialx":
             raise LookError([fault_here(f"the document is <{tag:.40}>, not <materialx>")])
         match = _VERSION.fullmatch(version)
@@ -68,6 +70,7 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
             raise LookError([fault_here(f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")])
 
     def start_element(tag: str, attributes: dict[str, str]) -> None:
+        """Check an element when the parser reads its start tag."""
         name = attributes.get("name", "")
         if not names:
             check_root(tag, attributes.get("version", ""))

@@ -266,7 +266,7 @@ def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, co
 
 
 def _turn_angles(level: Level, normals: Floats32, first: Indices) -> Floats:
-    """Return the angle (m,), in radians, by which the normal turns along each half-edge of the cage.
+    """Return the angle (m,), in radians, that the normal turns along each half-edge of the cage.
 
     It is the turn to the edge's middle plus the turn from there to the end. `normals` are those of level 1, and `first`
     (m,) the corners of level 1 at the starts of the half-edges.

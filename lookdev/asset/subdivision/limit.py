@@ -209,6 +209,7 @@ def _ring_sums(level: Level, values: Floats, half_edges: Indices, masks: Masks) 
     rows, squared_lengths = masks.center[:, None, None] * center, np.zeros(len(half_edges))
 
     def add(weights: Floats, ring: Floats) -> None:
+        """Add the values (s, k) of one ring point of each sector, weighted by that point's column of the masks (r,)."""
         for row in np.flatnonzero(weights):
             rows[row] += weights[row] * ring
 

@@ -44,6 +44,7 @@ class Offsets:
         return self._add(normals, self.normals)
 
     def _add(self, values: Floats, offsets: Floats) -> Floats:
+        """Return values (n, 3) with offsets (k, 3) added at `indices`."""
         if len(offsets) == 0:
             return values
         indices = np.arange(len(values)) if self.indices is None else self.indices

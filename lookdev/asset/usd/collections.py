@@ -17,7 +17,7 @@ _MARK = ".collection:"  # between the path of the prim and the collection's name
 
 
 def is_collection(pattern: str) -> bool:
-    """Return whether a pattern, by which a user selects prims, is the path of a collection."""
+    """Return whether a pattern for the selection of prims is the path of a collection."""
     return _MARK in pattern
 
 

@@ -119,6 +119,7 @@ class PrimvarReader:
         return Attribute(name, values[:, :2] if is_uv else values, primvar.GetInterpolation(), is_uv)
 
     def _note_dropped(self, primvar: UsdGeom.Primvar, reason: str) -> None:
+        """Call `note` for a primvar that is dropped."""
         self._note(f"with {primvar.GetName()} {reason}, left out", primvar.GetAttr().GetPrim())
 
     def _values(self, primvar: UsdGeom.Primvar, width: int, is_array: bool) -> Reals:
@@ -136,6 +137,7 @@ class PrimvarReader:
 
 
 def _is_texture_coordinate(kind: Sdf.ValueTypeName) -> bool:
+    """Return whether a type is one of USD's types of texture coordinates, such as texCoord2f."""
     return bool(kind.role == Sdf.ValueRoleNames.TextureCoordinate)
 
 

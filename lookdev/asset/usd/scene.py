@@ -248,6 +248,7 @@ def _farthest_path(asset: Asset) -> str:
     """Return the path of the instance that has the coordinate of largest magnitude in world space."""
 
     def farthest_coordinate(instance: Instance) -> float:
+        """Return the largest magnitude of an instance's coordinates in world space."""
         points = asset.meshes[instance.mesh].points.astype(np.float64)
         return float(np.abs(points @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]).max())
 

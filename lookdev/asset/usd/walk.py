@@ -151,6 +151,7 @@ class Walk:
                     self.unknown_prims.append(prim)
                 continue
             self._check_order(prim)
+            # `read_token` raises the error for an invalid value.
             if prim.GetAttribute("purpose").Get() not in PURPOSES:
                 read_token(prim, "purpose", Usd.TimeCode.Default(), PURPOSES)
             if prim.GetAttribute("visibility").Get(self._time) != UsdGeom.Tokens.inherited:
@@ -173,6 +174,7 @@ class Walk:
         """Return whether a prim is Imageable, whether it is a point instancer, and whether it is a gprim."""
         name = prim.GetTypeName()
         if name not in self._flags_of_type:
+            # A GenerativeProcedural counts as a gprim, so that a note reports that it is not rendered.
             gprim = prim.IsA(UsdGeom.Gprim) or name == "GenerativeProcedural"
             self._flags_of_type[name] = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.PointInstancer), gprim
         return self._flags_of_type[name]
@@ -213,6 +215,7 @@ class Walk:
         targets = relationship_targets(instancer.GetPrototypesRel())
         numbers = read_array(prim, "protoIndices", self._time, np.intp)
         check_range(numbers, len(targets), prim, "protoIndices", "prototypes")
+        # These arrays are read only to check them; USD computes the transforms from the attributes.
         for name, kind, shape in _INSTANCE_ATTRIBUTES:
             count = len(read_array(prim, name, self._time, kind, shape)) if prim.HasAttribute(name) else 0
             if count != len(numbers) and (count or name == "positions"):
