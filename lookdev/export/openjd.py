@@ -85,6 +85,7 @@ def export_openjd(
     except DecodeValidationError as error:
         raise LookdevError(f"openjd-model refuses the template: {error}") from error
 
+    # The values of the template's path parameters.
     values = {"Job": str(job.file), "Output": str(job.output)}
     documents: dict[Path, object] = {template_file: template}
     if bundle:
@@ -128,6 +129,7 @@ def job_template(job: Job, folder: Path, chunks: Division, requirements: HostReq
     for name, count in (("Chunks", chunks.count), ("Machines", chunks.machines or chunks.count)):
         parameters[name] |= {"default": count, "maxValue": MAX_CHUNKS}
     parameters["Command"]["default"] = requirements.command
+    # The first step renders. The last argument of the command that starts its worker is the backend.
     render = template["steps"][0]
     render["stepEnvironments"][0]["script"]["actions"]["onEnter"]["args"][-1] = job.render.backend
     cores, memory, gpu = amounts = render["hostRequirements"]["amounts"]

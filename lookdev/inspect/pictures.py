@@ -102,8 +102,8 @@ def _render_pictures(
 ) -> tuple[RunResult, list[Bytes]]:
     """Render one frame of each setup, with the asset at the angle `start`, in degrees.
 
-    Return the result and the display pictures (height, width, 3), composited over a linear grey `background`; no
-    pictures if a frame fails.
+    A setup is a scene with one look under one light. `output` is the folder of the frames. Return the result and the
+    display pictures (height, width, 3), composited over a linear grey `background`; no pictures if a frame fails.
     """
     turntables = (JobTurntable(kind="element", frames=1, start=start),)
     plan, result = render_setups(setups, TurntableFrames(turntables, output), _OUTPUTS, report=report)

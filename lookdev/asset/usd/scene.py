@@ -135,7 +135,7 @@ class UsdScene:
             try:
                 key = self._gprims.key(prim)
                 if key not in self._surfaces:
-                    self._surfaces[key] = None
+                    self._surfaces[key] = None  # stays None if `_add_shape` raises an error
                     self._surfaces[key] = self._add_shape(prim)
                 if (shape_and_surface := self._surfaces[key]) is not None:
                     number, surface = shape_and_surface
@@ -175,6 +175,7 @@ class UsdScene:
         parts: list[Usd.Prim] = []
         for surface in surfaces:
             if surface.shape not in used_parts:
+                # The `face_slots` of these meshes are the parts of the shape; `_assign_slots` replaces them.
                 slots = mesh_of_shape[surface.shape].face_slots
                 used_parts[surface.shape] = tuple(np.unique(slots).tolist()) if surface.subsets else (0,)
             prim = surface.gprim.prim
@@ -182,6 +183,7 @@ class UsdScene:
         materials = _bound_materials(parts)
         for name, path, prim in _dangling_bindings(parts):
             self._note(f"{name} names {path}, which is not a material", prim)
+        # The number of the mesh for each combination.
         numbers: dict[tuple[object, ...], int] = {}
         result: list[int] = []
         first = 0
@@ -209,6 +211,7 @@ class UsdScene:
         if len(used_parts) == 1:
             face_slots = np.full(len(base.face_sizes), len(self._slots), np.int32)
         else:
+            # The slot of each part.
             numbers = np.zeros(used_parts[-1] + 1, np.int32)
             numbers[list(used_parts)] = len(self._slots) + np.arange(len(used_parts))
             face_slots = numbers[base.face_slots]
@@ -223,6 +226,7 @@ class UsdScene:
         if not gprims:
             return []
         # USD's matrices are for row vectors, and so are transposed here. Their translations become metres below.
+        # `owners` has the index of the gprim that each matrix places.
         matrices = np.swapaxes(np.concatenate([gprim.transforms for gprim in gprims]), 1, 2).copy()
         owners = np.repeat(np.arange(len(gprims)), [len(gprim.transforms) for gprim in gprims])
         if not (is_valid := is_affine(np.swapaxes(matrices, 1, 2))).all():
