@@ -86,7 +86,8 @@ def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementT
         source.check_plugin(f"look '{look.name}'")
     sampling, scene = setup.task.sampling, setup.scene
     root = ElementTree.Element("scene", version="3.0.0")
-    # Mitsuba's depth is 1 for light that the camera sees directly, and 2 for light that is reflected once.
+    # Mitsuba's depth is 1 for light that the camera sees directly, and 2 for light that is reflected once. Russian
+    # roulette would begin at depth 1000.
     _add_plugin(root, "integrator", "path", max_depth=sampling.bounces + 2, rr_depth=1000, hide_emitters=True)
     values = {f"variant_{name}": variant for name, variant in look.variants.items()}
     values |= {"prim": look.prim} if look.prim is not None else {}
@@ -125,6 +126,7 @@ def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setu
 
     `name` is the light's name in messages. `folder` is the folder of the environment maps.
     """
+    # The asset stays in its place: the camera (`_add_sensor`) and the lights rotate by `-pose.element` instead.
     gain, center = 2.0**setup.exposure, np.array(setup.scene.asset.center)
     turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, setup.scene.camera, center)
     if dome := light.world_dome:
@@ -142,6 +144,7 @@ def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setu
         raise _unsupported_light(name, "a beam, shadow, falloff, link, multiplier or texture")
     if light.mitsuba_shape is None or light.position is None:
         raise _unsupported_light(name, f"the kind '{light.kind}'")
+    # `size` maps Mitsuba's shape to the light's own space.
     kind, size = light.mitsuba_shape
     to_world = np.eye(4)
     to_world[:3, :3], to_world[:3, 3] = np.array(light.axes).T, np.array(light.position) - center
@@ -178,12 +181,16 @@ def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
 
 
 def _encode_ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
-    """Return a mesh of triangles as a binary PLY (Turk 1994) with a vertex for each corner."""
+    """Return a mesh of triangles as a binary PLY (Turk 1994) with a vertex for each corner.
+
+    `matrix` (4, 4) places the mesh in world space; points are relative to `center`. UVs are those of the default UV
+    set, or else of the first.
+    """
     corners = mesh.corner_points
     normals = mesh.normals @ np.linalg.inv(matrix[:3, :3])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    first = mesh.uvs.get(mesh.default_uv) if mesh.default_uv in mesh.uvs else next(iter(mesh.uvs.values()), None)
-    uv = np.zeros((len(corners), 2)) if first is None else first
+    default_uvs = mesh.uvs.get(mesh.default_uv) if mesh.default_uv in mesh.uvs else next(iter(mesh.uvs.values()), None)
+    uv = np.zeros((len(corners), 2)) if default_uvs is None else default_uvs
     points = mesh.points[corners] @ matrix[:3, :3].T + matrix[:3, 3] - center
     vertices = np.concatenate([points, normals, uv], axis=1).astype("<f4")
     faces = np.zeros(len(corners) // 3, [("count", "u1"), ("corners", "<i4", 3)])

@@ -59,7 +59,7 @@ def _layer_problem(stream: BinaryIO, begin: int, size: int) -> str:
     if start == _MAGIC:
         return "" if _is_whole(stream, begin, size) else "is damaged: a section of it is cut off"
     if not start.startswith((b"#usda", b"#sdf")):
-        return ""
+        return ""  # neither the text reader nor the binary reader reads it
     if size > (limit := environment_limit(BYTES_VARIABLE, DEFAULT_BYTES, "bytes")):
         largest = f"at most {BYTES_VARIABLE} = {limit} bytes of text are read; a binary layer (.usdc) would be right"
         return f"has {size} bytes; {largest}"
@@ -103,8 +103,8 @@ def _package_problem(stream: BinaryIO) -> str:
         with zipfile.ZipFile(stream) as archive:
             for member in archive.infolist():
                 stream.seek(member.header_offset)
-                name, extra = _LOCAL_HEADER.unpack(stream.read(_LOCAL_HEADER.size))
-                begin = member.header_offset + _LOCAL_HEADER.size + name + extra
+                name_length, extra_length = _LOCAL_HEADER.unpack(stream.read(_LOCAL_HEADER.size))
+                begin = member.header_offset + _LOCAL_HEADER.size + name_length + extra_length
                 if problem := _layer_problem(stream, begin, member.compress_size):
                     return f"has a member {member.filename}, which {problem}"
     except (zipfile.BadZipFile, NotImplementedError, struct.error) as error:
