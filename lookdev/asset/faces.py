@@ -28,7 +28,8 @@ class Faces:
 
     - all_points, all_faces, all_corners (s + 1,): the index of each shape's first element among all points, faces and
       corners; the last entry is their total number
-    - faces, corners (s + 1,): likewise among the valid faces, and among the corners of the valid faces
+    - faces, corners (s + 1,): the index of each shape's first valid face among the valid faces, and of its first corner
+      among the corners of the valid faces; the last entry is the total number
     - sizes (f,): the number of corners of each valid face
     - face_source (f,): the index of each valid face among all faces
     - corner_source (m,): the index of each corner of a valid face among all corners; None if it is the identity

@@ -163,7 +163,7 @@ def _corner_attributes(shapes: Sequence[PolygonShape], faces: Faces) -> list[dic
 def _corner_normals(
     shapes: Sequence[PolygonShape], faces: Faces, points: Floats, corner_points: Indices, y_up: bool
 ) -> Floats32:
-    """Return unit normals (m, 3) at the corners: the shape's authored ones, or flat or smooth ones (`PolygonShape`).
+    """Return unit normals (m, 3) at the corners: authored, flat or smooth normals, as `PolygonShape` describes.
 
     `points` (n, 3) are the used points, and `corner_points` (m,) indexes them. Where an authored normal has no length,
     or a smooth one is not defined, the corner has the normal of its face.

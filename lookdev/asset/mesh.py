@@ -77,8 +77,8 @@ class Mesh:
         """Return a mesh with other faces, made of corners of this mesh.
 
         `corners` are indices, or a mask, of the corners of this mesh that become the corners of the new one, in order.
-        `face_sizes` (f,) are the numbers of corners of the new faces. `faces` selects, likewise, the faces of this mesh
-        from which the new faces take their slots.
+        `face_sizes` (f,) are the numbers of corners of the new faces. `faces` are indices, or a mask, of the f faces of
+        this mesh that give their slots to the new faces.
         """
         return replace(
             self,

@@ -11,7 +11,7 @@ from lookdev.arrays import Floats, Indices, Reals
 from lookdev.asset.mesh import Interpolation, Subdivision
 
 MAX_COORDINATE = 1e18
-"""The largest coordinate: the product of two larger ones is not a float32."""
+"""The largest magnitude of a coordinate: the product of two such numbers is still a float32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class PolygonShape:
     - face_points (m,): the point of each corner, an index into points; the corners of a face are counter-clockwise when
       seen from outside, or clockwise if `left_handed`
     - attributes: UV sets and primvars
-    - normals: the authored normals; a shape without them gets the normals of its facets if it is `flat`, else smooth
-      ones
+    - normals: the authored normals, or None; a shape without authored normals gets the normals of its facets if it is
+      `flat`, and smooth normals otherwise
     - holes: the indices of faces that are not part of the surface, or None
     - subdivision: the rules of a control cage; its crease edges and corners index into points; its `holes` and
       `interpolation` are empty

@@ -37,7 +37,7 @@ def refine(mesh: Mesh, level: int) -> Mesh:
 
 
 def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
-    """Return each mesh refined to its level, as by `refine`."""
+    """Return the meshes, each refined to its level as `refine` does."""
     refined = list(meshes)
     for numbers, level in group_cages(meshes, levels):
         batch = [meshes[i] for i in numbers]
@@ -145,7 +145,7 @@ def _points_by_mesh(refined: RefinedCage, corner_mesh: Indices, count: int) -> t
 
 
 def _no_face_message(mesh: Mesh) -> str:
-    """Return the message for a cage of which no face remains."""
+    """Return the message for a cage that has only holes."""
     assert mesh.subdivision is not None
     rule = "; interpolateBoundary 'none' makes the faces at a boundary holes, too"
     why = rule if mesh.subdivision.interpolate_boundary == "none" else ""

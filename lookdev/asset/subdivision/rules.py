@@ -18,7 +18,7 @@ from lookdev.asset.normals import run_starts, sum_by
 from lookdev.asset.subdivision.topology import Level
 
 _TRIANGLE_WEIGHT = 0.470
-"""The weight of a triangle's centroid in the new point of its edge with USD's triangle rule `smooth`, else 1/4."""
+"""The weight of a triangle's centroid in an edge's new point with USD's triangle rule `smooth`; normally it is 1/4."""
 
 
 @dataclass(frozen=True)

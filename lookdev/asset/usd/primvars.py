@@ -1,9 +1,9 @@
 """Reads the primvars of a gprim, its own and those that it inherits, and checks their types.
 
-The number of their values is checked later. A primvar whose values have two numbers is a UV set. So is one of texture
-coordinates with three numbers, of which the third is dropped. Other primvars have one or three numbers. A primvar of
-another type is dropped without a note. A primvar is dropped with a note if it has no value, several elements per value,
-or a name that USD defines with a different type.
+The number of their values is checked later. A primvar whose values have two numbers is a UV set. So is a primvar of
+texture coordinates with three numbers; the third number is dropped. Other primvars have one or three numbers. A primvar
+of another type is dropped without a note. A primvar is dropped with a note if it has no value, several elements per
+value, or a name that USD defines with a different type.
 """
 
 from __future__ import annotations
