@@ -23,7 +23,7 @@ from lookdev.arrays import Floats
 from lookdev.asset.subdivision.rules import Rules, smooth_weights
 
 _MAX_DART_FACES = 64
-"""The most faces around a dart for its own masks; with more, a smooth point's differ by less than 1e-3 of the ring."""
+"""A dart with more faces has the masks of a smooth point, which then differ by less than 1e-3 of the ring."""
 
 
 class SectorKind(IntEnum):

@@ -165,6 +165,8 @@ def split_faces(level: Level, triangles: bool) -> Level:
     # half is the new edge at the corner on its half-edge, and the trailing half that on the previous half-edge.
     is_reversed = level.ends[level.edges, 0] != level.points
     leading_halves, trailing_halves = 2 * level.edges + is_reversed, (2 * level.edges + ~is_reversed)[level.previous]
+    # Each half-edge has a new inner edge, from its edge's new point to the face's point or, for triangles, to the new
+    # point of the previous edge.
     inner_edges = 2 * edge_count + corners
     before = level.previous
     previous_twins = level.twins[before]
