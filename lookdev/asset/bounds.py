@@ -1,4 +1,4 @@
-"""Computes the smallest sphere around an asset, which the camera frames: the asset has one size over a turntable.
+"""Computes the smallest sphere around an asset; a camera that frames it shows the asset in one size over a turntable.
 
 `bounding_sphere` finds the sphere, and `center_asset` moves its centre to the world origin. `smallest_ball`,
 `bounding_boxes` and `grid_cells` serve other modules, too.

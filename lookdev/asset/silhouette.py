@@ -1,6 +1,7 @@
 """Finds the points that determine an asset's silhouette from all directions, and the axis of its turntable.
 
-The camera is framed by these points. A point cloud here is the points of a mesh, or of a part of a mesh.
+`lookdev.scene.framing.frame_fill` places the camera by these points. A point cloud here is the points of a mesh or of a
+part of it.
 """
 
 from __future__ import annotations

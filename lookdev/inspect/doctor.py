@@ -68,8 +68,8 @@ def examine_machine(
 ) -> Iterator[DoctorFinding]:
     """Check everything that a render needs, in order of cost, and yield a finding for each check.
 
-    `import_bpy` is a command that prints bpy's version, and `self_test` one that renders with an OSL shader. Both load
-    Blender; tests replace them.
+    `import_bpy` is a command that prints bpy's version, and `self_test` one that evaluates an OSL shader in Cycles.
+    Both load Blender; tests replace them.
     """
     yield _check_python()
     for distribution, module in MODULES.items():
@@ -146,7 +146,7 @@ def _check_blender(command: Sequence[str]) -> DoctorFinding:
 
 
 def _check_osl(command: Sequence[str]) -> DoctorFinding:
-    """Check that Cycles renders an OSL shader, by the command of the self-test, which prints JSON."""
+    """Check that Cycles evaluates an OSL shader, by the command of the self-test, which prints JSON."""
     code, output, errors = _run_command(command)
     line = _last_line(output)
     if code == 0:
