@@ -186,7 +186,7 @@ def _select_variants(stage: Usd.Stage, composition: Composition) -> tuple[list[F
     variants to those inside them, until nothing changes.
     """
     selections, file = dict(composition.variants), str(composition.file)
-    edited: set[tuple[Sdf.Path, str]] = set()
+    edited: set[tuple[Sdf.Path, str]] = set()  # the prims and variant sets for which a variant was selected so far
     while True:
         # By prim and variant set: the names of the set's variants, and the selected variant.
         sets = {

@@ -77,6 +77,7 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
     assert subdivision is not None, "a batch has cages only"
     refined = refine_cage(join_cages(meshes), subdivision, level)
     face_counts = [len(mesh.face_sizes) for mesh in meshes]
+    # The mesh of each refined face, and where each mesh starts among the refined faces and corners.
     face_mesh = np.repeat(np.arange(len(meshes)), face_counts)[refined.origin]
     faces = np.searchsorted(face_mesh, np.arange(len(meshes) + 1))
     corners = np.concatenate([[0], np.cumsum(refined.sizes)])[faces]

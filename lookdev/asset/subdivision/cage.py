@@ -33,9 +33,11 @@ class Cage:
 
 @dataclass(frozen=True, eq=False)
 class Tags:
-    """The tags of a cage, as in `lookdev.asset.mesh.Subdivision`, but with an infinite sharpness as infinity.
+    """The tags of a cage, as in `lookdev.asset.mesh.Subdivision`, but with infinity as infinite sharpness.
 
-    crease_edges (e, 2), crease_sharpness (e,), corner_points (c,), corner_sharpness (c,) and holes (h,).
+    - crease_edges (e, 2), crease_sharpness (e,): pairs of points, and the sharpness of the edge between them
+    - corner_points (c,), corner_sharpness (c,): points, and their sharpness
+    - holes (h,): faces
     """
 
     crease_edges: Indices
@@ -133,7 +135,7 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
     edge_counts = np.bincount(level.ends.ravel(), minlength=count)
     nonmanifold_edges = np.bincount(level.ends[connectivity.is_nonmanifold_edge].ravel(), minlength=count)
     boundary_edges = np.bincount(level.ends[level.boundary].ravel(), minlength=count)
-    # A fin: at the point, exactly two edges are not manifold, as where a surface stands on another. It stays smooth.
+    # Exactly two of the point's edges are not manifold, since three or more faces meet there. The point stays smooth.
     is_fin = (nonmanifold_edges == 2) & (boundary_edges == 0) & (face_counts > edge_counts)
     level.point_sharpness[~manifold & ~is_fin] = np.inf
     # A corner point of the boundary has one face and two edges.

@@ -47,8 +47,8 @@ def read_array(
 ) -> NDArray[_T]:
     """Return the values (k, *shape) of an array attribute; the array is empty if the attribute has no value.
 
-    `kind` is the NumPy type of the numbers, `np.intp` for integers. A caller with many arrays leaves out the check
-    `bounded` to check the bounds of all at once.
+    `kind` is the NumPy type of the numbers, `np.intp` for integers. A caller that reads many arrays can pass
+    `bounded=False` and check the bounds of all at once.
 
     Raises
     ------

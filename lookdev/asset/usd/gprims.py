@@ -72,6 +72,7 @@ class GprimReader:
                     key = primitives.primitive_key(gprim.prim, self._time)
                 except AssetError:
                     continue  # `read` raises it again
+                # The root mean square of the scales along the axes, of the largest placement.
                 scale = float(np.linalg.norm(gprim.transforms[:, :3, :3], axis=(1, 2)).max()) / np.sqrt(3.0)
                 radii[key] = max(radii.get(key, 0.0), max(key[2:]) * scale)
         sized = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
