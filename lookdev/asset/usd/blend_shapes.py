@@ -82,6 +82,7 @@ def blend_offsets(
         weight = weights.get(name, 0.0)
         if weight == 0.0 or not shape.GetPrim().IsActive():
             continue
+        # By the weight of a shape: its offsets of points and of normals.
         offsets_by_weight: dict[float, tuple[Floats, Floats]] = {
             0.0: (np.zeros((0, 3)), np.zeros((0, 3))),
             1.0: _read_offsets(shape.GetOffsetsAttr(), shape.GetNormalOffsetsAttr()),

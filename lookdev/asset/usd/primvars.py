@@ -29,7 +29,7 @@ _SKINNING = "skel:"
 class InheritedPrimvars:
     """Primvars that a prim inherits, or that its children can inherit from it.
 
-    `attributes` are their values, by name. `primvars` are the primvars in USD; there can be more of them, of dropped
+    `attributes` are their values, by name. `primvars` are USD's primvars, which can include others: primvars of dropped
     types, and those that the prim authors itself. `key` is equal for equal names and values of attributes.
     """
 
