@@ -1,8 +1,8 @@
-"""Assets: the geometry that is rendered, as arrays, from USD or built in.
+"""Loads assets: the geometry that a job renders, as arrays, from a USD file or from the built-in shapes.
 
-`mesh` defines an asset. `usd` reads one from a file, `builtin` makes one (`revolve`, `shaderball`). A `shape` is a
-surface as a file has it. `finish` converts shapes to meshes: `faces` finds the valid faces, `normals` computes normals.
-`bounds` computes the bounding sphere of an asset, `store` its digest and its file in the cache.
+`mesh` defines an asset. `usd` reads one from a file, `builtin` makes one (with `revolve` and `shaderball`). A `shape`
+is a surface as a file defines it. `finish` converts shapes to meshes: `faces` finds the valid faces, `normals` computes
+normals. `bounds` computes the bounding sphere of an asset; `store` computes its digest and writes it to the cache.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ __all__ = ["BUILTINS", "Asset", "Instance", "Mesh", "Slot", "load_asset", "make_
 def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | None = None) -> Asset:
     """Return an asset from a USD file (the whole stage, or the prim at path `prim`) or a built-in by its name.
 
+    Subdivision surfaces are not refined: the asset has the polygons of their control cages.
+
     Raises
     ------
     AssetError
@@ -33,7 +35,7 @@ def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | 
     if (usd is None) == (builtin is None):
         raise AssetError(f"an asset is either a USD file or a built-in, got usd={usd} and builtin={builtin}")
     if usd is not None:
-        # Not at the top: the render worker, which reads assets from the cache, needs no USD.
+        # Imported here because the render worker, which imports this package to read cached assets, needs no USD.
         from lookdev.asset.usd import read_usd
         from lookdev.stage import Composition, compose
 
@@ -46,7 +48,7 @@ def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | 
 
 
 def _without_subdivision(asset: Asset) -> Asset:
-    """Return an asset whose control cages become plain meshes of their polygons, without holes."""
+    """Return an asset in which each control cage is replaced by a mesh of its polygons, without the holes."""
     if all(mesh.subdivision is None for mesh in asset.meshes):
         return asset
     polygonal = make_asset(asset.name, [_polygon_mesh(mesh) for mesh in asset.meshes], asset.instances, asset.slots)
@@ -54,6 +56,7 @@ def _without_subdivision(asset: Asset) -> Asset:
 
 
 def _polygon_mesh(mesh: Mesh) -> Mesh:
+    """Return a mesh of the polygons of a control cage, without the holes; other meshes are returned unchanged."""
     if mesh.subdivision is None:
         return mesh
     keep = np.ones(len(mesh.face_sizes), bool)

@@ -1,4 +1,8 @@
-"""The smallest sphere around an asset, which the camera frames, and the asset with this sphere at the origin."""
+"""Computes the smallest sphere around an asset; a camera that frames it shows the asset in one size over a turntable.
+
+`bounding_sphere` finds the sphere, and `center_asset` moves its centre to the world origin. `turning_axis` is the axis
+of a turntable.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +17,8 @@ from lookdev.arrays import Floats, Floats32
 from lookdev.asset.mesh import Asset, Instance, Mesh
 from lookdev.asset.silhouette import hull_points
 
-_MAX_ROUNDS = 100
-_TOLERANCE = 1e-7
+_MAX_ROUNDS = 100  # of the search for the smallest ball
+_TOLERANCE = 1e-7  # relative to the ball's radius: points farther out by less count as inside
 
 
 def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tuple[tuple[float, float, float], float]:
@@ -27,7 +31,10 @@ def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tu
 
 
 def turning_axis(points: Floats) -> tuple[float, float]:
-    """Return x and y of the turntable's axis: the centre of the smallest circle around the points (n, 3) from above."""
+    """Return x and y of the turntable's vertical axis, the centre of the smallest circle around the points (n, 3).
+
+    The circle is horizontal, and the points are projected along z.
+    """
     (x, y), _ = smallest_ball(points[:, :2])
     return x, y
 
@@ -35,13 +42,15 @@ def turning_axis(points: Floats) -> tuple[float, float]:
 def smallest_ball(points: Floats) -> tuple[list[float], float]:
     """Return centre (d,) and radius of the smallest ball, or circle, around points (n, d).
 
-    The farthest point is added to the support until none lies outside (Gärtner, "Fast and Robust Smallest Enclosing
-    Balls", 1999). The centre is rounded to a millionth of the radius: so it does not depend on the linear algebra
-    of the machine.
+    The support is the few points on the ball's surface that determine the ball. The first support is the point farthest
+    from the mean of all points. Each round adds the point farthest from the current centre, until no point lies outside
+    (Gärtner, "Fast and Robust Smallest Enclosing Balls", 1999). The centre is rounded to a millionth of the radius, so
+    that it does not depend on the machine's linear algebra.
     """
     coordinates = np.ascontiguousarray(points.T)
 
     def farthest(center: Floats) -> tuple[Floats, float]:
+        """Return the point (d,) farthest from a centre (d,), and its distance."""
         squares = np.square(coordinates - center[:, None]).sum(axis=0)
         index = int(squares.argmax())
         return points[index], math.sqrt(squares[index])
@@ -59,9 +68,10 @@ def smallest_ball(points: Floats) -> tuple[list[float], float]:
 
 
 def center_asset(asset: Asset) -> Asset:
-    """Return the asset with its bounding sphere centred at the world origin, and each mesh at its own origin.
+    """Return the asset with its bounding sphere centred at the world origin, and each mesh centred in object space.
 
-    This keeps precision: in float32, a metre at a distance of 100 km has 128 steps. The digest does not change.
+    Small coordinates keep precision: at a distance of 100 km, float32 divides a metre into only 128 steps. The asset
+    keeps its digest.
     """
     boxes = [(mesh.points.min(axis=0), mesh.points.max(axis=0)) for mesh in asset.meshes]
     centers = np.array(boxes, np.float64).mean(axis=1)
@@ -85,14 +95,16 @@ def _translate(points: Floats32, origin: Floats) -> Floats32:
 
 
 def _update_ball(support: Floats, outside: Floats) -> tuple[Floats, Floats, float]:
-    """Return support (at most 4 points), centre and radius of the smallest ball around `support` and `outside`.
+    """Return the support, the centre and the radius of the smallest ball around `support` (k, d) and `outside` (d,).
 
-    The point `outside` the old ball lies on the new one: the new support is that point and up to three old ones.
+    `outside` is a point outside the ball of the old support, and so lies on the surface of the new ball. The new
+    support is that point and up to three points of the old support.
     """
     points = np.vstack([support, outside])
     best: tuple[Floats, Floats, float] | None = None
     for count in range(1, min(len(support), 3) + 1):
         for subset in itertools.combinations(support, count):
+            # The centre has equal distances to the subset and to `outside`: 2 legs · (center - outside) = |legs|².
             legs = np.stack(subset) - outside
             center = outside + np.linalg.lstsq(2.0 * legs, (legs * legs).sum(axis=1), rcond=None)[0]
             radius = float(np.max(np.linalg.norm(points - center, axis=1)))

@@ -1,4 +1,4 @@
-"""The assets that come with lookdev."""
+"""Makes the built-in assets, which a job selects by `asset.builtin` instead of a USD file."""
 
 from __future__ import annotations
 
@@ -33,8 +33,12 @@ def make_plane() -> Asset:
 
 
 def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
-    """Return the unit sphere at the origin, with exact normals and tangents; u grows around z, v from -z to +z."""
+    """Return the unit sphere at the origin, with exact normals and tangents.
+
+    u grows around the z axis, and v grows with the polar angle from the pole at -z to the pole at +z.
+    """
     theta = np.pi * np.arange(rings + 1) / rings
+    # On a unit sphere, the points of the profile are also its normals.
     points = np.stack([np.sin(theta), -np.cos(theta)], axis=-1)
     mesh = revolve("/sphere", RevolvedProfile(points, points, theta / np.pi), segments)
     return make_asset("sphere", [mesh], [Instance(0, np.eye(4))], [Slot("/sphere")], convex=True, revolved=True)
@@ -43,7 +47,8 @@ def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
 def make_suzanne() -> Asset:
     """Return Blender's monkey after two levels of Catmull-Clark subdivision; z is up, and it faces -y.
 
-    `lookdev.cycles.export_suzanne` writes the file: points (n, 3), faces (f, 4), uvs (f, 4, 2).
+    Its arrays come from `data/suzanne.npz`, which `lookdev.cycles.export_suzanne` writes: points (n, 3), faces (f, 4)
+    as indices of points, uvs (f, 4, 2) at the corners of the faces.
     """
     data = resources.files("lookdev.asset").joinpath("data", "suzanne.npz").read_bytes()
     with np.load(io.BytesIO(data)) as arrays:

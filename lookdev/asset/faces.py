@@ -1,8 +1,8 @@
-"""The valid faces of shapes, and the attributes of a shape at the corners of those faces.
+"""Finds the valid faces of shapes, and the values of attributes at the corners of these faces, for `finish`.
 
-A face is dropped if it has fewer than three corners, one point twice, or the corners of an earlier face in the same
-order. Holes are dropped too, except those of control cages. The arrays of many shapes are concatenated, so that one
-NumPy call serves many small shapes.
+A face is dropped if it has fewer than three corners, has the same point twice, or repeats the corners of an earlier
+face in the same order. Holes are dropped too, except those of control cages. The arrays of many shapes are
+concatenated, so that one NumPy call serves many small shapes.
 """
 
 from __future__ import annotations
@@ -23,16 +23,18 @@ from lookdev.errors import AssetError
 class Faces:
     """The valid faces of shapes, concatenated in the order of the shapes.
 
-    There are s shapes, and f valid faces with m corners. The concatenated arrays below are those of all points, faces
-    and corners of the shapes, valid or not.
+    There are s shapes, and f valid faces with m corners. "All" points, faces and corners are those of all shapes,
+    valid or not, concatenated in the order of the shapes.
 
-    - all_points, all_faces, all_corners (s + 1,): where each shape starts in the concatenated arrays
-    - faces, corners (s + 1,): where each shape starts among the valid faces, and among their corners
+    - all_points, all_faces, all_corners (s + 1,): the index of each shape's first element among all points, faces and
+      corners; the last entry is their total number
+    - faces, corners (s + 1,): the index of each shape's first valid face among the valid faces, and of its first corner
+      among the corners of the valid faces; the last entry is the total number
     - sizes (f,): the number of corners of each valid face
-    - face_source (f,): the index of each valid face in the concatenated arrays
-    - corner_source (m,): the index of each of their corners in the concatenated arrays; None if it is the identity
-    - corner_points (m,): the index of each corner's point in the concatenated points
-    - holes (f,): whether a valid face is a hole of a control cage
+    - face_source (f,): the index of each valid face among all faces
+    - corner_source (m,): the index of each corner of a valid face among all corners; None if it is the identity
+    - corner_points (m,): the index of the point at each corner of a valid face, among all points
+    - holes (f,): whether each valid face is a hole of a control cage
     """
 
     shapes: Sequence[PolygonShape]
@@ -49,7 +51,11 @@ class Faces:
 
     @classmethod
     def collect(cls, shapes: Sequence[PolygonShape]) -> Faces:
-        """Collect the valid faces of shapes; raises AssetError with a line for each shape that contradicts itself."""
+        """Collect the valid faces of shapes; raises AssetError with a line for each shape that contradicts itself.
+
+        A left-handed shape's corners are reversed, so that all valid faces are counter-clockwise.
+        """
+        # The numbers (s, 3) of points, faces and corners of each shape.
         counts = np.array(
             [(len(shape.points), len(shape.face_sizes), len(shape.face_points)) for shape in shapes], np.intp
         )
@@ -70,10 +76,10 @@ class Faces:
         is_left_handed = np.array([shape.left_handed for shape in shapes])
         if is_left_handed.any() or not is_valid.all():
             corner_source = np.arange(len(points))
-            last = np.repeat(2 * run_starts(sizes) + sizes - 1, sizes)
-            # The corners of a left-handed face in reverse order.
+            # In reverse order, corner c of a face becomes corner first + last - c; `sums` has first + last.
+            sums = np.repeat(2 * run_starts(sizes) + sizes - 1, sizes)
             is_reversed = np.repeat(is_left_handed, counts[:, 2])
-            corner_source = np.where(is_reversed, last - corner_source, corner_source)[np.repeat(is_valid, sizes)]
+            corner_source = np.where(is_reversed, sums - corner_source, corner_source)[np.repeat(is_valid, sizes)]
             points = points[corner_source]
         face_source = np.flatnonzero(is_valid)
         faces = np.searchsorted(face_source, all_faces)
@@ -83,14 +89,15 @@ class Faces:
         return cls(shapes, *starts, faces, corners, sizes, face_source, corner_source, points, holes[is_valid])
 
     def corner_values(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats32]:
-        """Return the values of attributes of equal width at the valid corners of their shapes.
+        """Return the values of each attribute at the corners of its shape's valid faces: arrays (c,) or (c, width).
 
-        `attributes` are pairs of the number of a shape and an attribute of it.
+        `attributes` are pairs: the number of a shape, and an attribute of that shape. All attributes have values of the
+        same width, which is the number of components.
 
         Raises
         ------
         AssetError
-            An attribute has the wrong number of values, or one that is not finite; a line for each.
+            An attribute has the wrong number of values, or a value that is not finite. The message has a line for each.
         """
         shape_numbers = np.array([shape_number for shape_number, _ in attributes], np.intp)
         raise_faults(
@@ -119,10 +126,10 @@ class Faces:
         return np.split(values.take(index, axis=0), np.cumsum(counts)[:-1])
 
     def _value_indices(self, element: int, shape_numbers: Indices, value_starts: Indices) -> Indices:
-        """Return the index of each valid corner's value, for shapes whose values belong to one kind of element.
+        """Return the index of the value at each corner of the valid faces of some shapes, in the concatenated values.
 
-        `element` is of `_ELEMENT_NUMBERS`; `value_starts` (k,) are the starts of the values of the shapes with the
-        numbers `shape_numbers` (k,).
+        `shape_numbers` (k,) are the numbers of these shapes; `value_starts` (k,) are the indices of their first values.
+        The values belong to one type of element: `element` is its number in `_ELEMENT_NUMBERS`.
         """
         counts = np.diff(self.corners)[shape_numbers]
         if element == 0:
@@ -143,6 +150,7 @@ class Faces:
         return indices + np.repeat(shift, counts) if shift.any() else indices
 
     def _count_fault(self, number: int, attribute: Attribute) -> str:
+        """Return the fault of an attribute with the wrong number of values for shape `number`; "" if it is right."""
         shape, name = self.shapes[number], self._name(number, attribute)
         if attribute.interpolation not in _ELEMENT_NUMBERS:
             names = ", ".join(_ELEMENT_NUMBERS)
@@ -154,24 +162,29 @@ class Faces:
         return f"{name} has {len(attribute.values)} values; interpolation '{attribute.interpolation}' needs {count}"
 
     def _name(self, number: int, attribute: Attribute) -> str:
+        """Return the name of an attribute of shape `number` for a message."""
         prefix = "" if attribute is self.shapes[number].normals else "primvars:"
         return f"{self.shapes[number].name}: {prefix}{attribute.name}"
 
 
-# The element to which a value belongs, by interpolation: 0 is the shape, 1 a face, 2 a point, 3 a corner.
+# The type of element that each value belongs to, by interpolation: 0 is the shape, 1 a face, 2 a point, 3 a corner.
 _ELEMENT_NUMBERS = {"constant": 0, "uniform": 1, "varying": 2, "vertex": 2, "faceVarying": 3}
 
 
 def first_in_runs(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
-    """Return the first of the sorted positions in each run that has any, as pairs: the run's number, the offset in it.
+    """Return the first position in each run that has one, as pairs: the run's number, and the offset in the run.
 
-    The runs are consecutive and start at `begins`.
+    `positions` are sorted indices into an array of consecutive runs, which start at the indices `begins`.
     """
     owners, first = np.unique(np.searchsorted(begins, positions, side="right") - 1, return_index=True)
     return list(zip(owners.tolist(), (positions[first] - begins[owners]).tolist(), strict=True))
 
 
 def _check_sizes(shapes: Sequence[PolygonShape], sizes: Indices, face_begins: Indices) -> None:
+    """Raise AssetError unless each shape's face sizes add up to its corners, and none is negative.
+
+    `sizes` has the face sizes of all shapes, and `face_begins` (s + 1,) is the index of the first face of each shape.
+    """
     total, has_faces = np.zeros(len(shapes), np.intp), np.diff(face_begins) > 0
     total[has_faces] = np.add.reduceat(sizes, face_begins[:-1][has_faces])
     corner_counts = np.array([len(shape.face_points) for shape in shapes])
@@ -187,6 +200,13 @@ def _check_sizes(shapes: Sequence[PolygonShape], sizes: Indices, face_begins: In
 def _check_range(
     shapes: Sequence[PolygonShape], indices: Indices, lengths: Indices, limits: Indices, name: str, noun: str
 ) -> None:
+    """Raise AssetError unless the indices of each shape lie in 0..limit-1.
+
+    `indices` has the indices of all shapes, concatenated. `lengths` (s,) is the number of indices of each shape, and
+    `limits` (s,) the number of elements that they index. A message names the USD attribute `name` of the indices, and
+    the elements by their plural `noun`.
+    """
+    # A quick check that suffices if all indices are valid in every shape.
     smallest = limits.min()
     if len(indices) == 0 or (indices.min() >= 0 and indices.max() < smallest):
         return
@@ -199,7 +219,7 @@ def _check_range(
 
 
 def index_rule(count: int, noun: str) -> str:
-    """Return the rule for an index of `count` elements, for a message; `noun` names them."""
+    """Return the rule for an index into `count` elements, for a message; `noun` is the plural name of the elements."""
     return f"there are {count} {noun}; it must lie in 0..{count - 1}" if count else f"there are no {noun}"
 
 
@@ -210,7 +230,7 @@ def raise_faults(faults: Iterable[str]) -> None:
 
 
 def _hole_mask(shapes: Sequence[PolygonShape], face_begins: Indices) -> Bools:
-    """Return whether each face of all shapes (f,) is a hole."""
+    """Return whether each of the faces of all shapes (f,) is a hole."""
     holes_by_shape = [np.zeros(0, np.intp) if shape.holes is None else shape.holes for shape in shapes]
     lengths, limits = np.array([len(holes) for holes in holes_by_shape]), np.diff(face_begins)
     indices = np.concatenate(holes_by_shape).astype(np.intp)
@@ -221,21 +241,25 @@ def _hole_mask(shapes: Sequence[PolygonShape], face_begins: Indices) -> Bools:
 
 
 def _distinct_faces(points: Indices, sizes: Indices) -> Bools:
-    """Return which faces (f,) have distinct points and differ in their ordered corners from all earlier faces.
+    """Return which faces (f,) have no point twice and do not repeat the corners of an earlier face in the same order.
 
-    A 64-bit hash, the sum over the directed edges of a face, compares faces.
+    Faces are compared by a 64-bit hash, the sum of the hashes of a face's directed edges. It is the same whichever
+    corner a face starts with. `points` (m,) is the point at each corner; `sizes` (f,) is the number of corners.
     """
     distinct, key = np.ones(len(sizes), bool), np.zeros(len(sizes), np.uint64)
     for faces, corners in blocks(sizes):
         block_sizes, block_points = sizes[faces], points[corners].astype(np.uint64)
         starts = run_starts(block_sizes)
+        # Faces of equal size are compared together.
         for size in block_sizes[:1] if (block_sizes == block_sizes[0]).all() else np.unique(block_sizes):
             faces_of_size = np.flatnonzero(block_sizes == size)
+            # Axes: corner of the face, face.
             points_of_faces = block_points[starts[faces_of_size] + np.arange(size)[:, None]]
             sorted_points = np.sort(points_of_faces, axis=0)
             distinct[faces][faces_of_size] = (sorted_points[1:] != sorted_points[:-1]).all(axis=0)
+            # A directed edge is one number of 64 bits, of its two points.
             edges = points_of_faces << np.uint64(32) | np.roll(points_of_faces, -1, axis=0)
-            # The hash of 0 is 0: an edge from point 0 to itself would not count.
+            # 1 is added since the hash of 0 is 0: an edge from point 0 to itself would not count.
             key[faces][faces_of_size] = mix_bits(edges + np.uint64(1)).sum(axis=0)
     sorted_keys = np.sort(key)
     if (sorted_keys[1:] == sorted_keys[:-1]).any():

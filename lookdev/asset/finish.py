@@ -1,6 +1,7 @@
-"""Converts shapes to meshes: their valid faces, with all attributes and normals at the corners.
+"""Converts shapes to meshes for the readers of USD files.
 
-Points that no face uses are dropped.
+A mesh has the valid faces of its shape (`faces`), and all attributes and the normals at the corners of these faces.
+Points that no valid face uses are dropped.
 """
 
 from __future__ import annotations
@@ -22,16 +23,18 @@ _Vectors = TypeVar("_Vectors", Floats, Floats32)
 
 
 def make_meshes(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh | None]:
-    """Return a mesh for each shape, None for a shape without a valid face; `face_slots` are the parts of the shape.
+    """Return a mesh for each shape, None for a shape without a valid face.
 
-    With `y_up` the shapes' y axis becomes the meshes' z axis, and their z axis the -y axis. Normals of a shape that
-    mostly point against the faces' winding are flipped: in USD the winding decides. A mesh with a subdivision has the
-    smooth normals of its control cage.
+    The mesh's `face_slots` are the numbers in `PolygonShape.parts`; the caller renumbers them to slots of the asset.
+    With `y_up` the shapes' y axis becomes the meshes' z axis, and the shapes' z axis the meshes' -y axis. In USD the
+    winding decides which side is outside: a shape's normals are flipped if they mostly point against the winding. A
+    mesh with a subdivision has the smooth normals of its control cage.
 
     Raises
     ------
     AssetError
-        Counts, indices and sizes of a shape do not agree, or a number is not finite; a line for each fault.
+        Counts, indices and sizes of a shape do not agree, or a number is not finite. The message has a line for each
+        fault.
     """
     meshes: list[Mesh | None] = []
     faults: list[str] = []
@@ -45,7 +48,7 @@ def make_meshes(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh
 
 
 def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
-    """Yield the faults of shapes, finished one by one: in a batch, a fault of one can hide those of others."""
+    """Yield the faults of shapes, converted one by one: in a batch, the fault of one shape can hide those of others."""
     for shape in shapes:
         try:
             _make_batch([shape], y_up)
@@ -54,11 +57,12 @@ def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
 
 
 def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]:
-    # Where each shape starts: `faces.all_points` and `faces.all_faces` among all points and faces, `faces.faces` and
-    # `faces.corners` among the valid faces and their corners.
+    """Return the meshes of `make_meshes` for shapes that are processed together, in concatenated arrays."""
     faces = Faces.collect(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
+    # Only used points are kept. `point_numbers` is the number of each point among them, and `point_starts` the number
+    # of the first used point of each shape.
     point_numbers, used_points = _used_points(faces)
     points, corner_points = concatenate([shape.points for shape in shapes]), faces.corner_points
     if len(used_points) < len(points):
@@ -79,7 +83,7 @@ def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]
     for i, (shape, values) in enumerate(zip(shapes, attributes, strict=True)):
         face_slice = slice(faces.faces[i], faces.faces[i + 1])
         corner_slice = slice(faces.corners[i], faces.corners[i + 1])
-        if faces.holes[face_slice].all():  # true also for no faces
+        if faces.holes[face_slice].all():  # all faces are holes, or there are none
             meshes.append(None)
             continue
         slots = np.zeros(face_slice.stop - face_slice.start, np.int32)
@@ -126,10 +130,10 @@ def _single_precision(
 ) -> Floats32:
     """Return the used points (n, 3) in single precision; raise AssetError if a coordinate is not finite or too large.
 
-    `used_points` (n,) has the index of each among all points of the shapes. `begins` (s + 1,) is where each shape
-    starts among all points.
+    `used_points` (n,) is the index of each used point among all points of the s shapes. `begins` (s + 1,) is the index
+    of the first point of each shape.
     """
-    # NaN fails both comparisons.
+    # A NaN fails the first comparison, and so raises an error.
     if not (points.max() <= MAX_COORDINATE and points.min() >= -MAX_COORDINATE):
         is_bounded = np.abs(points) <= MAX_COORDINATE
         raise_faults(
@@ -140,7 +144,11 @@ def _single_precision(
 
 
 def _corner_attributes(shapes: Sequence[PolygonShape], faces: Faces) -> list[dict[str, Floats32]]:
-    """Return the corner values of each shape's attributes, by name; attributes of one name and width form a batch."""
+    """Return a dictionary for each shape, from an attribute's name to its values at the corners of the valid faces.
+
+    Attributes of equal name and width are processed together.
+    """
+    # By name and width: pairs of the number of a shape and its attribute.
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[int, Attribute]]] = {}
     for number, shape in enumerate(shapes):
         for attribute in shape.attributes:
@@ -155,7 +163,13 @@ def _corner_attributes(shapes: Sequence[PolygonShape], faces: Faces) -> list[dic
 def _corner_normals(
     shapes: Sequence[PolygonShape], faces: Faces, points: Floats, corner_points: Indices, y_up: bool
 ) -> Floats32:
-    """Return unit normals (m, 3): the shape's own, or those of its facets, or smooth ones."""
+    """Return unit normals (m, 3) at the corners: authored, flat or smooth normals, as `PolygonShape` describes.
+
+    `points` (n, 3) are the used points, and `corner_points` (m,) indexes them. Where an authored normal has no length,
+    or a smooth one is not defined, the corner has the normal of its face.
+    """
+    # Of the shapes: whether each has smooth normals, and the number and normals of those with authored ones. Of the
+    # faces: `flat` are their unit normals, `areas` their area vectors.
     smooth = np.array([shape.normals is None and not shape.flat for shape in shapes])
     authored = [(i, shape.normals) for i, shape in enumerate(shapes) if shape.normals is not None]
     flat = np.empty((len(faces.sizes), 3), np.float32)
@@ -166,6 +180,7 @@ def _corner_normals(
         if areas is not None:
             areas[block] = block_areas
     if areas is not None and smooth.any():
+        # The smooth unit normal of each point, where there is one.
         sums = sum_by(corner_points, np.repeat(areas, faces.sizes, axis=0), len(points))
         units = normalize_or(sums, np.zeros(3)).astype(np.float32)
         has_normal = (sums != 0.0).any(axis=1)
@@ -179,9 +194,9 @@ def _corner_normals(
         face_slice, corner_slice = slice(*faces.faces[i : i + 2]), slice(*faces.corners[i : i + 2])
         sizes = faces.sizes[face_slice]
         if areas is not None and len(sizes):
-            # A negative sum: the authored normals mostly point against the winding.
             vectors = _to_z_up(values) if y_up else values
             agreement = (np.add.reduceat(vectors, run_starts(sizes), dtype=np.float64) * areas[face_slice]).sum()
+            # If the agreement is negative, the authored normals mostly point against the winding.
             sign = -1.0 if agreement < 0.0 else 1.0
             shape_normals = normals[corner_slice]
             for _, block in blocks(sizes):
@@ -190,7 +205,7 @@ def _corner_normals(
 
 
 def _uv_sets(shape: PolygonShape, values: Mapping[str, Floats32]) -> dict[str, Floats32]:
-    """Return the UV sets of a shape by name, the default set first."""
+    """Return the UV sets of a shape, from a name to the values at corners; the default set comes first."""
     names = sorted(
         (attribute.name for attribute in shape.attributes if attribute.is_uv), key=lambda name: name != shape.default_uv
     )
@@ -198,9 +213,10 @@ def _uv_sets(shape: PolygonShape, values: Mapping[str, Floats32]) -> dict[str, F
 
 
 def _renumber_rules(shape: PolygonShape, rules: Subdivision, point_numbers: Indices, holes: Indices) -> Subdivision:
-    """Return the rules of a cage whose points are renumbered, and whose holes are `holes` (h,).
+    """Return the subdivision rules of a cage with renumbered points, without creases and corners of sharpness 0.
 
-    `point_numbers` (n,) is the new number of each old point, negative if no face uses it.
+    `point_numbers` (n,) is the new number of each point of the shape, negative if no face uses the point. `holes` (h,)
+    are the numbers of the faces that are holes.
     """
     edges, corners = point_numbers[rules.crease_edges], point_numbers[rules.corner_points]
     has_crease = (edges >= 0).all(axis=1) & (rules.crease_sharpness > 0.0)

@@ -1,4 +1,8 @@
-"""Joins many small meshes to a few large ones: a mesh costs a renderer more than its first thousand faces."""
+"""Joins the small meshes of an asset into a few large ones, which cost a renderer less.
+
+For a renderer, the cost of another mesh is greater than that of a thousand more faces. `move_stretch_to_meshes`, also
+here, changes the meshes so that instances need no stretch.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +16,19 @@ from lookdev.asset.mesh import Asset, Instance, Mesh
 
 # Fewer meshes than `_MIN_MESHES` are not joined, nor are meshes of more faces than `_MAX_FACES`.
 _MIN_MESHES, _MAX_FACES = 64, 1000
-_JOINED_CORNERS = 1 << 20  # at which a joined mesh is complete: its arrays are computed in float64
-# The largest step of float32 at the asset's radius, relative to a mesh's edge length: a larger one would bend facets.
+_JOINED_CORNERS = 1 << 20  # corners of a joined mesh: more are not added, since its arrays are computed in float64
+# The largest step of float32 at the asset's radius, relative to the edge length of a mesh that is joined. A larger step
+# would bend the facets: a joined mesh has its points in world space.
 _MAX_STEP = 1e-3
 
 
 def join_small_meshes(asset: Asset) -> Asset:
-    """Return an asset, centred at the origin, with its small meshes of a single instance joined: the same surface.
+    """Return an asset with the same surface, in which small meshes with a single instance are joined.
 
-    Meshes are joined if their UV sets and primvars have the same names, and all or none have tangents. The inverse
-    transpose of the instance's matrix transforms their normals. The results are not normalised: an interpolated normal
-    then has the direction that it would have if it were transformed after interpolation. A mesh is not joined if its
-    instance reflects it, or if it is too fine for float32 at the asset's radius.
+    The given asset is centred at the origin. Meshes are joined if their UV sets and primvars have the same names, and
+    all or none have tangents. A mesh is not joined if its instance reflects it, or if it is too fine for float32 at the
+    asset's radius. Normals are transformed by the inverse transpose of the instance's matrix and not normalised: so an
+    interpolated normal has the direction that it would have if it were transformed after interpolation.
     """
     mesh_numbers = np.array([instance.mesh for instance in asset.instances])
     matrices = np.array([instance.matrix for instance in asset.instances])
@@ -31,6 +36,7 @@ def join_small_meshes(asset: Asset) -> Asset:
     faces = np.array([len(mesh.face_sizes) for mesh in asset.meshes])[mesh_numbers]
     if np.count_nonzero(is_single & (faces <= _MAX_FACES)) < _MIN_MESHES:
         return asset
+    # For each instance: the factor by which its matrix scales volumes, and an estimate of its edge length in metres.
     volumes = np.linalg.det(matrices[:, :3, :3])
     extents = np.array([np.ptp(mesh.points, axis=0).max() for mesh in asset.meshes])[mesh_numbers]
     edges = extents * np.cbrt(np.abs(volumes)) / np.sqrt(faces)
@@ -51,8 +57,13 @@ def join_small_meshes(asset: Asset) -> Asset:
 
 
 def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
-    """Return an asset whose instances of the given meshes (by number) preserve angles; the meshes are stretched."""
+    """Return an asset in which the matrices of all instances of the given meshes, by number, preserve angles.
+
+    If a matrix does not preserve angles, its stretch is applied to the points of a new mesh, and the instance of that
+    mesh keeps the rotation or reflection.
+    """
     new_meshes, instances = list(asset.meshes), list[Instance]()
+    # By the number of a mesh and the bytes of a stretch: the number of the stretched mesh.
     numbers: dict[tuple[int, bytes], int] = {}
     for instance in asset.instances:
         u, scales, v = np.linalg.svd(instance.matrix[:3, :3])
@@ -70,7 +81,9 @@ def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
 
 
 def _join_groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
-    """Yield groups of instances whose meshes are joined."""
+    """Yield groups of the given instances, by number; the meshes of a group are joined to one."""
+    # By layout, that is whether a mesh has tangents, its UV sets, and its primvars with their dimensions: the instances
+    # of the unfinished group, and the number of its corners.
     groups: dict[object, list[int]] = {}
     corners: dict[object, int] = {}
     for i in instances:
@@ -86,14 +99,16 @@ def _join_groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _join_meshes(meshes: Sequence[Mesh], matrices: Floats) -> Mesh:
-    """Return one mesh of several, each transformed by its matrix (k, 4, 4)."""
+    """Return one mesh that joins k meshes, each transformed by its matrix, from matrices (k, 4, 4)."""
     linear, offsets = matrices[:, :3, :3], matrices[:, :3, 3]
-    # The lengths of normals and tangents have no meaning; the scales bring them near 1.
+    # Only the directions of normals and tangents matter; the scales bring their lengths near 1.
     scales = np.cbrt(np.linalg.det(linear))[:, None, None]
+    # The numbers of points and of corners of each mesh.
     points = np.array([len(mesh.points) for mesh in meshes])
     corners = np.array([len(mesh.corner_points) for mesh in meshes])
 
     def transform(name: str, matrices: Floats) -> Floats32:
+        """Return the normals or tangents (m, 3) of all meshes, each mesh's transformed by its matrix (k, 3, 3)."""
         vectors = np.concatenate([getattr(mesh, name) for mesh in meshes])
         return np.asarray(np.einsum("nij,nj->ni", np.repeat(matrices, corners, axis=0), vectors), np.float32)
 

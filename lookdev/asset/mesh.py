@@ -1,7 +1,7 @@
-"""Geometry as plain arrays.
+"""Defines an asset: its meshes as plain arrays, their instances and the slots that materials are assigned to.
 
-World space is right-handed, z up, in metres. Everything that varies over the surface is stored per face corner (the
-loops of a polygon mesh), so that a renderer needs no interpolation rules.
+World space is right-handed, z up, in metres. Everything that varies over the surface is stored per face corner
+(Blender's loops, USD's faceVarying), so that a renderer needs no interpolation rules.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ class Subdivision:
     """The subdivision rules of a mesh, which is then a control cage. The names are those of UsdGeom.Mesh.
 
     crease_edges (e, 2) and corner_points (c,) index into the points of the mesh; a sharpness (e,) or (c,) of 10 is
-    infinite. holes (h,) are faces that are refined with the others but are not part of the surface. `interpolation` is
-    that of each UV set and primvar, by name; with `faceVarying`, equal values at the corners of a point are one value.
+    infinite. holes (h,) are faces that are refined with the others but are not part of the surface. `interpolation`
+    maps the name of each UV set and primvar to its interpolation. With `faceVarying`, corners with equal values at one
+    point share a value: there is no seam between them.
     """
 
     scheme: Scheme
@@ -52,12 +53,12 @@ class Mesh:
     - face_slots (f,): the slot of each face, an index into `Asset.slots`
     - normals (m, 3): unit shading normals, on the side from which the winding is counter-clockwise
     - tangents (m, 3): unit vectors orthogonal to the normals, along increasing u of the first UV set or, without one,
-      along the longitude about the z axis; None if they are not known exactly: `tangents_of` then computes them for the
-      few looks that need them
-    - uvs: UV set name to (m, 2), (0, 0) lower left
-    - primvars: name to (m,) or (m, 3)
+      along the longitude about the z axis; None if no exact tangents are known, in which case `tangents_of` computes
+      them for the few looks that need tangents
+    - uvs: from the name of each UV set to its coordinates (m, 2); (0, 0) is the lower left of a texture
+    - primvars: from the name of each primvar to its values (m,) or (m, 3)
     - subdivision: None, or the rules of a control cage, which is refined before it is rendered
-    - default_uv: the UV set that replaces one that a look reads and the mesh lacks; "" if no set is the obvious one
+    - default_uv: the UV set that is used if the mesh lacks the set that a look reads; "" if there is no such default
     """
 
     name: str
@@ -73,7 +74,12 @@ class Mesh:
     default_uv: str = ""
 
     def with_corners(self, corners: Indices | Bools, face_sizes: Ints32, faces: Indices | Bools) -> Mesh:
-        """Return a mesh with other faces: of the given sizes, with `corners` of this mesh and the slots of `faces`."""
+        """Return a mesh with other faces, made of corners of this mesh.
+
+        `corners` are indices, or a mask, of the corners of this mesh that become the corners of the new one, in order.
+        `face_sizes` (f,) are the numbers of corners of the new faces. `faces` are indices, or a mask, of the f faces of
+        this mesh that give their slots to the new faces.
+        """
         return replace(
             self,
             corner_points=self.corner_points[corners],
@@ -90,7 +96,8 @@ class Mesh:
 class Instance:
     """A mesh placed in the world: `matrix` (4, 4) maps column vectors of object space to world space.
 
-    `mesh` is an index into `Asset.meshes`. `path` is that of its prim, which may be inside a scene-graph instance.
+    `mesh` is an index into `Asset.meshes`. `path` is the path of the prim, which may be inside a USD scene-graph
+    instance.
     """
 
     mesh: int
@@ -100,9 +107,10 @@ class Instance:
 
 @dataclass(frozen=True)
 class Slot:
-    """A part of an asset to which one material is assigned: the path of a mesh or GeomSubset, in the first instance.
+    """A part of an asset to which one material is assigned.
 
-    `material` is the prim path of the bound material in the asset's composed stage, or None where nothing is bound.
+    `path` is the path of a mesh or GeomSubset; if instances share the slot, it is the path in the first instance.
+    `material` is the prim path of the material that the asset's file binds to it, or None if the file binds nothing.
     """
 
     path: str
@@ -113,11 +121,11 @@ class Slot:
 class Asset:
     """The geometry of a render. `center` and `radius` are the smallest sphere around its faces, in metres.
 
-    `convex` is True only if reflected light never meets the surface again, `sheet` only if transmitted light does not
-    either, as with a flat card; such an asset has no indirect light. `revolved` is True only if every rotation about
-    the vertical through `center` maps it, slots included, onto itself. `digest` is the SHA-256 over all arrays and
-    placements. `unit` is the length in metres of a unit of its file. `notes` are lines for the user, for example about
-    content of the file that is not rendered.
+    `convex` is True only if reflected light never meets the surface again. `sheet` is True only if transmitted light
+    does not meet the surface again either, as with a flat card; a convex sheet has no indirect light. `revolved` is
+    True only if every rotation about the vertical axis through `center` maps the asset, slots included, onto itself.
+    `digest` is the SHA-256, in hexadecimal, over all arrays and placements. `unit` is the length in metres of one unit
+    of the asset's file. `notes` are lines for the user, for example about content of the file that is not rendered.
     """
 
     name: str

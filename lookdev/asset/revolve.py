@@ -1,4 +1,7 @@
-"""Surfaces of revolution, from a profile in the half plane of radius and height."""
+"""Makes meshes of surfaces of revolution, for the built-in sphere and shader ball.
+
+A profile is a curve in the half plane of radius and height; it is revolved about the z axis.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,11 @@ from lookdev.asset.mesh import Mesh
 
 @dataclass(frozen=True, eq=False)
 class RevolvedProfile:
-    """A curve from the lower to the upper pole on the axis, with the outside on its right.
+    """A curve from the lower pole to the upper pole, both on the axis, with the outside on the right of its direction.
 
-    points (k, 2): radius and height in metres, only the first and the last on the axis; normals (k, 2): unit, outward;
-    v (k,): texture coordinate, from 0 to 1.
+    - points (k, 2): radius and height in metres; only the first and the last point are on the axis
+    - normals (k, 2): outward unit normals, as radial and axial component
+    - v (k,): the texture coordinate v, from 0 at the first point to 1 at the last
     """
 
     points: Floats
@@ -26,8 +30,9 @@ class RevolvedProfile:
 def revolve(name: str, profile: RevolvedProfile, segments: int, slot: int = 0) -> Mesh:
     """Revolve a profile about the z axis to a closed mesh with one UV set, ``st``.
 
-    u grows around the axis from +x, counter-clockwise seen from above; the tangent is the exact direction around the
-    axis. Faces are quads, and triangles at the two poles; a corner at a pole has the u of its triangle's middle.
+    u grows around the axis from +x, counter-clockwise seen from above. The tangents are the exact directions around the
+    axis. Faces are quads, except for triangles at the two poles. A triangle's corner at a pole has the u of the
+    triangle's middle. All faces have the slot `slot`.
     """
     rings = len(profile.points) - 2
     angles = 2.0 * np.pi * np.arange(segments) / segments
@@ -38,7 +43,9 @@ def revolve(name: str, profile: RevolvedProfile, segments: int, slot: int = 0) -
     points[..., 2] = body[:, 1:]
     poles = np.array([[0.0, 0.0, profile.points[end, 1]] for end in (0, -1)])
 
-    # Corners by row of the profile and by column around; column `segments` is column 0 with u = 1.
+    # The row of each corner is the number of its profile point, and the column its number around the axis. Column
+    # `segments` has the points of column 0, but u = 1. The corners are those of the triangles at the first pole, of the
+    # quads, and of the triangles at the last pole.
     j, i = np.arange(segments), np.arange(1, rings)
     rows = np.concatenate(
         [
@@ -54,10 +61,12 @@ def revolve(name: str, profile: RevolvedProfile, segments: int, slot: int = 0) -
             np.stack([j, j + 1, j + 0.5], axis=-1).ravel(),
         ]
     )
+    # The point of each corner; the two poles are the last points.
     index = (rows - 1) * segments + columns.astype(np.intp) % segments
     index[rows == 0] = rings * segments
     index[rows == rings + 1] = rings * segments + 1
     face_sizes = np.repeat([3, 4, 3], [segments, (rings - 1) * segments, segments])
+    # The azimuth of each corner.
     phi = 2.0 * np.pi * columns / segments
     radial, axial = profile.normals[rows].T
     return Mesh(

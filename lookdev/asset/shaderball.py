@@ -1,7 +1,8 @@
-"""The built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a base.
+"""Makes the built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a base.
 
-It consists of two surfaces of revolution; the ball's axis is tilted towards the camera of pose 0. Profiles are arcs and
-lines in metres. Every corner has a fillet that shows a highlight as a real edge does, and normals are smooth
+It consists of two surfaces of revolution. The ball's axis is tilted towards the camera of pose 0, the pose before the
+turntable turns. A profile consists of pieces, which are arcs and lines, as points (k, 2) of radius and height in
+metres. Every corner between two pieces has a fillet, which shows a highlight as a real edge does. Normals are smooth
 everywhere.
 """
 
@@ -19,10 +20,10 @@ from lookdev.asset.store import make_asset
 
 ProfilePoint = tuple[float, float]
 
-_BALL_HEIGHT = 1.2
-_OPENING_AZIMUTH = -60.0
-_OPENING_ELEVATION = 30.0
-_STEP = 0.021
+_BALL_HEIGHT = 1.2  # metres from the ground to the ball's centre
+_OPENING_AZIMUTH = -60.0  # degrees: the direction in which the ball's recess opens
+_OPENING_ELEVATION = 30.0  # degrees
+_STEP = 0.021  # metres between the points of a resampled piece, at most
 _FILLET_STEPS = 8
 
 
@@ -38,12 +39,17 @@ def make_shaderball(segments: int = 256) -> Asset:
 
 
 def _ball_profile() -> RevolvedProfile:
-    """Return the ball's profile: unit sphere, groove, rim, recess and core, from the back to the core's centre."""
+    """Return the ball's profile, from the pole at the back to the pole on the core.
+
+    Its pieces are the unit sphere with the groove, then the rim, the recess and the core.
+    """
 
     def at(latitude: float, radius: float = 1.0) -> ProfilePoint:
+        """Return the profile point at a latitude in degrees, on a circle about the ball's centre."""
         return radius * np.cos(np.radians(latitude)), radius * np.sin(np.radians(latitude))
 
     core_radius, core_height, floor = 0.34, 0.46, 0.38
+    # The radius and the latitude, seen from the core's centre, at which the core rises from the floor of the recess.
     seam = float(np.sqrt(core_radius**2 - (floor - core_height) ** 2))
     seam_latitude = float(np.degrees(np.arctan2(floor - core_height, seam)))
     return _profile(
@@ -81,15 +87,18 @@ def _base_profile() -> RevolvedProfile:
 
 
 def _arc(center: ProfilePoint, radius: float, start: float, stop: float) -> Floats:
-    """Return points (512, 2) along a circle, between angles in degrees."""
+    """Return points (512, 2) along a circle, from the angle `start` to the angle `stop`, in degrees."""
     angles = np.radians(np.linspace(start, stop, 512))
     return np.asarray(center + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1), np.float64)
 
 
 def _profile(pieces: Sequence[tuple[Floats, float]]) -> RevolvedProfile:
-    """Return the profile of pieces joined end to end; a piece comes with the radius of the fillet at its end."""
+    """Return the profile of pieces that are joined end to end; v grows with the length along the profile.
+
+    `pieces` are pairs: the points (k, 2) of a piece, and the radius of the fillet at its end.
+    """
     curves: list[Floats] = []
-    head = 0.0
+    head = 0.0  # the length at the start of the piece that the previous fillet replaces
     for (piece, radius), (following, _) in itertools.pairwise(pieces):
         fillet, cut = _fillet(piece, following, radius)
         curves += [_resample(piece, head, cut), fillet]
@@ -101,10 +110,12 @@ def _profile(pieces: Sequence[tuple[Floats, float]]) -> RevolvedProfile:
 
 
 def _arc_lengths(points: Floats) -> Floats:
+    """Return the length (k,) along a polyline from its start to each of its points (k, 2)."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
 
 
 def _points_at(piece: Floats, distances: Floats) -> Floats:
+    """Return the points (n, 2) of a piece at the given distances (n,) from its start, along it."""
     lengths = _arc_lengths(piece)
     return np.stack([np.interp(distances, lengths, piece[:, i]) for i in range(2)], axis=-1)
 
@@ -118,10 +129,10 @@ def _resample(piece: Floats, head: float, tail: float) -> Floats:
 
 
 def _fillet(before: Floats, after: Floats, radius: float) -> tuple[Floats, float]:
-    """Return a fillet between two pieces, and the length that it replaces of each piece.
+    """Return the points of a fillet between two pieces, and the length of either piece that the fillet replaces.
 
-    It is a rational quadratic Bézier curve with its control point in the corner: a circular arc between lines. Between
-    arcs of much larger radius the tangents agree to a fraction of a degree.
+    The fillet is a rational quadratic Bézier curve with its control point in the corner. Between lines it is an arc of
+    a circle. Between arcs of much larger radius, its tangents agree with theirs to a fraction of a degree.
     """
     corner = after[0]
     incoming, outgoing = before[-1] - before[-2], after[1] - after[0]
@@ -135,7 +146,7 @@ def _fillet(before: Floats, after: Floats, radius: float) -> tuple[Floats, float
 
 
 def _curve_normals(points: Floats) -> Floats:
-    """Return unit normals (k, 2) on the right of a smooth curve, second-order accurate on uneven steps."""
+    """Return unit normals (k, 2) on the right of a smooth curve, accurate to second order even with uneven steps."""
     legs = np.diff(points, axis=0)
     steps = np.linalg.norm(legs, axis=1, keepdims=True)
     directions = legs / steps
@@ -146,7 +157,7 @@ def _curve_normals(points: Floats) -> Floats:
 
 
 def _rotation(axis: int, angle: float) -> Floats:
-    """Return the matrix (4, 4) of a rotation about a coordinate axis by an angle in radians."""
+    """Return the matrix (4, 4) of a rotation about coordinate axis 0, 1 or 2 by an angle in radians."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     matrix = np.eye(4)
     matrix[[i, j], [i, j]] = np.cos(angle)

@@ -1,4 +1,7 @@
-"""A surface as a file or a primitive defines it, before normals, tangents and slots are computed."""
+"""Defines a shape: a surface as a file or a primitive defines it, which `finish` converts to a mesh.
+
+Normals, tangents and slots of a mesh are computed from it.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,15 @@ from lookdev.arrays import Floats, Indices, Reals
 from lookdev.asset.mesh import Interpolation, Subdivision
 
 MAX_COORDINATE = 1e18
-"""The largest coordinate: the product of two larger ones is not a float32."""
+"""The largest magnitude of a coordinate: the product of two such numbers is still a float32."""
 
 
 @dataclass(frozen=True, eq=False)
 class Attribute:
-    """A UV set, a primvar or the normals of a shape: values (k,), (k, 2) or (k, 3), with any indices applied.
+    """A UV set, a primvar or the normals of a shape: values (k,), (k, 2) or (k, 3), not indexed.
 
-    There is one value (constant), or one for each face (uniform), point (varying, vertex) or corner (faceVarying) of
-    the shape in the file.
+    By its interpolation, an attribute has one value (constant), or one value for each face (uniform), point (varying,
+    vertex) or corner (faceVarying) of the shape, valid or not.
     """
 
     name: str
@@ -29,11 +32,19 @@ class Attribute:
 class PolygonShape:
     """A polygon mesh or control cage in object space.
 
-    points (n, 3) metres; face_sizes (f,); face_points (m,) index into points, counter-clockwise seen from outside, or
-    clockwise if `left_handed`. Without `normals`, a shape has those of its facets if it is `flat`, else smooth ones.
-    `holes` are the indices of faces that are not part of the surface. `subdivision` indexes these points by its crease
-    edges and corners; it has neither holes nor interpolation. `parts` (f,) is the number of the part of each face; each
-    part has a material of its own; None means one part. `default_uv` is that of `Mesh`, if such a UV set exists.
+    - points (n, 3): in metres
+    - face_sizes (f,): the number of corners of each face
+    - face_points (m,): the point of each corner, an index into points; the corners of a face are counter-clockwise when
+      seen from outside, or clockwise if `left_handed`
+    - attributes: UV sets and primvars
+    - normals: the authored normals, or None; a shape without authored normals gets the normals of its facets if it is
+      `flat`, and smooth normals otherwise
+    - holes: the indices of faces that are not part of the surface, or None
+    - subdivision: the rules of a control cage; its crease edges and corners index into points; its `holes` and
+      `interpolation` are empty
+    - parts (f,): the number of the part that each face belongs to; each part can have a material of its own; None means
+      that there is one part, 0
+    - default_uv: becomes `Mesh.default_uv` if the shape has such a UV set
     """
 
     name: str

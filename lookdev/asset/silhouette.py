@@ -1,4 +1,8 @@
-"""The points that determine an asset's silhouette from all directions, and with it the sphere around the asset."""
+"""Finds the points that determine an asset's silhouette from all directions.
+
+`lookdev.scene.framing.frame_fill` places the camera by these points, and `lookdev.asset.bounds` makes the bounding
+sphere of them. A point cloud here is the points of a mesh or of a part of it.
+"""
 
 from __future__ import annotations
 
@@ -13,23 +17,26 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Instance, Mesh
 from lookdev.asset.normals import concatenate
 
-_HULL_INSTANCES = 8  # a mesh with so many instances is first reduced to its hull: faster than to transform all points
-_FEW_POINTS = 32  # a mesh with at most so many points is not reduced to its hull
-_PART_POINTS = 2**11  # points of a part of a mesh
-_CELLS = 8  # of the grid by which these parts are split, along each side of the mesh's bounding box
+# A mesh with at least `_HULL_INSTANCES` instances and more than `_FEW_POINTS` points is first reduced to the corners of
+# its convex hull, which is faster than to transform all its points.
+_HULL_INSTANCES = 8
+_FEW_POINTS = 32
+_PART_POINTS = 2**11  # points of a part of a mesh, at most
+_CELLS = 8  # of the grid by which a mesh is split into parts, along each side of its bounding box
 _COARSE, _FINE = 64, 1024  # planes of the coarse and of the fine polytope
-_MANY_POINTS = 2**18  # points outside the coarse polytope from which a fine one is built
-_SEEDS = 2**15  # points from which the fine polytope is built
-_BLOCK = 2**20  # numbers in an intermediate array
-_TOLERANCE = 1e-12  # relative to the extent of all points
+_MANY_POINTS = 2**18  # with more points outside the coarse polytope, a fine one is built
+_SEEDS = 2**15  # points from which the fine polytope is built, approximately
+_BLOCK = 2**20  # numbers in an intermediate array, approximately
+_TOLERANCE = 1e-12  # relative to the extent of all points: a point beyond a plane by less counts as inside
 
 
 def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats:
     """Return points (n, 3) in world space whose convex hull is that of the faces of all instances.
 
-    They determine the silhouette in every perspective view from outside. For several instances, a polytope
-    is the hull of extreme points. Its corners are returned; everything else in or on it is dropped: first instances,
-    then parts of them, by their bounding boxes, finally points.
+    These points determine the silhouette in every perspective view from outside. They may include points inside the
+    hull. With one instance, they are all its points. For several instances, the hull of some extreme points is computed
+    first: a polytope. Everything inside the polytope is dropped: instances and parts of instances if their bounding
+    boxes are inside, then single points. The corners of the polytope and the remaining points are returned.
     """
     mesh_numbers = np.array([instance.mesh for instance in instances])
     uses = np.bincount(mesh_numbers, minlength=len(meshes)).tolist()
@@ -37,6 +44,7 @@ def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats
     placed = _PlacedClouds(clouds, mesh_numbers, np.array([instance.matrix for instance in instances]))
     if len(instances) == 1:
         return placed.points()
+    # The points of each mesh that are extreme along a coordinate axis.
     extremes = {
         number: np.concatenate([cloud[cloud.argmin(axis=0)], cloud[cloud.argmax(axis=0)]])
         for number, cloud in clouds.items()
@@ -56,7 +64,11 @@ def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats
 
 
 class _Polytope:
-    """The convex hull of points; the hull of a flat set has no planes."""
+    """The convex hull of points: its `corners` (c, 3) and its outward `planes` (p, 4).
+
+    A point is beyond a plane (a, b, c, d) if a x + b y + c z + d > 0, with coordinates relative to the mean of the
+    points. If the points lie in one plane, the corners are all the points, and there are no planes.
+    """
 
     def __init__(self, points: Floats) -> None:
         from scipy.spatial import ConvexHull, QhullError
@@ -71,11 +83,14 @@ class _Polytope:
 
     @property
     def is_solid(self) -> bool:
-        """Whether it has a volume."""
+        """Whether the polytope has a volume."""
         return len(self.planes) > 0
 
     def grow(self, points: Floats, count: int) -> _Polytope:
-        """Return the hull extended by the points farthest beyond its planes, to `count` planes or all points."""
+        """Return the hull extended by the points that are farthest beyond its planes.
+
+        This is repeated until the hull has at least `count` planes or contains all the points (n, 3).
+        """
         polytope = self
         while 0 < len(polytope.planes) < count:
             extremes = _extreme_points(points, polytope.planes[:, :3])
@@ -87,9 +102,9 @@ class _Polytope:
         return polytope
 
     def local_planes(self, matrices: Floats) -> Floats:
-        """Return the planes (n, k, 4) in the local spaces of matrices (n, 4, 4).
+        """Return the polytope's p planes in the object spaces of n instances, (n, p, 4), from their matrices (n, 4, 4).
 
-        A point (x, y, z, 1) is beyond a plane if their dot product is positive.
+        A point (x, y, z, 1) of object space is beyond a plane if their dot product is positive.
         """
         centered = matrices.copy()
         centered[:, :3, 3] -= self._middle
@@ -98,7 +113,11 @@ class _Polytope:
 
 @dataclass(frozen=True, eq=False)
 class _PlacedClouds:
-    """Instances of point clouds (k, 3): the number of each instance's cloud (n,), and its matrix (n, 4, 4)."""
+    """Instances of point clouds.
+
+    `clouds` maps the number of a cloud to its points (k, 3) in object space. Instance i, of n, is the cloud
+    `cloud_numbers[i]`, placed by `matrices[i]`, a matrix (4, 4) to world space.
+    """
 
     clouds: Mapping[int, Floats]
     cloud_numbers: Indices
@@ -115,7 +134,7 @@ class _PlacedClouds:
         return concatenate([self.clouds[number] @ matrix[:3, :3].T + matrix[:3, 3] for number, matrix in placements])
 
     def select_outside(self, polytope: _Polytope) -> _PlacedClouds:
-        """Return the instances whose bounding box is not inside a polytope."""
+        """Return the instances whose bounding boxes are not completely inside a polytope."""
         is_outside = np.zeros(len(self.cloud_numbers), np.bool_)
         boxes = {number: np.array([cloud.min(axis=0), cloud.max(axis=0)]) for number, cloud in self.clouds.items()}
         for block in _blocks(np.arange(len(self.cloud_numbers)), 4 * len(polytope.planes)):
@@ -125,7 +144,7 @@ class _PlacedClouds:
         return replace(self, cloud_numbers=self.cloud_numbers[is_outside], matrices=self.matrices[is_outside])
 
     def split(self) -> _PlacedClouds:
-        """Return the same points as instances of parts, of at most `_PART_POINTS` points that lie near each other."""
+        """Return the same points as instances of smaller clouds, of at most `_PART_POINTS` points near each other."""
         parts: list[Floats] = []
         parts_of_cloud: dict[int, Indices] = {}
         for number in np.unique(self.cloud_numbers).tolist():
@@ -138,24 +157,27 @@ class _PlacedClouds:
 
     def points_outside(self, polytope: _Polytope) -> Iterator[Floats]:
         """Yield the points, in world space, that are not inside a polytope."""
+        # `members` are the numbers of all instances of one cloud.
         order = np.argsort(self.cloud_numbers, kind="stable")
         for members in np.split(order, np.flatnonzero(np.diff(self.cloud_numbers[order])) + 1) if len(order) else []:
             cloud = self.clouds[int(self.cloud_numbers[members[0]])]
             box = np.array([cloud.min(axis=0), cloud.max(axis=0)])
             for block in _blocks(members, 4 * len(polytope.planes)):
                 planes = polytope.local_planes(self.matrices[block])
-                # No point is beyond a plane that its cloud's box is not beyond.
+                # Points can be beyond a plane only if a part of the cloud's bounding box is beyond it.
                 owners, numbers = np.nonzero(_is_box_beyond(planes, box[None]))
                 planes = planes[owners, numbers]
+                # The planes are processed in batches of limited memory; all planes of an instance are in one batch.
                 batch = np.searchsorted(owners, owners) // max(_BLOCK // len(cloud), 1)
                 for pairs in np.split(np.arange(len(owners)), np.flatnonzero(np.diff(batch)) + 1):
                     yield _points_beyond(cloud, self.matrices[block], planes[pairs], owners[pairs])
 
 
 def _points_beyond(cloud: Floats, matrices: Floats, planes: Floats, owners: Indices) -> Floats:
-    """Return the points of a cloud, placed by matrices (n, 4, 4), that are beyond a plane, in world space.
+    """Return, in world space, the points of a cloud's instances that are beyond at least one plane.
 
-    The planes (k, 4) are in the local spaces of the matrices with the numbers `owners` (k,), which are sorted.
+    `cloud` (c, 3) has the points of the cloud, and `matrices` (n, 4, 4) place its instances. Each of the planes (k, 4)
+    is in the object space of one instance, whose number is in `owners` (k,), sorted.
     """
     is_beyond = planes[:, :3] @ cloud.T + planes[:, 3:] > 0.0
     first = np.flatnonzero(np.diff(owners, prepend=-1))
@@ -167,32 +189,39 @@ def _points_beyond(cloud: Floats, matrices: Floats, planes: Floats, owners: Indi
 
 
 def _is_box_beyond(planes: Floats, boxes: Floats) -> Bools:
-    """Return which planes (n, k, 4) have a part of their box (n, 2, 3) beyond them."""
+    """Return whether a part of its box is beyond each plane, (n, k).
+
+    `planes` (n, k, 4) has k planes for each of n boxes. `boxes` (n, 2, 3) has the least and the greatest corner of each
+    box, or (1, 2, 3) of one box for all planes.
+    """
     middles, halves = 0.5 * boxes.sum(axis=1)[..., None], 0.5 * np.ptp(boxes, axis=1)[..., None]
     normals = planes[..., :3]
     return np.asarray((normals @ middles + np.abs(normals) @ halves)[..., 0] + planes[..., 3] > 0.0)
 
 
 def _blocks(indices: Indices, numbers_per_index: int) -> list[Indices]:
-    """Split indices into blocks with arrays of about `_BLOCK` numbers, if an index needs `numbers_per_index`."""
+    """Split indices into blocks, so that `numbers_per_index` numbers for each index are about `_BLOCK` numbers."""
     size = max(_BLOCK // numbers_per_index, 1)
     return [indices[start : start + size] for start in range(0, len(indices), size)]
 
 
 def _directions(count: int) -> Floats:
-    """Return directions (count, 3), nearly uniform over the sphere, by the golden angle."""
+    """Return unit vectors (count, 3), nearly uniform over the sphere: a spiral that turns by the golden angle."""
     heights = 1.0 - (2.0 * np.arange(count) + 1.0) / count
-    angles, levels = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count), np.sqrt(1.0 - heights**2)
-    return np.stack([levels * np.cos(angles), levels * np.sin(angles), heights], axis=-1)
+    angles, radii = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count), np.sqrt(1.0 - heights**2)
+    return np.stack([radii * np.cos(angles), radii * np.sin(angles), heights], axis=-1)
 
 
 def _extreme_points(points: Floats, directions: Floats) -> Floats:
-    """Return the points (k, 3) that are extreme along the given directions."""
+    """Return the points that are farthest along at least one of the directions (d, 3), each point once."""
     return np.asarray(points[np.unique([(points @ direction).argmax() for direction in directions])])
 
 
 def _mesh_points(mesh: Mesh, uses: int) -> Floats:
-    """Return the points of a mesh's faces, or, for a mesh of many instances, those at the corners of their hull."""
+    """Return the points of a mesh's faces in float64, or only the corners of their convex hull for many instances.
+
+    `uses` is the number of instances of the mesh.
+    """
     is_used = np.zeros(len(mesh.points), np.bool_)
     is_used[mesh.corner_points] = True
     points = mesh.points[is_used].astype(np.float64)
@@ -200,11 +229,13 @@ def _mesh_points(mesh: Mesh, uses: int) -> Floats:
 
 
 def _hull_points(points: Floats) -> Floats:
-    """Return the points at the corners of their hull, which may be a plane polygon or a line segment."""
+    """Return the points that are corners of the convex hull of all, a solid, a plane polygon or a line segment."""
     from scipy.spatial import ConvexHull, QhullError
 
     local = points - points.mean(axis=0)
     axes = np.linalg.svd(local, full_matrices=False)[2]
+    # Qhull rejects points that span no volume. Then the hull is computed in the plane in which the points extend most,
+    # and if that fails, too, along a line.
     for coordinates in (local, local @ axes[:2].T):
         with suppress(QhullError):
             return np.asarray(points[ConvexHull(coordinates).vertices])
@@ -213,10 +244,11 @@ def _hull_points(points: Floats) -> Floats:
 
 
 def _split_cloud(points: Floats) -> list[Floats]:
-    """Return the points in runs of at most `_PART_POINTS`, sorted by the cells of a grid in their bounding box."""
+    """Split points into parts of at most `_PART_POINTS`, sorted by the cells of a grid if there are several parts."""
     if len(points) <= _PART_POINTS:
         return [points]
     low, extent = points.min(axis=0), np.ptp(points, axis=0)
+    # The factor 0.999 keeps points on the far sides of the box in the last cells.
     cells = np.floor((points - low) * (0.999 * _CELLS / np.where(extent > 0.0, extent, 1.0)))
     sorted_points = points[np.argsort(cells @ [_CELLS**2, _CELLS, 1.0], kind="stable")]
     return [sorted_points[start : start + _PART_POINTS] for start in range(0, len(sorted_points), _PART_POINTS)]

@@ -1,4 +1,4 @@
-"""Curves in the bases of UsdGeom.BasisCurves, and NURBS curves, as weights of their vertices."""
+"""Evaluates the curves of UsdGeom.BasisCurves and NurbsCurves: points and derivatives as weighted sums of vertices."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from lookdev.arrays import Floats, Indices, Reals
 from lookdev.asset.normals import run_starts
 from lookdev.errors import AssetError
 
-# Rows: the coefficients of t^3, t^2, t and 1; columns: the vertices of a segment.
+# The weight of each vertex of a segment is a polynomial in t, the parameter from 0 to 1 in the segment. Rows: the
+# coefficients of t^3, t^2, t and 1. Columns: the vertices of the segment.
 BASES = {
     "linear": np.array([[0, 0], [0, 0], [-1, 1], [1, 0]]),
     "bezier": np.array([[-1, 3, -3, 1], [3, -6, 3, 0], [-3, 3, 0, 0], [1, 0, 0, 0]]),
@@ -23,13 +24,20 @@ WRAPS = ("nonperiodic", "periodic", "pinned")
 
 @dataclass(frozen=True, eq=False)
 class Splines:
-    """Curves (c,) of smooth segments between vertices.
+    """Several curves, each a chain of smooth segments.
 
-    `evaluate(segments, t)` takes samples (r,), sorted by segment, at t in 0..1 of their segments, and returns vertex
-    indices, weights and rates (r, k). A sample's value is the sum of the vertices' values times the weights; its
-    derivative by t is the sum with the rates. With `pinned` ends, phantom vertices follow the others: first those
-    before each curve, then those after each. `varying` is False if interpolation `varying` is not defined for the
-    curves.
+    `vertex_counts` and `segment_counts` (c,) are the numbers of vertices and segments of each curve. Vertices and
+    segments are numbered through all curves.
+
+    `evaluate(segments, t)` evaluates samples (r,): the segment of each sample, sorted, and its parameter t in 0..1 in
+    that segment. It returns three arrays (r, k) for the k vertices that determine a sample: their indices, their
+    weights and their rates. A sample's value is the sum of the vertices' values times the weights. Its derivative by t
+    is the sum of the vertices' values times the rates.
+
+    The curves are all closed if `periodic`. If `pinned`, each curve has a phantom vertex before its first vertex and
+    one after its last. Phantom vertices have the indices after those of all vertices: first the phantom before each
+    curve, then the phantom after each curve. `varying` is False if USD does not define the interpolation `varying` for
+    the curves.
     """
 
     vertex_counts: Indices
@@ -40,7 +48,10 @@ class Splines:
     varying: bool = True
 
     def with_phantoms(self, values: Reals) -> Reals:
-        """Return the values (n, ...) of the vertices and of the phantom vertices, which UsdGeom extrapolates."""
+        """Return values (n, ...) of the vertices, followed by those of the phantom vertices.
+
+        The values of phantom vertices are extrapolated linearly, as UsdGeom defines.
+        """
         if not self.pinned:
             return values
         first = run_starts(self.vertex_counts)
@@ -50,7 +61,9 @@ class Splines:
 
 
 def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines:
-    """Return curves of a basis in `BASES` and a wrap in `WRAPS`, with the given numbers of vertices (c,).
+    """Return curves of a basis in `BASES` and a wrap in `WRAPS`, from their numbers of vertices, `counts` (c,).
+
+    An error message names the curves by the prim path `where`.
 
     Raises
     ------
@@ -58,7 +71,7 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
         The vertices of a curve do not make whole segments.
     """
     is_linear, periodic = basis == "linear", wrap == "periodic"
-    step = 3 if basis == "bezier" else 1
+    step = 3 if basis == "bezier" else 1  # vertices from one segment to the next
     pinned = wrap == "pinned" and basis in ("bspline", "catmullRom")
     fewest = 3 if periodic else 2 if is_linear or pinned else 4
     wrong = (counts < fewest) | ((counts - fewest) % step != 0)
@@ -76,6 +89,9 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
     matrix = BASES[basis]
 
     def evaluate(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
+        """Evaluate samples, as `Splines` describes."""
+        # `local` is the number of each vertex in its curve. The phantom vertices before and after the curve have the
+        # numbers -1 and `counts`.
         curve = curves[segments][:, None]
         local: Indices = numbers[segments][:, None] * step + np.arange(matrix.shape[1]) - pinned
         if periodic:
@@ -94,10 +110,11 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
 def nurbs_splines(
     counts: Indices, orders: Indices, knots: Floats, ranges: Floats, weights: Floats, where: str
 ) -> Splines:
-    """Return NURBS curves with the given numbers of vertices (c,), orders (c,) and concatenated knots.
+    """Return NURBS curves from the numbers of their vertices, `counts` (c,), their orders (c,) and all their knots.
 
-    `ranges` (c, 2) restrict the curves' parameters, `weights` (n,) are those of the vertices; both may be empty. A
-    segment lies between two consecutive different knots.
+    `ranges` (c, 2) restrict the parameters of the curves, and `weights` (n,) are those of the vertices; both may be
+    empty. A segment lies between two consecutive different knots. An error message names the curves by the prim path
+    `where`.
 
     Raises
     ------
@@ -115,6 +132,7 @@ def nurbs_splines(
     if len(weights) not in (0, counts.sum()) or (weights <= 0.0).any():
         raise AssetError(f"{where}: pointWeights must be positive numbers, one for each of {counts.sum()} points")
     first = run_starts(counts)
+    # For each curve, the parameters at the ends of its segments.
     spans: list[Floats] = []
     curve_knots = np.split(knots, np.cumsum(counts + orders)[:-1])
     for curve, own_knots in enumerate(curve_knots):
@@ -131,11 +149,13 @@ def nurbs_splines(
     width = int(orders.max())
 
     def evaluate(segments: Indices, t: Floats) -> tuple[Indices, Floats, Floats]:
+        """Evaluate samples, as `Splines` describes."""
         low, high = lows[segments], highs[segments]
-        # A segment's end is evaluated from its own side: a knot can be a corner.
+        # The end of a segment is evaluated just before its knot, because the curve can have a corner at the knot.
         parameters = np.minimum(low + t * (high - low), np.nextafter(high, low))
         index = np.zeros((len(t), width), np.intp)
         values, rates = np.zeros((2, len(t), width))
+        # The samples of each curve are consecutive; SciPy evaluates them together.
         present, starts = np.unique(curves[segments], return_index=True)
         for curve, start, stop in zip(present, starts, np.append(starts[1:], len(t)), strict=True):
             rows, order = slice(start, stop), int(orders[curve])
@@ -144,10 +164,12 @@ def nurbs_splines(
             vertices = basis.indices.reshape(-1, order)
             value = basis.data.reshape(-1, order)
             lower = BSpline.design_matrix(u, own_knots, order - 2).data.reshape(-1, order - 1)
-            # de Boor: B'_j = p (B_j / (u_j+p - u_j) - B_j+1 / (u_j+p+1 - u_j+1)), with the B of degree p - 1.
+            # de Boor: B'_j = p (B_j / (u_j+p - u_j) - B_j+1 / (u_j+p+1 - u_j+1)). B'_j is the derivative of basis
+            # function j of degree p = order - 1; the B on the right have degree p - 1, and the u_j are the knots.
             part = (order - 1) * lower / (own_knots[vertices[:, 1:] + order - 1] - own_knots[vertices[:, 1:]])
             rate = np.pad(part, ((0, 0), (1, 0))) - np.pad(part, ((0, 0), (0, 1)))
             if len(weights):
+                # The rational basis, weight * B over its sum, and its derivative by the quotient rule.
                 weight = weights[first[curve] + vertices]
                 value, rate = value * weight, rate * weight
                 total, change = value.sum(axis=1, keepdims=True), rate.sum(axis=1, keepdims=True)

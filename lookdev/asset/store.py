@@ -1,4 +1,8 @@
-"""An asset's digest, and its file for the render worker: a line of JSON, then arrays that are mapped into memory."""
+"""Computes an asset's digest, and writes the asset to a file in the cache, which the render worker reads.
+
+The file is a line of JSON and then arrays, which are mapped into memory. An array has the values of all meshes, one
+mesh after another; the code calls it a column.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +25,13 @@ from lookdev.asset.tangents import tangents_of
 from lookdev.cache import cached_file
 from lookdev.errors import AssetError
 
-_ALIGNMENT = 64  # bytes
-_FORMAT = 5  # increases, too, when the tangents of an unchanged asset change
+_ALIGNMENT = 64  # bytes: each array starts at a multiple of this offset in the file
+_FORMAT = 5  # to be increased when the format changes, or the tangents that are computed for an asset
 _FLAG_FIELDS = ("convex", "sheet", "revolved")
 
-# The fields of `Mesh` that are stored as one array for all meshes: its type, the numbers in a row (0: it has one
-# dimension), and the elements of a mesh that have a row each.
+# The fields of `Mesh` that are stored as one array for all meshes: the type of the numbers, the numbers in a row (0 for
+# an array of one dimension), and the elements of a mesh that have a row each. The elements "tangents" are the corners
+# of a mesh with tangents; a mesh without tangents has none.
 _ARRAYS: dict[str, tuple[type[np.generic], int, str]] = {
     "points": (np.float32, 3, "points"),
     "corner_points": (np.int32, 0, "corners"),
@@ -48,7 +53,7 @@ def make_asset(
     sheet: bool = False,
     revolved: bool = False,
 ) -> Asset:
-    """Return an asset with its bounding sphere and its digest.
+    """Return an asset of the given parts, with its bounding sphere and its digest.
 
     Raises
     ------
@@ -65,7 +70,7 @@ def make_asset(
 
 
 def asset_digest(asset: Asset) -> str:
-    """Return the SHA-256, in hexadecimal, over all arrays, placements, slots and names."""
+    """Return the SHA-256, in hexadecimal, over an asset's arrays, placements, slots, names and subdivision rules."""
     layouts, sizes = _layouts(asset.meshes)
     digest = hashlib.sha256(json.dumps(_description(asset, layouts)).encode())
     for _, column in _columns(asset, sizes):
@@ -81,11 +86,11 @@ def asset_digest(asset: Asset) -> str:
 
 
 def save_asset(asset: Asset, tangent_meshes: Iterable[int] = ()) -> Path:
-    """Write an asset to the cache, once, and return its file there.
+    """Write an asset to the cache, unless its file is there already, and return the path of the file.
 
-    In the file, the meshes with the numbers `tangent_meshes` have tangents. If the asset lacks some of them, they are
-    computed, and the name of the file differs. The paths of instances are not stored, since no pixel depends on them.
-    Raises ValueError if a mesh is a control cage.
+    In the file, the meshes with the numbers `tangent_meshes` have tangents. Tangents that the asset lacks are computed;
+    the name of the file then differs from the asset's digest. The paths of instances are not stored, since no pixel
+    depends on them. Raises ValueError if a mesh is a control cage.
     """
     cages = [mesh.name for mesh in asset.meshes if mesh.subdivision is not None]
     if cages:
@@ -95,6 +100,7 @@ def save_asset(asset: Asset, tangent_meshes: Iterable[int] = ()) -> Path:
     name = hashlib.sha256(json.dumps([digest, missing]).encode()).hexdigest() if missing else digest
 
     def write(path: Path) -> None:
+        """Write the file of the asset, with the missing tangents."""
         meshes = list(asset.meshes)
         for number, tangents in zip(missing, tangents_of([meshes[i] for i in missing]), strict=True):
             meshes[number] = dataclasses.replace(meshes[number], tangents=tangents)
@@ -118,12 +124,13 @@ def save_asset(asset: Asset, tangent_meshes: Iterable[int] = ()) -> Path:
 
 
 def read_asset(path: Path) -> Asset:
-    """Read an asset that `save_asset` wrote; the arrays of its meshes are views of arrays of all meshes.
+    """Read an asset that `save_asset` wrote; the arrays of its meshes are views of the file's arrays.
 
     Raises
     ------
     AssetError
-        The file is missing, cut off or of another format. Only `lookdev.cache.Content` detects changed numbers.
+        The file is missing, cut off or of another format. Changed numbers are not detected here, but only by
+        `lookdev.cache.Content`.
     """
     try:
         with path.open("rb") as stream:
@@ -136,14 +143,17 @@ def read_asset(path: Path) -> Asset:
 
 
 _Layout = tuple[bool, tuple[str, ...], tuple[tuple[str, int], ...]]
-"""Whether a mesh has tangents; the names of its UV sets; the names of its primvars, with their numbers in a row, 0 for
-a one-dimensional array."""
+"""The arrays of a mesh: whether it has tangents; the names of its UV sets; the names and widths of its primvars.
+
+A width is the number of components of a primvar's value, or 0 for an array of one dimension.
+"""
 
 
 def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
-    """Return the distinct layouts, and the points, corners, faces and layout number of each mesh (n, 4).
+    """Return the distinct layouts of meshes, and a table (n, 4) with a row for each mesh.
 
-    Ten thousand meshes have a few layouts.
+    A row has the mesh's numbers of points, corners and faces, and the number of its layout. Layouts are stored once,
+    since ten thousand meshes have only a few.
     """
     numbers: dict[_Layout, int] = {}
     rows = []
@@ -156,6 +166,7 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
 
 
 def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, object]:
+    """Return the values of an asset that are stored as JSON, not as arrays; the digest covers them, too."""
     return {
         "format": _FORMAT,
         **{name: getattr(asset, name) for name in ("name", *_FLAG_FIELDS)},
@@ -166,7 +177,7 @@ def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, object]:
 
 
 def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, Elements]]:
-    """Yield the name and the values of each stored array, contiguous."""
+    """Yield the name and the contiguous values of each stored array; `sizes` is the table of `_layouts`."""
     yield "sizes", sizes
     yield "instance_meshes", np.array([instance.mesh for instance in asset.instances], np.int32)
     yield "instance_matrices", np.array([instance.matrix for instance in asset.instances]).reshape(-1, 4, 4)
@@ -179,13 +190,14 @@ def _columns(asset: Asset, sizes: Ints) -> Iterator[tuple[str, Elements]]:
 
 
 def _concatenate(empty: Elements, parts: Sequence[Elements]) -> Elements:
-    """Concatenate arrays of the type of `empty`; a single array is not copied."""
+    """Concatenate arrays that have the same type and row shape as `empty`; a single contiguous array is not copied."""
     if len(parts) == 1 and parts[0].dtype == empty.dtype:
         return np.ascontiguousarray(parts[0])
     return np.concatenate([empty, *parts], casting="no")
 
 
 def _assemble_asset(line: bytes, file_bytes: Bytes) -> Asset:
+    """Return the asset of a file, from the file's first line and all its bytes."""
     head, offset, arrays = json.loads(line), len(line), {}
     for name, (dtype, shape) in head["columns"].items():
         offset += -offset % _ALIGNMENT
@@ -195,9 +207,10 @@ def _assemble_asset(line: bytes, file_bytes: Bytes) -> Asset:
     if description["format"] != _FORMAT:
         raise ValueError(f"format {description['format']}, not {_FORMAT}")
     points, corners, faces, layouts = arrays["sizes"].T.tolist()
-    # The layout of each mesh, and its number of corners.
+    # For each mesh: whether it has tangents, the names of UV sets, the primvars, and the number of corners.
     mesh_layouts = [(*description["layouts"][layout], count) for layout, count in zip(layouts, corners, strict=True)]
     tangents = [count * has_tangents for has_tangents, _, _, count in mesh_layouts]
+    # `rows` has the number of rows of each mesh, by element; `columns` the array of each mesh, by field.
     rows = {"points": points, "corners": corners, "faces": faces, "tangents": tangents}
     columns = {name: _split_rows(arrays[name], rows[rows_name]) for name, (_, _, rows_name) in _ARRAYS.items()}
     uvs = iter(_split_rows(arrays["uvs"], [count for _, names, _, count in mesh_layouts for _ in names]))
@@ -229,5 +242,5 @@ def _assemble_asset(line: bytes, file_bytes: Bytes) -> Asset:
 
 
 def _split_rows(array: NDArray[_Number], counts: Sequence[int]) -> list[NDArray[_Number]]:
-    """Split an array into views with the given numbers of rows."""
+    """Split an array into consecutive views with the given numbers of rows."""
     return [array[end - count : end] for count, end in zip(counts, accumulate(counts), strict=True)]

@@ -1,11 +1,14 @@
-"""Tangents of a mesh: the direction in which u grows at constant v, one for each face corner, and their handedness.
+"""Computes a mesh's tangents at its face corners, and their handedness, for looks that read them.
 
-As in MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008), a tangent is the average over the
-corners that share position, normal, UV and the orientation of their UVs, so that a mirrored or rotated UV island keeps
-its own direction along its seam. There are two simplifications: a face has one tangent, exact for a triangle and the
-mean over a larger polygon, and the faces around a corner have equal weights.
+A tangent is the direction in which u grows at constant v. As in MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces
+Revisited", 2008), it is the average over the corners that agree in position, normal, UV and UV orientation. A mirrored
+or rotated UV island therefore keeps its own tangents along its seam. There are two simplifications. A face has one
+tangent, which is exact for a triangle and the mean over a larger polygon. The faces around a corner have equal weights.
 
-Without UVs, tangents follow the longitude about the z axis through the middle of the mesh's bounds.
+Without UVs, tangents follow the longitude about the vertical axis through the middle of the mesh's bounding box.
+
+Arrays are those of `Mesh`, with n points, f faces and m corners. `following` (m,) is the index of the next corner
+around the face (`next_corners`).
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ from lookdev.asset.mesh import Mesh
 from lookdev.asset.normals import AnyInts, batch_slices, blocks, dot, next_corners, normalize_or, run_starts, sum_by
 from lookdev.brdf import vectors
 
-_ROUNDS = 8  # of `_group_corners`, before it compares hashes
+_ROUNDS = 8  # the rounds in which `_group_corners` compares values, before it compares hashes
 
 
 def perpendicular(normals: Floats) -> Floats:
@@ -29,7 +32,7 @@ def perpendicular(normals: Floats) -> Floats:
 
 
 def tangents_of(meshes: Sequence[Mesh]) -> list[Floats32]:
-    """Return the tangents (m, 3) of each mesh: its own, or those of `corner_tangents` if it has none."""
+    """Return the tangents (m, 3) of each mesh: those that it has, or else those of `corner_tangents`."""
     tangents = {i: mesh.tangents for i, mesh in enumerate(meshes) if mesh.tangents is not None}
     for has_uvs in (True, False):
         missing = [i for i, mesh in enumerate(meshes) if i not in tangents and bool(mesh.uvs) == has_uvs]
@@ -39,7 +42,7 @@ def tangents_of(meshes: Sequence[Mesh]) -> list[Floats32]:
 
 
 def _batch_tangents(meshes: Sequence[Mesh]) -> list[Floats32]:
-    """Return the tangents of meshes that all have UVs, or all have none."""
+    """Return the computed tangents (m, 3) of each of several meshes, which all have UVs, or all have none."""
     points, corners = np.array([(len(mesh.points), len(mesh.corner_points)) for mesh in meshes]).T
     first_points = (np.cumsum(points) - points).astype(np.int32)
     uvs = [next(iter(mesh.uvs.values())) for mesh in meshes if mesh.uvs]
@@ -64,8 +67,9 @@ def corner_tangents(
 ) -> Floats32:
     """Return unit tangents (m, 3), orthogonal to the corner normals, from arrays as in `Mesh` and `uvs` (m, 2).
 
-    Where the UVs cover no area or the faces around a corner cancel, the tangent is `perpendicular` of the normal. The
-    arrays may be concatenated from several meshes; `meshes` (n,) is then the number of the mesh of each point, from 0.
+    Where the UVs cover no area, or the tangents of the faces around a corner cancel, the tangent is `perpendicular` to
+    the normal. The arrays may be concatenated from several meshes; `meshes` (n,) is then the number of each point's
+    mesh, from 0.
     """
     if uvs is None:
         return _longitude_tangents(points.astype(np.float64), corner_points, face_sizes, normals, meshes)
@@ -77,21 +81,22 @@ def corner_tangents(
         positions = points[corner_points[corners]].astype(np.float64)
         by_face = _face_tangents(positions, sizes, following, uv, orientation[faces])
         tangents[corners] = _orthogonalize(np.repeat(by_face, sizes, axis=0), normals[corners].astype(np.float64))
+    # `group` (m,) is the number of each corner's group, and `example` (g,) one corner of each group.
     positions = _number_positions(points, meshes)[corner_points]
     group, example = _group_corners(positions, normals, uvs, np.repeat(orientation.astype(np.int8), face_sizes))
     sums = sum_by(group, tangents, len(example))
     means = np.empty((len(example), 3), np.float32)
     for _, block in blocks(np.ones(len(example), np.intp)):
-        # A shorter sum of unit vectors is rounding error.
+        # A sum of unit vectors that is shorter than 1e-6 is rounding error, and becomes 0.
         reliable_sums = sums[block] * (dot(sums[block], sums[block]) > 1e-12)
-        # The normals of a group are equal, and so the mean is orthogonal to them but for rounding.
+        # The corners of a group have equal normals, to which the mean is orthogonal except for rounding.
         n = normals[example[block]].astype(np.float64)
         means[block] = normalize_or(_orthogonalize(reliable_sums, n), perpendicular(n))
     return means[group]
 
 
 def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Hash each key by the finaliser of SplitMix64 (Steele et al. 2014)."""
+    """Return a hash of each 64-bit key, by the finaliser of SplitMix64 (Steele et al. 2014)."""
     key = key * np.uint64(0x9E3779B97F4A7C15)
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -99,10 +104,10 @@ def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def handedness(mesh: Mesh) -> Floats32:
-    """Return 1 for each corner (m,) where v grows along cross(normal, tangent), -1 where the UVs are mirrored.
+    """Return the handedness (m,) at each corner: 1 if v grows along cross(normal, tangent), -1 if UVs are mirrored.
 
-    The UVs are those of the mesh's first UV set. The sign is constant over a face; it is 1 for a face whose UVs cover
-    no area and for a mesh without UVs. The green channel of a normal map leans along increasing v.
+    The UVs are those of the mesh's first UV set. The sign is constant over a face. It is 1 for a face whose UVs cover
+    no area, and for a mesh without UVs. Normal maps need it: their green channel tilts normals towards increasing v.
     """
     uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2))).astype(np.float64)
     sign = np.where(_orientation(mesh.face_sizes, next_corners(mesh.face_sizes), uvs) < 0.0, -1.0, 1.0)
@@ -110,13 +115,13 @@ def handedness(mesh: Mesh) -> Floats32:
 
 
 def _orientation(face_sizes: AnyInts, following: AnyInts, uvs: Floats) -> Floats:
-    """Return each face's sign (f,): 1 if its UVs have the face's winding, -1 if they are mirrored, 0 without area."""
+    """Return the orientation (f,) of each face's UVs: 1 with the face's winding, -1 if mirrored, 0 without area."""
     starts = run_starts(face_sizes)
     first = np.repeat(uvs[starts], face_sizes, axis=0)
     u, v = (uvs - first).T
     uv_area = np.add.reduceat(u * v[following] - u[following] * v, starts)
     extent = np.maximum.reduceat(np.maximum(np.abs(u), np.abs(v)), starts)
-    # UVs are float32: an area below their rounding has no orientation.
+    # UVs are float32. An area that is smaller than their rounding errors has no orientation.
     rounding = np.finfo(np.float32).eps * extent * np.maximum(np.abs(first[starts]).max(axis=-1), extent)
     return np.where(np.abs(uv_area) > rounding, np.sign(uv_area), 0.0)
 
@@ -124,10 +129,11 @@ def _orientation(face_sizes: AnyInts, following: AnyInts, uvs: Floats) -> Floats
 def _face_tangents(
     positions: Floats, face_sizes: AnyInts, following: AnyInts, uvs: Floats, orientation: Floats
 ) -> Floats:
-    """Return each face's tangent (f, 3), not unit; zero if it has none.
+    """Return each face's tangent (f, 3), which is not a unit vector; it is zero for a face without orientation.
 
-    By Stokes' theorem the integral of v dP around a face is the integral of (N x grad v) over it, and dP/du
-    points along (grad v x N) if the UVs have the face's winding, against it if they are mirrored.
+    `positions` (m, 3) and `uvs` (m, 2) are those of the corners. Let P be the position and N the face's normal. By
+    Stokes' theorem, the integral of v dP around a face is the integral of N x grad v over the face. The tangent dP/du
+    points along grad v x N if the UVs have the face's winding, and against it if they are mirrored.
     """
     starts = run_starts(face_sizes)
     v = uvs[:, 1] - np.repeat(uvs[starts, 1], face_sizes)
@@ -136,7 +142,10 @@ def _face_tangents(
 
 
 def _orthogonalize(vectors: Floats, normals: Floats) -> Floats:
-    """Return the vectors orthogonalised against their unit normals (Gram-Schmidt), unit or zero."""
+    """Return the vectors (k, 3) orthogonalised against their unit normals (Gram-Schmidt) and normalised.
+
+    A vector of length 0, or one along its normal, becomes zero.
+    """
     unit = normalize_or(vectors, np.zeros(3))
     remainder = unit - dot(unit, normals) * normals
     remainder *= dot(remainder, remainder) > 1e-12
@@ -146,7 +155,10 @@ def _orthogonalize(vectors: Floats, normals: Floats) -> Floats:
 def _longitude_tangents(
     points: Floats, corner_points: AnyInts, face_sizes: AnyInts, normals: Floats32, meshes: AnyInts | None
 ) -> Floats32:
-    """Return unit tangents (m, 3) around the z axis, counter-clockwise seen from above."""
+    """Return unit tangents (m, 3) around the vertical axis of each mesh, counter-clockwise seen from above.
+
+    On the axis, the tangent is `perpendicular` to the normal. `meshes` (n,) is as in `corner_tangents`.
+    """
     starts = np.flatnonzero(np.diff(meshes, prepend=-1)) if meshes is not None else np.zeros(1, np.intp)
     middle = 0.5 * (np.minimum.reduceat(points, starts) + np.maximum.reduceat(points, starts))
     x, y, z = (points - np.repeat(middle, np.diff(np.append(starts, len(points))), axis=0)).T
@@ -154,14 +166,14 @@ def _longitude_tangents(
     tangents = np.empty((len(corner_points), 3), np.float32)
     for _, corners in blocks(face_sizes):
         n = normals[corners].astype(np.float64)
-        # Twice, since the normals are unit only to float32.
+        # It is done twice, since the normals have unit length only to float32 precision.
         by_corner = _orthogonalize(_orthogonalize(around[corner_points[corners]], n), n)
         tangents[corners] = normalize_or(by_corner, perpendicular(n))
     return tangents
 
 
 def _number_positions(points: Reals, meshes: AnyInts | None) -> Indices:
-    """Number the points (n,): points of one mesh at the same position have the same number."""
+    """Return a number (n,) for each point, which is the same for points of one mesh at the same position."""
     key = _hash_rows(points) if meshes is None else mix_bits(_hash_rows(points) ^ meshes.astype(np.uint64))
     sorted_keys = np.sort(key)
     if (sorted_keys[1:] != sorted_keys[:-1]).all():
@@ -172,10 +184,13 @@ def _number_positions(points: Reals, meshes: AnyInts | None) -> Indices:
 def _group_corners(
     positions: Indices, normals: Floats32, uvs: Floats32, orientation: NDArray[np.int8]
 ) -> tuple[Indices, Indices]:
-    """Number the corners (m,): corners equal in position, normal, UV and orientation have the same number.
+    """Group the corners that are equal in position, normal, UV and orientation.
 
-    Also return one corner of each number. Each round takes one corner of each position and numbers the corners that
-    equal it. A 64-bit hash compares those that remain after a few rounds, around a point with many normals.
+    `positions` (m,) are the numbers of `_number_positions`. Return the number (m,) of each corner's group, and one
+    corner (g,) of each of the g groups.
+
+    Each round takes one corner of each position, and groups it with all corners that equal it. Corners that remain
+    after `_ROUNDS` rounds, around points with many normals, are compared by a 64-bit hash.
     """
     columns = (*normals.T, *uvs.T, orientation)
     group = np.empty(len(positions), np.intp)
@@ -205,7 +220,7 @@ def _group_corners(
 
 
 def _hash_rows(rows: Reals) -> NDArray[np.uint64]:
-    """Hash each row (k, w), by its values in float32."""
+    """Return a hash (k,) of each row of an array (k, w), by its values in float32."""
     single = rows.astype(np.float32) + np.float32(0.0)  # -0 becomes 0
     key = np.zeros(len(single), np.uint64)
     for column in single.view(np.uint32).T:

@@ -1,4 +1,4 @@
-"""Triangulation of polygons, with the same triangles as in Cycles."""
+"""Splits polygons into triangles: the same triangles as Cycles makes of them."""
 
 from __future__ import annotations
 
@@ -16,22 +16,25 @@ def triangulate(mesh: Mesh) -> Mesh:
 
 
 def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
-    """Return the corners (T, 3) and the face (T,) of each triangle of a mesh.
+    """Return the corners (t, 3) of each of the mesh's t triangles, and the face (t,) that the triangle comes from.
 
-    A polygon becomes a fan about its first corner if the fan stays inside it; otherwise a quad is split along its other
-    diagonal, and a larger polygon by ear clipping.
+    Corners are indices into the mesh's arrays over corners. A polygon becomes a fan about its first corner if the fan
+    stays inside the polygon. Otherwise a quad is split along its other diagonal, and a larger polygon by ear clipping.
     """
     sizes, starts = mesh.face_sizes.astype(np.int64), run_starts(mesh.face_sizes)
     positions = mesh.points[mesh.corner_points].astype(np.float64)
+    # The number of triangles of each face, and the face of each triangle.
     counts = sizes - 2
     faces = np.repeat(np.arange(len(sizes)), counts)
     ends = np.cumsum(counts)
+    # The number of each triangle in the fan of its face.
     number = np.arange(len(faces)) - np.repeat(ends - counts, counts)
     first = starts[faces]
     triangles = np.stack([first, first + number + 1, first + number + 2], axis=-1)
     corners = positions[triangles]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    # For a quad, Blender compares the two halves with each other.
+    # A fan leaves its polygon if a triangle is turned against the polygon. For a quad, Blender compares the two
+    # triangles with each other instead; `number == 1` is the second, and `other` is the area vector of the first.
     whole = area_vectors(positions, mesh.face_sizes)[faces]
     other = np.roll(areas, 1, axis=0)
     outside = np.where(
@@ -49,8 +52,12 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
 
 
 def _clip_ears(polygon: Floats, normal: Floats) -> Ints:
-    """Return n - 2 triangles of a polygon (n, 3): each step cuts the empty triangle of the best shape."""
-    # The polygon is projected along the axis nearest to the normal, so that it is counter-clockwise.
+    """Return n - 2 triangles (n - 2, 3) of a polygon (n, 3), as numbers of its corners.
+
+    Each step cuts off the best-shaped triangle of three consecutive corners that contains no other corner: the one with
+    the largest area relative to its longest side squared.
+    """
+    # The polygon is projected along the axis nearest to the normal, so that it is a counter-clockwise plane polygon.
     axis = int(np.abs(normal).argmax())
     axes = [(axis + 1) % 3, (axis + 2) % 3]
     flat = polygon[:, axes if normal[axis] > 0.0 else axes[::-1]]
@@ -58,6 +65,7 @@ def _clip_ears(polygon: Floats, normal: Floats) -> Ints:
     ears = []
     while len(remaining) > 3:
         before, after = np.roll(remaining, 1), np.roll(remaining, -1)
+        # The corners a, b, c of the triangle at each remaining corner, and all remaining corners p.
         a, b, c, p = flat[before, None], flat[remaining, None], flat[after, None], flat[None, remaining]
         inside = (
             (_signed_double_area(a, b, p) >= 0.0)
@@ -66,7 +74,8 @@ def _clip_ears(polygon: Floats, normal: Floats) -> Ints:
         )
         inside &= (remaining != before[:, None]) & (remaining != remaining[:, None]) & (remaining != after[:, None])
         longest = np.max([((x - y) ** 2).sum(axis=-1)[:, 0] for x, y in ((a, b), (b, c), (c, a))], axis=0)
-        # A self-intersecting polygon may have no ear; then the triangle of the best shape is cut nevertheless.
+        # A triangle with a corner inside gets a penalty of 2, more than shapes can differ. A self-intersecting polygon
+        # may have only such triangles; then the best-shaped of them is cut off.
         shape = _signed_double_area(a, b, c)[:, 0] / np.where(longest > 0.0, longest, 1.0) - 2.0 * inside.any(axis=1)
         best = int(shape.argmax())
         ears.append([before[best], remaining[best], after[best]])
@@ -75,6 +84,6 @@ def _clip_ears(polygon: Floats, normal: Floats) -> Ints:
 
 
 def _signed_double_area(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return twice the signed area of plane triangles, positive if they are counter-clockwise."""
+    """Return twice the signed area of triangles with corners (..., 2); it is positive if they are counter-clockwise."""
     ab, ac = b - a, c - a
     return np.asarray(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])

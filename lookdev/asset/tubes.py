@@ -1,7 +1,8 @@
-"""Tubes and ribbons along curves that are sampled in rings.
+"""Makes tubes and ribbons along curves, for the curves of USD files.
 
-A curve is a sequence of smooth pieces. Where two pieces meet at an angle, both cross-sections lie in the plane that
-bisects it: the tube has no gap there, and its shading has an edge where the curve has a corner.
+A curve is a sequence of smooth pieces, and is given by samples, called rings. Each ring becomes a cross-section of the
+tube or ribbon. Where two pieces meet at an angle, the cross-sections at their ends lie in the plane that bisects the
+angle. The tube therefore has no gap there, and its shading has an edge where the curve has a corner.
 """
 
 from __future__ import annotations
@@ -14,17 +15,21 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.tangents import perpendicular
 
-# Points are displaced along the curve into the plane of their cross-section, by at most so many radii: where a curve
-# reverses, the bisecting plane contains the curve.
+# The points of a ring are displaced along the curve into the plane of the cross-section. This is the largest
+# displacement, in radii: where a curve reverses, the bisecting plane contains the curve.
 _MAX_CUT = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class Rings:
-    """Samples (r,) of curves, called rings, in order: positions (r, 3), unit directions (r, 3), radii (r,).
+    """The r samples of c curves, in order along each curve.
 
-    pieces (r,) and curves (r,) are the numbers of the piece and the curve of each ring, from 0 without gaps; closed
-    (c,) is true where the last piece of a curve meets its first.
+    - positions (r, 3): points on the curve
+    - directions (r, 3): unit tangents of the curve
+    - radii (r,): half the width of the tube or ribbon
+    - pieces, curves (r,): the number of the piece and of the curve that each ring belongs to, from 0 without gaps;
+      pieces are numbered through all curves
+    - closed (c,): whether the last piece of each curve meets its first piece
     """
 
     positions: Floats
@@ -37,9 +42,14 @@ class Rings:
 
 @dataclass(frozen=True, eq=False)
 class Strips:
-    """Faces along curves: points, normals (n, 3) and st (n, 2), face_sizes (f,) and face_points (m,).
+    """A mesh along curves.
 
-    point_rings (n,) and face_curves (f,) are the numbers of the ring of each point and of the curve of each face.
+    - points, normals (n, 3): positions and unit normals
+    - st (n, 2): texture coordinates at the points
+    - face_sizes (f,): the number of corners of each face
+    - face_points (m,): the point at each corner
+    - point_rings (n,): the number of the ring from which each point comes
+    - face_curves (f,): the number of the curve to which each face belongs
     """
 
     points: Floats
@@ -52,12 +62,14 @@ class Strips:
 
 
 def tubes(rings: Rings, sides: int) -> Strips:
-    """Return tubes with flat ends; a tube whose radius falls to 0 ends in a point.
+    """Return tubes of `sides` faces around each curve, with flat caps; a tube with radius 0 at an end ends in a point.
 
-    st: u grows around the curve, counter-clockwise seen against its direction; v grows from 0 to 1 with the length
-    along it; an end is a disc in the unit square. Normals are those of the round tube, exact where the tube is straight
-    or does not taper.
+    In `st`, u grows around the curve, counter-clockwise when seen against the direction of the curve. v grows from 0 to
+    1 with the length along the curve. A cap is a disc in the unit square. Normals are those of a round tube; they are
+    exact where the tube is straight or does not taper.
     """
+    # Each ring has `sides` + 1 points; the last has the position of the first, but u = 1. At each ring, x and y span
+    # the cross-section, and `slope` is the derivative of the radius along the curve.
     fractions = _relative_lengths(rings)
     x = _frames(rings, fractions)
     y = np.cross(rings.directions, x)
@@ -71,11 +83,13 @@ def tubes(rings: Rings, sides: int) -> Strips:
         rings, outward, (outward - slope * rings.directions[:, None]) / np.sqrt(1.0 + slope**2), u, fractions
     )
 
+    # The caps of the open curves: `rims` has the rings at their ends, and `end_sign` is -1 at a start and 1 at an end.
     starts, ends = group_ends(rings.curves)
     rims = np.concatenate([starts, ends])
     end_sign = np.repeat([-1.0, 1.0], len(starts))
     has_cap = ~np.tile(rings.closed, 2) & (rings.radii[rims] > 0.0)
     rims, end_sign = rims[has_cap], end_sign[has_cap]
+    # The points around each cap, counter-clockwise when seen from outside, and their positions in the unit disc.
     around = np.where(end_sign[:, None] < 0.0, -np.arange(sides) % sides, np.arange(sides))
     disc = np.stack([np.cos(angle)[around], end_sign[:, None] * np.sin(angle)[around]], axis=-1)
     return Strips(
@@ -90,10 +104,10 @@ def tubes(rings: Rings, sides: int) -> Strips:
 
 
 def ribbons(rings: Rings, facing: Floats) -> Strips:
-    """Return flat ribbons that face along the part of `facing` (r, 3) that is perpendicular to the curve.
+    """Return flat ribbons whose normals are `facing` (r, 3), made perpendicular to the curve.
 
-    st: u grows across the ribbon, to the right where the curve runs upwards; v grows from 0 to 1 with the length along
-    it.
+    In `st`, u grows across the ribbon, to the right if the curve runs upwards. v grows from 0 to 1 with the length
+    along the curve.
     """
     across = normalize_or(np.cross(rings.directions, facing), perpendicular(rings.directions))
     normals = np.cross(across, rings.directions)
@@ -103,10 +117,12 @@ def ribbons(rings: Rings, facing: Floats) -> Strips:
 
 
 def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions: Floats) -> Strips:
-    """Return the faces between the rings of each piece, from c columns of points along it.
+    """Return the faces between consecutive rings of each piece; a ring has c points, in columns along the curve.
 
-    outward (r, c, 3): unit vectors from the curve to the columns; normals (r, c, 3); u (r, c); fractions (r,): v, the
-    length along the curve as a fraction of its total.
+    - outward (r, c, 3): unit vectors from the curve towards the points
+    - normals (r, c, 3): unit normals at the points
+    - u (r, c): the texture coordinate u of the points
+    - fractions (r,): their v, the length along the curve as a fraction of its total
     """
     columns = outward.shape[1]
     planes = _cut_normals(rings)
@@ -117,8 +133,9 @@ def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions
     cut = np.clip(np.where(np.isfinite(cut), cut, 0.0), -limit, limit)
     points = rings.positions[:, None] + radii[..., None] * outward + cut[..., None] * rings.directions[:, None]
 
-    # The lower ring of each strip of faces between two rings of a piece. Strips without area are dropped. At a tip, a
-    # ring of radius 0, a face has one corner instead of two.
+    # A strip is the row of faces between two consecutive rings of a piece; `lower` has the number of its first ring.
+    # Strips without area are dropped. At a tip, which is a ring of radius 0, a face has one corner instead of two.
+    # `is_tip` has whether the lower ring is a tip, and whether the upper ring is.
     lower = np.flatnonzero(rings.pieces[:-1] == rings.pieces[1:])
     has_length = (rings.positions[lower] != rings.positions[lower + 1]).any(axis=1)
     is_tip = rings.radii[lower] == 0.0, rings.radii[lower + 1] == 0.0
@@ -140,7 +157,7 @@ def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions
 
 
 def group_ends(groups: Indices) -> tuple[Indices, Indices]:
-    """Return the index of the first and of the last element of each group of consecutive equal numbers."""
+    """Return the indices of the first and of the last element of each run of equal numbers in `groups`, two arrays."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     return starts, np.append(starts[1:], len(groups)) - 1
 
@@ -154,7 +171,7 @@ def _relative_lengths(rings: Rings) -> Floats:
 
 
 def _slopes(rings: Rings) -> Floats:
-    """Return the derivative of the radius by the length at each ring (r,)."""
+    """Return the derivative (r,) of the radius by the length along the curve at each ring, from its neighbours."""
     starts, ends = group_ends(rings.pieces)
     ring = np.arange(len(rings.radii))
     before, after = np.maximum(ring - 1, starts[rings.pieces]), np.minimum(ring + 1, ends[rings.pieces])
@@ -164,8 +181,9 @@ def _slopes(rings: Rings) -> Floats:
 
 
 def _cut_normals(rings: Rings) -> Floats:
-    """Return a normal (r, 3), not unit, of the plane of each ring's cross-section."""
+    """Return a normal (r, 3), not normalised, of the plane of each ring's cross-section."""
     planes = rings.directions.copy()
+    # The last ring of a piece and the first ring of the next piece of the same curve have one plane, which bisects.
     last = np.flatnonzero((rings.pieces[:-1] != rings.pieces[1:]) & (rings.curves[:-1] == rings.curves[1:]))
     starts, ends = group_ends(rings.curves)
     last, first = np.append(last, ends[rings.closed]), np.append(last + 1, starts[rings.closed])
@@ -174,15 +192,16 @@ def _cut_normals(rings: Rings) -> Floats:
 
 
 def _frames(rings: Rings, fractions: Floats) -> Floats:
-    """Return unit vectors (r, 3) perpendicular to the curve that rotate from ring to ring as little as possible.
+    """Return a unit vector (r, 3) at each ring, perpendicular to the curve, with as little rotation as possible.
 
-    On a closed curve the rotation that remains at the end is subtracted evenly along it, so that the ends meet.
+    On a closed curve, the vectors at the start and at the end differ by a rotation about the curve. This rotation is
+    subtracted evenly along the curve, so that the ends meet. `fractions` (r,) are the relative lengths along the curve.
     """
     starts, ends = group_ends(rings.curves)
     number = np.arange(len(rings.curves)) - starts[rings.curves]
     rotations = _smallest_rotations(np.roll(rings.directions, 1, axis=0), rings.directions)
     rotations[starts] = [1.0, 0.0, 0.0, 0.0]
-    # The product of all rotations up to each ring, by products of 2, 4, 8, ... of them.
+    # A prefix product: after each round, a ring has the product of the last 2, 4, 8, ... rotations up to it.
     reach = 1
     while reach <= number.max():
         later = np.flatnonzero(number >= reach)
@@ -199,7 +218,7 @@ def _frames(rings: Rings, fractions: Floats) -> Floats:
 
 
 def _smallest_rotations(before: Floats, after: Floats) -> Floats:
-    """Return unit quaternions (r, 4), real part first, of the smallest rotations between unit vectors (r, 3)."""
+    """Return the smallest rotations from unit vectors (r, 3) to others, as unit quaternions (r, 4), real part first."""
     real = 1.0 + dot(before, after)
     is_opposite = real < 1e-12  # any half turn is a smallest rotation
     axis = np.where(is_opposite, perpendicular(before), np.cross(before, after))
@@ -208,7 +227,7 @@ def _smallest_rotations(before: Floats, after: Floats) -> Floats:
 
 
 def _compose_rotations(second: Floats, first: Floats) -> Floats:
-    """Return the rotations by `first` and then `second`, unit quaternions (r, 4)."""
+    """Return unit quaternions (r, 4) of the rotations that apply `first` and then `second`, also (r, 4)."""
     a, u, b, v = second[:, :1], second[:, 1:], first[:, :1], first[:, 1:]
     product = np.concatenate([a * b - dot(u, v), a * v + b * u + np.cross(u, v)], axis=1)
     return np.asarray(product / np.linalg.norm(product, axis=1, keepdims=True))

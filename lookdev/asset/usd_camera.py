@@ -1,4 +1,4 @@
-"""A camera of a USD file, as plain numbers in world space: z up, in metres."""
+"""Reads the camera that a job names in a USD file, as plain numbers in world space: z up, in metres."""
 
 from __future__ import annotations
 
@@ -19,21 +19,24 @@ _TIME = Usd.TimeCode.EarliestTime()
 _LENGTHS = ("horizontalAperture", "verticalAperture", "focalLength")
 _OFFSETS = ("horizontalApertureOffset", "verticalApertureOffset")
 _LENS = ("projection", *_LENGTHS, *_OFFSETS, "fStop", "focusDistance")
+# Attributes of USD's cameras without effect here; a note names those that are set.
 _UNSUPPORTED = (
     "clippingPlanes",
     "exposure",
     *(f"exposure:{name}" for name in ("fStop", "iso", "responsivity", "time")),
 )
-_LENS_UNIT = 0.1  # scene units: the unit of focal length, apertures and offsets (UsdGeomCamera, "Units")
-_MAX_COSINE = 1e-4  # the largest cosine between axes that count as orthogonal
+_LENS_UNIT = 0.1  # in scene units, the unit of focal length, apertures and offsets (UsdGeomCamera, "Units")
+_MAX_COSINE = 1e-4  # the largest cosine of the angle between two axes that count as orthogonal
 
 
 @dataclass(frozen=True)
 class UsdCamera:
-    """A perspective camera. Lengths are in metres.
+    """A perspective camera. Lengths are in metres, and vectors in world space.
 
-    `frame` has the unit vectors to the right, up and backwards. `apertures` are the width and height of the sensor,
-    `offsets` the position of its centre relative to the optical axis. With `f_stop` 0 everything is sharp.
+    `path` is the path of the prim. `frame` has three unit vectors: to the right, up and backwards. `apertures` are the
+    width and the height of the sensor, and `offsets` the position of the sensor's centre relative to the optical axis,
+    to the right and up. With `f_stop` 0 everything is sharp. `clipping` has the near and the far distance. `notes` are
+    lines for the user about settings without effect.
     """
 
     path: str
@@ -92,6 +95,7 @@ def read_camera(stage: Usd.Stage, path: str) -> UsdCamera:
 
 
 def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
+    """Yield the faults of a camera's attributes and of its transform."""
     path = str(prim.GetPath())
     for name in _LENS:
         attribute, location = prim.GetAttribute(name), f"{path}.{name}"
@@ -130,12 +134,15 @@ def _camera_faults(file: str, prim: Usd.Prim) -> Iterator[Fault]:
 
 
 def _is_range(value: object) -> bool:
-    """Return whether a value is a pair of increasing numbers; the second may be infinite."""
+    """Return whether a value is a pair of floats, the first below the second; the second may be infinite."""
     return isinstance(value, Gf.Vec2f) and abs(value[0]) <= MAX_COORDINATE and value[0] < value[1]
 
 
 def _xformable_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    """Yield the prims whose transforms place a prim: itself and ancestors, up to one that resets the transform."""
+    """Yield the prims whose transforms place a prim.
+
+    They are the prim itself and its transformable ancestors, up to the first that resets the transform.
+    """
     while prim:
         xformable = UsdGeom.Xformable(prim)
         if xformable:
@@ -146,7 +153,7 @@ def _xformable_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
 
 
 def _transform_problem(matrix: Floats) -> str:
-    """Return why a matrix (4, 4) for row vectors cannot place a camera; '' if it can."""
+    """Return why a matrix (4, 4) for row vectors cannot place a camera, or "" if it can."""
     axes = matrix[:3, :3]
     sizes = np.linalg.norm(axes, axis=1)
     if not (is_affine(matrix) and (sizes > 0.0).all()):
@@ -158,7 +165,7 @@ def _transform_problem(matrix: Floats) -> str:
 
 
 def _camera_axes(prim: Usd.Prim) -> Floats:
-    """Return the unit vectors (3, 3) to the right, up and backwards, exactly orthogonal."""
+    """Return a camera's unit vectors to the right, up and backwards, exactly orthogonal, as rows of a matrix (3, 3)."""
     _, up, back = _stage_matrix(prim)[:3, :3]
     back = back / np.linalg.norm(back)
     right = np.cross(up, back)
@@ -167,10 +174,12 @@ def _camera_axes(prim: Usd.Prim) -> Floats:
 
 
 def _stage_matrix(prim: Usd.Prim) -> Floats:
+    """Return the matrix (4, 4), for row vectors, from a prim's space to the stage's."""
     return np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(_TIME), np.float64)
 
 
 def _camera_notes(prim: Usd.Prim, values: dict[str, float]) -> Iterator[str]:
+    """Yield notes about settings of a camera without effect; `values` are its attributes by name."""
     path = prim.GetPath()
     if values["fStop"] > 0.0 and values["focusDistance"] == 0.0:
         yield f"{path}: fStop is {values['fStop']:g}, but no focusDistance is given: everything is sharp"
@@ -180,6 +189,6 @@ def _camera_notes(prim: Usd.Prim, values: dict[str, float]) -> Iterator[str]:
 
 
 def _is_set(prim: Usd.Prim, name: str) -> bool:
-    """Return whether an attribute differs from its default; older versions of USD lack some attributes."""
+    """Return whether a prim has an attribute that differs from its default; older versions of USD lack some of them."""
     value = prim.GetAttribute(name).Get(_TIME) if prim.HasAttribute(name) else None
     return bool(value) and value != prim.GetPrimDefinition().GetAttributeFallbackValue(name)

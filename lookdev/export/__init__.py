@@ -1,4 +1,7 @@
-"""Export of jobs to other programs: a .blend, scenes of Mitsuba, a job of a farm; and copies of the example jobs."""
+"""Exports jobs to other programs: as a .blend, as scenes of Mitsuba, or as a job of a render farm.
+
+`examples` copies the example jobs.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,7 +9,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class ExportResult:
-    """The files that an export wrote, text about them and their use, and notes for the user."""
+    """The result of an export: the written files, a text about the files and their use, and notes for the user."""
 
     files: tuple[Path, ...]
     text: str

@@ -1,4 +1,8 @@
-"""`lookdev export blend`: the scenes of a job as a .blend, which is written completely or not at all."""
+"""Exports the scenes of a job as a .blend, for `lookdev export blend`; it is written completely or not at all.
+
+A separate process, the exporter, writes the .blend with Blender. It gets a task, as JSON in a file, and answers on
+standard output.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +34,7 @@ EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--ex
 
 
 class ExportAnswer(BaseModel):
-    """The answer of the exporting process: notes for the user, or the error."""
+    """The answer of the exporter: notes for the user, or an error."""
 
     notes: tuple[str, ...] = ()
     error: str = ""
@@ -44,18 +48,19 @@ def export_blend(
     command: Sequence[str] = EXPORT_COMMAND,
     timeout: float = ANSWER_TIMEOUT,
 ) -> ExportResult:
-    """Write the scenes of a job as a .blend with looks as Cycles' own closures; the job's backend is ignored.
+    """Write the scenes of a job as a .blend, with looks as Cycles' own closures; the job's backend is ignored.
 
     Parameters
     ----------
     job
         The job file.
     out
-        The .blend, which is replaced only by a complete one. Its folder is created if it does not exist.
+        The path of the .blend. An existing file is replaced only by a complete one. The folder is created if it does
+        not exist.
     pack
         Pack images into the .blend; otherwise they are copied to the folder ``<stem>_files`` next to it.
     command
-        The command of the exporting process; the path of a file with the task is appended as its last argument.
+        The command that starts the exporter; the path of a file with the task is appended as its last argument.
     timeout
         The time that the exporter may take, in seconds for each look.
 
@@ -66,7 +71,7 @@ def export_blend(
     OutputError
         A file cannot be written.
     RenderError, WorkerError
-        Blender cannot write it.
+        Blender cannot write the .blend.
     """
     out = out.absolute()
     if out.suffix != ".blend":
@@ -78,7 +83,7 @@ def export_blend(
     with output_errors(out, name_file=True), ExitStack() as stack:
         out.parent.mkdir(parents=True, exist_ok=True)
         copies = stack.enter_context(_copy_images(() if pack else images, out.parent))
-        # A folder, because Blender first writes a file with another name.
+        # The .blend is written in a folder of its own, because Blender first writes a file with another name.
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent))
         temporary = Path(folder, out.name)
         notes = _run_exporter(blend_task(prepared, temporary, images, pack=pack), command, timeout)
@@ -92,12 +97,13 @@ def export_blend(
 
 
 def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
-    """Return the export task of a job that was prepared with backend ``"nodes"``.
+    """Return the task that makes the exporter write a job, which was prepared with backend ``"nodes"``, to `file`.
 
-    The poses are those under the job's first rig; other rigs are rotated by their difference in rotation. All rigs
-    share one timeline, so RenderError is raised if the domes of one rig rotate with the light and those of another do
-    not.
+    The poses are those under the job's first rig. Every other rig is rotated by the difference between its rotation and
+    that of the first rig. All rigs share one timeline. RenderError is therefore raised if the domes of one rig rotate
+    with the light and those of another do not.
     """
+    # By the names of the look and the rig.
     job = prepared.job
     scenes = {(setup.look, setup.ibl): setup.task for setup in prepared.setups}
     first, looks = job.rigs[0], [look.name for look in job.look]
@@ -129,9 +135,11 @@ def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *,
 def image_names(prepared: JobSetups) -> dict[Content, str]:
     """Return all images that looks and lights read, with unique file names.
 
-    A name has the name of the original and the image's digest, so that an export does not replace images of an earlier
-    .blend.
+    A file name consists of the name of the original image and a digest of the content, so that an export does not
+    replace images of an earlier .blend.
     """
+    # The first part of each image's name: for an image of a light, the name of the light; for an image of a look, the
+    # name of the original file. `originals` has the images of looks, also those that no shader reads.
     names: dict[Content, str] = {}
     for setup in prepared.setups:
         for image in native_images(setup.task.lights):
@@ -149,7 +157,7 @@ def image_names(prepared: JobSetups) -> dict[Content, str]:
 
 
 def _image_sources(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
-    """Yield the image look-ups of looks."""
+    """Yield the textures and bumps that inputs and masks of looks read."""
     layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
     for source in leaf_sources(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
         if isinstance(source, Texture | Bump):
@@ -158,12 +166,12 @@ def _image_sources(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
 
 @contextmanager
 def _copy_images(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[Path, ...]]:
-    """Copy images to their paths relative to a folder; remove new copies if the block fails."""
+    """Copy images to their paths in a folder and yield the paths of the copies; remove new ones if the block fails."""
     copies = {folder / image.path: image.content for image in images}
     created: list[Path] = []
     try:
         for copy, content in copies.items():
-            if not copy.exists():  # its name depends on its content
+            if not copy.exists():  # a file of the same name has the same content
                 with atomic_path(copy) as temporary:
                     shutil.copyfile(content.path, temporary)
                 created.append(copy)
@@ -172,20 +180,20 @@ def _copy_images(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[P
         for copy in created:
             copy.unlink(missing_ok=True)
         for parent in {copy.parent for copy in copies}:
-            with suppress(OSError):  # it is missing or not empty
+            with suppress(OSError):  # the folder is missing or not empty
                 parent.rmdir()
         raise
 
 
 def _run_exporter(task: BlendTask, command: Sequence[str], timeout: float) -> tuple[str, ...]:
-    """Write a .blend in a separate process, which is killed if this call fails; return its notes."""
+    """Run the exporter, which is killed if this call fails; return its notes. `timeout` is in seconds for each look."""
     seconds = timeout * len(task.scenes)
     with tempfile.TemporaryDirectory(prefix="lookdev-export-") as scratch:
         request, log = Path(scratch, "task.json"), Path(scratch, "log")
         request.write_bytes(BLEND_TASK.dump_json(task))
         with log.open("wb") as stream:
             try:
-                # It has its own session, so that Ctrl-C in the terminal interrupts only this process.
+                # The exporter has its own session, so that Ctrl-C in the terminal interrupts only the present process.
                 process = subprocess.Popen(
                     (*command, str(request)),
                     stdin=subprocess.DEVNULL,
@@ -217,4 +225,5 @@ def _run_exporter(task: BlendTask, command: Sequence[str], timeout: float) -> tu
 
 
 def _size_text(files: Sequence[Path]) -> str:
+    """Return the total size of files as text, in MB."""
     return f"{sum(file.stat().st_size for file in files) / 1e6:.1f} MB"

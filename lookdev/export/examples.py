@@ -1,4 +1,7 @@
-"""The shipped example jobs: a list, and copies with the files that they need."""
+"""Lists the example jobs that ship with lookdev, and copies them with the files that they need.
+
+This is for `lookdev example`.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,10 @@ _SECONDS = {"s": 1, "min": 60}
 
 @dataclass(frozen=True)
 class Example:
-    """A shipped job: its file, its first comment, and its seconds on two cores, or 0 if the file has no time."""
+    """A shipped job: its file, its title, and its render time on two cores in seconds.
+
+    The title and the time are comments in the file. The time is 0 if the file has none.
+    """
 
     file: Path
     title: str
@@ -30,13 +36,13 @@ class Example:
 
     @property
     def name(self) -> str:
-        """The name of the file without suffix."""
+        """The name of the example: that of the file, without suffix."""
         return self.file.stem
 
 
 @dataclass(frozen=True)
 class CopiedExample:
-    """The copy of a job, and the number of files written, including the job."""
+    """The copied job file, and the number of files that were written, including the job."""
 
     job: Path
     written: int
@@ -77,7 +83,7 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> CopiedExample:
     LookdevError
         No shipped job has that name.
     OutputError
-        A file exists and differs, and `force` is not set, so nothing is written; or a file cannot be written.
+        Without `force`, a file exists and differs; then nothing is written. Or a file cannot be written.
     """
     examples = {example.name: example for example in list_examples()}
     if name not in examples:
@@ -91,5 +97,6 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> CopiedExample:
         raise OutputError(f"these files exist and differ from the example's: {', '.join(differing)} ({hint})")
     with output_errors(to, "the example cannot be written"):
         for file in stale:
-            write_file(targets[file], file.read_bytes())  # without the mode: an installed file may be read-only
+            # The file's mode is not copied, because an installed file may be read-only.
+            write_file(targets[file], file.read_bytes())
     return CopiedExample(targets[source], len(stale))

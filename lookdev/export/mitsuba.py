@@ -1,4 +1,8 @@
-"""`lookdev export mitsuba`: scenes of a job as XML for Mitsuba 3, with looks as plug-ins of `lookdev.mitsuba`."""
+"""Exports a job as XML scenes for Mitsuba 3, for `lookdev export mitsuba`.
+
+Looks are plug-ins of `lookdev.mitsuba`; lights, camera and meshes are Mitsuba's own. Coordinates in a scene are
+relative to the asset's centre.
+"""
 
 from __future__ import annotations
 
@@ -27,25 +31,27 @@ from lookdev.scene import Camera, Pose
 
 Matrix = Floats
 
-# From Mitsuba's axes, with y up, to the axes here, with z up; it also maps the columns of an environment map to ours.
+# The matrix from Mitsuba's axes, with y up, to lookdev's axes, with z up. It also rotates Mitsuba's environment maps so
+# that their columns have the directions that they have in lookdev.
 _Y_UP_TO_Z_UP = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-# Mitsuba's rectangles and disks emit along +z.
+# Mitsuba's rectangles and disks emit along +z, and those of lookdev along -z.
 _FLIP_Z = np.diag([1.0, -1.0, -1.0, 1.0])
 # Fields of `Emission` that an exported light can have; all others must have their defaults.
 _EXPORTED_FIELDS = {"color", "group", "path", "turns"}
+# The properties of a vertex in a PLY file: position, normal and UV.
 _VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
 
 
 def export_mitsuba(job: Path, out: Path) -> ExportResult:
     """Write ``<look>.<light>.xml`` for each look under each light of a job, with its meshes and maps, into a folder.
 
-    The pose is the first of the first turntable. The scenes refer to the files of the looks. A file is replaced only by
-    a complete one.
+    The asset and the light have the pose of the first frame of the first turntable. The scenes refer to the files of
+    the looks. An existing file is replaced only by a complete one.
 
     Raises
     ------
     LookdevError
-        The job is wrong, or Mitsuba's own plug-ins cannot show a look, a light or the camera; the message names it.
+        The job is wrong, or the export does not support a look, a light or the camera, which the message names.
     OutputError
         A file cannot be written.
     """
@@ -70,6 +76,7 @@ def export_mitsuba(job: Path, out: Path) -> ExportResult:
 
 
 def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementTree.Element:
+    """Return the XML of a look under a light, and write the scene's meshes and environment maps below `out`."""
     if look.material is None or look.assign or look.layer:
         raise LookdevError(f"look '{look.name}': is on parts of the asset; looks with one 'material' are exported")
     if is_document(str(look.material)):
@@ -79,7 +86,8 @@ def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementT
         source.check_plugin(f"look '{look.name}'")
     sampling, scene = setup.task.sampling, setup.scene
     root = ElementTree.Element("scene", version="3.0.0")
-    # Depth 1 is direct view of a light, depth 2 is light reflected once.
+    # Mitsuba's depth is 1 for light that the camera sees directly, and 2 for light that is reflected once. Russian
+    # roulette would begin at depth 1000.
     _add_plugin(root, "integrator", "path", max_depth=sampling.bounces + 2, rr_depth=1000, hide_emitters=True)
     values = {f"variant_{name}": variant for name, variant in look.variants.items()}
     values |= {"prim": look.prim} if look.prim is not None else {}
@@ -95,12 +103,13 @@ def _build_scene(setup: Setup, look: JobLook, pose: Pose, out: Path) -> ElementT
 
 
 def _add_sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Floats) -> None:
+    """Add the camera, orbited to the pose, with its sampler and film."""
     camera = setup.scene.camera.orbit(-pose.element)
     if camera.lens is not None or any(camera.shift):
         raise LookdevError("camera: depth of field and lens shift are not exported; 'lookdev render' shows them")
     right, up, back = camera.frame
     to_world = np.eye(4)
-    # Mitsuba's camera looks along its z, with x to the left.
+    # In Mitsuba's camera space, z points to the scene and x to the left.
     to_world[:3] = np.stack([-right, up, -back, camera.position - center], axis=1)
     near, far = map(float, camera.clip)
     lens: dict[str, float | str] = {"fov": float(camera.fov), "fov_axis": "x", "near_clip": near, "far_clip": far}
@@ -113,7 +122,11 @@ def _add_sensor(root: ElementTree.Element, setup: Setup, pose: Pose, center: Flo
 
 
 def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setup, pose: Pose, folder: Path) -> None:
-    """Add a light in its pose, relative to the asset's centre; raise EnvironmentMapError if it is not exported."""
+    """Add a light, rotated to the pose; raise EnvironmentMapError if the export does not support the light.
+
+    `name` is the light's name in messages. `folder` is the folder of the environment maps.
+    """
+    # The asset stays in its place: the camera (`_add_sensor`) and the lights rotate by `-pose.element` instead.
     gain, center = 2.0**setup.exposure, np.array(setup.scene.asset.center)
     turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, setup.scene.camera, center)
     if dome := light.world_dome:
@@ -131,6 +144,7 @@ def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setu
         raise _unsupported_light(name, "a beam, shadow, falloff, link, multiplier or texture")
     if light.mitsuba_shape is None or light.position is None:
         raise _unsupported_light(name, f"the kind '{light.kind}'")
+    # `size` maps Mitsuba's shape to the light's own space.
     kind, size = light.mitsuba_shape
     to_world = np.eye(4)
     to_world[:3, :3], to_world[:3, 3] = np.array(light.axes).T, np.array(light.position) - center
@@ -143,11 +157,12 @@ def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setu
 
 
 def _unsupported_light(name: str, feature: str) -> EnvironmentMapError:
+    """Return the error for a light with a feature that is not exported."""
     return EnvironmentMapError(f"{name}: {feature} is not exported: backend 'mitsuba' of 'lookdev render' may show it")
 
 
 def _rotation_about_pivot(degrees: float, camera: Camera, center: Floats) -> Matrix:
-    """Return the rotation about the camera's vertical axis, for points relative to the asset's centre."""
+    """Return the rotation (4, 4) about the vertical axis that the camera orbits, for points relative to `center`."""
     angle = np.radians(degrees)
     turn, to_pivot = np.eye(4), np.eye(4)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
@@ -156,7 +171,7 @@ def _rotation_about_pivot(degrees: float, camera: Camera, center: Floats) -> Mat
 
 
 def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
-    """Write each instance as triangles in world space relative to the centre; yield the names of the files."""
+    """Write the triangles of each instance as a file, in world space relative to `center`; yield the files' names."""
     for number, instance in enumerate(asset.instances):
         name = f"{asset.digest[:16]}.{number}.ply"
         if not (folder / name).exists():
@@ -166,18 +181,22 @@ def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
 
 
 def _encode_ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
-    """Return a mesh of triangles as a binary PLY (Turk 1994) with a vertex for each corner."""
+    """Return a mesh of triangles as a binary PLY (Turk 1994) with a vertex for each corner.
+
+    `matrix` (4, 4) places the mesh in world space; points are relative to `center`. UVs are those of the default UV
+    set, or else of the first.
+    """
     corners = mesh.corner_points
     normals = mesh.normals @ np.linalg.inv(matrix[:3, :3])
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    first = mesh.uvs.get(mesh.default_uv) if mesh.default_uv in mesh.uvs else next(iter(mesh.uvs.values()), None)
-    uv = np.zeros((len(corners), 2)) if first is None else first
+    default_uvs = mesh.uvs.get(mesh.default_uv) if mesh.default_uv in mesh.uvs else next(iter(mesh.uvs.values()), None)
+    uv = np.zeros((len(corners), 2)) if default_uvs is None else default_uvs
     points = mesh.points[corners] @ matrix[:3, :3].T + matrix[:3, 3] - center
     vertices = np.concatenate([points, normals, uv], axis=1).astype("<f4")
     faces = np.zeros(len(corners) // 3, [("count", "u1"), ("corners", "<i4", 3)])
     faces["count"] = 3
     order = np.arange(len(corners)).reshape(-1, 3)
-    # A mirrored instance would be inside out.
+    # The triangles of a mirrored instance are reversed; otherwise it would be inside out.
     faces["corners"] = order[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0.0 else order
     head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     head += [f"property float {name}" for name, _ in _VERTEX]
@@ -188,6 +207,10 @@ def _encode_ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
 def _add_plugin(
     parent: ElementTree.Element, tag: str, plugin: str, **values: bool | int | float | str
 ) -> ElementTree.Element:
+    """Add an object of Mitsuba's plug-in `plugin` with the given parameters to the scene, and return its element.
+
+    `tag` is the plug-in's type, such as "emitter".
+    """
     element = ElementTree.SubElement(parent, tag, type=plugin)
     for name, value in values.items():
         kind = {bool: "boolean", int: "integer", float: "float", str: "string"}[type(value)]
@@ -197,9 +220,11 @@ def _add_plugin(
 
 
 def _add_transform(parent: ElementTree.Element, matrix: Sequence[Sequence[float]] | Matrix) -> None:
+    """Add the matrix (4, 4), for column vectors, that places an object in the scene."""
     element = ElementTree.SubElement(parent, "transform", name="to_world")
     ElementTree.SubElement(element, "matrix", value=_format_numbers(matrix))
 
 
 def _format_numbers(values: Sequence[Sequence[float]] | Floats) -> str:
+    """Return numbers, row by row, as text that reads back to the same numbers."""
     return " ".join(repr(float(value)) for value in np.ravel(values))

@@ -1,10 +1,13 @@
-"""`lookdev export openjd`: a job for a farm, as a template of Open Job Description, or a bundle of AWS Deadline Cloud.
+"""Exports a job for a render farm, for `lookdev export openjd`.
+
+It writes a template of Open Job Description, or a job bundle of AWS Deadline Cloud, which is a folder with a template.
 
 - Open Job Description, template schemas 2023-09: https://github.com/OpenJobDescription/openjd-specifications/wiki
 - AWS Deadline Cloud, "Open Job Description templates: job bundles"
 
-The first step renders chunks of the frames. On each host, a worker stays warm between tasks of that step. The second
-step writes the outputs that need several frames. Paths of the job are parameters, so that a farm can map them.
+A template has two steps. The first step renders chunks, which are parts of the job's frames. On each host, one render
+worker is kept for all chunks of the host. The second step writes the outputs that need several frames. The paths of the
+job file and of its output are parameters of the template, so that a farm can map them.
 """
 
 from __future__ import annotations
@@ -28,17 +31,17 @@ from lookdev.plan.prepare import prepare_job
 from lookdev.run.manifest import input_files
 
 TEMPLATE_SUFFIXES = (".yaml", ".yml", ".json")
-"""Suffixes of a template's file; an output without one of them is the folder of a job bundle."""
+"""The suffixes of a template's file; an output path without one of them is the folder of a job bundle."""
 
-_CHUNK_SECONDS = 300.0  # long against the start and the preparation of a chunk, which take some seconds
+_CHUNK_SECONDS = 300.0  # much longer than the start and the preparation of a chunk, which take some seconds
 _TEMPLATE = Path(__file__).with_name("openjd.yaml")
-_MAX_NAME_LENGTH = 64
-_GPUS = {"cuda", "optix", "hip", "oneapi"}
+_MAX_NAME_LENGTH = 64  # characters of the job's name
+_GPUS = {"cuda", "optix", "hip", "oneapi"}  # the values of `render.device` that need a GPU
 
 
 @dataclass(frozen=True)
 class HostRequirements:
-    """Requirements of a host: cores and MiB of memory for a worker, and the program that it calls."""
+    """The requirements of a host: cores and MiB of memory, and the name or path of the program `lookdev` on it."""
 
     cores: int = 2
     memory: int = 4096
@@ -50,7 +53,7 @@ def export_openjd(
 ) -> ExportResult:
     """Write a job as a template or, if `out` has no suffix of a template, as a job bundle in the folder `out`.
 
-    Without `chunks`, chunks take about five minutes by an estimate.
+    `chunks` is the division of the frames into chunks. By default, a chunk takes about five minutes by an estimate.
 
     Raises
     ------
@@ -82,12 +85,14 @@ def export_openjd(
     except DecodeValidationError as error:
         raise LookdevError(f"openjd-model refuses the template: {error}") from error
 
+    # The values of the template's path parameters.
     values = {"Job": str(job.file), "Output": str(job.output)}
     documents: dict[Path, object] = {template_file: template}
     if bundle:
         documents |= _bundle_files(job, out, values)
 
     def encode(data: object, file: Path) -> str:
+        """Return a document as JSON or YAML, by the suffix of its file."""
         if file.suffix.lower() == ".json":
             return json.dumps(data, indent=2) + "\n"
         return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
@@ -106,7 +111,10 @@ def export_openjd(
 
 
 def job_template(job: Job, folder: Path, chunks: Division, requirements: HostRequirements) -> dict[str, Any]:
-    """Return the template of a job as a document of the specification, for a file in `folder`."""
+    """Return the template of a job, as a document of the specification that will be a file in `folder`.
+
+    Paths below this folder are default values of parameters, relative to the folder. Other paths have no default.
+    """
     import yaml
 
     template: dict[str, Any] = yaml.safe_load(_TEMPLATE.read_text("utf-8"))
@@ -121,6 +129,7 @@ def job_template(job: Job, folder: Path, chunks: Division, requirements: HostReq
     for name, count in (("Chunks", chunks.count), ("Machines", chunks.machines or chunks.count)):
         parameters[name] |= {"default": count, "maxValue": MAX_CHUNKS}
     parameters["Command"]["default"] = requirements.command
+    # The first step renders. The last argument of the command that starts its worker is the backend.
     render = template["steps"][0]
     render["stepEnvironments"][0]["script"]["actions"]["onEnter"]["args"][-1] = job.render.backend
     cores, memory, gpu = amounts = render["hostRequirements"]["amounts"]
@@ -131,7 +140,11 @@ def job_template(job: Job, folder: Path, chunks: Division, requirements: HostReq
 
 
 def _bundle_files(job: Job, out: Path, values: Mapping[str, str]) -> dict[Path, object]:
-    """Return the other files of a job bundle: values of the parameters, and the paths of files that the job reads."""
+    """Return the contents of a bundle's files other than the template, by path.
+
+    One file has the values of the template's parameters. The other has the paths of the files that the job reads, and
+    of its output.
+    """
     inputs = [str(file) for file in input_files(job) if file != job.file]
     references = {
         "inputs": {"filenames": inputs, "directories": []},

@@ -1,1 +1,1 @@
-"""Descriptions of assets, rigs, preset libraries and this machine."""
+"""Describes assets, rigs, preset libraries and this machine, for the commands `inspect`, `materials` and `doctor`."""

@@ -1,4 +1,7 @@
-"""`lookdev inspect`: the parts, materials and lights of an asset or a rig, as they would be rendered."""
+"""Describes the parts and materials of an asset, or the lights of a rig, as rendered, for `lookdev inspect`.
+
+A part is a mesh, or a GeomSubset of a mesh, to which one material is bound.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +24,20 @@ from lookdev.safe_text import align_columns
 from lookdev.stage import Composition, compose
 
 MAX_PARTS_LISTED = 200
-"""Parts that the text lists; ``--json`` has all."""
+"""The greatest number of parts that the text lists; ``--json`` lists all."""
 
 
 @dataclass(frozen=True)
 class InspectedPart:
-    """A mesh, or a GeomSubset of one.
+    """A mesh, or a GeomSubset of a mesh.
 
-    `path` is the path of its first instance, `paths` are the distinct paths of all instances. `faces` counts the faces
-    of one instance, as in the file. `subdivision` is the scheme with its tags, "" for polygons. `material` is the path
-    of the bound material, "" where nothing is bound.
+    - path: the path of the first instance
+    - paths: the distinct paths of all instances
+    - instances: the number of instances
+    - faces: the number of faces of one instance, not refined
+    - subdivision: the scheme, and the numbers of creases, corners and holes; "" for polygons
+    - uv_sets, primvars: their names
+    - material: the path of the bound material, or "" if no material is bound
     """
 
     path: str
@@ -45,7 +52,11 @@ class InspectedPart:
 
 @dataclass(frozen=True)
 class InspectedMaterial:
-    """A bound material: the models of its layers, base first; `lost` are the messages on what is not carried over."""
+    """A material that is bound to parts.
+
+    `layers` are the reflectance models of its layers, from the base up. `textures` is the number of its images, and
+    `displaced` whether it has a displacement. `lost` has a message for each feature that is not carried over.
+    """
 
     path: str
     layers: tuple[str, ...]
@@ -56,7 +67,11 @@ class InspectedMaterial:
 
 @dataclass(frozen=True)
 class Inspection:
-    """An asset, its parts and materials; lengths in metres, z up. `notes` list unsupported content and repairs."""
+    """The description of an asset with its parts and materials. Lengths are in metres, and z is up.
+
+    `minimum` and `maximum` (3,) are the corners of the bounding box; `radius` is that of the bounding sphere. `points`
+    and `faces` are counted once for each mesh. `notes` list unsupported content and repairs.
+    """
 
     file: str
     minimum: tuple[float, ...]
@@ -66,7 +81,7 @@ class Inspection:
     instances: int
     points: int
     faces: int
-    faces_shown: int  # with all instances
+    faces_shown: int  # counted for each instance
     parts: tuple[InspectedPart, ...]
     materials: tuple[InspectedMaterial, ...]
     notes: tuple[str, ...]
@@ -76,7 +91,7 @@ class Inspection:
         return asdict(self)
 
     def text(self) -> str:
-        """Return the tree of parts, at most `MAX_PARTS_LISTED` of them, then materials and notes."""
+        """Return the size and the counts, the tree of at most `MAX_PARTS_LISTED` parts, the materials and the notes."""
         size = " x ".join(f"{b - a:.4g}" for a, b in zip(self.minimum, self.maximum, strict=True))
         more = f" ({self.faces_shown:,} with instances)" if self.faces_shown > self.faces else ""
         counts = [_count_text(self.meshes, "mesh", "es"), _count_text(self.instances, "instance")]
@@ -103,8 +118,9 @@ def inspect_file(
 ) -> tuple[Inspection, Asset] | tuple[InspectedRig, None]:
     """Read an asset and the materials bound to it; return the inspection and the asset itself.
 
-    With `rig`, or if the stage has lights and no geometry, return the inspection of the lights and None. Raises
-    AssetError or FaultsError if it cannot be rendered.
+    `time` and `purposes` are as in `read_usd`. With `rig`, or if the stage has lights and no geometry, read a rig and
+    return the inspection of its lights and None. Raises AssetError or FaultsError if the asset or rig cannot be
+    rendered.
     """
     composed = compose(composition)
     if rig or holds_only_lights(composed):
@@ -117,6 +133,7 @@ def inspect_file(
 
 def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> Inspection:
     """Return the inspection of an asset; `bound` has the looks of its materials by path."""
+    # By number of the mesh: the number of its instances, and their distinct paths in order.
     uses = Counter(instance.mesh for instance in asset.instances)
     paths: dict[int, dict[str, None]] = {}
     for instance in asset.instances:
@@ -144,6 +161,7 @@ def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> I
 
 
 def _inspect_parts(asset: Asset, mesh: Mesh, paths: Iterable[str], instances: int) -> Iterator[InspectedPart]:
+    """Yield the parts of a mesh; `paths` are the distinct paths of its instances, `instances` is their number."""
     numbers, counts = np.unique(mesh.face_slots, return_counts=True)
     for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
         slot = asset.slots[number]
@@ -160,6 +178,7 @@ def _inspect_parts(asset: Asset, mesh: Mesh, paths: Iterable[str], instances: in
 
 
 def _subdivision_text(mesh: Mesh) -> str:
+    """Return the text of `InspectedPart.subdivision`."""
     rules = mesh.subdivision
     if rules is None:
         return ""
@@ -169,6 +188,7 @@ def _subdivision_text(mesh: Mesh) -> str:
 
 
 def _inspect_material(path: str, bound: BoundLook) -> InspectedMaterial:
+    """Return the description of a material from the look that it becomes."""
     look = bound.look
     lost = tuple(str(fault).removeprefix(f"{fault.file}: ") for fault in bound.losses)
     return InspectedMaterial(path, bound.titles, _image_count(look), look.displacement is not None, lost)
@@ -177,7 +197,7 @@ def _inspect_material(path: str, bound: BoundLook) -> InspectedMaterial:
 def _image_count(look: Look) -> int:
     """Return the number of image files that a look names in its inputs, masks, bumps and displacement.
 
-    Constants are not folded yet: the shader of the look may read fewer images.
+    The look's shader may read fewer images, since constants are folded when it is generated.
     """
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     heights = [look.displacement.height] if look.displacement else []
@@ -186,14 +206,14 @@ def _image_count(look: Look) -> int:
 
 
 def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
-    """Yield a row of cells for each part, after a row for each of its ancestors that has no row yet."""
+    """Yield rows of cells: one for each part, after one for each ancestor of the part that has no row yet."""
     ancestors: list[str] = []
     for part in parts:
         *groups, name = part.path.strip("/").split("/")
         shared = takewhile(lambda pair: pair[0] == pair[1], zip(ancestors, groups, strict=False))
         for depth in range(len(list(shared)), len(groups)):
             yield ("  " * depth + groups[depth],)
-        ancestors = [*groups, name]  # the rows of its GeomSubsets follow
+        ancestors = [*groups, name]  # with the part itself: if it is a mesh, the rows of its GeomSubsets follow
         yield (
             "  " * len(groups) + name,
             _count_text(part.faces, "face") + (f" x {part.instances:,}" if part.instances != 1 else ""),
@@ -205,10 +225,12 @@ def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
 
 
 def _count_text(number: int, noun: str, plural: str = "s") -> str:
+    """Return a number with its noun, to which `plural` is appended unless the number is 1."""
     return f"{number:,} {noun}{plural if number != 1 else ''}"
 
 
 def _material_lines(material: InspectedMaterial) -> Iterator[str]:
+    """Yield the lines of text about a material."""
     images = f", {_count_text(material.textures, 'image')}" if material.textures else ""
     displaced = ", displaced" * material.displaced
     yield f"  {material.path}: {' under '.join(material.layers)}{images}{displaced}"

@@ -1,4 +1,4 @@
-"""`lookdev doctor`: whether this machine can render, what it lacks and how to get it."""
+"""Checks, for `lookdev doctor`, that this machine can render; reports missing things, and how to get them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from lookdev.rendering.llvm import NEWEST_DEBIAN_LLVM, find_llvm, gpu_fault
 from lookdev.safe_text import align_columns
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
-"""The Blender of each Python: a bpy wheel fits exactly one Python (VFX Reference Platform CY2025 and CY2026)."""
+"""The version of Blender for each version of Python.
+
+A wheel of bpy fits exactly one Python (VFX Reference Platform CY2025 and CY2026).
+"""
 
 MODULES = {
     **{name: name for name in ("numpy", "OpenEXR", "OpenImageIO", "pydantic", "rich", "scipy", "typer")},
     "OpenColorIO": "PyOpenColorIO",
     "usd-core": "pxr.Usd",
 }
-"""For each distribution, a module that only a complete installation can import; bpy has a process of its own."""
+"""For each distribution, a module that only a complete installation can import; bpy is checked in its own process."""
 
 SYSTEM_LIBRARIES = {
     "libGL.so.1": "libgl1",
@@ -41,10 +44,10 @@ SYSTEM_LIBRARIES = {
     "libstdc++.so.6": "libstdc++6",
     "libxkbcommon.so.0": "libxkbcommon0",
 }
-"""The system libraries that bpy 4.5 and 5.2 load (ldd) and a bare Debian may lack, each with its Debian package."""
+"""The system libraries that bpy 4.5 and 5.2 load (by ldd) and that a bare Debian may lack, with their packages."""
 
 FREE_DISK = 2.0
-"""GB of free disk space for a batch: cached geometry, textures and lights, and a few hundred frames."""
+"""The free disk space, in GB, that a job needs: cached geometry, textures and lights, and a few hundred frames."""
 
 SELF_TEST = (sys.executable, "-m", "lookdev.cycles", "--self-test")
 IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
@@ -52,7 +55,7 @@ IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
 
 @dataclass(frozen=True)
 class DoctorFinding:
-    """The result of one check: the subject, its state, whether the state suffices, and otherwise a remedy."""
+    """The result of one check: the subject, its state, whether the state is good, and a remedy if it is not."""
 
     subject: str
     state: str
@@ -63,7 +66,11 @@ class DoctorFinding:
 def examine_machine(
     import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST
 ) -> Iterator[DoctorFinding]:
-    """Check everything that a render needs, cheapest first. Tests replace the two commands, which load Blender."""
+    """Check everything that a render needs, in order of cost, and yield a finding for each check.
+
+    `import_bpy` is a command that prints bpy's version, and `self_test` one that evaluates an OSL shader in Cycles.
+    Both load Blender; tests replace them.
+    """
     yield _check_python()
     for distribution, module in MODULES.items():
         yield _check_module(distribution, module)
@@ -73,14 +80,14 @@ def examine_machine(
     yield cache
     blender = _check_blender(import_bpy)
     yield blender
-    if blender.good and cache.good:  # the self-test compiles a shader into the cache
+    if blender.good and cache.good:  # because the self-test writes a compiled shader to the cache
         yield _check_osl(self_test)
     yield _check_mitsuba()
     yield DoctorFinding("processor cores", str(os.cpu_count()), good=True)
 
 
 def findings_text(findings: Sequence[DoctorFinding]) -> str:
-    """Return findings as aligned lines, each remedy on a separate line so that it can be copied."""
+    """Return findings as aligned lines. Each remedy is on a line of its own, so that it can be copied."""
     rows = []
     for finding in findings:
         rows.append(("ok     " if finding.good else "MISSING", finding.subject, finding.state))
@@ -90,6 +97,7 @@ def findings_text(findings: Sequence[DoctorFinding]) -> str:
 
 
 def _check_python() -> DoctorFinding:
+    """Check that a wheel of bpy exists for this version of Python."""
     version, good = sys.version_info[:2], sys.version_info[:2] in BLENDER_PYTHONS
     versions = ", ".join(f"{major}.{minor}" for major, minor in BLENDER_PYTHONS)
     remedy = "" if good else f"Blender's wheels exist for Python {versions}: make a venv with one"
@@ -97,6 +105,7 @@ def _check_python() -> DoctorFinding:
 
 
 def _check_module(distribution: str, module: str) -> DoctorFinding:
+    """Check that a distribution is installed and its module can be imported."""
     try:
         import_module(module)
         return DoctorFinding(distribution, metadata.version(distribution), good=True)
@@ -105,6 +114,7 @@ def _check_module(distribution: str, module: str) -> DoctorFinding:
 
 
 def _check_system_libraries(libraries: Mapping[str, str]) -> DoctorFinding:
+    """Check that system libraries can be loaded; `libraries` has the Debian package of each."""
     missing = [name for name in libraries if not _can_load(name)]
     if not missing:
         return DoctorFinding("system libraries", f"{len(libraries)} of {len(libraries)}", good=True)
@@ -113,6 +123,7 @@ def _check_system_libraries(libraries: Mapping[str, str]) -> DoctorFinding:
 
 
 def _can_load(library: str) -> bool:
+    """Return whether the system's loader finds a library."""
     try:
         ctypes.CDLL(library)
     except OSError:
@@ -135,6 +146,7 @@ def _check_blender(command: Sequence[str]) -> DoctorFinding:
 
 
 def _check_osl(command: Sequence[str]) -> DoctorFinding:
+    """Check that Cycles evaluates an OSL shader, by the command of the self-test, which prints JSON."""
     code, output, errors = _run_command(command)
     line = _last_line(output)
     if code == 0:
@@ -160,6 +172,7 @@ def _check_mitsuba() -> DoctorFinding:
 
 
 def _check_cache() -> DoctorFinding:
+    """Check that the cache folder can be written and has enough free space."""
     try:
         folder = cache_dir()
         write_file(folder / "doctor.txt", "can be written")
@@ -173,6 +186,7 @@ def _check_cache() -> DoctorFinding:
 
 
 def _run_command(command: Sequence[str]) -> tuple[int, str, str]:
+    """Run a command, for at most two minutes; return its exit code, standard output and standard error."""
     try:
         process = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     except subprocess.TimeoutExpired:
@@ -181,4 +195,5 @@ def _run_command(command: Sequence[str]) -> tuple[int, str, str]:
 
 
 def _last_line(text: str) -> str:
+    """Return the last line of a text that is not blank, or ""."""
     return "".join(text.strip().splitlines()[-1:]).strip()

@@ -1,4 +1,7 @@
-"""Pictures of an asset, with a colour for each part, and of the presets of a library, on spheres."""
+"""Renders a portrait of an asset, with a colour for each part, and a contact sheet of presets, on spheres.
+
+They are the pictures of `lookdev inspect --png` and of `lookdev materials`.
+"""
 
 from __future__ import annotations
 
@@ -38,21 +41,22 @@ _VIEW = _OUTPUTS.display_view()
 
 _PORTRAIT_SIZE = (768, 576)
 _PORTRAIT_SAMPLING = Sampling(samples=64, bounces=1)
-_AZIMUTH = -30.0  # degrees: two sides are visible
-_FILL = 0.85  # of the frame, by the asset
-_MAX_COLORS = 24  # distinguishable colours
+_AZIMUTH = -30.0  # degrees: two sides of the asset are visible
+_FILL = 0.85  # the fraction of the frame that the asset fills
+_MAX_COLORS = 24  # the number of colours that can still be distinguished
 _GOLDEN_RATIO = 0.6180339887498949
 
-_THUMBNAIL = 128  # pixels of a side
+_THUMBNAIL = 128  # pixels: the width and height of a preset's picture
 _THUMBNAIL_SAMPLING = Sampling(samples=128, error=0.01)
 _THUMBNAIL_LIGHT = "studio"
 
 
 def write_portrait(asset: Asset, picture: Path, report: ReportEvent = lambda event: None) -> RunResult:
-    """Refine and render an asset in uniform light, and write it as PNG with a legend of its parts.
+    """Refine and render an asset in uniform white light, and write the picture as PNG with a legend of the parts.
 
-    If there are many parts, those of a group have the same colour. The frame is stored in the cache. Raises
-    LookdevError if the picture cannot be written, and the errors of `render_setups`.
+    If there are many parts, all parts of a group have the same colour (`group_names`). The frame is stored in the
+    cache. `report` receives the events of the render. Raises LookdevError if the picture cannot be written, and the
+    errors of `render_setups`.
     """
     groups = group_names([slot.path for slot in asset.slots])
     colors = dict(zip(dict.fromkeys(groups), _colors(), strict=False))
@@ -72,19 +76,19 @@ def write_portrait(asset: Asset, picture: Path, report: ReportEvent = lambda eve
 def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: ReportEvent = lambda event: None) -> RunResult:
     """Render presets, at least one, and write a contact sheet as PNG unless a frame fails.
 
-    The frames are stored in the cache. Raises LookdevError if a preset is wrong or the sheet cannot be written, and the
-    errors of `render_setups`.
+    The frames are stored in the cache. `report` receives the events of the render. Raises LookdevError if a preset is
+    wrong or the sheet cannot be written, and the errors of `render_setups`.
     """
     folders = "\n".join(sorted({str(preset.file.parent) for preset in presets}))
     output = cache_dir("library", hashlib.sha256(folders.encode()).hexdigest()[:16])
     asset, light = load_asset(builtin="sphere"), prepare_light(load_environment(builtin=_THUMBNAIL_LIGHT))
     setups = []
     for preset in presets:
-        # A look's name is the name of a folder; a preset may have any name.
+        # A look's name is the name of a folder, but a preset may have any name.
         look = preset_look(preset, re.sub(r"[^A-Za-z0-9._-]", "_", preset.name))
         scene = Scene.of_look(asset, look, light, (_THUMBNAIL, _THUMBNAIL))
         setups.append(make_setup(look.name, _THUMBNAIL_LIGHT, scene, _THUMBNAIL_SAMPLING))
-    # Metals are brighter than this background, black looks darker.
+    # The background, 0.05, is darker than metals and brighter than black looks.
     result, pictures = _render_pictures(setups, 0.0, output, 0.05, report)
     if pictures:
         labels = [f"{preset.name} ({preset.category})" for preset in presets]
@@ -96,15 +100,24 @@ def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: ReportEv
 def _render_pictures(
     setups: Sequence[Setup], start: float, output: Path, background: float, report: ReportEvent
 ) -> tuple[RunResult, list[Bytes]]:
-    """Render setups at one angle; return their pictures over a linear grey, none where a frame fails."""
+    """Render one frame of each setup, with the asset at the angle `start`, in degrees.
+
+    A setup is a scene with one look under one light. `output` is the folder of the frames. Return the result and the
+    display pictures (height, width, 3), composited over a linear grey `background`; no pictures if a frame fails.
+    """
     turntables = (JobTurntable(kind="element", frames=1, start=start),)
     plan, result = render_setups(setups, TurntableFrames(turntables, output), _OUTPUTS, report=report)
+    # A reel is the frames of one setup on one turntable.
     files = [reel.files[0] for reel in plan.reels] if result.exit_code == 0 else []
     return result, [to_display(composite(*read_frame(file), np.full(3, background)), _VIEW) for file in files]
 
 
 def group_names(paths: Sequence[str]) -> list[str]:
-    """Return a group for each path: the path below the common ancestor, cut so that `_MAX_COLORS` groups suffice."""
+    """Return the group of each prim path.
+
+    A group's name is the path below the common ancestor of all, cut to a depth at which there are at most `_MAX_COLORS`
+    groups.
+    """
     split_paths = [path.strip("/").split("/") for path in paths]
     levels = zip(*(path[:-1] for path in split_paths), strict=False)
     common = len(list(takewhile(lambda names: len(set(names)) == 1, levels)))
@@ -116,10 +129,11 @@ def group_names(paths: Sequence[str]) -> list[str]:
 
 
 def _colors() -> Iterator[Color]:
-    """Yield `_MAX_COLORS` linear colours, each unlike the next: hues step by the golden ratio."""
+    """Yield `_MAX_COLORS` linear colours; consecutive colours differ much, as hues advance by the golden ratio."""
     for i in range(_MAX_COLORS):
         yield colorsys.hsv_to_rgb(i * _GOLDEN_RATIO % 1.0, (0.85, 0.55, 0.35)[i % 3], 0.75)
 
 
 def _part_look(number: int, color: Color) -> Look:
+    """Return a rough look of one colour, without specular reflection, for the parts with that colour."""
     return Look(f"part{number}", (Layer("Base", "disney", {"baseColor": color, "roughness": 1.0, "specular": 0.0}),))

@@ -1,4 +1,4 @@
-"""The lights of a rig, as `lookdev inspect` lists them."""
+"""Describes the lights of a rig, for `lookdev inspect`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,21 @@ from lookdev.safe_text import align_columns
 
 @dataclass(frozen=True)
 class InspectedLight:
-    """A light: its kind, position, size and emission.
+    """The description of a light.
 
-    `position` is None for an infinitely distant light. `shines` is the direction of its axis, None for a light that
-    emits to all sides. `sizes` are by the names of the light's fields. `value` is the radiance in nits, or, if `unit`
-    is ``"lux"``, the irradiance on a plane perpendicular to the light: linear Rec.709, times the mean of the light's
-    image, without its shaping. Links are the rules of `lookdev.light.emission.LightLink`.
+    - path, kind: the path of the prim, and the kind of the light in `lookdev.light.kinds`, such as "rect"
+    - position: None for an infinitely distant light
+    - shines: the direction of the light's axis, or None for a light that emits to all sides
+    - sizes: lengths or angles, by the names of the light's fields
+    - value: in linear Rec.709, the radiance in nits or, if `unit` is ``"lux"``, the irradiance on a plane perpendicular
+      to the light; it includes the mean of the light's image, but not its shaping
+    - image: the file of the image, or ""
+    - group: the light group
+    - turns: whether the light rotates with a turntable of the kind `lighting`
+    - camera: whether the camera sees the light
+    - diffuse, specular: multipliers of diffuse and specular reflections
+    - shaping, shadow, falloff: phrases that describe settings other than the defaults
+    - light_link, shadow_link: the rules of `lookdev.light.emission.LightLink`, pairs of a path and a rule
     """
 
     path: str
@@ -46,7 +55,7 @@ class InspectedLight:
 
 @dataclass(frozen=True)
 class InspectedRig:
-    """A rig and its lights. Lengths are in metres, or with `fit` in radii of the asset's bounding sphere."""
+    """The description of a rig. Lengths are in metres or, if `fit`, in radii of the asset's bounding sphere."""
 
     file: str
     fit: bool
@@ -58,7 +67,7 @@ class InspectedRig:
         return asdict(self)
 
     def text(self) -> str:
-        """Return a line for each light, below it the settings that differ from the defaults, then the notes."""
+        """Return a line for each light, followed by its settings other than the defaults, and then the notes."""
         unit = "in radii of the asset's bounding sphere, about its centre" if self.fit else "in metres, z up"
         count = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
         lines = [f"{self.file}: a rig of {count}, {unit}", ""]
@@ -75,6 +84,7 @@ def inspect_rig(rig: LightRig) -> InspectedRig:
 
 
 def _inspect_light(rig_light: RigLight) -> InspectedLight:
+    """Return the description of a light."""
     light, emission = rig_light.light, rig_light.light.emission
     value = np.array(emission.color) * np.array(rig_light.mean)
     irradiance = light.irradiance_per_nit
@@ -100,6 +110,7 @@ def _inspect_light(rig_light: RigLight) -> InspectedLight:
 
 
 def _describe_shaping(emission: Emission) -> tuple[str, ...]:
+    """Return phrases about a light's cone, focus and IES profile."""
     shaping = emission.shaping
     if shaping is None:
         return ()
@@ -112,6 +123,7 @@ def _describe_shaping(emission: Emission) -> tuple[str, ...]:
 
 
 def _describe_shadow(emission: Emission) -> tuple[str, ...]:
+    """Return phrases about a light's shadow; none for an unlimited black shadow."""
     shadow = emission.shadow
     phrases = [] if shadow.enable else ["none"]
     if any(shadow.color):
@@ -123,6 +135,7 @@ def _describe_shadow(emission: Emission) -> tuple[str, ...]:
 
 
 def _describe_falloff(emission: Emission) -> tuple[str, ...]:
+    """Return phrases about a light's falloff with distance; none for the physical falloff."""
     falloff = emission.falloff
     if falloff is None:
         return ()
@@ -135,10 +148,12 @@ def _describe_falloff(emission: Emission) -> tuple[str, ...]:
 
 
 def _link_rules(link: LightLink | None) -> tuple[tuple[str, str], ...]:
+    """Return the rules of a link; there are none without a link, which means that the light is linked to all parts."""
     return link.rules if link else ()
 
 
 def _light_row(light: InspectedLight) -> tuple[str, ...]:
+    """Return the cells of a light's line."""
     sizes = " x ".join(f"{light.sizes[name]:.4g}" for name in ("width", "height") if name in light.sizes)
     sizes = sizes or ", ".join(f"{name} {size:.4g}" for name, size in light.sizes.items())
     position = "" if light.position is None else f"at {_format_vector(light.position)}"
@@ -156,6 +171,7 @@ def _light_row(light: InspectedLight) -> tuple[str, ...]:
 
 
 def _light_details(light: InspectedLight) -> Iterator[str]:
+    """Yield the lines below a light's line."""
     if light.image:
         yield f"image {light.image}; its mean is in the radiance above"
     for name in ("shaping", "shadow", "falloff"):
@@ -172,6 +188,7 @@ def _light_details(light: InspectedLight) -> Iterator[str]:
 
 
 def _format_vector(values: Vector) -> str:
-    # The rounding error of a sum that is exactly 0 prints as 0.
+    """Return a vector as text with four significant digits."""
+    # A component that is only a rounding error, relative to the largest, is printed as 0.
     threshold = 1e-9 * max(map(abs, values))
     return f"({', '.join(f'{value if abs(value) > threshold else 0.0:.4g}' for value in values)})"

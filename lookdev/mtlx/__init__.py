@@ -1,7 +1,8 @@
-"""MaterialX documents as USD layers: a reference to `x.mtlx` composes as one to any other layer.
+"""Converts MaterialX documents to USD layers, so that a reference to `x.mtlx` composes like one to a USD file.
 
-The wheels of USD lack its plugin for MaterialX. So `shade` converts a document to a cached USD layer of the same
-structure, and `arcs` redirects the arcs to the document in memory.
+The wheels of USD lack USD's plugin for MaterialX. Therefore `shade` converts a document to a cached USD layer with the
+structure that the plugin gives it, and `arcs` redirects arcs from the document to that layer. `document` reads and
+checks a document.
 """
 
 from lookdev.mtlx.arcs import is_document, redirect_documents

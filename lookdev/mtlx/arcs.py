@@ -1,4 +1,7 @@
-"""Redirects arcs of USD layers from MaterialX documents to the layers that these convert to."""
+"""Redirects the arcs of a USD layer that name MaterialX documents to the USD layers that the documents become.
+
+An arc is a reference, a payload or a sublayer.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +23,15 @@ def is_document(path: str) -> bool:
 def redirect_documents(layer: Sdf.Layer) -> None:
     """Redirect references, payloads and sublayers of a layer from MaterialX documents to their USD layers.
 
-    The layer changes in memory and can no longer be saved. Arcs to missing documents stay, so that composition reports
-    them.
+    The layer changes in memory and can no longer be saved. Arcs to missing documents are not changed, so that
+    composition reports them.
 
     Raises
     ------
     LookError
         A document is malformed; the error has all its faults.
     """
+    # From the path of a document, as the layer names it, to the path of its USD layer.
     targets: dict[str, str] = {}
     for asset in filter(is_document, layer.GetCompositionAssetDependencies()):
         try:
@@ -43,8 +47,9 @@ def redirect_documents(layer: Sdf.Layer) -> None:
             layer.subLayerPaths[number] = targets[path]
 
     def visit(path: Sdf.Path) -> None:
+        """Redirect the references and payloads of the prim, or of the variant, at a path."""
         if path.IsPrimPath() or path.IsPrimVariantSelectionPath():
-            spec = layer.GetPrimAtPath(path)  # none for the path of a variant set
+            spec = layer.GetPrimAtPath(path)  # the path of a variant set has no spec
             for arcs in (spec.referenceList, spec.payloadList) if spec else ():
                 arcs.ModifyItemEdits(lambda arc: _redirect_arc(arc, targets))
 
@@ -53,6 +58,7 @@ def redirect_documents(layer: Sdf.Layer) -> None:
 
 
 def _redirect_arc(arc: Sdf.Reference | Sdf.Payload, targets: dict[str, str]) -> Sdf.Reference | Sdf.Payload:
+    """Return an arc to the target of its path, or the arc itself if `targets` lacks the path."""
     if arc.assetPath not in targets:
         return arc
     if isinstance(arc, Sdf.Payload):

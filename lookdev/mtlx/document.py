@@ -1,7 +1,7 @@
-"""Reader of MaterialX documents from untrusted XML.
+"""Reads MaterialX documents from untrusted XML.
 
-The XML is checked before the MaterialX package reads it, as the package silently drops includes and siblings of equal
-names. Documents are not upgraded to the version of the package: that takes minutes for a megabyte of nodes.
+The XML is checked before the MaterialX package reads it, because the package silently drops includes and siblings of
+equal names. A document is not upgraded to the package's version, since that takes minutes for a megabyte of nodes.
 """
 
 from __future__ import annotations
@@ -16,16 +16,18 @@ from lookdev.errors import Fault, LookError
 from lookdev.safe_text import TextError, decode
 
 INVALID_IMAGE_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
-"""Matches control characters, and tokens in the path of an image other than that of a UDIM tile."""
+"""Matches the parts of an image's path that are not allowed: control characters, and tokens other than <UDIM>."""
 
-# 1.38 is the first version with a disney_principled node.
+# The versions that are read: from 1.38, the first with a disney_principled node, to that of the MaterialX package.
 _FIRST_VERSION, _LAST_VERSION = (1, 38), tuple(mx.getVersionIntegers()[:2])
-_MAX_DEPTH = 32
+_MAX_DEPTH = 32  # levels of nested elements
 _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
 
 
 def read_document(data: bytes, file: str) -> tuple[mx.Document, tuple[Fault, ...]]:
-    """Return a MaterialX document, and its includes as faults, since they are not followed.
+    """Return a MaterialX document and a fault for each of its includes, since includes are not followed.
+
+    `data` is the content of the document, and `file` its path for messages.
 
     Raises
     ------
@@ -49,15 +51,17 @@ def read_document(data: bytes, file: str) -> tuple[mx.Document, tuple[Fault, ...
 
 
 def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
-    """Raise LookError for documents that are malformed or would exhaust a parser; return the includes as faults."""
-    names: list[set[str]] = []  # of the children of each open element
+    """Raise LookError for a document that is malformed or would exhaust a parser; return a fault for each include."""
+    names: list[set[str]] = []  # for each open element, the names of its children so far
     includes: list[Fault] = []
     parser = expat.ParserCreate("utf-8")
 
     def fault_here(message: str, hint: str = "") -> Fault:
+        """Return a fault at the parser's present location."""
         return Fault(file, f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}", message, hint)
 
     def check_root(tag: str, version: str) -> None:
+        """Raise LookError unless the root element is a MaterialX document of a version that can be read."""
         if tag != "materialx":
             raise LookError([fault_here(f"the document is <{tag:.40}>, not <materialx>")])
         match = _VERSION.fullmatch(version)
@@ -66,6 +70,7 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
             raise LookError([fault_here(f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")])
 
     def start_element(tag: str, attributes: dict[str, str]) -> None:
+        """Check an element when the parser reads its start tag."""
         name = attributes.get("name", "")
         if not names:
             check_root(tag, attributes.get("version", ""))
@@ -94,7 +99,10 @@ def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
 
 @cache
 def library_inputs(file: str, definition: str) -> dict[str, mx.Input]:
-    """Return the inputs of the node definition of a surface shader of the MaterialX library, by name."""
+    """Return the inputs of a surface shader in the MaterialX library, by name.
+
+    `definition` is the name of its node definition, in ``libraries/bxdf/<file>.mtlx``.
+    """
     library = mx.createDocument()
     mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{file}.mtlx"))
     return {port.getName(): port for port in library.getNodeDef(definition).getActiveInputs()}

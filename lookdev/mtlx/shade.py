@@ -1,12 +1,13 @@
-"""Conversion of a MaterialX document to a USD layer, whose prims have the paths of USD's plugin for MaterialX.
+"""Converts a MaterialX document to a USD layer in which prims have the paths that USD's MaterialX plugin gives them.
 
 - /MaterialX/Materials/<name> is a Material, whose `outputs:mtlx:surface` is connected to its shader. The inputs of that
   shader are inputs of the material, which other layers may override.
-- A node is a Shader whose `info:id` is its node definition's name, by the convention ``ND_<category>_<type>``.
-- Values, connections, colour spaces (as `colorSpace` of an attribute) and paths of images (absolute) are those of the
-  document. Lengths are in metres, angles in degrees.
+- A node is a Shader. Its `info:id` is the name of its node definition, by the convention ``ND_<category>_<type>``.
+- Values, connections and colour spaces (as `colorSpace` of an attribute) are those of the document. Paths of images
+  become absolute, lengths are in metres, and angles in degrees.
 
-All nodes upstream of a material are written into that material, so that a reference to it alone is complete.
+All nodes upstream of a material are written into that material, so that a reference to the material alone is complete.
+In the code, a port is an input or output of a MaterialX element.
 """
 
 from __future__ import annotations
@@ -28,11 +29,12 @@ from lookdev.mtlx.document import INVALID_IMAGE_PATH, library_inputs, read_docum
 from lookdev.safe_text import TextError, read_bytes
 
 NOTES_KEY = "lookdev:notes"
-"""Key of a layer's customLayerData, for what the layer lacks of the document.
+"""The key of a layer's customLayerData for notes about the parts of the document that the layer lacks.
 
-Its value has a line for each note: file, path, text and hint, separated by tabs."""
+The value has a line for each note: file, path, text and hint, separated by tabs."""
 
-_MAX_PRIMS = 100_000
+_MAX_PRIMS = 100_000  # of a layer
+# The types of attributes in USD, by type in MaterialX; other types become tokens.
 _TYPES = {
     "float": Sdf.ValueTypeNames.Float,
     "integer": Sdf.ValueTypeNames.Int,
@@ -46,14 +48,18 @@ _TYPES = {
     "vector4": Sdf.ValueTypeNames.Float4,
 }
 _COMPONENT_COUNTS = {"float": 1, "integer": 1, "vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
+# The XML attributes of a port that connect it: to an input of its graph, a graph, a node, or an output.
 _CONNECTION_ATTRIBUTES = ("interfacename", "nodegraph", "nodename", "output")
+# Factors to metres and to degrees.
 _UNITS = {"meter": 1.0, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "kilometer": 1e3}
 _UNITS |= {"inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "mile": 1609.344}
 _UNITS |= {"degree": 1.0, "radian": math.degrees(1.0)}
+# By category of a surface shader: the file of the MaterialX library that has its node definition.
 _DEFINITION_FILES = {name: name for name in ("standard_surface", "open_pbr_surface", "gltf_pbr")}
 _DEFINITION_FILES |= {"UsdPreviewSurface": "usd_preview_surface"}
-# Suffixes of node definitions whose version is not the default.
+# Suffixes of the names of node definitions, for versions of a category that are not the default.
 _VERSION_SUFFIXES = {("standard_surface", "1.0.0"): "_100"}
+# The inputs of a material node that are read, and the names of the corresponding outputs of a Material.
 _TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
 
 
@@ -63,12 +69,12 @@ def document_layer(path: str) -> Path:
     Parameters
     ----------
     path
-        Path of the document, which may be inside a package: ``a.usdz[b.mtlx]``.
+        The path of the document, which may be inside a package: ``a.usdz[b.mtlx]``.
 
     Raises
     ------
     LookError
-        The document is missing or malformed; the error has every fault, with its place in the document.
+        The document is missing or malformed. The error has all faults, with their locations in the document.
     """
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if Ar.IsPackageRelativePath(path) else None
     try:
@@ -80,7 +86,10 @@ def document_layer(path: str) -> Path:
 
 
 class _Writer:
-    """Writes the materials of a document."""
+    """Writes the materials of a document to a layer.
+
+    `notes` are about parts of the document that the layer lacks; `faults` are errors of the document.
+    """
 
     def __init__(self, data: bytes, file: str) -> None:
         self.file = file
@@ -89,14 +98,14 @@ class _Writer:
         self.faults: list[Fault] = []
         self._layer = Sdf.Layer.CreateAnonymous(".usda")
         self._prim_count = 0
-        # State of the current material: the prims of nodes and graphs by the path of their elements, and the nodes
-        # whose prims still lack inputs.
+        # State of the current material. `_written` has the prims of nodes and graphs, by the paths of their MaterialX
+        # elements. `_pending` has the nodes whose prims still lack inputs, by the paths of the prims.
         self._material: Sdf.PrimSpec
         self._written: dict[str, Sdf.PrimSpec] = {}
         self._pending: dict[Sdf.Path, tuple[mx.Node, Sdf.PrimSpec]] = {}
 
     def layer_text(self) -> str:
-        """Return the layer as text; raises LookError with every fault of the document."""
+        """Write the materials and return the layer as text; raises LookError with all faults of the document."""
         root = self._define_prim(self._layer, "MaterialX", "Scope")
         materials = self._define_prim(root, "Materials", "Scope")
         for node in self.document.getMaterialNodes():
@@ -113,10 +122,11 @@ class _Writer:
         return str(self._layer.ExportToString())
 
     def _add_note(self, element: mx.Element, message: str, hint: str = "") -> None:
+        """Add a note about an element of the document."""
         self.notes.append(Fault(self.file, element.getNamePath(), message, hint))
 
     def _define_prim(self, parent: Sdf.Layer | Sdf.PrimSpec, name: str, kind: str) -> Sdf.PrimSpec:
-        """Define a prim under a MaterialX name, which is made valid and unique."""
+        """Define a prim of the type `kind` with a MaterialX name, which is changed if it is invalid or not unique."""
         self._prim_count += 1
         if self._prim_count > _MAX_PRIMS:
             message = f"its materials are made of more than {_MAX_PRIMS} nodes, each counted for every material"
@@ -127,6 +137,7 @@ class _Writer:
         return Sdf.PrimSpec(parent, unique, Sdf.SpecifierDef, kind)
 
     def _write_material(self, materials: Sdf.PrimSpec, node: mx.Node) -> None:
+        """Write a material node, with all nodes upstream, below the prim `materials`."""
         self._material = self._define_prim(materials, node.getName(), "Material")
         self._written.clear()
         for name, terminal in _TERMINALS.items():
@@ -142,9 +153,14 @@ class _Writer:
             self._write_inputs(shader, element, element.getParent())
 
     def _write_terminal_shader(self, path: Sdf.Path) -> None:
-        """Write the terminal shader of the material; its inputs become inputs of the material."""
+        """Write the inputs of the shader at `path`, whose output is connected to the material.
+
+        An input without a connection of its own is connected to an input of the material with the same name, which has
+        the value. Nothing is written if the shader's inputs have been written before.
+        """
         if path not in self._pending:
             return
+        # The inputs are those of the shader's definition, with defaults, and those in the document (`ports`).
         node, shader = self._pending.pop(path)
         ports = {port.getName(): port for port in node.getInputs()}
         category = node.getCategory()
@@ -165,16 +181,18 @@ class _Writer:
                 self._set_attribute(outer, ports[name], node.getParent())
 
     def _write_inputs(self, prim: Sdf.PrimSpec, element: mx.InterfaceElement, scope: mx.GraphElement) -> None:
+        """Write the inputs of an element to its prim; `scope` is that of `_write_target`."""
         for port in element.getInputs():
             self._set_attribute(self._get_attribute(prim, f"inputs:{port.getName()}", port.getType()), port, scope)
 
     def _get_attribute(self, prim: Sdf.PrimSpec, name: str, kind: str) -> Sdf.AttributeSpec:
+        """Return a prim's attribute by its name, made valid; create it, with the MaterialX type `kind`, if needed."""
         valid = ":".join(map(Tf.MakeValidIdentifier, name.split(":")))
         attribute = prim.attributes.get(valid)
         return attribute or Sdf.AttributeSpec(prim, valid, _TYPES.get(kind, Sdf.ValueTypeNames.Token))
 
     def _set_attribute(self, attribute: Sdf.AttributeSpec, port: mx.PortElement, scope: mx.GraphElement) -> None:
-        """Set the value or the connection of an attribute to those of a port."""
+        """Set the value or the connection of an attribute from a port; `scope` is that of `_write_target`."""
         if target := self._write_target(port, scope):
             if channels := port.getAttribute("channels"):
                 target = self._add_swizzle(attribute, target, port, channels)
@@ -195,7 +213,10 @@ class _Writer:
     def _add_swizzle(
         self, attribute: Sdf.AttributeSpec, target: Sdf.Path, port: mx.PortElement, channels: str
     ) -> Sdf.Path:
-        """Add a swizzle between a port and its source, for the channels that the port names; return its output."""
+        """Add a swizzle node between a port and its source `target`, for the channels that the port names.
+
+        Return the path of the swizzle's output.
+        """
         name = f"{attribute.owner.name}_{port.getName()}_channels"
         swizzle = self._define_shader(attribute.owner.nameParent, name, f"ND_swizzle_{port.getType()}")
         self._get_attribute(swizzle, "inputs:in", "token").connectionPathList.explicitItems = [target]
@@ -203,17 +224,18 @@ class _Writer:
         return self._get_attribute(swizzle, "outputs:out", port.getType()).path
 
     def _define_shader(self, parent: Sdf.PrimSpec, name: str, identifier: str) -> Sdf.PrimSpec:
+        """Define a Shader with the name of a node definition as its `info:id`."""
         shader = self._define_prim(parent, name, "Shader")
         Sdf.AttributeSpec(shader, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = identifier
         return shader
 
     def _write_target(self, port: mx.PortElement, scope: mx.GraphElement) -> Sdf.Path | None:
-        """Write the prims that a port is connected to, and return the connected property; None for a value.
+        """Write the prims to which a port is connected; return the path of the connected property, or None for a value.
 
-        `scope` is the document or the node graph whose children the port's connections name. Missing elements get a
-        path too, which the reader of the material reports.
+        `scope` is the document or the node graph whose children the port's connections name. The result for a missing
+        element is a path without a prim, which the reader of the material reports.
         """
-        seen = set()
+        seen = set()  # the outputs followed so far, since they can be connected in a cycle
         while _is_connected(port):
             interface, graph, node, output = (port.getAttribute(name) for name in _CONNECTION_ATTRIBUTES)
             parent = self._define_container(scope)
@@ -235,7 +257,7 @@ class _Writer:
         return None
 
     def _define_container(self, scope: mx.GraphElement) -> Sdf.PrimSpec:
-        """Return the parent prim of the nodes of a scope: the material for the document, else a NodeGraph."""
+        """Return the parent prim for the nodes of a scope: the material for the document, or else a NodeGraph."""
         if not isinstance(scope, mx.NodeGraph):
             return self._material
         path = scope.getNamePath()
@@ -245,6 +267,7 @@ class _Writer:
         return self._written[path]
 
     def _write_graph_output(self, graph: mx.NodeGraph, name: str) -> Sdf.Path:
+        """Write an output of a node graph, by default its only output, and return the path of its attribute."""
         outputs = graph.getOutputs()
         name = name or (outputs[0].getName() if len(outputs) == 1 else "out")
         prim = self._define_container(graph)
@@ -255,6 +278,7 @@ class _Writer:
         return path
 
     def _define_node(self, node: mx.Node) -> Sdf.PrimSpec:
+        """Return the Shader of a node in the current material; a new one is added to `_pending`."""
         path = node.getNamePath()
         if path not in self._written:
             version = _VERSION_SUFFIXES.get((node.getCategory(), node.getVersionString()), "")
@@ -265,7 +289,10 @@ class _Writer:
         return self._written[path]
 
     def _read_value(self, port: mx.PortElement) -> object:
-        """Return the value of a port; None, with a note for an unknown type, or a fault for a malformed value."""
+        """Return the value of a port as USD takes it, or None.
+
+        None means that a note about an unknown type or a fault about a malformed value has been added.
+        """
         kind, text = port.getType(), port.getValueString()
         if kind == "filename":
             return self._read_asset(port)
@@ -297,15 +324,18 @@ class _Writer:
         return None
 
     def _unit_scale(self, port: mx.PortElement) -> float:
-        """Return the factor from the unit of a port to metres or degrees."""
+        """Return the factor from the unit of a port to metres or degrees, or 1 for no unit or an unknown one."""
         unit = port.getUnit()
         if unit and unit not in _UNITS:
             self._add_note(port, f"the unit '{unit:.40}' is unknown", f"one of {', '.join(_UNITS)} is read")
         return _UNITS.get(unit, 1.0)
 
     def _read_asset(self, port: mx.PortElement) -> Sdf.AssetPath | None:
-        """Return the absolute path of an image, whose path in the document may be relative to the document."""
-        # Documents come from all operating systems: either slash separates folders.
+        """Return the absolute path of the image that a port names, or None, with a note, if the name is not allowed.
+
+        The name may be relative to the document, and the document may have a prefix for the names of files.
+        """
+        # Documents come from all operating systems: either slash can separate folders.
         prefix, name = port.getActiveFilePrefix(), port.getValueString()
         prefixed, plain = (mx.FilePath(path).asString(mx.FormatPosix) for path in (prefix + name, name))
         if INVALID_IMAGE_PATH.search(prefixed):
@@ -318,6 +348,7 @@ class _Writer:
         return Sdf.AssetPath(image)
 
     def _absolute_path(self, name: str) -> str:
+        """Return the absolute path of a file, which may be in the document's package."""
         if posixpath.isabs(name):
             return name
         if Ar.IsPackageRelativePath(self.file):
@@ -328,4 +359,5 @@ class _Writer:
 
 
 def _is_connected(port: mx.PortElement) -> bool:
+    """Return whether a port has a connection instead of a value."""
     return any(port.getAttribute(name) for name in _CONNECTION_ATTRIBUTES)

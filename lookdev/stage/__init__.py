@@ -1,7 +1,8 @@
-"""Opening and composing of USD files: a message of USD becomes a `StageError`, nothing goes to stderr.
+"""Opens and composes USD files, for all modules that read assets, looks and rigs.
 
-`open_stage` and `compose` check every layer before USD reads it (`files`). A damaged binary layer can nevertheless
-crash the process, and the references of a layer can be endless, so every read is announced to `lookdev.sandbox`.
+An error of USD becomes a `StageError`; USD writes nothing to stderr. `open_stage` and `compose` check every layer
+before USD reads it (`files`). A damaged binary layer can nevertheless crash the process, and the references of a layer
+can be endless. Every file is therefore reported to `lookdev.sandbox`, which limits the time and memory of reading.
 `clips` checks value clips, which USD does not check.
 """
 
@@ -24,17 +25,19 @@ from lookdev.safe_text import has_text_path
 from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
 
-_MAX_NAMES = 16  # that a hint lists
-_MAX_QUOTED = 60  # characters that a message quotes of a value
+_MAX_NAMES = 16  # names that a hint lists
+_MAX_QUOTED = 60  # characters of a value that a message quotes
+# The function of the innermost `map_asset_paths`.
 _MAP_PATH: ContextVar[Callable[[str], str] | None] = ContextVar("_MAP_PATH", default=None)
 _ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 @contextmanager
 def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
-    """Turn USD's exceptions while `file` is read into a `StageError`, and collect USD's warnings.
+    """Turn USD's exceptions in the block, which reads `file`, into a `StageError`, and collect USD's warnings.
 
-    It yields a list, which holds the warnings after the block, the first of each kind. None goes to stderr.
+    It yields a list. After the block, the list has the warnings: of those from one source line of USD, the first and
+    the number of others. No warning goes to stderr.
     """
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     warnings: list[str] = []
@@ -53,8 +56,9 @@ def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
 def map_asset_paths(map_path: Callable[[str], str]) -> Iterator[None]:
     """Replace absolute asset paths in the layers that the block opens.
 
-    `map_path` returns the new path of an absolute path. The paths of references, payloads, sublayers, clips and
-    attribute values are replaced, in memory only. Paths in packages stay, since they name members of the package.
+    `map_path` returns the new path for an absolute path. The paths of references, payloads, sublayers, clips and
+    attribute values are replaced, in memory only. Paths in packages are not replaced, since they name members of the
+    package.
     """
     token = _MAP_PATH.set(map_path)
     try:
@@ -73,7 +77,7 @@ def open_stage(file: Path) -> Usd.Stage:
         malformed MaterialX document.
     """
     with usd_errors_as_faults(file):
-        open_layers = _open_layers(file)  # a reference, so that they stay open until the stage opens them
+        open_layers = _open_layers(file)  # this variable keeps the layers open until the stage has opened them
         stage = Usd.Stage.Open(open_layers[0])
         del open_layers
         return stage
@@ -81,12 +85,12 @@ def open_stage(file: Path) -> Usd.Stage:
 
 @dataclass(frozen=True)
 class Composition:
-    """A USD file, a layer over it, and the variants and the prim that are selected.
+    """The request for a stage: a USD file, a layer over it, and the selected variants and prim.
 
     `layer` is stronger than `file`; its relative paths are relative to its own folder. `prim` is the path of the
-    selected subtree; None selects the whole stage. `variants` are pairs (set, variant), selected on every prim at,
-    above and below `prim` that has the set. `missing` decides whether a missing or broken reference, payload or
-    sublayer is an error or a note.
+    selected subtree; None selects the whole stage. `variants` are pairs of a variant set and a variant, which is
+    selected on every prim at, above and below `prim` that has the set. `missing` decides whether a missing or broken
+    reference, payload or sublayer is an error or a note.
     """
 
     file: Path
@@ -98,7 +102,7 @@ class Composition:
 
 @dataclass(frozen=True, eq=False)
 class Composed:
-    """A composed stage. `notes` are messages for the user."""
+    """A composed stage, the composition that requested it, and notes for the user."""
 
     stage: Usd.Stage
     composition: Composition
@@ -111,8 +115,9 @@ def compose(composition: Composition) -> Composed:
     Raises
     ------
     StageError
-        A file cannot be opened, or a variant or the prim does not exist. With `missing` "error" also: a reference,
-        payload or sublayer is missing, broken or cyclic; its location is the prim that names it. All faults are listed.
+        A file cannot be opened, or a variant or the prim does not exist. If `missing` is "error", it is also raised for
+        a reference, payload or sublayer that is missing, broken or cyclic; the location in the message is the prim that
+        names it. All faults are listed.
     """
     file, session = composition.file, Sdf.Layer.CreateAnonymous("session.usda")
     _check_path(composition)
@@ -137,13 +142,13 @@ def compose(composition: Composition) -> Composed:
 
 
 def lights_hint(stage: Usd.Stage) -> str:
-    """Return the hint for a stage of lights where something else is expected; "" for a stage without lights."""
+    """Return the hint for a stage with lights if something other than lights is expected; "" if there are no lights."""
     has_lights = any(prim.HasAPI(UsdLux.LightAPI) for prim in stage.Traverse())
     return "it has lights: 'lookdev inspect' lists them, and [[rig]] of a job names it" if has_lights else ""
 
 
 def dependencies(file: Path) -> set[Path]:
-    """Return the absolute paths of a USD file, its layers and its images, those of unselected variants too."""
+    """Return the absolute paths of a USD file, its layers and its images, including those of unselected variants."""
     with usd_errors_as_faults(file):
         open_layers = [] if _MAP_PATH.get() is None else _open_layers(file)
         layers, images, _ = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(file)))
@@ -160,6 +165,7 @@ def _check_path(composition: Composition) -> None:
 
 
 def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
+    """Return a fault if the composition's prim does not exist; its hint lists prims that do exist near it."""
     if composition.prim is None or stage.GetPrimAtPath(composition.prim):
         return []
     parent = Sdf.Path(composition.prim)
@@ -174,14 +180,15 @@ def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
 
 
 def _select_variants(stage: Usd.Stage, composition: Composition) -> tuple[list[Fault], list[str]]:
-    """Select variants on the session layer, outer ones before those inside them; return faults and notes.
+    """Select the composition's variants on the session layer; return faults and notes.
 
-    A selection can add prims with further variant sets, so that it is repeated until nothing changes.
+    A selected variant can contain prims with further variant sets. Selection is therefore repeated, from the outer
+    variants to those inside them, until nothing changes.
     """
     selections, file = dict(composition.variants), str(composition.file)
-    edited: set[tuple[Sdf.Path, str]] = set()
+    edited: set[tuple[Sdf.Path, str]] = set()  # the prims and variant sets for which a variant was selected so far
     while True:
-        # By prim and set: the names of its variants, and the selected one.
+        # By prim and variant set: the names of the set's variants, and the selected variant.
         sets = {
             (prim.GetPath(), set_name): (variant_set.GetVariantNames(), variant_set.GetVariantSelection())
             for prim in (_prims_around(stage, composition.prim) if selections else ())
@@ -224,9 +231,9 @@ def is_animated(stage: Usd.Stage) -> bool:
 
 
 def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
-    """Return the sorted names of a set's variants, over all prims on which `Composition.variants` selects them.
+    """Return the sorted names of the variants of the variant set `name`, over all prims that have the set.
 
-    Raises StageError if no prim has the set.
+    These are the prims on which `Composition.variants` selects. Raises StageError if none of them has the set.
     """
     sets: dict[str, set[str]] = {}
     with usd_errors_as_faults(composed.composition.file):
@@ -241,7 +248,7 @@ def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
 
 
 def _prims_around(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
-    """Yield the prims above, at and below a path; None is the root."""
+    """Yield the prims above, at and below a path; None is the path of the root."""
     for prefix in Sdf.Path(path or "/").GetPrefixes()[:-1]:
         if prim := stage.GetPrimAtPath(prefix):
             yield prim
@@ -250,7 +257,11 @@ def _prims_around(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
 
 
 def _session_prim(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
-    """Return the session layer's spec of a prim; instances above it become ordinary prims, so that it can differ."""
+    """Return the session layer's spec of the prim at a path.
+
+    Scene-graph instances above the prim become ordinary prims, so that the prim can differ from those of other
+    instances.
+    """
     session = stage.GetSessionLayer()
     for prefix in path.GetPrefixes()[:-1]:
         if (prim := stage.GetPrimAtPath(prefix)) and prim.IsInstance():
@@ -264,7 +275,7 @@ def prim_and_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
 
 
 def relationship_targets(relation: Usd.Relationship) -> list[Sdf.Path]:
-    """Return the forwarded targets of a relationship, or its own targets if forwarding yields none, as in a cycle."""
+    """Return the forwarded targets of a relationship, or its own targets if there are none, as in a cycle."""
     return list(relation.GetForwardedTargets() or relation.GetTargets())
 
 
@@ -279,7 +290,7 @@ def binding_targets(prim: Usd.Prim) -> dict[str, Sdf.Path]:
 
 
 def _composition_faults(stage: Usd.Stage, file: Path) -> list[Fault]:
-    """Return one fault for each arc that cannot be composed, however many prims it affects."""
+    """Return one fault for each arc that cannot be composed, regardless of the number of prims that it affects."""
     paths_by_message: dict[str, list[str]] = {}
     for error in stage.GetCompositionErrors():
         path, message = error.rootSite.path, str(error)
@@ -292,7 +303,10 @@ def _composition_faults(stage: Usd.Stage, file: Path) -> list[Fault]:
 
 
 def _ineffective_overrides(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> list[str]:
-    """Return a note for each topmost prim that a layer overrides and that no layer defines."""
+    """Return a note for each topmost prim that a layer overrides and that no layer defines.
+
+    `over` is the layer of the file `layer`.
+    """
     notes = []
     pending = list(over.rootPrims)
     while pending:
@@ -306,10 +320,10 @@ def _ineffective_overrides(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> li
 
 
 def _warning_text(messages: UsdUtils.CoalescingDiagnosticDelegateItem) -> str:
-    """Return the text of a group of USD's warnings from one source line, and how many more there are."""
+    """Return the first of a group of USD's warnings from one source line, and the number of others."""
     try:
         texts = list(dict.fromkeys(message.commentary for message in messages.unsharedItems))
-    except UnicodeDecodeError:  # USD quotes the file
+    except UnicodeDecodeError:  # USD quotes text of the file
         return NOT_UTF8
     more = f" (and {len(texts) - 1} more like it)" if len(texts) > 1 else ""
     return " ".join(clean_usd_message(texts[0]).split()) + more
@@ -319,7 +333,7 @@ def error_message(error: Tf.ErrorException) -> str:
     """Return the message of a USD exception, cleaned by `clean_usd_message`."""
     try:
         return clean_usd_message("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
-    except UnicodeDecodeError:  # USD quotes the file
+    except UnicodeDecodeError:  # USD quotes text of the file
         return NOT_UTF8
 
 
@@ -336,12 +350,16 @@ def quote(text: str) -> str:
 
 
 def _open_layer(file: Path) -> Sdf.Layer:
+    """Check and open a file and the layers that it refers to; return the file's layer."""
     with usd_errors_as_faults(file):
         return _open_layers(file)[0]
 
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
-    """Check and open a file, returned first, and all layers it can be composed of, those of unselected variants too."""
+    """Check and open a file and all layers that can be composed with it, including those of unselected variants.
+
+    The first of the returned layers is that of the file. Raises StageError with the faults of all layers.
+    """
     if not has_text_path(file):
         raise StageError.at(file, "", "its path is not UTF-8", "rename it, or its folder")
     if not file.is_file():
@@ -386,11 +404,15 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
 
 
 def _is_absolute(path: str) -> bool:
+    """Return whether a path is absolute on Linux or on Windows."""
     return PurePosixPath(path).is_absolute() or PureWindowsPath(path).is_absolute()
 
 
 def _map_assets(layer: Sdf.Layer) -> None:
-    """Replace the absolute paths of a layer by `map_asset_paths`; a layer that is dirty has been mapped before."""
+    """Replace the absolute paths in a layer as `map_asset_paths` requests.
+
+    A layer that is dirty has been mapped before. A mapped layer can no longer be saved.
+    """
     map_path = _MAP_PATH.get()
     if map_path is None or layer.dirty or Ar.IsPackageRelativePath(layer.identifier):
         return
@@ -399,7 +421,7 @@ def _map_assets(layer: Sdf.Layer) -> None:
 
 
 def _resolve_asset(layer: Sdf.Layer, asset: str) -> str:
-    """Return the path of the file that a layer refers to; '' if it is missing, which composition reports."""
+    """Return the path of the file that a layer names by `asset`; "" if it is missing, which composition reports."""
     try:
         identifier, _ = Sdf.Layer.SplitIdentifier(layer.ComputeAbsolutePath(asset))
         return str(Ar.GetResolver().Resolve(identifier))

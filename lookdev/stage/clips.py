@@ -1,4 +1,8 @@
-"""Faults of value clips: where a clip is missing or its metadata is wrong, USD silently takes other values."""
+"""Finds faults of value clips, which USD does not report: it silently takes other values.
+
+Value clips are files that hold the animation of a prim, one for each range of time. A clip set is the metadata that
+names them.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from lookdev.errors import Fault, LookError
 from lookdev.stage.files import layer_problem
 
 _CLIPS = "clips"
+# The type of the value for each key of a clip set, and the type's name in USD.
 _TYPES: dict[str, tuple[type, str]] = {
     "assetPaths": (Sdf.AssetPathArray, "asset[]"),
     "templateAssetPath": (str, "string"),
@@ -23,7 +28,10 @@ _TYPES: dict[str, tuple[type, str]] = {
 
 
 def clip_faults(stage: Usd.Stage, file: Path, open_layer: Callable[[Path], Sdf.Layer]) -> list[Fault]:
-    """Return the faults of the value clips of a stage; `open_layer` opens and checks a layer."""
+    """Return the faults of the value clips of a stage, which was opened from `file`.
+
+    `open_layer` checks and opens a layer file; it raises LookError.
+    """
     return [
         Fault(str(file), f"{prim.GetPath()}.clips[{name}]", problem)
         for root in (stage.GetPseudoRoot(), *stage.GetPrototypes())
@@ -37,6 +45,7 @@ def clip_faults(stage: Usd.Stage, file: Path, open_layer: Callable[[Path], Sdf.L
 def _clip_set_problems(
     clips: Usd.ClipsAPI, name: str, clip_set: object, open_layer: Callable[[Path], Sdf.Layer]
 ) -> Iterator[str]:
+    """Yield the problems of the clip set `name` of a prim, as predicates such as "is not a dictionary"."""
     if not isinstance(clip_set, dict):
         yield "is not a dictionary"
         return
@@ -63,7 +72,10 @@ def _clip_set_problems(
 def _prim_problems(
     path: str, assets: Sequence[Sdf.AssetPath], open_layer: Callable[[Path], Sdf.Layer]
 ) -> Iterator[str]:
-    """Yield why the first clip lacks `path`. The other clips, possibly thousands, are opened by USD as needed."""
+    """Yield a problem if the first clip has no prim at `path` or cannot be read.
+
+    Only the first clip is opened. The others, possibly thousands, are opened by USD when they are needed.
+    """
     first = next((asset for asset in assets if asset.resolvedPath), None)
     if first is None:
         return

@@ -1,4 +1,4 @@
-"""Colour spaces by their names in USD and MaterialX, and their conversion to linear Rec.709."""
+"""Finds colour spaces by their names in USD and MaterialX, and converts colours to linear Rec.709."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from lookdev.arrays import Floats
 from lookdev.stage import prim_and_ancestors
 
 _LINEAR = "lin_rec709_scene"
-# Names of MaterialX and names for data. The values are this module's names or USD's (Gf.ColorSpaceNames).
+# From names of MaterialX, and names for data without colour space, to this module's names, "raw" and "sRGB", or USD's
+# (Gf.ColorSpaceNames). Linear Rec.709 needs no conversion, and so is "raw".
 _NAMES = {
     **dict.fromkeys(("", "none", "raw", "data", "identity", "unknown", "lin_rec709", "lin_srgb", _LINEAR), "raw"),
     **dict.fromkeys(("sRGB", "srgb_texture", "srgb_rec709_scene"), "sRGB"),
@@ -29,13 +30,19 @@ _NAMES = {
 
 
 def colorspace_named(name: str) -> str | None:
-    """Return a name for `Texture.colorspace`: ``"raw"``, ``"sRGB"`` or one of USD's; None for an unknown name."""
+    """Return the name that `Texture.colorspace` has for a colour space: ``"raw"``, ``"sRGB"`` or one of USD's names.
+
+    Return None for an unknown name.
+    """
     colorspace = _NAMES.get(name, name)
     return colorspace if colorspace in ("raw", "sRGB") or Gf.ColorSpace.IsValid(colorspace) else None
 
 
 def colorspace_of(attribute: Usd.Attribute) -> str:
-    """Return the name of an attribute's colour space, from the attribute or the nearest prim that has one, or ""."""
+    """Return the name of an attribute's colour space, or "".
+
+    It is authored on the attribute itself, or else on the attribute's prim or the nearest ancestor that has one.
+    """
     if attribute.HasColorSpace():
         return str(attribute.GetColorSpace())
     for prim in prim_and_ancestors(attribute.GetPrim()):
@@ -45,7 +52,7 @@ def colorspace_of(attribute: Usd.Attribute) -> str:
 
 
 def to_linear_rec709(color: ArrayLike, space: str) -> Floats:
-    """Convert colours (..., 3) from a space named as by `colorspace_named` to linear Rec.709; white stays white."""
+    """Convert colours (..., 3) to linear Rec.709 from a space with a name of `colorspace_named`; white stays white."""
     value = np.asarray(color, np.float64)
     if space == "raw":
         return value
@@ -60,16 +67,20 @@ def to_linear_rec709(color: ArrayLike, space: str) -> Floats:
 
 
 def srgb_to_linear(encoded: ArrayLike) -> Floats:
-    """Decode sRGB to linear values: the piecewise curve of IEC 61966-2-1."""
+    """Decode sRGB to linear values, by the piecewise curve of IEC 61966-2-1."""
     value = np.asarray(encoded, np.float64)
-    # Values below the knee take no power: those of a float image can be negative.
+    # The power is computed of values above the knee only: the values of a float image can be negative.
     return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 @cache
 def _definition(space: str) -> tuple[float, bool, Floats]:
-    """Return the exponent, whether the curve is sRGB's, and the matrix (3, 3) for row vectors to linear Rec.709."""
+    """Return three values that define a colour space of USD.
+
+    They are the exponent of its transfer curve, whether the curve is that of sRGB instead, and the matrix (3, 3), for
+    row vectors, to linear Rec.709.
+    """
     source, target = Gf.ColorSpace(space), Gf.ColorSpace(_LINEAR)
-    # Every curve maps 0 and 1 to themselves.
+    # The primaries can be converted without decoding, since every transfer curve maps 0 to 0 and 1 to 1.
     rows = [target.Convert(source, Gf.Vec3f(*axis)).GetRGB() for axis in np.eye(3).tolist()]
     return float(source.GetGamma()), source.GetLinearBias() > 0.0, np.array(rows, np.float64)

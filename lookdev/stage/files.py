@@ -1,7 +1,8 @@
-"""Checks that USD can read a file without harm.
+"""Checks, before USD reads a layer, that it can read the file without harm.
 
-USD's text reader recurses, so that a deeply nested file overflows its stack, and waits without end for a named pipe.
-USD's binary reader trusts the table of sections. Damage within a section is not checked here, and can crash it.
+USD's text reader is recursive, so that a deeply nested file overflows the stack. It also waits without end for a named
+pipe. USD's binary reader trusts the table of sections in the file. Damage within a section is not checked here, and can
+crash the reader.
 """
 
 from __future__ import annotations
@@ -17,17 +18,18 @@ import numpy as np
 from lookdev.safe_text import environment_limit
 
 BYTES_VARIABLE = "LOOKDEV_LAYER_BYTES"
-"""Environment variable: the largest number of bytes of a text layer. Binary layers, which USD maps, have no limit."""
+"""Environment variable: the greatest size of a text layer in bytes. Binary layers, which USD maps, have no limit."""
 
 DEFAULT_BYTES = 1 << 30
+"""The greatest size of a text layer if the environment variable is not set."""
 
 NOT_UTF8 = "holds text that is not UTF-8"
 """The problem of a file with text that is not UTF-8. A message of USD that quotes such text cannot be decoded."""
 
-_MAX_DEPTH = 256  # brackets inside each other in a text layer; USD's stack overflows at some ten thousand
+_MAX_DEPTH = 256  # levels of nested brackets in a text layer; USD's stack overflows at some ten thousand
 
-# Text in which brackets have no meaning. An unterminated string extends as far as possible, so that no text takes
-# quadratic time.
+# Matches text in which brackets have no meaning: strings, asset paths and comments. An unterminated string extends as
+# far as possible, so that no text takes quadratic time.
 _QUOTED = re.compile(
     rb'"""(?:[^"\\]++|\\.|"(?!""))*+(?:""")?+'
     rb"|'''(?:[^'\\]++|\\.|'(?!''))*+(?:''')?+"
@@ -38,24 +40,26 @@ _QUOTED = re.compile(
     rb"|\#[^\n]*+",
     re.DOTALL,
 )
+# By byte: the change of the depth at an opening or a closing bracket. `_NO_BRACKETS` has all other bytes.
 _DEPTH_STEPS = np.zeros(256, np.int8)
 _DEPTH_STEPS[list(b"([{")] = 1
 _DEPTH_STEPS[list(b")]}")] = -1
 _NO_BRACKETS = bytes(np.flatnonzero(_DEPTH_STEPS == 0).astype(np.uint8))
-# Binary layers (pxr/usd/sdf/crateFile.h) begin with the offset of a table of sections: name, start and size.
+# A binary layer (pxr/usd/sdf/crateFile.h) has the offset of a table of sections at its beginning. The table has the
+# number of sections and, for each section, its name, start and size.
 _MAGIC = b"PXR-USDC"
 _CRATE_START, _COUNT, _SECTION = struct.Struct("<16xq64x"), struct.Struct("<Q"), struct.Struct("<16sqq")
-_LOCAL_HEADER = struct.Struct("<26xHH")  # before a member of a package: the lengths of its name and of its extra field
+_LOCAL_HEADER = struct.Struct("<26xHH")  # of a member of a package: the lengths of the name and of the extra field
 
 
 def _layer_problem(stream: BinaryIO, begin: int, size: int) -> str:
-    """Return why USD must not read a layer, `size` bytes of a file from `begin`; '' where it may."""
+    """Return why USD must not read a layer, which is the `size` bytes of a file from `begin`, or "" if it may."""
     stream.seek(begin)
     start = stream.read(min(len(_MAGIC), size))
     if start == _MAGIC:
         return "" if _is_whole(stream, begin, size) else "is damaged: a section of it is cut off"
     if not start.startswith((b"#usda", b"#sdf")):
-        return ""
+        return ""  # neither the text reader nor the binary reader reads it
     if size > (limit := environment_limit(BYTES_VARIABLE, DEFAULT_BYTES, "bytes")):
         largest = f"at most {BYTES_VARIABLE} = {limit} bytes of text are read; a binary layer (.usdc) would be right"
         return f"has {size} bytes; {largest}"
@@ -63,6 +67,7 @@ def _layer_problem(stream: BinaryIO, begin: int, size: int) -> str:
 
 
 def _text_problem(text: bytes) -> str:
+    """Return why USD must not read a text layer, or "" if it may."""
     if b"\0" in text:
         return "holds a character 0, which no text has"
     try:
@@ -93,13 +98,13 @@ def _is_whole(stream: BinaryIO, begin: int, size: int) -> bool:
 
 
 def _package_problem(stream: BinaryIO) -> str:
-    """Return why USD must not read the layers in a package; '' where it may."""
+    """Return why USD must not read the layers in a package, a zip file, or "" if it may."""
     try:
         with zipfile.ZipFile(stream) as archive:
             for member in archive.infolist():
                 stream.seek(member.header_offset)
-                name, extra = _LOCAL_HEADER.unpack(stream.read(_LOCAL_HEADER.size))
-                begin = member.header_offset + _LOCAL_HEADER.size + name + extra
+                name_length, extra_length = _LOCAL_HEADER.unpack(stream.read(_LOCAL_HEADER.size))
+                begin = member.header_offset + _LOCAL_HEADER.size + name_length + extra_length
                 if problem := _layer_problem(stream, begin, member.compress_size):
                     return f"has a member {member.filename}, which {problem}"
     except (zipfile.BadZipFile, NotImplementedError, struct.error) as error:
@@ -108,7 +113,7 @@ def _package_problem(stream: BinaryIO) -> str:
 
 
 def layer_problem(layer: Path) -> str:
-    """Return why USD must not read a file, a predicate such as "is not a file"; '' where it may."""
+    """Return why USD must not read a file, as a predicate such as "is not a file", or "" if it may."""
     if not layer.is_file():
         return "is not a file"
     try:

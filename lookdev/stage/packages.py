@@ -1,4 +1,7 @@
-"""Files inside usdz packages, copied into the cache because no image library reads a package."""
+"""Copies image files from usdz packages into the cache, because no image library reads a package.
+
+A path of a file in a package has the form ``a.usdz[b.png]``.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,9 @@ from lookdev.errors import TextureError
 
 
 def unpack(paths: Sequence[str]) -> Path:
-    """Copy files of a package into a cache folder named by their content; return the copy of the first.
+    """Copy files of one package into a cache folder that is named by their content; return the copy of the first file.
 
-    Raises TextureError if a file cannot be read.
+    `paths` are the paths of the files in the package. Raises TextureError if a file cannot be read.
     """
     status = Path(Ar.SplitPackageRelativePathOuter(paths[0])[0]).stat()
     digests = _member_digests(tuple(paths), status.st_size, status.st_mtime_ns)
@@ -31,14 +34,20 @@ def unpack(paths: Sequence[str]) -> Path:
 
 @lru_cache(maxsize=4096)
 def _member_digests(paths: tuple[str, ...], size: int, modified: int) -> tuple[str, ...]:
+    """Return the SHA-256 of each file in a package.
+
+    `size` and `modified`, the package's size and time of modification, are part of the key of the cached result.
+    """
     return tuple(hashlib.sha256(_read_member(path)).hexdigest() for path in paths)
 
 
 def _member_name(path: str) -> str:
+    """Return the name, without folders, of a file in a package."""
     return PurePosixPath(Ar.SplitPackageRelativePathInner(path)[1]).name
 
 
 def _read_member(path: str) -> bytes:
+    """Return the content of a file in a package; raises TextureError if it cannot be read."""
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
     if asset is None:
         raise TextureError(f"{path}: cannot be read")

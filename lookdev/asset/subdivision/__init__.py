@@ -1,12 +1,12 @@
-"""Subdivision surfaces: control cages refined to meshes on the limit surface, by the rules of OpenSubdiv and USD.
+"""Refines control cages to meshes on the limit surface of subdivision, by the rules of OpenSubdiv and USD.
 
-`batch` refines cages, `detail` chooses their levels by their size in the frame. Below them: `cage` reads tags,
-`topology` has half-edges and splits faces, `rules` computes the points of the next level, `face_varying` gives UVs
-half-edges of their own, `refine` combines these, `limit` and `masks` compute the limit surface.
+`batch` refines cages, and `detail` chooses their levels by their size in the frame. They use these modules: `cage`
+reads tags, `topology` has half-edges and splits faces, `rules` computes the points of the next level, `face_varying`
+gives UVs half-edges of their own, `refine` combines these, `limit` and `masks` compute the limit surface.
 
-The implementation uses NumPy over all faces at once. No maintained library follows all of the rules and returns the
-arrays to all backends: no wheel of OpenSubdiv is maintained for these versions of Python, and Blender's modifier, based
-on OpenSubdiv too, supports neither `loop` nor holes nor the omission of boundary faces. docs/geometry.md compares them.
+The implementation uses NumPy over all faces at once. No maintained library follows all of the rules and returns arrays
+for all backends. No wheel of OpenSubdiv is maintained for these versions of Python. Blender's modifier, which is based
+on OpenSubdiv, supports neither `loop` nor holes nor the omission of boundary faces. docs/geometry.md compares them.
 """
 
 from lookdev.asset.subdivision.batch import refine, refine_all

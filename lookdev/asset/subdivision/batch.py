@@ -1,4 +1,7 @@
-"""Refinement of many cages: those that share their rules are refined together, so that small ones cost little."""
+"""Refines the control cages of an asset, in batches, so that small cages cost little.
+
+A batch is several cages with the same rules: they are joined to one control mesh, refined, and split into meshes again.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,16 @@ from lookdev.asset.subdivision.refine import RefinedCage, refine_cage
 from lookdev.errors import AssetError
 
 _BATCH_CORNERS = 1_000_000
-"""Refined corners of a batch: enough that small cages share the cost of a call, few enough to reuse memory."""
+"""The refined corners of a batch: enough that small cages share the cost of a call, few enough to reuse memory."""
 
 
 def refine(mesh: Mesh, level: int) -> Mesh:
     """Return a cage refined `level` times, with points on the limit surface and the limit surface's normals.
 
-    Level 0 is the cage's own polygons with area-weighted normals, smooth except at infinitely sharp edges; with scheme
-    bilinear they are flat. Holes and points without faces are dropped; faces keep their slots. UV sets and primvars are
-    refined by their interpolation; a name that `Subdivision.interpolation` lacks is faceVarying. A mesh without
-    subdivision is returned unchanged.
+    Level 0 is the cage's own polygons. Their normals are area-weighted means, smooth except at infinitely sharp edges;
+    with scheme bilinear, the normals are flat. Holes and points without faces are dropped. New faces have the slots of
+    the faces that they come from. UV sets and primvars are refined by their interpolation, which is faceVarying for a
+    name that `Subdivision.interpolation` lacks. A mesh without subdivision is returned unchanged.
 
     Raises
     ------
@@ -34,7 +37,7 @@ def refine(mesh: Mesh, level: int) -> Mesh:
 
 
 def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
-    """Return `refine` of each mesh at its level."""
+    """Return the meshes, each refined to its level as `refine` does."""
     refined = list(meshes)
     for numbers, level in group_cages(meshes, levels):
         batch = [meshes[i] for i in numbers]
@@ -44,9 +47,10 @@ def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
 
 
 def group_cages(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
-    """Yield batches of cages that share level, rules and kinds of values: their numbers in `meshes`, and the level.
+    """Yield batches of cages as pairs: the numbers in `meshes` of the batch's cages, and the level that they share.
 
-    A batch has about `_BATCH_CORNERS` refined corners; a larger cage is not split.
+    The cages of a batch share also their rules and, for all UV sets and primvars, interpolation and width. A batch has
+    about `_BATCH_CORNERS` refined corners; a larger cage is not split.
     """
     groups: dict[tuple[int, *tuple[object, ...]], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):
@@ -68,11 +72,12 @@ def _values(mesh: Mesh, subdivision: Subdivision) -> list[tuple[Interpolation, F
 
 
 def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
-    """Refine cages that share rules and kinds of values."""
+    """Return the refined meshes of a batch of cages, as `group_cages` yields them."""
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     refined = refine_cage(join_cages(meshes), subdivision, level)
     face_counts = [len(mesh.face_sizes) for mesh in meshes]
+    # The mesh of each refined face, and where each mesh starts among the refined faces and corners.
     face_mesh = np.repeat(np.arange(len(meshes)), face_counts)[refined.origin]
     faces = np.searchsorted(face_mesh, np.arange(len(meshes) + 1))
     corners = np.concatenate([[0], np.cumsum(refined.sizes)])[faces]
@@ -103,7 +108,7 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
 
 
 def join_cages(meshes: list[Mesh]) -> ControlMesh:
-    """Join several cages to one."""
+    """Join several cages with the same rules to one control mesh, in the order of the cages."""
     all_tags = [read_tags(mesh) for mesh in meshes]
     columns = [_values(mesh, mesh.subdivision) for mesh in meshes if mesh.subdivision is not None]
     points = np.cumsum([0, *(len(mesh.points) for mesh in meshes)])
@@ -127,9 +132,10 @@ def join_cages(meshes: list[Mesh]) -> ControlMesh:
 
 
 def _points_by_mesh(refined: RefinedCage, corner_mesh: Indices, count: int) -> tuple[Indices, Indices, Indices]:
-    """Return the points' order by mesh, each point's position in that order, and the start of each mesh in it.
+    """Sort the refined points by mesh; `corner_mesh` (m,) is the mesh of each corner, and `count` that of meshes.
 
-    Points without a face come first.
+    Return the sorted point numbers (n,), the position of each point in that order (n,), and the position at which each
+    mesh starts, followed by the total (count + 1,). Points without a face come first.
     """
     owner = np.full(len(refined.points), -1)
     owner[refined.corners] = corner_mesh
@@ -140,6 +146,7 @@ def _points_by_mesh(refined: RefinedCage, corner_mesh: Indices, count: int) -> t
 
 
 def _no_face_message(mesh: Mesh) -> str:
+    """Return the message for a cage that has only holes."""
     assert mesh.subdivision is not None
     rule = "; interpolateBoundary 'none' makes the faces at a boundary holes, too"
     why = rule if mesh.subdivision.interpolate_boundary == "none" else ""

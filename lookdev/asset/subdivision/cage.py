@@ -1,4 +1,7 @@
-"""Control cages with their tags: creases, corners, holes and the boundary rule."""
+"""Builds the half-edges of a control cage from its tags: creases, corners and holes.
+
+A tag is sharpness of an edge (crease) or point (corner), or a face that is not part of the surface (hole).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,11 @@ INFINITE_SHARPNESS = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Cage:
-    """The half-edges of a cage, and masks of its manifold points (n,) and of its faces outside the surface (f,)."""
+    """The half-edges of a cage, with their sharpness.
+
+    `is_manifold` (n,) marks its manifold points (`Connectivity`). `is_hidden` (f,) marks faces that are not part of the
+    surface.
+    """
 
     half_edges: Level
     is_manifold: Bools
@@ -26,7 +33,12 @@ class Cage:
 
 @dataclass(frozen=True, eq=False)
 class Tags:
-    """Crease edges (e, 2) and sharpness (e,), corner points (c,) and sharpness (c,), holes (h,): see `Subdivision`."""
+    """The tags of a cage, as in `lookdev.asset.mesh.Subdivision`, but with infinity as infinite sharpness.
+
+    - crease_edges (e, 2), crease_sharpness (e,): pairs of points, and the sharpness of the edge between them
+    - corner_points (c,), corner_sharpness (c,): points, and their sharpness
+    - holes (h,): faces
+    """
 
     crease_edges: Indices
     crease_sharpness: Floats
@@ -37,9 +49,13 @@ class Tags:
 
 @dataclass(frozen=True, eq=False)
 class ControlMesh:
-    """A cage: points (n, 3), corners (m,) that index into them, face sizes (f,) and tags.
+    """A cage, or several cages joined to one, before its half-edges are known.
 
-    `values` has, for each UV set and primvar, its interpolation and its values (m, k) at corners.
+    - points (n, 3): positions
+    - corners (m,): the point at each corner of the faces
+    - sizes (f,): the number of corners of each face
+    - tags: creases, corners and holes
+    - values: for each UV set and primvar, its interpolation and its values (m, k) at the corners
     """
 
     points: Floats
@@ -55,8 +71,8 @@ def read_tags(mesh: Mesh) -> Tags:
     Raises
     ------
     AssetError
-        A tag refers to a point or face that does not exist, or has no sharpness; `loop` has a face that is not a
-        triangle; there is no face.
+        A tag refers to a point or face that does not exist, or has no sharpness; or the cage has no face, or has the
+        scheme loop and a face that is not a triangle.
     """
     rules = mesh.subdivision
     assert rules is not None, "a mesh without subdivision has no tags"
@@ -87,6 +103,7 @@ def read_tags(mesh: Mesh) -> Tags:
 
 
 def _sharpness(mesh: Mesh, tag: str, values: object, count: int) -> Floats:
+    """Return the sharpness (count,) of creases or corners, at least 0, from `INFINITE_SHARPNESS` on as infinity."""
     sharpness = np.asarray(values, np.float64)
     if sharpness.shape != (count,):
         raise AssetError(f"{mesh.name}: {count} {tag}s have {sharpness.size} values of sharpness; each needs one")
@@ -96,12 +113,13 @@ def _sharpness(mesh: Mesh, tag: str, values: object, count: int) -> Floats:
 
 
 def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
-    """Return the half-edges of a cage with its tags, by the boundary rule of `rules`; the tags of `rules` are unused.
+    """Return the half-edges of a cage, with the tags of `control` and the boundary rule of `rules`.
 
-    Tags are applied in the order of OpenSubdiv (Far::TopologyRefinerFactory): a crease between points that share no
-    edge has no effect; boundaries, edges and points that are not manifold become infinitely sharp; a point that is
-    not manifold stays smooth along two edges of three or more faces. With the boundary rule `none`, faces at the ends
-    of a boundary edge are not part of the surface, unless the boundary edges there are infinitely sharp creases.
+    The tags of `rules` are not used. Tags are applied in the order of OpenSubdiv (Far::TopologyRefinerFactory). A
+    crease between points that share no edge has no effect. Boundaries become infinitely sharp, and so do edges and
+    points that are not manifold. An exception is a point on exactly two edges of three or more faces, which stays
+    smooth along these edges. With the boundary rule `none`, faces at the ends of a boundary edge are not part of the
+    surface, unless the boundary edges there are infinitely sharp creases.
     """
     count, tags, boundary = len(control.points), control.tags, rules.interpolate_boundary
     level, connectivity = connect(control.corners, control.sizes, count)
@@ -117,9 +135,10 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
     edge_counts = np.bincount(level.ends.ravel(), minlength=count)
     nonmanifold_edges = np.bincount(level.ends[connectivity.is_nonmanifold_edge].ravel(), minlength=count)
     boundary_edges = np.bincount(level.ends[level.boundary].ravel(), minlength=count)
-    # Along two edges of three or more faces, a point stays smooth.
+    # Exactly two of the point's edges are not manifold, since three or more faces meet there. The point stays smooth.
     is_fin = (nonmanifold_edges == 2) & (boundary_edges == 0) & (face_counts > edge_counts)
     level.point_sharpness[~manifold & ~is_fin] = np.inf
+    # A corner point of the boundary has one face and two edges.
     if boundary == "edgeAndCorner":
         level.point_sharpness[(face_counts == 1) & (edge_counts == 2)] = np.inf
 
@@ -133,8 +152,9 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
 
 
 def _find_edges(level: Level, pairs: Indices) -> Indices:
-    """Return the edge (k,) between each pair of points (k, 2), -1 if they share none."""
+    """Return the edge (k,) between each pair of points (k, 2), or -1 if there is none."""
     count = len(level.point_sharpness)
+    # An edge has the key low * count + high of its points' numbers.
     keys = np.sort(level.ends, axis=1) @ np.array([count, 1])
     pair_keys = np.sort(pairs, axis=1) @ np.array([count, 1])
     order = np.argsort(keys)

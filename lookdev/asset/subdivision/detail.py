@@ -1,10 +1,10 @@
-"""The refinement levels of an asset's cages, by their size in the frame.
+"""Chooses the refinement levels of an asset's cages by their size in the frame.
 
-A refinement halves the edges. It divides the distance between the limit surface and its chord by four, and the angle by
-which the surface turns along an edge by two. Both are measured at the cage's edges, on the limit surface itself. At the
-level of a cage, the distance is at most `SURFACE_TOLERANCE` pixels, and the angle is at most `MAX_TURN` or the edge at
-most `SMALL_EDGE` pixels. The edges that need the highest levels, up to `OUTLIER_FRACTION` of the total length, may need
-one level more.
+Each refinement halves the edges. It divides the distance between the limit surface and the chord of an edge by four,
+and the angle by which the surface turns along an edge by two. Both are measured at the cage's edges, on the limit
+surface itself. At the chosen level, the distance is at most `SURFACE_TOLERANCE` pixels, and the angle is at most
+`MAX_TURN` or the edge at most `SMALL_EDGE` pixels long. Some edges may need one level more than is chosen: those that
+need the highest levels, up to `OUTLIER_FRACTION` of the total length.
 """
 
 from __future__ import annotations
@@ -29,31 +29,34 @@ SURFACE_TOLERANCE = 0.1
 """Pixels between the limit surface and its facets: not visible in an antialiased silhouette."""
 
 MAX_TURN = 0.1
-"""Radians from one end of an edge to the other: larger turns are visible at a terminator despite smooth normals."""
+"""Radians from one end of an edge to the other: a larger turn is visible at a terminator despite smooth normals."""
 
 SMALL_EDGE = 3.0
 """Pixels: a shorter edge may turn by any angle."""
 
 OUTLIER_FRACTION = 0.01
-"""A fraction of the length of a cage's edges: a few sharp bends must not refine all of a large cage."""
+"""A fraction of the length of a cage's edges: a few sharp bends must not cause all of a large cage to be refined."""
 
 UV_TOLERANCE = 0.5
 """Pixels by which a texture may shift on an unrefined cage, whose UVs are linear over a face."""
 
 DISPLACED_EDGE = 2.0
-"""Pixels: the longest edge of a displaced mesh."""
+"""Pixels: the greatest length of an edge of a displaced mesh."""
 
 MAX_LEVEL = 6
-"""The highest level."""
+"""The highest level of a mesh that is not displaced."""
 
 MAX_DISPLACED_LEVEL = 10
 """The highest level of a displaced mesh: sufficient for a single face in a frame of more than a thousand pixels."""
 
 MAX_CORNERS = 8_000_000
-"""The most refined corners of an asset, about 2 GB during refinement."""
+"""The greatest number of refined corners of an asset, which need about 2 GB during refinement."""
 
 PixelSize = Callable[[Floats, Floats], Floats]
-"""Function of spheres, centres (k, 3) in world space and radii (k,): metres per pixel (k,) at their nearest point."""
+"""A function of the centres (k, 3), in world space, and the radii (k,) of spheres.
+
+It returns metres per pixel (k,) at the point of each sphere that is nearest to the camera, over the whole turntable.
+"""
 
 
 @dataclass(frozen=True)
@@ -70,11 +73,12 @@ def orbit_pixel_size(position: Sequence[float], pivot: Sequence[float], slope: f
     Parameters
     ----------
     position, pivot
-        A position of the camera (3,), and x and y of the vertical axis that it orbits, in metres. For a camera that
-        does not move, `pivot` is its own x and y.
+        A position of the camera (3,), and x and y of the vertical axis that the camera orbits, in metres. For a camera
+        that does not move, `pivot` is its own x and y.
     slope
-        Width of a pixel at depth 1: the frame's width at that depth divided by the number of pixels.
+        The width of a pixel at depth 1: the frame's width at that depth divided by the number of pixels.
     """
+    # The camera moves on a horizontal circle, with this radius about the axis and at this height.
     offset = np.asarray(position[:2], np.float64) - pivot[:2]
     radius, height = float(np.hypot(*offset)), float(position[2])
 
@@ -93,18 +97,20 @@ def refinement_levels(
     max_level: int = MAX_LEVEL,
     max_corners: int = MAX_CORNERS,
 ) -> Refinement:
-    """Return the level of each mesh at which it looks like its limit surface at its position nearest to the camera.
+    """Return, for each mesh, the level at which it looks like its limit surface where it is nearest to the camera.
 
     A mesh has one level for all its instances. The edges of displaced meshes, whose numbers are `displaced`, become at
-    most `DISPLACED_EDGE` pixels long. No level is above `max_level`, or `MAX_DISPLACED_LEVEL` for these meshes. If an
-    asset would have more than `max_corners` refined corners, the meshes with the most corners are refined less, and a
-    note reports it.
+    most `DISPLACED_EDGE` pixels long. No level is above `max_level`, or above `MAX_DISPLACED_LEVEL` for displaced
+    meshes. If the asset would have more than `max_corners` refined corners, the meshes with the most corners are
+    refined less, and a note reports it.
 
     Raises
     ------
     AssetError
-        As `refine`.
+        A tag of a cage is wrong (`cage.read_tags`).
     """
+    # Cages are examined at level 1. A cage that would exceed `max_corners` at level 1 is not examined and gets level 1.
+    # Of the others, the surface decides the level; cages that would stay at level 0 are examined for their UVs, too.
     cages = [i for i, mesh in enumerate(asset.meshes) if mesh.subdivision is not None]
     levels = np.zeros(len(asset.meshes), np.intp)
     sizes = _pixel_sizes(asset.meshes, asset.instances, pixel_size)
@@ -131,7 +137,7 @@ def refinement_levels(
 
 
 def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel_size: PixelSize) -> Floats:
-    """Return metres per pixel in the object space of each mesh: the least over its instances, infinite without one."""
+    """Return metres of object space per pixel for each mesh (k,): the least over its instances, or infinity."""
     sizes = np.full(len(meshes), np.inf)
     if not instances:
         return sizes
@@ -149,33 +155,40 @@ def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel_si
 
 
 def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floats, max_levels: Indices) -> Indices:
-    """Return the level (k,) of each of several cages with equal rules and without values.
+    """Return the level (k,) that the surface of each of k cages needs; they have equal rules and no UVs or primvars.
 
-    pixel_sizes (k,): metres per pixel; longest_edges (k,): the longest allowed edge, in pixels; max_levels (k,).
+    `pixel_sizes` (k,) are metres of object space per pixel. `longest_edges` (k,) are the greatest allowed lengths of
+    edges, in pixels. `max_levels` (k,) are the highest allowed levels.
     """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control, rules = join_cages(meshes), mask_rules(subdivision)
     cage = build_cage(control, subdivision)
     level = cage.half_edges
+    # The number of the mesh of each face.
     mesh_numbers = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
+    # The limit surface at the points of level 1: the points, edges' middles and, for quads, faces' centres of the cage.
     child = split_faces(level, rules.triangles)
     limits, normals = limit_surface(child, interpolate(level, control.points, rules), rules)
     complete_normals(child, limits, normals)
 
+    # From here to `required`, arrays are over half-edges of the cage (m,). `distance` is that between the limit surface
+    # and the half-edge's chord. Corners of `child`: `first` is at the start of a half-edge, `first` + 1 at its middle,
+    # and `first` + 2, for quads, at the face's centre.
     first = first_child(np.arange(len(level.points)), rules.triangles)
     start, middle = limits[level.points], limits[len(control.points) + level.edges]
     turn = _turn_angles(level, normals, first)
     chord = start[level.next] - start
     length = np.linalg.norm(chord, axis=1)
     offset = middle - 0.5 * (start + start[level.next])
-    # A boundary or crease is visible as a line; elsewhere an offset within the surface is not visible.
+    # At a boundary or crease, the line itself is visible, and so is any offset across the chord. Elsewhere, an offset
+    # within the surface is not visible, but only one along the normal.
     is_feature = (level.twins < 0) | (level.edge_sharpness[level.edges] > 0.0)
     along = np.einsum("ij,ij->i", offset, chord) / np.maximum(length, np.finfo(np.float64).tiny)
     across = np.sqrt(np.maximum(np.einsum("ij,ij->i", offset, offset) - along**2, 0.0))
     distance = np.where(is_feature, across, np.abs(np.einsum("ij,ij->i", offset, normals[first + 1])))
     if rules.triangles:
-        # On a sphere, the centre of an equilateral triangle is 4/3 as far away as the middles of its edges.
+        # On a sphere, the centre of an equilateral triangle is 4/3 as far from the surface as the middles of its edges.
         distance *= 4.0 / 3.0
     else:
         means = np.add.reduceat(start, run_starts(level.sizes), axis=0) / level.sizes[:, None]
@@ -185,8 +198,9 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
     size = pixel_sizes[mesh_numbers[level.faces]]
     with np.errstate(divide="ignore", invalid="ignore"):
         by_distance = np.log2(distance / (SURFACE_TOLERANCE * size)) / 2.0
-        # At a semi-sharp feature the whole turn stays at the last edge, which halves, until the sharpness has decayed:
-        # so the sagitta of the arc, about length turn / 8, is halved `delay` times, and only then divided by four.
+        # At a semi-sharp feature, the whole turn stays on one edge until the sharpness has decayed, while the edge is
+        # halved at each level. The sagitta of the arc, about length * turn / 8, is therefore halved at the first
+        # `delay` levels, and divided by four only afterwards.
         arc, delay = np.log2(length * turn / (8.0 * SURFACE_TOLERANCE * size)), _sharpness_delay(level)
         by_arc = np.where(delay > 0.0, np.minimum(arc, 0.5 * (arc + delay)), 0.0)
         by_turn = np.minimum(np.log2(turn / MAX_TURN) + np.ceil(delay), np.log2(length / (SMALL_EDGE * size)))
@@ -201,25 +215,29 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
 
 
 def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> Indices:
-    """Return the level (k,) of cages whose surface needs level 0, so that UVs shift by at most `UV_TOLERANCE` pixels.
+    """Return the level (k,) at which the UVs of each of k cages are off by at most `UV_TOLERANCE` pixels.
 
-    The cages have equal rules.
+    The cages have equal rules, and their surfaces need level 0 only. `pixel_sizes` (k,) are metres of object space per
+    pixel.
     """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control = join_cages(meshes)
     is_visible, refined_columns = refined_values(control, subdivision)
+    # The corners of visible faces, each the start of an edge, and the index in `corners` of the edge's end.
     corners, following = np.flatnonzero(np.repeat(is_visible, control.sizes)), next_corners(control.sizes[is_visible])
     first = first_child(corners, subdivision.scheme == "loop")
     points = control.points[control.corners[corners]]
     face_meshes = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
     mesh_numbers = np.repeat(face_meshes, control.sizes)[corners]
+    # The length of each edge in pixels; `edge_length` below is its length in the texture.
     length = np.linalg.norm(points[following] - points, axis=1) / pixel_sizes[mesh_numbers]
     required = np.zeros(len(corners))
     for (interpolation, values), refined in zip(control.values, refined_columns, strict=True):
         if interpolation in ("constant", "uniform"):
             continue
         start, end = values[corners], values[corners][following]
+        # The error of linear UVs at the start and at the middle of each edge.
         error = np.linalg.norm([refined[first] - start, refined[first + 1] - 0.5 * (start + end)], axis=2).max(axis=0)
         edge_length = np.linalg.norm(end - start, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -232,7 +250,12 @@ def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> 
 
 
 def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, count: int) -> Indices:
-    """Return the level (k,) that suffices for all but `OUTLIER_FRACTION` of the length of each mesh's half-edges."""
+    """Return the level (k,) that suffices for all but `OUTLIER_FRACTION` of the length of each mesh's half-edges.
+
+    The other half-edges need at most one level more. `mesh`, `edge_levels` and `length` (m,) are, for each half-edge,
+    the number of its mesh, the level that it needs, and its length; `count` is the number of meshes.
+    """
+    # `total` has the length by mesh and level, and `length_from_level` the length that needs at least each level.
     counts = int(edge_levels.max(initial=0)) + 1
     total = np.bincount(mesh * counts + edge_levels, length, count * counts).reshape(count, counts)
     length_from_level = np.cumsum(total[:, ::-1], axis=1)[:, ::-1]
@@ -243,14 +266,21 @@ def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, co
 
 
 def _turn_angles(level: Level, normals: Floats32, first: Indices) -> Floats:
-    """Return the angle (m,) that the normal turns along each half-edge: to the edge's middle and on to its end."""
+    """Return the angle (m,), in radians, that the normal turns along each half-edge of the cage.
+
+    It is the turn to the edge's middle plus the turn from there to the end. `normals` are those of level 1, and `first`
+    (m,) the corners of level 1 at the starts of the half-edges.
+    """
     corner_normals, middle_normals = normals[first].astype(np.float64), normals[first + 1].astype(np.float64)
     halves = np.linalg.norm([middle_normals - corner_normals, corner_normals[level.next] - middle_normals], axis=2)
     return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * halves, 1.0)).sum(axis=0))
 
 
 def _sharpness_delay(level: Level) -> Floats:
-    """Return the number of levels (m,) before the turn at semi-sharp features of a half-edge's ends decreases."""
+    """Return the number of levels (m,) before the turn along a half-edge decreases.
+
+    It is the largest finite sharpness at the ends of the half-edge, of points or edges.
+    """
     edge_sharpness = np.where(np.isfinite(level.edge_sharpness), level.edge_sharpness, 0.0)
     point_sharpness = np.where(np.isfinite(level.point_sharpness), level.point_sharpness, 0.0)
     np.maximum.at(point_sharpness, level.ends.ravel(), np.repeat(edge_sharpness, 2))
@@ -258,7 +288,11 @@ def _sharpness_delay(level: Level) -> Floats:
 
 
 def _limit_corners(counts: list[int], desired: list[int], max_corners: int) -> list[int]:
-    """Return the desired levels of meshes with `counts` corners, reduced until the total is at most `max_corners`."""
+    """Return the desired levels of meshes with `counts` corners, reduced until the total is at most `max_corners`.
+
+    Each step reduces the level of the mesh with the most refined corners, at most until all levels are 0. Meshes with
+    the desired level 0 are not counted.
+    """
     levels = list(desired)
     total = sum(count * 4**level for count, level in zip(counts, levels, strict=True) if level)
     heap = [(-count * 4**level, i) for i, (count, level) in enumerate(zip(counts, levels, strict=True)) if level]
@@ -275,6 +309,7 @@ def _limit_corners(counts: list[int], desired: list[int], max_corners: int) -> l
 def _reduction_note(
     meshes: Sequence[Mesh], reduced: list[int], desired: list[int], levels: list[int], max_corners: int
 ) -> str:
+    """Return the note that the meshes with the numbers `reduced` have lower levels than desired."""
     worst = max(reduced, key=lambda i: (desired[i] - levels[i]) * len(meshes[i].corner_points))
     return (
         f"subdivision: {len(reduced)} of the surfaces are refined less than their size in the frame asks for, as all "

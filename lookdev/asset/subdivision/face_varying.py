@@ -1,8 +1,12 @@
-"""The topology of face-varying values, such as UVs: distinct values at one point of the surface are distinct points.
+"""Builds the half-edges of face-varying values, such as UVs, in which each distinct value at a point is a point.
 
-By OpenSubdiv's rules (its documentation, "Face-Varying Interpolation Rules"), values are refined as the surface is,
-with seams between them as boundaries, and the rule determines which values at seams are corners. Values therefore have
-half-edges of their own, with the sharpness of the surface's edges and points.
+By OpenSubdiv's rules (its documentation, "Face-Varying Interpolation Rules"), values are refined as the surface is. A
+seam, where the values on both sides of an edge differ, is a boundary. USD's rule (`FaceVaryingRule`) determines which
+values at seams are sharp corners. Values therefore have half-edges of their own, with the sharpness of the surface's
+edges and points.
+
+There are v values, and n points of the surface. `level` has the half-edges of the values, and `surface` those of the
+surface; both have the same corners (m,).
 """
 
 from __future__ import annotations
@@ -20,10 +24,10 @@ _CORNERS_PLUS_RULES: tuple[FaceVaryingRule, ...] = ("cornersPlus1", "cornersPlus
 
 
 def weld(points: Indices, values: Floats, count: int) -> tuple[Indices, Indices]:
-    """Return the number of the value (m,) of each corner, and the point (v,) of each value.
+    """Return the number (m,) of the value at each corner, and the point (v,) of each value.
 
-    points (m,) < `count` and values (m, k) are those of the corners. Equal values of one point become one value. The
-    first value of each point has the number of the point.
+    `points` (m,), numbers below `count`, and `values` (m, k) are those at the corners. Equal values at one point become
+    one value. One value of each point has the number of the point; further values have numbers from `count` on.
     """
     first_values = np.zeros((count, values.shape[1]))
     first_values[points] = values
@@ -38,7 +42,7 @@ def weld(points: Indices, values: Floats, count: int) -> tuple[Indices, Indices]
 
 
 def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, rule: FaceVaryingRule) -> Level:
-    """Return the half-edges of values, from both results of `weld`: each corner's value, and each value's point."""
+    """Return the half-edges of values by a rule; `value_numbers` (m,) and `value_points` (v,) are `weld`'s results."""
     surface = cage.half_edges
     level, connectivity = connect(value_numbers, surface.sizes, len(value_points))
     value_sharpness, surface_sharpness = level.edge_sharpness[level.edges], surface.edge_sharpness[surface.edges]
@@ -46,9 +50,10 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
     sharpness = surface.point_sharpness[value_points]
     fans = _find_fans(level, connectivity, surface)
     at_seam = _seam_points(level, surface)[value_points]
-    # The number of values at the point of each value.
+    # `siblings` (v,) is the number of values at the point of each value.
     siblings = np.bincount(value_points[fans.is_used], minlength=len(surface.point_sharpness))[value_points]
 
+    # Marks values that become infinitely sharp corners.
     is_corner_value = at_seam & ((fans.fan_count > 1) | ~cage.is_manifold[value_points])
     if rule != "none":
         is_corner_value |= fans.face_count == 1
@@ -59,6 +64,7 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
         is_corner_value |= (siblings == 2) & _shares_point(fans.face_count == 1, value_points)
     on_boundary = np.zeros(len(surface.point_sharpness), bool)
     on_boundary[surface.ends[surface.boundary]] = True
+    # A seam ends at an inner point that has a single value.
     if rule in ("cornersPlus2", "boundaries"):
         is_corner_value |= at_seam & (siblings == 1) & ~on_boundary[value_points]
     if rule == "boundaries":
@@ -72,10 +78,14 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
 
 @dataclass(frozen=True, eq=False)
 class _ValueFans:
-    """The faces around each value (v,): whether there are any, their number, and the number of fans that they form.
+    """The faces around each value: those that have the value at a corner. All arrays are (v,).
 
-    `sharp_edge_count` is the number of infinitely sharp edges between the faces. `corner_sharpness` is that of a corner
-    that becomes smooth together with the semi-sharp edges between the faces.
+    - is_used: whether there are any such faces
+    - face_count: the number of these faces
+    - fan_count: the number of fans that they form; the faces of a fan are connected by edges
+    - sharp_edge_count: the number of infinitely sharp edges between the faces
+    - corner_sharpness: the sharpness of a corner that becomes smooth together with the semi-sharp edges between the
+      faces; 0 without such edges
     """
 
     is_used: Bools
@@ -86,14 +96,15 @@ class _ValueFans:
 
 
 def _find_fans(level: Level, connectivity: Connectivity, surface: Level) -> _ValueFans:
+    """Return the faces around each value; `connectivity` is that of the values."""
     count = len(level.point_sharpness)
     faces = np.bincount(level.points, minlength=count)
     inner = level.twins >= 0
     ends, sharpness = level.points[inner], surface.edge_sharpness[surface.edges[inner]]
     is_semi_sharp = (sharpness > 0.0) & np.isfinite(sharpness)
     sharp_edge_count = np.bincount(ends[np.isinf(sharpness)], minlength=count)
-    # The edges whose sharpness, rounded up, is largest become smooth last, all in one refinement. The corner's weight
-    # is then the mean of their remaining sharpness.
+    # Of the semi-sharp edges at a value, those with the largest sharpness, rounded up, become smooth last, all in the
+    # same refinement. In it, the weight of the corner is the mean of their remaining sharpness.
     last = np.zeros(count)
     np.maximum.at(last, ends[is_semi_sharp], np.ceil(sharpness[is_semi_sharp]))
     final = is_semi_sharp & (np.ceil(sharpness) == last[ends])
@@ -112,7 +123,10 @@ def _seam_points(level: Level, surface: Level) -> Bools:
 
 
 def _nonmanifold_seams(level: Level, surface: Level) -> Bools:
-    """Return which half-edges (m,) are on edges of three or more faces with different values."""
+    """Return which half-edges (m,) are on an edge of the surface that corresponds to several edges of values.
+
+    This finds the seams at edges of three or more faces, where half-edges of the surface have no twins.
+    """
     first = np.empty(len(surface.ends), np.intp)
     first[surface.edges] = level.edges
     differs = np.zeros(len(surface.ends), bool)
@@ -121,14 +135,18 @@ def _nonmanifold_seams(level: Level, surface: Level) -> Bools:
 
 
 def _shares_point(is_marked: Bools, value_points: Indices) -> Bools:
-    """Return which values (v,) have a marked value at their point."""
+    """Return which values (v,) are at a point with at least one marked value."""
     points = np.zeros(int(value_points.max()) + 1, bool)
     points[value_points[is_marked]] = True
     return points[value_points]
 
 
 def _dependent_sharpness(fans: _ValueFans, value_points: Indices) -> Floats:
-    """Return the sharpness (v,) of the other value at their point for values without semi-sharp edges, 0 for others."""
+    """Return, for values at points with two values, the corner sharpness (v,) that one takes over from the other.
+
+    A value without semi-sharp edges has the `corner_sharpness` of the other value at its point. The sharpness of a
+    value with semi-sharp edges is 0.
+    """
     highest = np.zeros(int(value_points.max()) + 1)
     np.maximum.at(highest, value_points, fans.corner_sharpness)
     return np.where(fans.corner_sharpness > 0.0, 0.0, highest[value_points])

@@ -1,8 +1,8 @@
-"""The limit surface: the limit position of each point, and the surface's normal at each corner.
+"""Computes the limit surface: the limit position of each point, and the surface's normal at each face corner.
 
-A smooth point has one normal. At a point on a crease or at a corner, each sector of faces between sharp edges has its
-own. At a corner, a sector of one face has a tangent plane; a wider sector is a cone or a cusp. A sector without a
-tangent plane has the mean normal of its refined faces.
+A smooth point has one normal. At a point on a crease, or at a sharp corner point, each sector has a normal of its own.
+A sector is the faces around the point between two sharp edges. At a corner point, a sector of one face has a tangent
+plane; a wider sector is a cone or a cusp. A sector without a tangent plane gets the mean normal of its refined faces.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ _FINITE = float(np.finfo(np.float64).max)
 
 @dataclass(frozen=True, eq=False)
 class Sectors:
-    """The faces around each point, between the sharp edges that meet there.
+    """The s sectors at selected points: the faces around a point, between the sharp edges that meet there.
 
-    first (s,): the half-edge that begins at the point, in each sector's most clockwise face; size (s,): the number of
-    faces; kind (s,): the `SectorKind` of its masks; sector_of_corner (m,): the sector of each corner, -1 at points that
-    are not selected.
+    - first (s,): the half-edge that begins at the point, in the sector's most clockwise face
+    - size (s,): the number of faces
+    - kind (s,): the `SectorKind` of the masks
+    - sector_of_corner (m,): the number of the sector of each corner of the level, -1 at points that are not selected
     """
 
     first: Indices
@@ -43,25 +44,25 @@ class Sectors:
 
 
 def find_sectors(level: Level, selected: Bools) -> Sectors:
-    """Return the sectors at the selected points (n,), with all semi-sharp features taken as smooth."""
+    """Return the sectors at the points that are marked in `selected` (n,); semi-sharp features count as smooth."""
     edges = level.sharp_edges(_FINITE)
     is_corner_point = np.isinf(level.point_sharpness) | (edges > 2)
     conditions = [is_corner_point, edges == 2, edges == 1]
     point_kinds = np.select(conditions, [SectorKind.CORNER, SectorKind.CREASE, SectorKind.DART], SectorKind.SMOOTH)
     sharp = np.isinf(level.edge_sharpness[level.edges])
     is_divided = (point_kinds >= SectorKind.CREASE)[level.points]
-    # The next half-edge around the point, counter-clockwise; -1 where the sector ends.
+    # For each half-edge, the next half-edge that begins at the same point, counter-clockwise; -1 at a sector's end.
     ahead = np.where(sharp[level.previous] & is_divided, -1, level.twins[level.previous])
 
     sector_of_corner = np.full(len(level.points), -1)
-    first, size, closed_parts = [], [], []
-    # A sector begins at a sharp edge or a boundary. The others are closed fans, which begin at any of their corners;
-    # each round of the loop takes one fan per point.
+    start_parts, size_parts, closed_parts = [], [], []
+    # The first round of the loop finds the sectors that begin at a sharp edge or a boundary. The other sectors are
+    # closed fans, which can begin at any of their corners. Each further round finds one fan for each point.
     starts, count = np.flatnonzero((sharp | (level.twins < 0)) & selected[level.points]), 0
     while True:
         sizes, is_closed = _number_corners(starts, ahead, sector_of_corner, count)
-        first.append(starts)
-        size.append(sizes)
+        start_parts.append(starts)
+        size_parts.append(sizes)
         closed_parts.append(is_closed)
         count += len(starts)
         remaining = np.flatnonzero((sector_of_corner < 0) & selected[level.points])
@@ -70,17 +71,19 @@ def find_sectors(level: Level, selected: Bools) -> Sectors:
         start_at_point = np.full(len(selected), -1)
         start_at_point[level.points[remaining]] = remaining
         starts = start_at_point[start_at_point >= 0]
-    firsts, sizes, is_closed = np.concatenate(first), np.concatenate(size), np.concatenate(closed_parts)
+    firsts, sizes, is_closed = np.concatenate(start_parts), np.concatenate(size_parts), np.concatenate(closed_parts)
     kind = point_kinds[level.points[firsts]]
+    # The sector of a smooth point or dart must be closed, and any other sector open; else it has no tangent plane.
     kind[is_closed != (kind < SectorKind.CREASE)] = SectorKind.NONE
     kind[(kind == SectorKind.CORNER) & (sizes > 1)] = SectorKind.NONE
     return Sectors(firsts, sizes, kind, sector_of_corner)
 
 
 def _number_corners(starts: Indices, ahead: Indices, sector_of_corner: Indices, first: int) -> tuple[Indices, Bools]:
-    """Write the number of each corner's sector to `sector_of_corner`; return the sectors' sizes and which are closed.
+    """Write the number of each corner's sector to `sector_of_corner` (m,); return the sizes and which are closed.
 
-    A sector, which gets the next number from `first`, consists of a start and the half-edges `ahead` of it.
+    Each of the half-edges `starts` (s,) begins a sector, which continues with the half-edges that `ahead` (m,) links to
+    it. The sectors are numbered from `first`. A sector is closed if it returns to its start.
     """
     size, is_closed = np.zeros(len(starts), np.intp), np.zeros(len(starts), bool)
     active, half_edges = np.arange(len(starts)), starts
@@ -97,10 +100,11 @@ def _number_corners(starts: Indices, ahead: Indices, sector_of_corner: Indices, 
 def limit_surface(
     level: Level, values: Floats, rules: Rules, selected: Bools | None = None, needs_normals: bool = True
 ) -> tuple[Floats, Floats32]:
-    """Return the limit (n, k) of values at the selected points (n,), and unit normals (m, 3) of their corners.
+    """Return the limit (n, k) of values (n, k) at the selected points, and unit normals (m, 3) at their corners.
 
-    With `needs_normals` the first three values are a position; without it, there are no normals (0, 3). Normals are
-    zero at points that are not selected and where the surface has no tangent plane. Values of `bilinear` are their own
+    `selected` (n,) marks points; None selects all. With `needs_normals`, the first three columns of the values are a
+    position; without it, the normals are (0, 3). At points that are not selected, values are unchanged, and normals are
+    zero. Normals are also zero where the surface has no tangent plane. With the scheme bilinear, values are their own
     limit, and each corner has the normal of its bilinear patch. Semi-sharp points are refined further, with the faces
     around them, until they are smooth: the limit is the same from every level.
     """
@@ -123,7 +127,10 @@ def limit_surface(
 
 
 def complete_normals(level: Level, positions: Floats, normals: Floats32) -> None:
-    """Replace zero normals (m, 3) by the area-weighted mean normal of the sector's faces, of unit length."""
+    """Replace zeros in unit normals (m, 3) by the area-weighted mean normal of the faces of the corner's sector.
+
+    `positions` (n, 3) are the points of the level.
+    """
     missing = ~normals.any(axis=1)
     if not missing.any():
         return
@@ -139,28 +146,31 @@ def complete_normals(level: Level, positions: Floats, normals: Floats32) -> None
 
 
 def _faces_around(level: Level, points: Bools) -> Bools:
-    """Return which faces (f,) have one of the marked points (n,)."""
+    """Return which faces (f,) have at least one of the marked points (n,)."""
     faces = np.zeros(len(level.sizes), bool)
     faces[level.faces[points[level.points]]] = True
     return faces
 
 
 def _patch_normals(level: Level, values: Floats) -> Floats32:
-    """Return the unit cross product of the two edges of each corner (m, 3); zero where they are parallel."""
+    """Return the unit cross product (m, 3) of the two edges at each corner; zero if they are parallel."""
     position = values[level.points, :3]
     ahead, back = position[level.next] - position, position[level.previous] - position
     return _unit_normals(np.cross(ahead, back), np.maximum(dot(ahead, ahead), dot(back, back))[:, 0])
 
 
 def _unit_normals(cross: Floats, squared_length: Floats) -> Floats32:
-    """Normalise cross products (s, 3) of tangents; those too small to span a plane become zero."""
+    """Normalise cross products (s, 3) of two tangents; it is zero if the tangents do not span a plane.
+
+    `squared_length` (s,) is the square of a length to which the tangents are compared (`_PLANE_TOLERANCE`).
+    """
     unit = normalize_or(cross, np.zeros(3))
     unit[dot(cross, cross)[:, 0] <= (_PLANE_TOLERANCE * squared_length) ** 2] = 0.0
     return unit.astype(np.float32)
 
 
 def _semi_sharp_points(level: Level) -> Bools:
-    """Return which points (n,) have finite sharpness, or an edge of finite sharpness."""
+    """Return which points (n,) have a finite sharpness above 0, or an edge with one."""
     is_semi_sharp = (level.point_sharpness > 0.0) & np.isfinite(level.point_sharpness)
     is_semi_sharp[level.ends[(level.edge_sharpness > 0.0) & np.isfinite(level.edge_sharpness)]] = True
     return np.asarray(is_semi_sharp)
@@ -169,10 +179,11 @@ def _semi_sharp_points(level: Level) -> Bools:
 def _apply_masks(
     level: Level, values: Floats, rules: Rules, selected: Bools, needs_normals: bool
 ) -> tuple[Floats, Floats32]:
-    """Return `limit_surface` of points without semi-sharp features: apply each sector's masks to its ring."""
+    """Return the result of `limit_surface` for points without semi-sharp features, by the masks of their sectors."""
     limits, sectors = values.copy(), find_sectors(level, selected)
-    # The last normal is that of corners at points that are not selected, whose sector is -1.
+    # The last row is a zero normal for corners at points that are not selected, whose sector number is -1.
     normals = np.zeros((len(sectors.first) + 1, 3), np.float32)
+    # Sectors of equal kind and size have the same masks, and are processed together.
     order = np.lexsort([sectors.size, sectors.kind])
     changes = np.diff(sectors.kind[order]) | np.diff(sectors.size[order])
     cuts = np.union1d(np.flatnonzero(changes) + 1, np.arange(_BLOCK_SECTORS, len(order), _BLOCK_SECTORS))
@@ -189,21 +200,24 @@ def _apply_masks(
 
 
 def _ring_sums(level: Level, values: Floats, half_edges: Indices, masks: Masks) -> tuple[Floats, Floats]:
-    """Return the sums (r, s, k) of values, weighted by the r rows of masks, of sectors (s,), and a squared length (s,).
+    """Return the sums (r, s, k) of values (n, k) over the rings of s sectors, weighted by the r rows of masks.
 
-    The sectors begin at `half_edges`. The length is that of the longest edge at the sector's point.
+    Also return the squared length (s,) of the longest edge of each ring. The sectors begin at `half_edges` (s,).
     """
     size = masks.faces.shape[1]
     center = values[level.points[half_edges]]
     rows, squared_lengths = masks.center[:, None, None] * center, np.zeros(len(half_edges))
 
     def add(weights: Floats, ring: Floats) -> None:
+        """Add the values (s, k) of one ring point of each sector, weighted by that point's column of the masks (r,)."""
         for row in np.flatnonzero(weights):
             rows[row] += weights[row] * ring
 
     for i in range(size + 1):
         if not masks.edges[:, i:].any():
             break
+        # The i-th face of each sector. Its half-edge from the point ends at the ring's edge point i; after the last
+        # face, the previous half-edge begins at the last edge point.
         corner = level.next[half_edges] if i < size else level.previous[half_edges]
         ring = values[level.points[corner]]
         add(masks.edges[:, i], ring)

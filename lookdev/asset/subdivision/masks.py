@@ -1,12 +1,14 @@
-"""Limit masks: the weights of a point's ring in its limit position and in two tangents that span the tangent plane.
+"""Computes limit masks: weights that turn a point and its ring into the limit position and two tangents.
 
-They are left eigenvectors of the ring's refinement matrix (Halstead, Kass and DeRose, "Efficient, Fair
-Interpolation using Catmull-Clark Surfaces", 1993, section 4 and appendix A); the eigenvalues are those of Stam, "Exact
-Evaluation of Catmull-Clark Subdivision Surfaces at Arbitrary Parameter Values" (1998), section 3, and of Loop (1987).
+The ring of a point is the points at its edges and, for quads, the opposite points of its faces. A sector is the faces
+around a point between two sharp edges, or all its faces. A dart is a point at which one sharp edge ends. The masks are
+left eigenvectors of the ring's refinement matrix (Halstead, Kass and DeRose, "Efficient, Fair Interpolation using
+Catmull-Clark Surfaces", 1993, section 4 and appendix A). The eigenvalues are those of Stam, "Exact Evaluation of
+Catmull-Clark Subdivision Surfaces at Arbitrary Parameter Values" (1998), section 3, and of Loop (1987).
 
-OpenSubdiv 3.6 has other masks in two cases, in which its masks do not agree with its own refinement rules: at a dart it
-uses those of a smooth point; for the tangent across a crease with three or more faces a side (Loop: four) it uses those
-of the modified rules of Biermann, Levin and Zorin (2000).
+In two cases the masks of OpenSubdiv 3.6 differ, and do not agree with its own refinement rules. At a dart it uses the
+masks of a smooth point. For the tangent across a crease with three or more faces on a side (Loop: four), it uses the
+masks of the modified rules of Biermann, Levin and Zorin (2000).
 """
 
 from __future__ import annotations
@@ -21,7 +23,7 @@ from lookdev.arrays import Floats
 from lookdev.asset.subdivision.rules import Rules, smooth_weights
 
 _MAX_DART_FACES = 64
-"""The most faces around a dart whose sharp edge counts: with more, masks differ by less than 1e-3 of the ring."""
+"""A dart with more faces has the masks of a smooth point, which then differ by less than 1e-3 of the ring."""
 
 
 class SectorKind(IntEnum):
@@ -36,10 +38,14 @@ class SectorKind(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Masks:
-    """Rows of weights (r,), of a point and the points around it: the limit position, then two tangents.
+    """Weights of a point and of the points around it in a sector of `size` faces.
 
-    center (r,): weights of the point; edges (r, size + 1): of the points at its edges, counter-clockwise, the last 0 in
-    a closed sector, which has one edge less; faces (r, size): of the opposite points of its quads.
+    There are r rows: the first row gives the limit position, the next two rows give the tangents.
+
+    - center (r,): the weights of the point itself
+    - edges (r, size + 1): those of the points at its edges, counter-clockwise; a closed sector has only `size` edges,
+      and the last weight is 0
+    - faces (r, size): those of the opposite points of its quads
     """
 
     center: Floats
@@ -53,13 +59,14 @@ class Masks:
 
 @cache
 def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
-    """Return the masks of a sector of `size` faces: its position and two tangents whose cross product is outward."""
+    """Return the masks of a sector of `size` faces; the cross product of the two tangents points outwards."""
     point, edges, faces = np.zeros(3), np.zeros((3, size + 1)), np.zeros((3, size))
     if kind in (SectorKind.SMOOTH, SectorKind.DART):
         edges[0, :size], faces[0] = _smooth_position(size, rules)
         if size > 2:
             theta, i = 2.0 * np.pi / size, np.arange(size)
             edges[1, :size], edges[2, :size] = np.cos(i * theta), np.sin(i * theta)
+            # For each face, the sum of the weights of its two edges.
             across = edges[1:, :size] + np.roll(edges[1:, :size], -1, axis=1)
             faces[1:] = _face_weight(theta, rules) * across
         point[0] = 1.0 - edges[0].sum() - faces[0].sum()
@@ -68,20 +75,21 @@ def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
     elif kind == SectorKind.CORNER:
         point[:], edges[1, 0], edges[2, 1] = (1.0, -1.0, -1.0), 1.0, 1.0
     elif kind == SectorKind.CREASE:
-        # A crease is a cubic B-spline, which has this limit and this tangent.
+        # A crease is a cubic B-spline. This is the limit position and the tangent of a B-spline at a vertex.
         point[0], edges[0, [0, size]] = 2.0 / 3.0, 1.0 / 6.0
         edges[1, [0, size]] = 1.0, -1.0
         point[2], edges[2], faces[2] = _cross_tangent(size, rules)
-    # The cosine of 90 degrees is 6e-17; as 0 it is not summed over all points.
+    # Rounding errors, such as a cosine of 90 degrees of 6e-17, become 0, so that they are not summed over all points.
     return Masks(*(np.where(np.abs(weights) < 1e-15, 0.0, weights) for weights in (point, edges, faces)))
 
 
 def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
-    """Return the weights of the tangent away from a crease: of the point, the edges and the faces.
+    """Return the weights of the tangent across a crease: of the point, of the edges (size + 1,), of the faces (size,).
 
-    They are the left eigenvector of the largest eigenvalue that is symmetric about the middle of the sector. Over the
-    edges between faces it is a sine. The weight of the ends follows from their column of the refinement matrix and from
-    the sum, which is 0. For one face it is the second difference of the crease.
+    The weights are the left eigenvector of the largest eigenvalue among the eigenvectors that are symmetric about the
+    middle of the sector. At the edges between faces they are a sine. The weight at the two ends, which are the edges of
+    the crease, follows from their column of the refinement matrix and from the sum of the weights, which is 0. For one
+    face the eigenvector is the second difference of the crease.
     """
     edges, faces = np.zeros(size + 1), np.zeros(size)
     if size == 1:
@@ -90,6 +98,8 @@ def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
     eigenvalue = _eigenvalue(theta, rules)
     edges[1:size] = np.sin(np.arange(1, size) * theta)
     faces[:] = _face_weight(theta, rules) * (edges[:-1] + edges[1:])
+    # In the column of an end: eigenvalue * end = point / 8 + end / 2 + inward / 8. `inward` / 8 is the contribution of
+    # the next edge and, for quads, of the face between.
     inward = edges[1] if rules.triangles else 8.0 * eigenvalue * faces[0]
     end = (inward - edges.sum() - faces.sum()) / (8.0 * eigenvalue - 2.0)
     edges[[0, size]] = end
@@ -97,13 +107,16 @@ def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
 
 
 def _dart_weights(size: int, rules: Rules, along: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the weights of the position and of the tangent along the sharp edge: (2,), (2, size), (2, size).
+    """Return two rows of weights at a dart: of the limit position, and of the tangent along the sharp edge.
 
-    The sharp edge is the first; both rows are symmetric about it. The tangent across the edge is that of a smooth
-    point, in which the edge has weight 0. `along` (size,) determines the sign of the tangent.
+    The weights are those of the point (2,), of the edges (2, size) and of the faces (2, size). The sharp edge is the
+    first edge; both rows are symmetric about it. The tangent across the sharp edge, which is not computed here, is that
+    of a smooth point, in which the sharp edge has weight 0. The dot product of the tangent's edge weights with `along`
+    (size,) becomes positive.
     """
     matrix = _ring_matrix(size, rules)
     matrix[1], matrix[1, :2] = 0.0, 0.5  # the point of a sharp edge becomes the edge's middle
+    # `mirror` is the ring's reflection about the sharp edge, and `basis` an orthonormal basis of symmetric vectors.
     i = np.arange(size)
     mirror = np.concatenate([[0], 1 + -i % size, len(matrix) - 1 - i if len(matrix) > size + 1 else i[:0]])
     basis = np.eye(len(matrix)) + np.eye(len(matrix))[mirror]
@@ -121,7 +134,10 @@ def _dart_weights(size: int, rules: Rules, along: Floats) -> tuple[Floats, Float
 
 
 def _ring_matrix(size: int, rules: Rules) -> Floats:
-    """Return the refinement matrix of a smooth point, the points at its edges and, for quads, the opposite points."""
+    """Return the refinement matrix of a smooth point and its ring of `size` faces.
+
+    Its rows and columns are the point, the points at its edges and, for quads, the opposite points of its faces.
+    """
     identity, following = np.eye(size), np.roll(np.eye(size), 1, axis=1)
     point_weight, ring = smooth_weights(np.array([size]), rules)
     if rules.triangles:
@@ -136,7 +152,7 @@ def _ring_matrix(size: int, rules: Rules) -> Floats:
 
 
 def _smooth_position(size: int, rules: Rules) -> tuple[float, float]:
-    """Return the weight of an edge's and of a face's point in the limit position of a smooth point."""
+    """Return the weights, in a smooth point's limit position, of the point at each edge and of each opposite point."""
     if rules.triangles:
         ring = float(smooth_weights(np.array([size]), rules)[1][0])
         return 1.0 / (size + 3.0 / (8.0 * ring)), 0.0
@@ -144,12 +160,15 @@ def _smooth_position(size: int, rules: Rules) -> tuple[float, float]:
 
 
 def _face_weight(theta: float, rules: Rules) -> float:
-    """Return the weight of a quad's opposite point in a tangent, relative to the sum over the two adjacent edges."""
+    """Return the weight of a quad's opposite point in a tangent, relative to the sum of the weights of its two edges.
+
+    The weights of the edges are a wave that advances by the angle `theta` from edge to edge.
+    """
     return 0.0 if rules.triangles else 1.0 / (4.0 * (4.0 * _eigenvalue(theta, rules) - 1.0))
 
 
 def _eigenvalue(theta: float, rules: Rules) -> float:
-    """Return the eigenvalue of the refinement whose eigenvectors turn by `theta` from edge to edge (Stam 1998)."""
+    """Return the eigenvalue of refinement for eigenvectors that advance by an angle `theta` per edge (Stam 1998)."""
     cosine = np.cos(theta)
     if rules.triangles:
         return float(0.375 + 0.25 * cosine)

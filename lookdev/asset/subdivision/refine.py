@@ -1,4 +1,7 @@
-"""Refinement of one cage with all its values, each by its own rule."""
+"""Refines one control mesh with all its values: UV sets and primvars, each by its own interpolation rule.
+
+Values that are refined in the same way are columns of one array and share half-edges.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,14 @@ from lookdev.asset.subdivision.topology import Level, parent_faces, split_corner
 
 @dataclass(frozen=True, eq=False)
 class RefinedCage:
-    """The visible faces: points (n, 3), corners (m,) that index into them, sizes (f,), normals (m, 3), values (m, k).
+    """The visible faces of a refined cage.
 
-    origin (f,) is the cage's face from which each face comes. `values` has the order of the cage's values.
+    - points (n, 3): on the limit surface, unless the cage is not refined
+    - corners (m,): the point at each corner of the faces
+    - sizes (f,): the number of corners of each face
+    - origin (f,): the face of the cage from which each face comes
+    - normals (m, 3): unit normals at the corners
+    - values: an array (m, k) at the corners for each entry of `ControlMesh.values`
     """
 
     points: Floats32
@@ -33,10 +41,10 @@ class RefinedCage:
 
 @dataclass(frozen=True, eq=False)
 class _ValueGroup:
-    """Values (n, k) that share half-edges: columns of UV sets, primvars or positions, side by side.
+    """Values that share half-edges: UV sets, primvars or positions, side by side as the columns of `values` (n, k).
 
-    `columns` has, in order, the index in `ControlMesh.values` and the number of columns of each; the index of the
-    positions is -1. With `linear_boundary` the values along a boundary are refined linearly.
+    `columns` has a pair for each of them, in order: its index in `ControlMesh.values`, or -1 for the positions, and its
+    number of columns. With `linear_boundary`, values along a boundary are refined linearly.
     """
 
     half_edges: Level
@@ -45,7 +53,7 @@ class _ValueGroup:
     linear_boundary: bool = False
 
     def with_column(self, number: int, values: Floats) -> _ValueGroup:
-        """Return the group with `values` (n, k) appended, which have the index `number` in `ControlMesh.values`."""
+        """Return the group with the columns `values` (n, k) appended, of the entry `number` of `ControlMesh.values`."""
         columns = [*self.columns, (number, values.shape[1])]
         return replace(self, values=np.hstack([self.values, values]), columns=columns)
 
@@ -65,6 +73,7 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
         return _visible_faces(cage, cage.half_edges, control.points, normals, np.arange(len(control.sizes)), columns)
 
     surface, seam_groups, linear_values = _group_values(control, cage, rules, subdivision)
+    # The refined values at the corners, for each entry of `control.values`.
     corner_columns = [np.zeros(0, np.float32)] * len(control.values)
     origin, half_edges, values = np.arange(len(control.sizes)), surface.half_edges, surface.values
     for _ in range(level):
@@ -82,6 +91,7 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
         corner_columns[number] = corner_values.astype(np.float32)
     for group in seam_groups:
         _assign_columns(*_refine_group(group, rules, level), group.columns, corner_columns)
+    # Values that are constant over a face are those of the first corner of the face in the cage.
     first = np.cumsum(control.sizes) - control.sizes
     for number, (interpolation, corner_values) in enumerate(control.values):
         if interpolation in ("constant", "uniform"):
@@ -91,9 +101,10 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
 
 
 def refined_values(control: ControlMesh, subdivision: Subdivision) -> tuple[Bools, list[Floats32]]:
-    """Return which faces (f,) of a cage are visible, and the values at level 1 of all faces, visible or hidden.
+    """Return which faces (f,) of a cage are visible, and the values at level 1 at the corners of all faces.
 
-    Values that are constant over a face are empty.
+    There is an array (m, k) for each entry of `control.values`, at the corners of visible and hidden faces. It is empty
+    for values that are constant over a face.
     """
     rules, cage = mask_rules(subdivision), build_cage(control, subdivision)
     surface, seam_groups, linear_values = _group_values(control, cage, rules, subdivision)
@@ -109,7 +120,12 @@ def refined_values(control: ControlMesh, subdivision: Subdivision) -> tuple[Bool
 def _group_values(
     control: ControlMesh, cage: Cage, rules: Rules, subdivision: Subdivision
 ) -> tuple[_ValueGroup, list[_ValueGroup], dict[int, Floats]]:
-    """Group values by their refinement: with the points, by half-edges of their own, or linearly over each face."""
+    """Group the values of a cage by the way in which they are refined.
+
+    Return three results: the group of the positions and of values that are refined with them; the groups that have
+    half-edges of their own because of seams; and the values (m, k) at corners that are refined linearly over each face,
+    by their index in `control.values`. Values that are constant over a face are in none of them.
+    """
     count, rule = len(control.points), subdivision.face_varying
     surface, seam_groups = _ValueGroup(cage.half_edges, control.points, [(-1, 3)]), dict[bytes, _ValueGroup]()
     linear_values: dict[int, Floats] = {}
@@ -121,6 +137,7 @@ def _group_values(
         elif interpolation == "vertex":
             surface = surface.with_column(number, _scatter_corner_values(control.corners, values, count))
         else:
+            # Values with the same seams have the same numbers at the corners, and share half-edges.
             value_numbers, value_points = weld(control.corners, values, count)
             key = value_numbers.tobytes()
             if key not in seam_groups:
@@ -129,7 +146,7 @@ def _group_values(
             column = _scatter_corner_values(value_numbers, values, len(value_points))
             seam_groups[key] = seam_groups[key].with_column(number, column)
     for key, group in list(seam_groups.items()):
-        # Values that have no seams, and the same sharp points as the surface, are refined with its points.
+        # A group without seams that has the same sharp points as the surface is refined with the positions.
         sharpness = group.half_edges.point_sharpness
         if len(group.values) == count and np.array_equal(sharpness, cage.half_edges.point_sharpness):
             columns = [*surface.columns, *group.columns]
@@ -139,9 +156,9 @@ def _group_values(
 
 
 def _scatter_corner_values(rows: Indices, values: Floats, count: int) -> Floats:
-    """Return an array (count, k) of the values (m, k) at corners: the value of corner i is written to row `rows[i]`.
+    """Return an array (count, k) in which row `rows[i]` is the value of corner i, from the values (m, k) at corners.
 
-    Corners of one row have equal values.
+    Corners with the same row have equal values.
     """
     scattered = np.zeros((count, values.shape[1]))
     scattered[rows] = values
@@ -149,12 +166,13 @@ def _scatter_corner_values(rows: Indices, values: Floats, count: int) -> Floats:
 
 
 def _refine_group(group: _ValueGroup, rules: Rules, level: int) -> tuple[Level, Floats]:
-    """Return the half-edges and the limit of a group after `level` refinements."""
+    """Return the half-edges of a group after `level` refinements, and the limit (n, k) of its values."""
     half_edges, values = group.half_edges, group.values
     for _ in range(level):
         values = interpolate(half_edges, values, rules)
         parent, half_edges = half_edges, split_faces(half_edges, rules.triangles)
         if group.linear_boundary:
+            # The points of edges come after the points of the parent level. An infinitely sharp point does not move.
             boundary_points = len(parent.point_sharpness) + np.flatnonzero(parent.boundary)
             half_edges.point_sharpness[boundary_points] = np.inf
     return half_edges, limit_surface(half_edges, values, rules, needs_normals=False)[0]
@@ -163,7 +181,10 @@ def _refine_group(group: _ValueGroup, rules: Rules, level: int) -> tuple[Level, 
 def _assign_columns(
     half_edges: Level, values: Floats, columns: list[tuple[int, int]], corner_columns: list[Floats32]
 ) -> None:
-    """Write each value of a group, at the corners, to the entry of `corner_columns` with its number."""
+    """Write the values of a group to `corner_columns`, by their index in `ControlMesh.values`, as arrays over corners.
+
+    `values` (n, k) and `columns` are those of the group (`_ValueGroup`).
+    """
     start = 0
     for number, width in columns:
         if number >= 0:
@@ -172,7 +193,7 @@ def _assign_columns(
 
 
 def _polygon_normals(half_edges: Level, points: Floats, rules: Rules) -> Floats32:
-    """Return the normals (m, 3) of the cage's own polygons."""
+    """Return the normals (m, 3) at the corners of an unrefined cage: flat if bilinear, otherwise means at points."""
     if rules.scheme == "bilinear":
         areas = area_vectors(points[half_edges.points], half_edges.sizes)
         return flat_normals(areas, half_edges.sizes).astype(np.float32)
@@ -184,7 +205,7 @@ def _polygon_normals(half_edges: Level, points: Floats, rules: Rules) -> Floats3
 def _visible_faces(
     cage: Cage, half_edges: Level, points: Floats, normals: Floats32, origin: Indices, values: list[Floats32]
 ) -> RefinedCage:
-    """Return the refined faces except those that come from hidden faces."""
+    """Return the refined faces, except those that come from hidden faces of the cage."""
     is_visible = ~cage.is_hidden[origin]
     corners: Bools | slice = slice(None) if is_visible.all() else is_visible[half_edges.faces]
     return RefinedCage(

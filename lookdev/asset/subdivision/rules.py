@@ -1,9 +1,9 @@
-"""The points of the next level, by the masks of Catmull and Clark (1978) and of Loop (1987), with sharp features.
+"""Computes the points of the next level, by the masks of Catmull and Clark (1978) and of Loop (1987).
 
-Semi-sharp creases and corners are those of DeRose, Kass and Truong, "Subdivision Surfaces in Character Animation"
-(1998), section 3, in the form that OpenSubdiv documents: a point is a corner if it is sharp or if more than two sharp
-edges meet at it, part of a crease at exactly two, smooth otherwise. If the kind of a point changes as sharpness falls
-to zero, both masks are blended.
+Creases and corners can be sharp or semi-sharp. They follow DeRose, Kass and Truong, "Subdivision Surfaces in Character
+Animation" (1998), section 3, in the form that OpenSubdiv documents. A point is a corner if it is sharp or if more than
+two sharp edges meet at it; it is on a crease if exactly two meet; otherwise it is smooth. Sharpness falls by 1 at each
+level. If a point thereby becomes, say, smooth instead of a corner at the next level, the masks of both are blended.
 """
 
 from __future__ import annotations
@@ -18,24 +18,31 @@ from lookdev.asset.normals import run_starts, sum_by
 from lookdev.asset.subdivision.topology import Level
 
 _TRIANGLE_WEIGHT = 0.470
-"""The weight of a triangle's centroid in an edge's point with the triangle rule `smooth`, instead of 1/4."""
+"""The weight of a triangle's centroid in an edge's new point with USD's triangle rule `smooth`; normally it is 1/4."""
 
 
 @dataclass(frozen=True)
 class Rules:
-    """The rules that determine masks: scheme, and whether edges of triangles have special weights (catmullClark)."""
+    """The rules that determine masks: the scheme, and the triangle rule.
+
+    `smooth_triangles` is whether edges of triangles have the weight `_TRIANGLE_WEIGHT`, in the scheme catmullClark.
+    """
 
     scheme: Scheme
     smooth_triangles: bool = False
 
     @property
     def triangles(self) -> bool:
-        """Whether a face is split into triangles."""
+        """Whether faces are split into triangles; otherwise they are split into quads."""
         return self.scheme == "loop"
 
 
 def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
-    """Return the values (n', k) at the points of the next level from those (n, k) at the points of this level."""
+    """Return the values (n', k) at the points of the next level, from the values (n, k) at the points of `level`.
+
+    The points of the next level are the old points, then a point for each edge and, except with the scheme loop, a
+    point for each face.
+    """
     ends = values[level.ends[:, 0]], values[level.ends[:, 1]]
     edge_points = 0.5 * (ends[0] + ends[1])
     if rules.scheme == "loop":
@@ -50,7 +57,10 @@ def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
 
 
 def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
-    """Return the edges (k,) of sharpness below 1, a half-edge of each (k,), and their sharpness (k, 1)."""
+    """Return the edges (k,) of sharpness below 1, one half-edge (k,) of each, and their sharpness (k, 1).
+
+    These edges have two faces, since boundaries and edges of more faces are infinitely sharp.
+    """
     edges = np.flatnonzero(level.edge_sharpness < 1.0)
     half_edges = np.zeros(len(level.ends), np.intp)
     half_edges[level.edges] = np.arange(len(level.edges))
@@ -58,9 +68,10 @@ def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
 
 
 def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules) -> None:
-    """Overwrite the points of edges of sharpness below 1 in `edge_points`, which has the edges' middles.
+    """Overwrite the points of edges of sharpness below 1 in `edge_points` (e, k), which has the edges' middles.
 
-    Catmull and Clark 1978: the mean of the ends and of both faces' centroids.
+    A smooth edge's point is the mean of its ends and of both faces' centroids, `means` (f, k) (Catmull and Clark 1978).
+    With a sharpness between 0 and 1, it is interpolated between that mean and the middle.
     """
     edges, half_edges, sharpness = _soft_edges(level)
     a, b = level.faces[half_edges], level.faces[level.twins[half_edges]]
@@ -73,7 +84,11 @@ def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules
 
 
 def _smooth_loop_edges(level: Level, values: Floats, edge_points: Floats) -> None:
-    """Overwrite the points of edges of sharpness below 1. Loop 1987: 3/8 of the ends, 1/8 of the opposite points."""
+    """Overwrite the points of edges of sharpness below 1 in `edge_points` (e, k), which has the edges' middles.
+
+    A smooth edge's point has weights of 3/8 for both ends and 1/8 for both opposite points (Loop 1987). With a
+    sharpness between 0 and 1, it is interpolated between that point and the middle.
+    """
     edges, half_edges, sharpness = _soft_edges(level)
     opposite = level.points[level.previous]
     across = values[opposite[half_edges]] + values[opposite[level.twins[half_edges]]]
@@ -82,20 +97,26 @@ def _smooth_loop_edges(level: Level, values: Floats, edge_points: Floats) -> Non
 
 
 def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -> Floats:
-    """Return the new values of the old points. `around` (m, k) are the terms of the corners in a smooth point's sum."""
+    """Return the values (n, k) of the old points at the next level.
+
+    `around` (m, k) has a term for each corner. The new value of a smooth point contains the sum of the terms of the
+    corners at the point.
+    """
     is_corner, is_crease = _corners_and_creases(level, 0.0)
-    # At the next level, sharpness is less by 1.
+    # At the next level, sharpness is less by 1: features that are now sharper than 1 are then still sharp.
     stays_corner, becomes_crease = _corners_and_creases(level, 1.0)
     present_weight = np.where(
         (is_corner == stays_corner) & (is_crease == becomes_crease), 1.0, _transition_weights(level)
     )
+    # The weights (n,) of the masks of a corner, of a crease and of a smooth point.
     corner = present_weight * is_corner + (1.0 - present_weight) * stays_corner
     crease = present_weight * is_crease + (1.0 - present_weight) * becomes_crease
     smooth = 1.0 - corner - crease
     point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
     result: Floats = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
     result += (smooth * ring_weight)[:, None] * sum_by(level.points, around, len(values))
-    # The two edges of a crease: the sharp ones, or, at a point that becomes a crease, those that stay sharp.
+    # Add the other ends of the two edges of a crease. They are the sharp edges, or, at a point that is on a crease only
+    # at the next level, the edges that stay sharp.
     threshold = np.where(is_crease, 0.0, 1.0)
     for this, other in (level.ends.T, level.ends.T[::-1]):
         edges = np.flatnonzero((level.edge_sharpness > threshold[this]) & (crease[this] > 0.0))
@@ -113,7 +134,10 @@ def _corners_and_creases(level: Level, above: float) -> tuple[Bools, Bools]:
 
 
 def _transition_weights(level: Level) -> Floats:
-    """Return the weight (n,) of a point's mask if its next one differs: the mean sharpness that falls to zero."""
+    """Return the weight (n,) of a point's present mask if it has another mask at the next level.
+
+    The weight is the mean of all sharpness at the point, its own and that of its edges, that falls to zero.
+    """
     is_fading_edge = (level.edge_sharpness > 0.0) & (level.edge_sharpness <= 1.0)
     ends, sharpness = level.ends[is_fading_edge].ravel(), np.repeat(level.edge_sharpness[is_fading_edge], 2)
     is_fading_point = (level.point_sharpness > 0.0) & (level.point_sharpness <= 1.0)
@@ -123,7 +147,10 @@ def _transition_weights(level: Level) -> Floats:
 
 
 def smooth_weights(valence: Indices, rules: Rules) -> tuple[Floats, Floats]:
-    """Return the weights (n,) of a smooth point itself and of each term of its ring, from its valence (n,)."""
+    """Return the weights (n,) of smooth points in their new values, and those (n,) of each term around them.
+
+    `valence` (n,) is the number of faces around each point. The terms are those of `_refine_points`.
+    """
     n = np.maximum(valence, 1).astype(np.float64)
     if rules.scheme == "loop":
         # Loop 1987, in the form of Warren: (5/8 - (3/8 + cos(2 pi / n) / 4)^2) / n.

@@ -1,7 +1,8 @@
-"""Half-edges of a control cage and of each level of its refinement.
+"""Defines the half-edges of a control cage and of each level of its refinement, and splits faces.
 
-A half-edge runs from a corner of a face to the face's next corner, and has the number of that corner. Its twin is the
-half-edge of the neighbouring face. A half-edge has no twin if its edge has no other face, or more than one.
+A half-edge runs from a corner of a face to the face's next corner, and has the number of the corner where it starts.
+Its twin is the half-edge of the neighbouring face along the same edge. A half-edge has no twin if its edge has no other
+face, or more than one.
 """
 
 from __future__ import annotations
@@ -20,11 +21,15 @@ _Array = TypeVar("_Array", Floats, Indices)
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """Faces, half-edges and sharpness of one level.
+    """The f faces, m half-edges, e edges and n points of one level of refinement.
 
-    sizes (f,): corners of each face; points (m,): the point at which each half-edge starts; edges (m,): the edge of
-    each half-edge; twins (m,): its twin, -1 if it has none; ends (e, 2): points of each edge; edge_sharpness (e,) and
-    point_sharpness (n,): 0 is smooth; infinite at boundaries and where the surface is not manifold.
+    - sizes (f,): the number of corners of each face
+    - points (m,): the point at which each half-edge starts
+    - edges (m,): the edge of each half-edge
+    - twins (m,): the twin of each half-edge, -1 if it has none
+    - ends (e, 2): the two points of each edge
+    - edge_sharpness (e,), point_sharpness (n,): 0 is smooth; infinite at boundaries and where the surface is not
+      manifold
     """
 
     sizes: Indices
@@ -62,13 +67,14 @@ class Level:
         return np.bincount(self.ends[self.edge_sharpness > above].ravel(), minlength=len(self.point_sharpness))
 
     def extract(self, faces: Bools) -> tuple[Level, Indices, Indices]:
-        """Extract the marked faces (f,); also return the indices of their corners and points in this level.
+        """Return the marked faces (f,) as a level, and the indices in this level of its corners and of its points.
 
-        Edges at which they are cut off become infinitely sharp.
+        Edges at which the faces are cut off from the others become infinitely sharp.
         """
         corners = np.flatnonzero(faces[self.faces])
         old_points, points = np.unique(self.points[corners], return_inverse=True)
         old_edges, edges = np.unique(self.edges[corners], return_inverse=True)
+        # The new number of each half-edge, or -1; the last entry is for half-edges without a twin, whose twin is -1.
         inside = np.full(len(self.points) + 1, -1)
         inside[corners] = np.arange(len(corners))
         twins = inside[self.twins[corners]]
@@ -81,10 +87,11 @@ class Level:
 
 @dataclass(frozen=True, eq=False)
 class Connectivity:
-    """Which edges (e,) of a cage are not manifold, and the number of fans of faces around each point (n,).
+    """Which edges (e,) of a cage are not manifold, and the number of fans around each point (n,).
 
     An edge is not manifold if it has more than two faces, occurs twice in one face, or joins two faces of opposite
-    winding. A manifold point has one fan and no such edge.
+    winding. A fan is a set of faces around a point that are connected by twins. A manifold point has one fan, and all
+    its edges are manifold.
     """
 
     is_nonmanifold_edge: Bools
@@ -92,9 +99,10 @@ class Connectivity:
 
 
 def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connectivity]:
-    """Return the half-edges of faces, from their points (m,) < `count` and sizes (f,), and their connectivity.
+    """Return the half-edges of faces, and their connectivity.
 
-    Boundary edges and edges that are not manifold are infinitely sharp; all else is smooth.
+    `points` (m,) is the point at each corner, a number below `count`, and `sizes` (f,) is the number of corners of each
+    face. Boundary edges and edges that are not manifold are infinitely sharp; all else is smooth.
     """
     following = next_corners(sizes)
     low, high = np.minimum(points, points[following]), np.maximum(points, points[following])
@@ -105,8 +113,8 @@ def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connect
     shared_edges = np.flatnonzero(use_counts == 2)
     a, b = order[start[shared_edges]], order[start[shared_edges] + 1]
     faces = np.repeat(np.arange(len(sizes)), sizes)
-    # Two faces of equal winding traverse their edge in opposite directions. An edge from a point to itself has no
-    # direction.
+    # Edges are found by their two points, regardless of direction. Two faces of equal winding traverse their edge in
+    # opposite directions. An edge from a point to itself has no direction.
     is_paired = (points[a] != points[b]) & (faces[a] != faces[b])
     twins = np.full(len(points), -1)
     twins[a[is_paired]], twins[b[is_paired]] = b[is_paired], a[is_paired]
@@ -126,7 +134,7 @@ def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connect
 
 
 def _fan_counts(level: Level) -> Indices:
-    """Return the number of fans (n,) around each point: sets of faces that twins connect at the point."""
+    """Return the number of fans (n,) around each point, from the connected components of half-edges."""
     # These imports take half of a program's start-up time, and few files need them.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -142,29 +150,33 @@ def _fan_counts(level: Level) -> Indices:
 
 
 def split_faces(level: Level, triangles: bool) -> Level:
-    """Return the next level: each face becomes quads, one at a corner, or each triangle four triangles.
+    """Return the next level: each face becomes quads, one for each corner, or with `triangles`, four triangles.
 
-    The new points come from the points, the edges and, unless `triangles`, the faces, in this order. The child at
-    corner c starts with the half-edge `first_child` of c, at the point of c; the fourth triangle is in the middle.
-    Sharpness falls by one ("uniform" creasing, DeRose et al. 1998, section 3).
+    The points of the next level are those of this level, then one for each edge and, unless `triangles`, one for each
+    face. A new face is called a child. The child at corner c starts at the point of c, with the half-edge that
+    `first_child` returns for c. The fourth triangle is in the middle. Sharpness falls by one ("uniform" creasing,
+    DeRose et al. 1998, section 3).
     """
     edge_count, count = len(level.ends), len(level.point_sharpness)
     corners = np.arange(len(level.points))
     child = first_child(corners, triangles)
     edge_points = count + np.arange(edge_count)
-    # The half of each half-edge's edge at its start, and that of the previous half-edge's edge at its end.
+    # Edge i is split into the new edges 2 i and 2 i + 1, at its first and its second end. For each corner, the leading
+    # half is the new edge at the corner on its half-edge, and the trailing half that on the previous half-edge.
     is_reversed = level.ends[level.edges, 0] != level.points
     leading_halves, trailing_halves = 2 * level.edges + is_reversed, (2 * level.edges + ~is_reversed)[level.previous]
+    # Each half-edge has a new inner edge, from its edge's new point to the face's point or, for triangles, to the new
+    # point of the previous edge.
     inner_edges = 2 * edge_count + corners
     before = level.previous
     previous_twins = level.twins[before]
-    # The twins of a child's half-edges on the parent's edges.
+    # The twins of a child's first and last half-edge, which lie on edges of the old face.
     leading_twins = np.where(level.twins < 0, -1, child[level.next[level.twins]] + (2 if triangles else 3))
     trailing_twins = np.where(previous_twins < 0, -1, child[previous_twins])
     next_edge_points = edge_points[level.edges]
     edge_ends = np.stack([level.ends, np.broadcast_to(edge_points[:, None], level.ends.shape)], axis=-1).reshape(-1, 2)
     if triangles:
-        # For each corner, the half-edge of the middle triangle that starts at the middle of the corner's edge.
+        # For each corner, the half-edge of the middle triangle that starts at the new point of the corner's edge.
         middle = child[3 * (corners // 3)] + 9 + corners % 3
         points = _interleave([level.points, next_edge_points, next_edge_points[before]], next_edge_points)
         edges = _interleave([leading_halves, inner_edges, trailing_halves], inner_edges[level.next])
@@ -191,12 +203,12 @@ def split_faces(level: Level, triangles: bool) -> Level:
 
 
 def first_child(corners: Indices, triangles: bool) -> Indices:
-    """Return the first half-edge of the child at each corner (k,)."""
+    """Return the first half-edge (k,), at the next level, of the child at each of the corners (k,)."""
     return 3 * (corners + corners // 3) if triangles else 4 * corners
 
 
 def parent_faces(level: Level, triangles: bool) -> Indices:
-    """Return the face of `level` from which each face of the next level comes."""
+    """Return, for each face of the next level, the face of `level` from which it comes."""
     return np.repeat(np.arange(len(level.sizes)), 4) if triangles else level.faces
 
 
@@ -212,12 +224,16 @@ def split_corners(level: Level, values: Floats, triangles: bool) -> Floats:
 
 
 def next_sharpness(sharpness: Floats) -> Floats:
-    """Return the sharpness at the next level."""
+    """Return the sharpness of edges or points at the next level: less by 1, but at least 0."""
     return np.maximum(sharpness - 1.0, 0.0)
 
 
 def _interleave(outer: list[_Array], middle: _Array) -> _Array:
-    """Interleave the values of the triangles at each triangle's corners with those of its middle triangle."""
+    """Return values at the corners of the next level's triangles, four for each old triangle.
+
+    `outer` has three arrays: the values at the first, second and third corner of the triangle at each old corner, (m,)
+    or (m, k). `middle` has those at the corners of the middle triangles.
+    """
     three = np.stack(outer, axis=1).reshape(-1, 9, *middle.shape[1:])
     four = np.concatenate([three, middle.reshape(-1, 3, *middle.shape[1:])], axis=1)
     return np.asarray(four.reshape(-1, *middle.shape[1:]))

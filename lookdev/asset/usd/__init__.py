@@ -1,13 +1,13 @@
-"""A composed USD stage as an asset: its visible surfaces, their placements and their bound materials.
+"""Reads an asset from a composed USD stage: its visible surfaces, their placements and their bound materials.
 
-`walk` finds the visible gprims. `gprims` converts each type of gprim to a shape, by `mesh`, `curves` (and points) or
-`primitives`. `skinning` deforms gprims, `primvars` reads their primvars. `scene` makes the asset, with its bound
-materials; its notes name prims of other types.
+`walk` finds the visible gprims. `gprims` converts a gprim to a shape, by `mesh`, `curves` (also for points) or
+`primitives`, according to its type. `skinning` deforms gprims, `primvars` reads their primvars. `scene` makes the asset
+with its bound materials, and notes for prims of types that are not rendered.
 
-Scene-graph instances and point instances share one mesh for each surface of their prototype, as do equal primitives.
-Instances with other bound materials or other inherited primvars have a `Mesh` of their own that shares the arrays; its
-slots have the path of the first such instance. Instances without volume (scale 0, the usual way to hide one) are
-dropped.
+Scene-graph instances and point instances share one mesh for each surface of their prototype. Equal primitives share a
+mesh, too. Instances whose bound materials or inherited primvars differ have different `Mesh`es, which share arrays; the
+slots of such a mesh have the path of its first instance. Instances without volume are dropped; scale 0 is the usual way
+to hide an instance.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ __all__ = ["read_usd"]
 
 
 def read_usd(composed: Composed, time: float | None = None, purposes: tuple[str, ...] = ("default", "render")) -> Asset:
-    """Read the surfaces of a stage, or of its composition's `prim`, into world space: z up, in metres.
+    """Read the surfaces of a stage into an asset in world space: z up, in metres.
 
-    Surfaces with a subdivision are control cages, which have to be refined before they are rendered. The time is
-    `time`, else the stage's startTimeCode, else the earliest time. The ancestors of `prim` place it; hidden ancestors
-    do not hide it. The asset's notes list content that is not rendered and bindings whose target does not exist.
+    If the composition names a prim, only the surfaces at and below this prim are read. The transforms of its ancestors
+    place the prim, but hidden ancestors do not hide it. Subdivision surfaces are control cages, which have to be
+    refined before they are rendered. The surfaces are read at `time`, by default at the stage's startTimeCode, or else
+    the earliest time. The asset's notes list content that is not rendered and bindings whose target does not exist.
 
     Raises
     ------

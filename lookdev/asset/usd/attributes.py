@@ -1,7 +1,8 @@
-"""Values of USD attributes at a time; all readers of assets get them here.
+"""Reads and checks the values of USD attributes at a time, for all modules that read assets.
 
-A value has the requested type, shape and range, or an AssetError names its prim and attribute. USD itself returns the
-value of a layer, whatever the attribute's type. The caller checks the number of values.
+A value has the requested type, shape and range, or an AssetError names its prim and attribute. The checks are needed
+because USD returns the value that a layer has, even if it contradicts the attribute's type. The caller checks the
+number of values.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from lookdev.stage import quote
 _T = TypeVar("_T", bound=np.generic)
 _Token = TypeVar("_Token", bound=str)
 
-# The shape of a value of each type of array.
+# The shape of one value in each type of array: () for a number, (3,) for a vector.
 _FLOATS: Mapping[type, tuple[int, ...]] = {
     Vt.FloatArray: (),
     Vt.DoubleArray: (),
@@ -36,6 +37,7 @@ _FLOATS: Mapping[type, tuple[int, ...]] = {
 _INTEGERS: Mapping[type, tuple[int, ...]] = dict.fromkeys(
     (Vt.IntArray, Vt.UIntArray, Vt.Int64Array, Vt.UInt64Array, Vt.UCharArray), ()
 )
+# The type that a message asks for, by the shape of one value.
 _NEEDED = {(): "float[]", (2,): "float2[]", (3,): "float3[]", (4,): "quatf[]", (4, 4): "matrix4d[]"}
 _INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
 
@@ -43,13 +45,15 @@ _INTERPOLATIONS: tuple[Interpolation, ...] = get_args(Interpolation)
 def read_array(
     prim: Usd.Prim, name: str, time: Usd.TimeCode, kind: type[_T], shape: tuple[int, ...] = (), *, bounded: bool = True
 ) -> NDArray[_T]:
-    """Return the values (k, *shape) of an array attribute as floats or integers; none where it has no value.
+    """Return the values (k, *shape) of an array attribute; the array is empty if the attribute has no value.
+
+    `kind` is the NumPy type of the numbers, `np.intp` for integers. A caller that reads many arrays can pass
+    `bounded=False` and check the bounds of all at once.
 
     Raises
     ------
     AssetError
-        It is not an array of such values, or, with `bounded`, a number is not within +-`MAX_COORDINATE`. A reader of
-        many arrays checks the bounds of all at once instead.
+        The value is not an array of such values, or, with `bounded`, a number is not within +-`MAX_COORDINATE`.
     """
     return check_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
 
@@ -57,7 +61,7 @@ def read_array(
 def check_array(
     value: object, prim: Usd.Prim, name: str, kind: type[_T], shape: tuple[int, ...] = (), *, bounded: bool = True
 ) -> NDArray[_T]:
-    """Return a value that USD computed for an attribute as `read_array` does, with the same checks."""
+    """Return the array of a value that USD computed for the attribute `name`, with the checks of `read_array`."""
     if value is None:
         return np.zeros((0, *shape), kind)
     is_integer = kind is np.intp
@@ -70,7 +74,10 @@ def check_array(
 
 
 def check_floats(value: object, attribute: Usd.Attribute, width: int, is_array: bool) -> Reals:
-    """Return the value of an attribute as floats (k,) or (k, width); k is 1 for an attribute that is not an array."""
+    """Return an attribute's value as floats (k, width), or (k,) if `width` is 1.
+
+    `value` is the value that USD returned for the attribute. If the attribute is not an array, k is 1.
+    """
     shape = (width,) if width > 1 else ()
     if is_array:
         if _FLOATS.get(type(value)) == shape:
@@ -91,7 +98,7 @@ def check_bounded(values: Elements, prim: Usd.Prim, name: str) -> None:
 
 
 def check_range(indices: Indices, count: int, prim: Usd.Prim, name: str, noun: str) -> None:
-    """Raise AssetError if an index of an attribute is not in 0..count-1; `noun` names the elements."""
+    """Raise AssetError if an index of the attribute `name` is not in 0..count-1; `noun` names the indexed elements."""
     wrong = (indices < 0) | (indices >= count)
     if wrong.any():
         i = int(np.argmax(wrong))
@@ -99,7 +106,7 @@ def check_range(indices: Indices, count: int, prim: Usd.Prim, name: str, noun: s
 
 
 def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -MAX_COORDINATE) -> float:
-    """Return a number from `low` to `MAX_COORDINATE`; raises AssetError if the attribute has another value."""
+    """Return a number attribute's value; raises AssetError if it is not from `low` to `MAX_COORDINATE`."""
     value = prim.GetAttribute(name).Get(time)
     if type(value) not in (float, int):
         raise wrong_type(prim, name, value, "double")
@@ -111,7 +118,7 @@ def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -MAX
 
 
 def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[_Token]) -> _Token:
-    """Return one of the allowed values of an attribute; raises AssetError if it has another."""
+    """Return a token attribute's value; raises AssetError if it is not one of the allowed values."""
     value = prim.GetAttribute(name).Get(time)
     if not isinstance(value, str):
         raise wrong_type(prim, name, value, "token")
@@ -149,12 +156,12 @@ def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Interp
 
 
 def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
-    """Return the points (n, 3) of a point-based prim at a time; None if it has no velocities.
+    """Return the points (n, 3) of a point-based prim at a time, moved by its velocities; None if it has no velocities.
 
-    Between time samples, velocities extrapolate the points of the sample before: UsdGeom's rule for motion whose number
-    of points changes between samples, as in a simulation. Velocities that do not fit the points of the sample before
-    have no effect; USD warns about them. Raises AssetError if the value of an attribute is not an array of vectors of
-    three numbers.
+    Between two time samples, velocities extrapolate the points from the earlier sample. This is UsdGeom's rule for
+    motion in which the number of points changes between samples, as in a simulation. Velocities that do not fit the
+    points of the earlier sample have no effect; USD warns about them. Raises AssetError if the value of an attribute is
+    not an array of vectors of three numbers.
     """
     if not prim.GetAttribute("velocities").HasAuthoredValue():
         return None
@@ -166,7 +173,10 @@ def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
 
 
 def sample_time(time: Usd.TimeCode, attribute: Usd.Attribute) -> Usd.TimeCode:
-    """Return a time; instead of the earliest time, which USD cannot extrapolate from, that of the first sample."""
+    """Return the given time, or the attribute's first time sample if the given time is USD's "earliest" time.
+
+    USD cannot extrapolate from the earliest time.
+    """
     samples = attribute.GetTimeSamples() if time.IsEarliestTime() else ()
     return Usd.TimeCode(samples[0]) if samples else time
 

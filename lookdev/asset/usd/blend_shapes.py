@@ -1,6 +1,7 @@
-"""UsdSkel's blend shapes, with inbetweens: the weighted offsets that they add to points and normals.
+"""Reads UsdSkel's blend shapes, with inbetweens, as weighted offsets that are added to points and normals.
 
-They are computed here because USD's own functions read beyond their arrays if a target is missing or inactive.
+An inbetween is a further shape of a blend shape, at another weight than 1. The offsets are computed here because USD's
+own functions read beyond their arrays if a target is missing or inactive.
 """
 
 from __future__ import annotations
@@ -17,14 +18,16 @@ from lookdev.asset.usd.attributes import read_array
 from lookdev.errors import AssetError
 
 _DEFAULT_TIME = Usd.TimeCode.Default()
-_WEIGHT_TOLERANCE = 1e-6  # the difference up to which USD takes weights for equal
+_WEIGHT_TOLERANCE = 1e-6  # USD takes weights for equal if they differ by less
 
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """Offsets of a blend shape: points (k, 3), and normals (k, 3), or (0, 3) if it has none.
+    """The offsets of a blend shape at its weight.
 
-    `indices` (k,) are the points of the mesh that they are added to; None means all points.
+    `path` is the path of the blend shape. `points` (k, 3) are offsets of points; `normals` (k, 3) are offsets of
+    normals, or (0, 3) if the shape has none. `indices` (k,) are the points of the mesh to which the offsets are added;
+    None means all points.
     """
 
     path: str
@@ -37,10 +40,11 @@ class Offsets:
         return self._add(points, self.points)
 
     def offset_normals(self, normals: Floats) -> Floats:
-        """Return normals (n, 3), one for each point, with the offsets added; they are not unit."""
+        """Return normals (n, 3), one for each point, with the offsets added; the results are not normalised."""
         return self._add(normals, self.normals)
 
     def _add(self, values: Floats, offsets: Floats) -> Floats:
+        """Return values (n, 3) with offsets (k, 3) added at `indices`."""
         if len(offsets) == 0:
             return values
         indices = np.arange(len(values)) if self.indices is None else self.indices
@@ -56,7 +60,12 @@ class Offsets:
 def blend_offsets(
     prim: Usd.Prim, names: Sequence[str], targets: Sequence[Sdf.Path], weights: Mapping[str, float], notes: list[str]
 ) -> Iterator[Offsets]:
-    """Yield the offsets of each blend shape with a weight other than 0, linear between the two nearest inbetweens.
+    """Yield the offsets of each blend shape of a gprim that has a weight other than 0.
+
+    The offsets are interpolated linearly between the shapes with the nearest weights below and above: no offset at 0,
+    the inbetweens, and the blend shape itself at 1. `names` and `targets` are the gprim's blend shapes: their names and
+    the paths of their prims. `weights` has the weights by name. Messages about inbetweens without effect are appended
+    to `notes`.
 
     Raises
     ------
@@ -73,6 +82,7 @@ def blend_offsets(
         weight = weights.get(name, 0.0)
         if weight == 0.0 or not shape.GetPrim().IsActive():
             continue
+        # By the weight of a shape: its offsets of points and of normals.
         offsets_by_weight: dict[float, tuple[Floats, Floats]] = {
             0.0: (np.zeros((0, 3)), np.zeros((0, 3))),
             1.0: _read_offsets(shape.GetOffsetsAttr(), shape.GetNormalOffsetsAttr()),
@@ -87,6 +97,7 @@ def blend_offsets(
                 offsets_by_weight[inbetween_weight] = _read_offsets(
                     inbetween.GetAttr(), inbetween.GetNormalOffsetsAttr()
                 )
+        # Weights below the least or above the greatest extrapolate from the two nearest shapes.
         shape_weights = sorted(offsets_by_weight)
         upper = min(max(bisect_right(shape_weights, weight), 1), len(shape_weights) - 1)
         low, high = shape_weights[upper - 1 : upper + 1]
@@ -100,7 +111,7 @@ def blend_offsets(
 
 
 def _read_offsets(points: Usd.Attribute, normals: Usd.Attribute) -> tuple[Floats, Floats]:
-    """Return the values (k, 3) of two attributes, (0, 3) for one that is not authored."""
+    """Return the values (k, 3) of two attributes, the offsets of points and of normals; (0, 3) if there are none."""
     point_offsets, normal_offsets = (
         read_array(attribute.GetPrim(), attribute.GetName(), _DEFAULT_TIME, np.float64, (3,))
         if attribute
@@ -116,7 +127,10 @@ def _read_offsets(points: Usd.Attribute, normals: Usd.Attribute) -> tuple[Floats
 
 
 def _interpolate_offsets(before: Floats, after: Floats, fraction: float, path: str) -> Floats:
-    """Interpolate linearly between the offsets of two shapes; a shape without offsets counts as zero."""
+    """Interpolate linearly between the offsets (k, 3) of two shapes; a shape without offsets has offsets of 0.
+
+    `fraction` is 0 at the shape `before` and 1 at the shape `after`.
+    """
     if len(before) and len(after) and len(before) != len(after):
         raise AssetError(f"{path}: its shapes have {len(before)} and {len(after)} offsets; they must agree")
     result = np.zeros((max(len(before), len(after)), 3))

@@ -1,4 +1,7 @@
-"""The members of collections of a USD stage, computed by USD's membership query."""
+"""Finds the members of collections of a USD stage, by USD's membership query.
+
+A collection is given by its path, such as ``/Car.collection:paint``.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +13,16 @@ from pxr import Sdf, Usd
 from lookdev.errors import AssetError, nearest_hint
 from lookdev.stage import clean_usd_message, usd_errors_as_faults
 
-_MARK = ".collection:"
+_MARK = ".collection:"  # between the path of the prim and the collection's name
 
 
 def is_collection(pattern: str) -> bool:
-    """Return whether a pattern is the path of a collection, such as ``/Car.collection:paint``."""
+    """Return whether a pattern for the selection of prims is the path of a collection."""
     return _MARK in pattern
 
 
 def prim_at(stage: Usd.Stage, path: str) -> Usd.Prim | None:
-    """Return the prim at a path that a user wrote; None if there is no such prim or it is not a path."""
+    """Return the prim at a path that a user wrote, or None if the text is not a path or there is no such prim."""
     is_path = path.startswith("/") and Sdf.Path.IsValidPathString(path)
     return (stage.GetPrimAtPath(path) or None) if is_path else None
 
@@ -40,7 +43,7 @@ def collections_above(stage: Usd.Stage, paths: Iterable[str]) -> tuple[str, ...]
 
 
 def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) -> frozenset[str]:
-    """Return the members of `paths` that a collection, given by its path, includes.
+    """Return those of the prim paths `paths` that a collection, given by its path, includes.
 
     Raises
     ------

@@ -1,13 +1,15 @@
-"""UsdGeom's BasisCurves and NurbsCurves as tubes, or as ribbons if they have normals; Points as spheres.
+"""Makes tubes of UsdGeom's BasisCurves and NurbsCurves, or ribbons if they have normals, and spheres of Points.
 
-A curve is sampled where it bends: chords deviate from a segment by about 5e-4 of its length. Tubes have 32 sides. If
-the curves of one prim would have more than a million faces, they have fewer sides, then fewer chords, but at least 8
-sides and a chord for each segment. Ends are flat and closed; a tube whose width falls to 0 ends in a point. A curve
-that ends at its start is closed. `lookdev.asset.tubes` defines ``st``, which a primvar of that name replaces.
+Each segment of a curve is divided into chords between samples: more where it bends, so that the chords deviate from the
+segment by about 5e-4 of its length. Tubes have 32 sides. If the curves of one prim would have more than a million
+faces, they have fewer sides, then fewer chords, but at least 8 sides and a chord for each segment. Ends are flat and
+closed; a tube whose width falls to 0 ends in a point. A curve that ends at its start is closed. `lookdev.asset.tubes`
+defines ``st``, which a primvar of that name replaces.
 
-Widths, normals and primvars are interpolated as UsdGeom defines: `vertex` ones by the curve's basis, `varying` ones
-linearly over a segment (on NURBS curves, for which UsdGeom does not define it, as `vertex`). A single value is constant
-regardless of its interpolation, as in Hydra. Without widths, the width is 1, as in RenderMan.
+Widths, normals and primvars are interpolated as UsdGeom defines. `vertex` values are interpolated by the curve's basis,
+`varying` values linearly over a segment. On NURBS curves, for which UsdGeom does not define `varying`, it means
+`vertex`. A single value is constant regardless of its interpolation, as in Hydra. Without widths, the width is 1, as in
+RenderMan.
 """
 
 from __future__ import annotations
@@ -27,21 +29,22 @@ from lookdev.asset.usd.attributes import check_array, check_interpolation, read_
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
 
+# The attributes of BasisCurves that choose a spline, and their allowed values.
 _TOKENS = (("type", ("linear", "cubic")), ("basis", ("bezier", "bspline", "catmullRom")), ("wrap", WRAPS))
-_CHORD_TOLERANCE = 5e-4
-_MAX_CHORDS = 64
-_MAX_FACES = 1_000_000
-_SIDES = (32, 16, 8)
-_COINCIDENCE = 1e-6  # relative distance up to which points of float32 coincide
+_CHORD_TOLERANCE = 5e-4  # the deviation of a chord from its segment, relative to the segment's length
+_MAX_CHORDS = 64  # of a segment
+_MAX_FACES = 1_000_000  # of the curves of a prim
+_SIDES = (32, 16, 8)  # the numbers of sides that tubes can have
+_COINCIDENCE = 1e-6  # the distance, relative to a length of the curve, up to which points in float32 coincide
 
 
 def curve_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, attributes: Sequence[Attribute] = (), points: Floats | None = None
 ) -> PolygonShape:
-    """Return the curves of a prim at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
+    """Return the curves of a prim at a time as a shape in metres; `unit` is the length of the stage's unit in metres.
 
-    `attributes` are primvars of the prim, with any indices applied; the mesh has them by point or by face. `points`
-    (n, 3), in the stage's unit, replace those of the prim. Curves without length or width have no faces.
+    `attributes` are primvars of the prim, with any indices applied; the shape has them by point, by face or constant.
+    `points` (n, 3), in the stage's unit, replace those of the prim. Curves without length or width have no faces.
 
     Raises
     ------
@@ -91,11 +94,12 @@ def curve_shape(
 def point_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = 1e-4, points: Floats | None = None
 ) -> tuple[PolygonShape, Floats]:
-    """Return a sphere in metres for UsdGeom.Points, and its placements: matrices (k, 4, 4) for row vectors.
+    """Return the sphere that each point of a UsdGeom.Points prim becomes, as a shape in metres, and its placements.
 
-    The sphere has the radius of one unit of the stage. The matrices map it to the prim's space in that unit, as those
-    of a PointInstancer do: one for each point of positive width, in order. Ids and normals of points have no effect.
-    `error` is that of `primitive_shape`; `points` (n, 3) replace those of the prim.
+    The sphere has the radius of one unit of the stage. Its placements are matrices (k, 4, 4) for row vectors, which map
+    it to the prim's space in the stage's unit, as those of a PointInstancer do. There is one for each point of positive
+    width, in order. Ids and normals of points have no effect. `unit` is the length of the stage's unit in metres,
+    `error` that of `primitive_shape`. `points` (n, 3) replace those of the prim.
 
     Raises
     ------
@@ -118,7 +122,10 @@ def point_shape(
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Samples (r,) of curves: their segments and t in them; the rest is the result of `Splines.evaluate` for them."""
+    """The r samples of curves: for each its segment (r,), and its parameter t (r,), from 0 to 1, in the segment.
+
+    `index`, `weights` and `rates` (r, k) are the results of `Splines.evaluate`.
+    """
 
     splines: Splines
     segments: Indices
@@ -136,19 +143,23 @@ class _Samples:
 
     @property
     def curves(self) -> Indices:
+        """The number (r,) of each sample's curve."""
         counts = self.splines.segment_counts
         return np.repeat(np.arange(len(counts)), counts)[self.segments]
 
     def interpolate_vertices(self, values: Floats) -> Floats:
-        """Return the values (r, c) at the samples from those of the vertices (n, c)."""
+        """Return the values (r, c) at the samples from the values of the vertices (n, c)."""
         return np.asarray(np.einsum("rk,rkc->rc", self.weights, self.splines.with_phantoms(values)[self.index]))
 
     def derivatives(self, values: Floats) -> Floats:
-        """Return the derivatives by t (r, c) at the samples from the values of the vertices (n, c)."""
+        """Return the derivatives (r, c) by t at the samples from the values of the vertices (n, c)."""
         return np.asarray(np.einsum("rk,rkc->rc", self.rates, self.splines.with_phantoms(values)[self.index]))
 
     def interpolate(self, attribute: Attribute, label: str) -> Floats:
-        """Return the values (r, c) of an attribute at the samples; raises AssetError for a wrong number of values."""
+        """Return the values (r, c) of an attribute at the samples.
+
+        Raises AssetError for a wrong number of values; the message names the attribute by `label`.
+        """
         count, interpolation = len(attribute.values), attribute.interpolation
         values = np.asarray(attribute.values, np.float64).reshape(count, -1)
         if count == 1:
@@ -162,12 +173,15 @@ class _Samples:
         return values[self.curves] if interpolation == "uniform" else self.interpolate_vertices(values)
 
     def _interpolate_varying(self, values: Floats, label: str) -> Floats:
+        """Return `interpolate` for values (n, c) at the ends of segments: linear over each segment."""
+        # For each sample, the number in its curve of the value at the segment's start, and of the one at its end.
         splines, curves = self.splines, self.curves
         number = self.segments - run_starts(splines.segment_counts)[curves]
         counts = splines.segment_counts + (not splines.periodic)
         following = (number + 1) % counts[curves]
         if len(values) != (expected := int(counts.sum())):
-            # UsdGeom counts the values of pinned curves without phantom vertices, which repeat the end values.
+            # For pinned curves, UsdGeom counts the values as if there were no phantom vertices. The segments at the
+            # phantom vertices then repeat the values at the ends.
             counts = np.maximum(splines.vertex_counts - 4, 0) + 2
             if not splines.pinned or len(values) != counts.sum():
                 raise AssetError(
@@ -180,7 +194,10 @@ class _Samples:
         return np.asarray((1.0 - t) * values[first + number] + t * values[first + following])
 
     def mesh_attribute(self, attribute: Attribute, label: str, samples: Indices, curves: Indices) -> Attribute:
-        """Return an attribute of the mesh, from the sample of each point (n,) and the curve of each face (f,)."""
+        """Return an attribute of the shape for an attribute of the curves.
+
+        `samples` (n,) is the sample of each point of the shape, `curves` (f,) the curve of each face.
+        """
         values, interpolation = self.interpolate(attribute, label), attribute.interpolation
         if len(attribute.values) == 1:
             return Attribute(attribute.name, attribute.values, "constant", attribute.is_uv)
@@ -193,12 +210,14 @@ class _Samples:
 def _sample_curves(
     splines: Splines, points: Floats, widths: Attribute, path: str, ribbon: bool
 ) -> tuple[_Samples, int]:
-    """Return samples, denser where the curves or their radii bend, and the number of sides of a tube."""
-    probe = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
+    """Return samples that are denser where the curves or their radii bend, and the number of sides, 1 for a ribbon."""
+    # Each segment is first divided into 4 chords. Axes of `samples`: segment, sample in it, coordinates and radius.
+    coarse = _Samples.evaluate(splines, np.full(int(splines.segment_counts.sum()), 4))
     points_and_radii = np.hstack(
-        [probe.interpolate_vertices(points), 0.5 * probe.interpolate(widths, f"{path}: widths")]
+        [coarse.interpolate_vertices(points), 0.5 * coarse.interpolate(widths, f"{path}: widths")]
     )
     samples = points_and_radii.reshape(-1, 5, 4)
+    # The second derivative by t, from second differences at steps of 1/4 in t, and the length of each segment.
     bends = 16.0 * np.linalg.norm(samples[:, 2:] - 2.0 * samples[:, 1:-1] + samples[:, :-2], axis=2).max(axis=1)
     lengths = np.linalg.norm(np.diff(samples, axis=1), axis=2).sum(axis=1)
     # A chord deviates from a curve by at most its second derivative times the square of the step in t, over 8.
@@ -210,14 +229,17 @@ def _sample_curves(
 
 
 def _has_extent(segments: Indices, positions: Floats, radii: Floats) -> Bools:
-    """Return which samples (r,) belong to segments that have a length and a width."""
+    """Return which samples (r,) belong to segments that have a length and, at some sample, a width."""
     starts = np.flatnonzero(np.diff(segments, prepend=-1))
     has_extent = (_path_lengths(positions, starts) > 0.0) & (np.maximum.reduceat(radii, starts) > 0.0)
     return np.asarray(has_extent[segments])
 
 
 def _path_lengths(positions: Floats, starts: Indices) -> Floats:
-    """Return the length of each path through positions (r, 3), which starts at `starts` and ends at the next start."""
+    """Return the length (k,) of each of k consecutive polylines through positions (r, 3).
+
+    `starts` (k,) are the indices at which the polylines start.
+    """
     steps = np.linalg.norm(np.diff(positions, axis=0, prepend=positions[:1]), axis=1)
     steps[starts] = 0.0
     return np.add.reduceat(steps, starts)
@@ -226,17 +248,23 @@ def _path_lengths(positions: Floats, starts: Indices) -> Floats:
 def _rings(
     samples: _Samples, is_used: Bools, positions: Floats, radii: Floats, slopes: Floats
 ) -> tuple[Rings, Indices]:
-    """Return rings at the used samples, and the number of the spline of each of their curves."""
+    """Return rings at the samples that are used, and the number (c,) of the spline of each of the rings' c curves.
+
+    `slopes` (r, 3) are the derivatives of the positions by t.
+    """
     positions, radii, slopes, t = positions[is_used], radii[is_used], slopes[is_used], samples.t[is_used]
     _, pieces = np.unique(samples.segments[is_used], return_inverse=True)
     numbers, curves = np.unique(samples.curves[is_used], return_inverse=True)
     is_first = np.diff(pieces, prepend=-1) != 0
     index = np.arange(len(pieces))
+    # The neighbours of each ring in its piece; at an end of the piece, one of them is the ring itself.
     before, after = index - ~is_first, index + ~np.append(is_first[1:], True)
-    # The derivative is 0 at a vertex that coincides with its neighbour.
+    # Where the derivative is nearly 0, the chord between the neighbours gives the direction. The derivative is 0 at a
+    # vertex that coincides with the next vertex.
     chords = positions[after] - positions[before]
     is_slow = dot(slopes, slopes) <= dot(chords, chords) * (_COINCIDENCE / (t[after] - t[before])[:, None]) ** 2
     directions = normalize_or(np.where(is_slow, chords, slopes), np.array([0.0, 0.0, 1.0]))
+    # A curve is closed if its ends agree in position, radius and direction.
     first, last = group_ends(curves)
     gaps = np.linalg.norm(positions[first] - positions[last], axis=1) / _path_lengths(positions, first)
     is_closed = (gaps < _COINCIDENCE) & (np.abs(radii[first] - radii[last]) <= _COINCIDENCE * radii[first])
@@ -245,6 +273,7 @@ def _rings(
 
 
 def _splines(prim: Usd.Prim, time: Usd.TimeCode, counts: Indices) -> Splines:
+    """Return the splines of a prim's curves, which have the numbers of vertices `counts` (c,)."""
     path = str(prim.GetPath())
     if prim.IsA(UsdGeom.NurbsCurves):
         orders, knots = read_array(prim, "order", time, np.intp), read_array(prim, "knots", time, np.float64)
@@ -256,7 +285,7 @@ def _splines(prim: Usd.Prim, time: Usd.TimeCode, counts: Indices) -> Splines:
 
 
 def _widths(prim: Usd.Prim, time: Usd.TimeCode) -> Attribute:
-    """Return widths (k, 1)."""
+    """Return the widths (k, 1) of a prim, or a single width of 1."""
     widths = _curve_attribute(prim, "widths", time, 1) or Attribute("widths", np.ones((1, 1)), "constant")
     if (widths.values < 0.0).any():
         raise AssetError(f"{prim.GetPath()}: widths[{int(widths.values.argmin())}] is negative; it must be at least 0")
@@ -264,7 +293,10 @@ def _widths(prim: Usd.Prim, time: Usd.TimeCode) -> Attribute:
 
 
 def _curve_attribute(prim: Usd.Prim, name: str, time: Usd.TimeCode, width: int) -> Attribute | None:
-    """Return values (k, width) of a primvar, possibly inherited, or else of the attribute of the same name."""
+    """Return the values (k, width) of the primvar `name`, which may be inherited, or else of the attribute `name`.
+
+    Return None if there are no values.
+    """
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if primvar and primvar.HasValue():
         attribute, interpolation = primvar.GetAttr(), primvar.GetInterpolation()

@@ -1,4 +1,7 @@
-"""Gprims as shapes, by their types: meshes, curves, points and implicit surfaces, deformed by UsdSkel."""
+"""Converts gprims to shapes by their types: meshes, curves, points and primitives, deformed by UsdSkel.
+
+A primitive is one of UsdGeom's implicit surfaces, such as a Sphere.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +25,15 @@ from lookdev.errors import AssetError
 _CURVES = ("BasisCurves", "NurbsCurves")
 GPRIMS = ("Mesh", *_CURVES, "Points", *primitives.PRIMITIVES)
 """The types of gprims that are rendered."""
-_CURVE_ATTRIBUTES = ("widths", "normals")
+_CURVE_ATTRIBUTES = ("widths", "normals")  # primvars with a meaning of their own for curves and points
 
 
 @dataclass(frozen=True, eq=False)
 class GprimSurface:
-    """A gprim's shape, and the names of the GeomSubsets that are its parts, from 1 on.
+    """A gprim's shape, and the names of the GeomSubsets that are the shape's parts 1, 2, ...
 
-    The transform of `Skinning.space` places it. `copies` (k, 4, 4), for row vectors in the stage's unit, place several
-    copies in that space.
+    The transform of the prim `Skinning.space` places the shape. `copies`, unless None, are matrices (k, 4, 4) for row
+    vectors in the stage's unit, which place k copies of the shape in the space of that prim.
     """
 
     shape: PolygonShape
@@ -39,7 +42,11 @@ class GprimSurface:
 
 
 class GprimReader:
-    """Reads gprims of a stage at a time, in metres; `unit` is that of the stage. Calls `note` for dropped content."""
+    """Reads gprims of a stage at a time, in metres.
+
+    `unit` is the length of the stage's unit in metres. `note` is called with a message and the prim for content that is
+    dropped.
+    """
 
     def __init__(self, time: Usd.TimeCode, unit: float, note: Callable[[str, Usd.Prim], None]) -> None:
         self.primvars = PrimvarReader(time, note)
@@ -48,13 +55,15 @@ class GprimReader:
         self._unit = unit
         self._note = note
         self._errors: dict[primitives.PrimitiveKey, float] = {}
-        # The parameters of the surface that primitives share, and the scale of the primitive relative to it.
+        # By the key of a primitive: the parameters of the surface that it shares with others, and its scale relative to
+        # this surface. The dictionary is empty unless primitives that differ only by size share surfaces.
         self._shared: dict[primitives.PrimitiveKey, tuple[primitives.PrimitiveKey, float]] = {}
 
     def set_errors(self, gprims: Iterable[PlacedGprim]) -> None:
-        """Set the errors with which implicit surfaces become meshes (`primitive_shape`), from all visible gprims.
+        """Set the errors with which primitives become meshes (`primitive_shape`), from all visible gprims.
 
-        If there are too many surfaces for the least error, those of equal proportions become scaled copies of one.
+        If there are too many primitives for the least error, primitives of equal proportions become scaled copies of
+        one surface.
         """
         radii: dict[primitives.PrimitiveKey, float] = {}
         for gprim in gprims:
@@ -63,6 +72,7 @@ class GprimReader:
                     key = primitives.primitive_key(gprim.prim, self._time)
                 except AssetError:
                     continue  # `read` raises it again
+                # The root mean square of the scales along the axes, of the largest placement.
                 scale = float(np.linalg.norm(gprim.transforms[:, :3, :3], axis=(1, 2)).max()) / np.sqrt(3.0)
                 radii[key] = max(radii.get(key, 0.0), max(key[2:]) * scale)
         sized = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
@@ -72,7 +82,10 @@ class GprimReader:
             self._shared = {key: primitives.proportions(key, error) for key, error in self._errors.items()}
 
     def key(self, prim: Usd.Prim) -> tuple[object, ...]:
-        """Return a key that is equal for gprims that share a surface: instances of a gprim, and equal primitives."""
+        """Return a key that is equal for gprims that share a surface.
+
+        Gprims share a surface if they are instances of one gprim or primitives with equal parameters and primvars.
+        """
         skinning_key = self.skinning.key(prim)
         if prim.GetTypeName() in primitives.PRIMITIVES and not skinning_key:
             attributes, _ = self.primvars.local_primvars(prim)
@@ -101,17 +114,21 @@ class GprimReader:
         return GprimSurface(shape, subsets)
 
     def copies(self, prim: Usd.Prim, surface: GprimSurface) -> Floats | None:
-        """Return the placements (k, 4, 4) of a gprim's surface in its space, as in `GprimSurface.copies`."""
+        """Return the placements (k, 4, 4) of a gprim's surface, as in `GprimSurface.copies`, or None for a single one.
+
+        Unlike `surface.copies`, they include the scale of a primitive relative to the surface that it shares.
+        """
         scale = self._shared_scale(prim)
         return surface.copies if scale == 1.0 else np.diag([scale, scale, scale, 1.0])[None]
 
     def _shared_scale(self, prim: Usd.Prim) -> float:
-        """Return the scale of a primitive relative to the surface that it shares with others."""
+        """Return the scale of a primitive relative to the surface that it shares with others; 1 if it shares none."""
         if prim.GetTypeName() not in primitives.PRIMITIVES or not self._shared or self.skinning.key(prim):
             return 1.0
         return self._shared.get(primitives.primitive_key(prim, self._time), ((), 1.0))[1]
 
     def _read_primitive(self, prim: Usd.Prim) -> GprimSurface:
+        """Return the surface of a primitive; if it shares the surface with others, without its scale."""
         error = self._errors.get(primitives.primitive_key(prim, self._time), primitives.MIN_ERROR)
         shape = primitives.primitive_shape(prim, self._time, self._unit / self._shared_scale(prim), error)
         deformed = self.skinning.deform(prim, shape.points / self._unit)
@@ -121,7 +138,7 @@ class GprimReader:
         return GprimSurface(self._add_constant_primvars(shape, prim))
 
     def _add_constant_primvars(self, shape: PolygonShape, prim: Usd.Prim) -> PolygonShape:
-        """Return the shape of Points or a primitive with the constant primvars of its prim; others are dropped."""
+        """Return the shape of a Points prim or a primitive, with the prim's constant primvars; others are dropped."""
         attributes = {attribute.name: attribute for attribute in shape.attributes}
         for attribute in self.primvars.local_primvars(prim)[0]:
             if len(attribute.values) == 1:

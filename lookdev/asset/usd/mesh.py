@@ -1,4 +1,4 @@
-"""A `UsdGeom.Mesh` as a shape: its faces, its subdivision rules, and the GeomSubsets with material bindings."""
+"""Reads a `UsdGeom.Mesh` as a shape: its faces, its subdivision rules, and its GeomSubsets with material bindings."""
 
 from __future__ import annotations
 
@@ -16,17 +16,20 @@ from lookdev.errors import AssetError
 
 _NORMALS = ("normals", "primvars:normals")
 _ORIENTATIONS = ("rightHanded", "leftHanded")
-_ELEMENTS = ("face", "point", "edge", "tetrahedron", "segment")
+_ELEMENTS = ("face", "point", "edge", "tetrahedron", "segment")  # the element types of a GeomSubset
+# The attributes of sharp edges and points.
 _TAGS = ("creaseIndices", "creaseLengths", "creaseSharpnesses", "cornerIndices", "cornerSharpnesses")
 
 
 def mesh_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, primvars: PrimvarReader, points: Floats | None = None
 ) -> tuple[PolygonShape, tuple[str, ...]]:
-    """Return a mesh and the names of its GeomSubsets: part n of the shape is subset n, part 0 all other faces.
+    """Return the shape of a mesh at a time, and the names of its GeomSubsets with material bindings.
 
-    `points` replace those of the file, in its unit. Authored normals of a subdivision surface have no effect, as USD's
-    schema says. A mesh of subdivisionScheme ``none`` without normals is flat.
+    Part n of the shape has the faces of subset n, counted from 1; part 0 has all other faces. `unit` is the length of
+    the stage's unit in metres. `points` (n, 3), in the stage's unit, replace those of the file. Authored normals of a
+    subdivision surface have no effect, as USD's schema says. A mesh of subdivisionScheme ``none`` without normals is
+    flat.
 
     Raises
     ------
@@ -62,6 +65,8 @@ def mesh_shape(
 def _read_subdivision(
     prim: Usd.Prim, time: Usd.TimeCode, scheme: Scheme, authored: set[str], point_count: int
 ) -> Subdivision:
+    """Return the subdivision rules of a mesh; those that are not among its authored properties have their defaults."""
+    # For each rule: the field of `Subdivision`, the attribute in USD, and the type of the allowed values.
     fields = (
         ("interpolate_boundary", "interpolateBoundary", BoundaryRule),
         ("face_varying", "faceVaryingLinearInterpolation", FaceVaryingRule),
@@ -103,6 +108,7 @@ def _read_creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple
 
 
 def _read_corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints32, Floats32]:
+    """Return the points (c,) that are sharp corners, and the sharpness (c,) of each."""
     indices = read_array(prim, "cornerIndices", time, np.intp)
     sharpness = _read_sharpness(prim, "cornerSharpnesses", time)
     check_range(indices, point_count, prim, "cornerIndices", "points")
@@ -115,6 +121,7 @@ def _read_corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple
 
 
 def _read_sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats32:
+    """Return the values of sharpness (k,) of an attribute, clamped to 0..10; 10 is infinite."""
     values = read_array(prim, name, time, np.float32, bounded=False)  # inf is the largest sharpness
     if np.isnan(values).any():
         raise AssetError(f"{prim.GetPath()}: {name}[{int(np.argmax(np.isnan(values)))}] is not a number")
@@ -122,7 +129,11 @@ def _read_sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats32:
 
 
 def _read_parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[str, ...], Indices | None]:
-    """Return the names of the subsets with material bindings, and the number of each face's subset, from 1, or 0."""
+    """Return the names of a mesh's subsets with material bindings, and the part (f,) of each face.
+
+    A face's part is the number of its subset, from 1, or 0 if the face is in no subset. None means that there are no
+    such subsets.
+    """
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.GetAllChildrenNames() else []
     if not subsets:
         return (), None

@@ -1,15 +1,19 @@
-"""UsdGeom's implicit surfaces as meshes: Cube, Sphere, Cylinder, Cone, Capsule, Plane, Cylinder_1 and Capsule_1.
+"""Makes meshes of UsdGeom's primitives: Cube, Sphere, Cylinder, Cone, Capsule, Plane, Cylinder_1 and Capsule_1.
 
 Points lie on the surface, normals are exact and change only at true edges, and all faces are planar. A surface has one
 face along a direction in which it is straight; a tapered side has a few.
 
-Texture coordinates ``st`` fill the unit square and are never mirrored. Around an axis u grows counter-clockwise, seen
-against the axis, from the next axis (x for z, y for x, z for y). v grows along the axis: on a sphere with the latitude,
-on a capsule with the length of its profile, on the side of a cylinder or cone from 0 at its lower end to 1. A cap is a
-disc in the unit square. Each face of a cube is the unit square; v grows along the stage's up axis on four of them. On a
-plane u grows along its width and v along its length, towards -z if one of them lies along z.
+The texture coordinates ``st`` fill the unit square and are never mirrored. Around an axis, u grows counter-clockwise,
+seen against the axis, from the next coordinate axis (x for z, y for x, z for y). v grows along the axis: on a sphere
+with the latitude, on a capsule with the length of its profile, on the side of a cylinder or cone from 0 at the lower
+end to 1 at the upper. A cap is a disc in the unit square. Each face of a cube is the unit square; on the four sides, v
+grows along the stage's up axis. On a plane, u grows along the width and v along the length, towards -z if one of them
+lies along z.
 
-A Capsule_1 is tangent to both of its spheres, as its schema requires; Hydra's has an edge there (`atan` for `asin`).
+The side of a Capsule_1 is tangent to both of its spheres, as its schema requires. Hydra's has an edge there, since it
+uses `atan` for `asin`.
+
+A surface is computed with its largest size scaled to 1, so that surfaces of equal proportions share arrays.
 """
 
 from __future__ import annotations
@@ -25,22 +29,24 @@ from lookdev.arrays import Floats, Indices
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.usd.attributes import read_number, read_token
 
-_AXIS_ROLLS = {"X": 1, "Y": 2, "Z": 0}  # positions by which the coordinates of a surface about z are rolled
-# The directions of u and v.
+# The positions by which (x, y, z) of a surface about the z axis is rolled to become one about another axis.
+_AXIS_ROLLS = {"X": 1, "Y": 2, "Z": 0}
+# The directions of u and v on a plane, by its axis.
 _PLANE_AXES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}
-MIN_ERROR, _MAX_ERROR = 1e-4, 0.03
-_MAX_FACES = 4_000_000
-_TAPER_ROWS = 16  # texture coordinates are linear over a triangle, and those of a cone are not
+MIN_ERROR, _MAX_ERROR = 1e-4, 0.03  # the bounds of the error in `primitive_shape`
+_MAX_FACES = 4_000_000  # of all curved surfaces of an asset, approximately
+_TAPER_ROWS = 16  # rows of faces on a tapered side: `st` is linear over a triangle, but not over a cone
 
 PrimitiveKey = tuple[str, str, *tuple[float, ...]]
-"""The type, the axis and the sizes of an implicit surface."""
+"""The type of a primitive, its axis, and its sizes in the stage's unit, in the order of `_BUILDERS`."""
 
 
 def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = MIN_ERROR) -> PolygonShape:
-    """Return an implicit surface at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
+    """Return a primitive at a time as a shape in metres; `unit` is the length of the stage's unit in metres.
 
-    `error` bounds the distance of the mesh, and so of any silhouette, from a curved surface, relative to its radius:
-    a sphere has 49,928 faces for 1e-4 and 5,000 for 1e-3. A surface without area, because a size is 0, has no faces.
+    `error` bounds the distance between the faces and the curved surface, relative to the surface's radius, and so the
+    error of any silhouette. A sphere has 49,928 faces for an error of 1e-4 and 5,000 for 1e-3. A surface without area,
+    because a size is 0, has no faces.
 
     Raises
     ------
@@ -52,7 +58,11 @@ def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: floa
 
 
 def proportions(key: PrimitiveKey, error: float) -> tuple[tuple[str, str, int, *tuple[float, ...]], float]:
-    """Return the parameters of a surface scaled to size 1, and its size, from its `primitive_key`."""
+    """Return the parameters of a primitive whose largest size is scaled to 1, and the size before it was scaled.
+
+    The parameters are the type, the axis, the number of segments around the axis, which `error` determines, and the
+    sizes.
+    """
     type_name, axis, *sizes = key
     size = max(sizes)
     relative_sizes = (length / size if size > 0.0 else length for length in sizes)
@@ -60,18 +70,19 @@ def proportions(key: PrimitiveKey, error: float) -> tuple[tuple[str, str, int, *
 
 
 def sphere_shape(name: str, radius: float, error: float = MIN_ERROR) -> PolygonShape:
-    """Return a sphere at the origin, with the error as in `primitive_shape`."""
+    """Return a sphere at the origin, with radius and points in one unit, and with the error of `primitive_shape`."""
     return _scaled_shape(name, _unit_surface("Sphere", "Z", _segment_count(error), 1.0), radius)
 
 
 @lru_cache(maxsize=256)
 def _unit_surface(type_name: str, axis: str, segments: int, *sizes: float) -> _Surface:
-    """Return a surface whose largest size is 1; shapes of equal proportions share its arrays."""
+    """Return the surface with the parameters that `proportions` returns; equal parameters share its arrays."""
     build, _ = _BUILDERS[type_name]
     return build(axis, segments, *sizes) or _Surface.empty()
 
 
 def _scaled_shape(name: str, surface: _Surface, scale: float) -> PolygonShape:
+    """Return a surface as a shape, scaled by a factor."""
     return PolygonShape(
         name=name,
         points=surface.points * scale,
@@ -83,7 +94,10 @@ def _scaled_shape(name: str, surface: _Surface, scale: float) -> PolygonShape:
 
 
 def primitive_key(prim: Usd.Prim, time: Usd.TimeCode) -> PrimitiveKey:
-    """Return the parameters of a surface; prims with equal keys can share a mesh. Raises as `primitive_shape` does."""
+    """Return the parameters of a primitive at a time, which are equal for prims that can share a mesh.
+
+    The axis of a cube is the stage's up axis, along which v grows. Raises AssetError as `primitive_shape` does.
+    """
     type_name = prim.GetTypeName()
     if type_name == "Cube":
         axis = UsdGeom.GetStageUpAxis(prim.GetStage())
@@ -95,27 +109,35 @@ def primitive_key(prim: Usd.Prim, time: Usd.TimeCode) -> PrimitiveKey:
 
 
 def surface_errors(radii: Floats) -> Floats:
-    """Return the relative error of each distinct curved surface of an asset, from their radii (k,) > 0 in world space.
+    """Return the relative error (k,) of each distinct curved surface of an asset, from their radii (k,) in world space.
 
-    It is 1e-4. For more than about eighty surfaces the absolute error is the same for all, so that together they have
-    about four million faces; the relative error is then at most 0.03, for which a sphere has 200 faces.
+    The radii are positive. The error is 1e-4 for up to about eighty surfaces. For more, the absolute error is the same
+    for all surfaces, so that together they have about four million faces. The relative error is then at most 0.03, for
+    which a sphere has 200 faces.
     """
-    length = 0.5 * np.pi**2 * radii.sum() / _MAX_FACES  # a sphere has pi^2 / (2 error) faces
-    return np.asarray(np.clip(length / radii, MIN_ERROR, _MAX_ERROR))
+    # A sphere has pi^2 / (2 error) faces, where the error is relative.
+    absolute_error = 0.5 * np.pi**2 * radii.sum() / _MAX_FACES
+    return np.asarray(np.clip(absolute_error / radii, MIN_ERROR, _MAX_ERROR))
 
 
 def _segment_count(error: float) -> int:
-    """Return the number of segments around an axis, a multiple of 4.
+    """Return the number n of segments around an axis for a relative error, a multiple of 4.
 
-    A sphere's face lies between meridians and parallels 2 pi / n apart; its middle is at cos(pi / n)^2 of the radius,
-    that of a cylinder's face at cos(pi / n).
+    A face of a sphere lies between two meridians and two parallels, which are 2 pi / n apart. The middle of the face is
+    at cos(pi / n)^2 of the radius from the centre. For a cylinder it is at cos(pi / n), which is nearer to the surface.
     """
     return 4 * int(np.ceil(np.pi / np.arcsin(np.sqrt(error)) / 4.0))
 
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """A mesh: points (n, 3), face_sizes (f,); face_points (m,), normals (m, 3) and st (m, 2) of the corners."""
+    """A mesh of a primitive.
+
+    - points (n, 3): positions
+    - face_sizes (f,): the number of corners of each face
+    - face_points (m,): the point at each corner
+    - normals (m, 3), st (m, 2): unit normals and texture coordinates at the corners
+    """
 
     points: Floats
     face_sizes: Indices
@@ -125,14 +147,19 @@ class _Surface:
 
     @classmethod
     def empty(cls) -> _Surface:
+        """Return a surface without faces."""
         none = np.zeros(0, np.intp)
         return cls(np.zeros((0, 3)), none, none, np.zeros((0, 3)), np.zeros((0, 2)))
 
 
+# Each of the functions that make a surface returns None if the surface has no area.
+
+
 def _make_cube(axis: str, segments: int, size: float) -> _Surface | None:
+    """Return a cube with edges of length `size`; `segments` is not used."""
     if size == 0.0:
         return None
-    # The directions of u and v on each face: four sides, top, bottom.
+    # The directions of u and v on each face of a cube with the axis z: four sides, top, bottom.
     along = np.array([[0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0], [1, 0, 0], [1, 0, 0]])
     up = np.array([[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
     u, v = (np.roll(0.5 * size * directions, _AXIS_ROLLS[axis], axis=1) for directions in (along, up))
@@ -140,6 +167,7 @@ def _make_cube(axis: str, segments: int, size: float) -> _Surface | None:
 
 
 def _make_plane(axis: str, segments: int, width: float, length: float) -> _Surface | None:
+    """Return a rectangle perpendicular to the axis; `segments` is not used."""
     if width == 0.0 or length == 0.0:
         return None
     u, v = 0.5 * np.array([[width], [length]]) * np.array(_PLANE_AXES[axis])
@@ -147,7 +175,7 @@ def _make_plane(axis: str, segments: int, width: float, length: float) -> _Surfa
 
 
 def _make_rectangles(u: Floats, v: Floats, centers: Floats) -> _Surface:
-    """Return rectangles from vectors of half their sides (f, 3) and their centres (f, 3)."""
+    """Return f rectangles with the given centres (f, 3); `u` and `v` (f, 3) are the vectors of half their sides."""
     st = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     s, t = (2.0 * st - 1.0).T[..., None]
     corners = (centers[:, None] + s * u[:, None] + t * v[:, None]).reshape(-1, 3)
@@ -158,9 +186,10 @@ def _make_rectangles(u: Floats, v: Floats, centers: Floats) -> _Surface:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A smooth part of a profile: points and normals (k, 2) in radius and height, the outside on the right.
+    """A smooth part of a profile of a surface of revolution.
 
-    v (k,) is a texture coordinate, None for a cap, which is mapped as a disc.
+    points (k, 2) are radius and height, with the outside on the right of the profile's direction. normals (k, 2) are
+    the radial and the axial component. v (k,) is the texture coordinate, or None for a cap, which is mapped as a disc.
     """
 
     points: Floats
@@ -169,7 +198,7 @@ class _Piece:
 
 
 def _make_frustum(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
-    """Return a cylinder, a cone or a truncated cone, with its caps."""
+    """Return a cylinder, a cone or a truncated cone, with its caps, from its radii at the bottom and the top."""
     if height == 0.0 or bottom == top == 0.0:
         return None
     v = np.linspace(0.0, 1.0, 2 if bottom == top else _TAPER_ROWS + 1)
@@ -184,14 +213,17 @@ def _make_frustum(axis: str, segments: int, bottom: float, top: float, height: f
 
 
 def _make_capsule(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
-    """Return the convex hull of two spheres with centres on the axis, `height` apart."""
+    """Return the convex hull of two spheres of radii `bottom` and `top` with centres on the axis, `height` apart."""
     if bottom == top == 0.0:
         return None
+    # Arcs of the profile: radius, height of the centre, first and last latitude.
     if height <= abs(bottom - top):  # one sphere contains the other, or both are one
         arcs = [(max(bottom, top), 0.5 * height * np.sign(top - bottom), -0.5 * np.pi, 0.5 * np.pi)]
     else:
+        # The side touches both spheres at this latitude.
         tangent = float(np.arcsin((bottom - top) / height))
         arcs = [(bottom, -0.5 * height, -0.5 * np.pi, tangent), (top, 0.5 * height, tangent, 0.5 * np.pi)]
+    # For each arc, and the side between: its points and its normals. A sphere of radius 0 is a single point.
     pieces = []
     for radius, center, start, stop in arcs:
         rows = int(np.ceil((stop - start) * segments / (2.0 * np.pi) - 1e-9)) if radius > 0.0 else 0
@@ -208,10 +240,12 @@ def _make_capsule(axis: str, segments: int, bottom: float, top: float, height: f
 
 
 def _revolve(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
-    """Return the closed surface of revolution of a profile that begins and ends on the axis; its pieces are connected.
+    """Return the closed surface of revolution of a profile, given by its consecutive pieces, about an axis.
 
-    A face at a pole is a triangle; its corner at the pole has the direction and u of the triangle's middle.
+    The profile begins and ends on the axis. A face at a pole is a triangle; the corner at the pole has the normal and
+    the u of the triangle's middle.
     """
+    # A ring has the points that one profile point becomes: `segments` points, or one at a pole.
     rings = np.concatenate([pieces[0].points[:1], *(piece.points[1:] for piece in pieces)])
     counts = np.where(rings[:, 0] == 0.0, 1, segments)
     starts = np.cumsum(counts) - counts
@@ -220,10 +254,12 @@ def _revolve(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
     azimuth = angle[np.arange(len(radius)) - np.repeat(starts, counts)]
     points = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.repeat(rings[:, 1], counts)], axis=-1)
 
+    # For each piece: the sizes of its faces; then, for each corner, the point, the normal's x, y and z, and s and t.
     corners: list[list[Floats]] = []
-    first = 0
+    first = 0  # the ring at which the piece begins
     for piece in pieces:
-        # Axes: strip between two rings, column, corner (lower, lower, upper, upper).
+        # Axes of the arrays: strip of faces between two rings, column around the axis, corner of the face (lower,
+        # lower, upper, upper).
         row = np.arange(len(piece.points) - 1)[:, None, None] + np.array([0, 0, 1, 1])
         left_column = np.arange(segments)[:, None]
         pole = piece.points[row, 0] == 0.0
@@ -252,7 +288,7 @@ def _revolve(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
     )
 
 
-# For each type of prim, the function that makes its surface and the attributes that it takes.
+# For each type of prim: the function that makes its surface, and the names of the attributes whose values it takes.
 _BUILDERS: dict[str, tuple[Callable[..., _Surface | None], tuple[str, ...]]] = {
     "Cube": (_make_cube, ("size",)),
     "Sphere": (lambda axis, n, radius: _make_capsule(axis, n, radius, radius, 0.0), ("radius",)),

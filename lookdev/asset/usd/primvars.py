@@ -1,8 +1,9 @@
-"""Primvars at a time, with their types checked; the number of their values is checked later.
+"""Reads the primvars of a gprim, its own and those that it inherits, and checks their types.
 
-Primvars of two numbers are UV sets, and so are texture coordinates of three numbers, whose third is dropped. Other
-primvars have one or three numbers. A primvar of another type is dropped. It is dropped with a note if it has no value,
-several elements per value, or a name that USD defines with a different type.
+The number of their values is checked later. A primvar whose values have two numbers is a UV set. So is a primvar of
+texture coordinates with three numbers; the third number is dropped. Other primvars have one or three numbers. A primvar
+of another type is dropped without a note. A primvar is dropped with a note if it has no value, several elements per
+value, or a name that USD defines with a different type.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from lookdev.asset.usd.attributes import check_floats, check_range, read_array
 
 # The numbers in one value of a primvar, by its type in USD's C++.
 _WIDTHS = {"float": 1, "double": 1, "GfHalf": 1} | {f"GfVec{width}{kind}": width for width in (2, 3) for kind in "fdh"}
-_STANDARD_WIDTHS = {"st": 2, "displayColor": 3, "displayOpacity": 1}
+_STANDARD_WIDTHS = {"st": 2, "displayColor": 3, "displayOpacity": 1}  # by the names that USD defines
 _NORMALS = "normals"
 _SKINNING = "skel:"
 
 
 @dataclass(frozen=True)
 class InheritedPrimvars:
-    """Primvars that a prim inherits or its children inherit from it; `attributes` are their values, by name.
+    """Primvars that a prim inherits, or that its children can inherit from it.
 
-    Equal `key`s mean equal names and values. `primvars` can have more than `attributes`: those of other types, and
-    those that the prim authors itself.
+    `attributes` are their values, by name. `primvars` are USD's primvars, which can include others: primvars of dropped
+    types, and those that the prim authors itself. `key` is equal for equal names and values of attributes.
     """
 
     primvars: tuple[UsdGeom.Primvar, ...] = ()
@@ -44,11 +45,11 @@ class PrimvarReader:
         self._time = time
         self._note = note
         self._inherited: dict[Sdf.Path, InheritedPrimvars] = {}
-        # By type: the numbers in one value, whether it is a UV set, whether it is an array.
+        # By type: the numbers in one value, whether the type is that of a UV set, and whether it is an array.
         self._kinds: dict[Sdf.ValueTypeName, tuple[int, bool, bool]] = {}
 
     def local_primvars(self, prim: Usd.Prim) -> tuple[tuple[Attribute, ...], str]:
-        """Return the primvars authored on a prim itself, and its `default_uv`."""
+        """Return the primvars authored on a prim itself, and the prim's `default_uv`."""
         primvars = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues()
         attributes = tuple(attribute for primvar in primvars if (attribute := self._attribute(primvar)) is not None)
         uvs = [attribute.name for attribute in attributes if attribute.is_uv]
@@ -73,6 +74,7 @@ class PrimvarReader:
         )
 
     def _inheritable_primvars(self, prim: Usd.Prim) -> InheritedPrimvars:
+        """Return the primvars that the children of a prim can inherit from it; results are stored by path."""
         path = prim.GetPath()
         if path not in self._inherited:
             primvars = tuple(UsdGeom.PrimvarsAPI(prim).FindInheritablePrimvars())
@@ -83,7 +85,7 @@ class PrimvarReader:
         return self._inherited[path]
 
     def normals(self, prim: Usd.Prim) -> Attribute | None:
-        """Return ``primvars:normals``, else ``normals``, of a point-based prim."""
+        """Return the normals of a point-based prim: ``primvars:normals``, or else ``normals``, or None."""
         primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(_NORMALS)
         if primvar and primvar.HasValue():
             values = self._values(primvar, 3, primvar.GetTypeName().isArray)
@@ -94,6 +96,7 @@ class PrimvarReader:
         return Attribute(_NORMALS, values, interpolation) if len(values) else None
 
     def _attribute(self, primvar: UsdGeom.Primvar) -> Attribute | None:
+        """Return a primvar as an attribute, or None if it is dropped, is the normals or belongs to skinning."""
         name, kind = primvar.GetPrimvarName(), primvar.GetTypeName()
         if kind not in self._kinds:
             width = _WIDTHS.get(kind.scalarType.cppTypeName, 0)
@@ -116,10 +119,11 @@ class PrimvarReader:
         return Attribute(name, values[:, :2] if is_uv else values, primvar.GetInterpolation(), is_uv)
 
     def _note_dropped(self, primvar: UsdGeom.Primvar, reason: str) -> None:
+        """Call `note` for a primvar that is dropped."""
         self._note(f"with {primvar.GetName()} {reason}, left out", primvar.GetAttr().GetPrim())
 
     def _values(self, primvar: UsdGeom.Primvar, width: int, is_array: bool) -> Reals:
-        """Return a primvar's values (k,) or (k, width), with its indices applied; (0,) if it has no value."""
+        """Return a primvar's values, (k,) or (k, width), with its indices applied; (0,) if the primvar has no value."""
         value = primvar.Get(self._time)
         if value is None:
             return np.zeros(0)
@@ -133,11 +137,15 @@ class PrimvarReader:
 
 
 def _is_texture_coordinate(kind: Sdf.ValueTypeName) -> bool:
+    """Return whether a type is one of USD's types of texture coordinates, such as texCoord2f."""
     return bool(kind.role == Sdf.ValueRoleNames.TextureCoordinate)
 
 
 def default_uv(names: Collection[str], texture_coordinates: Collection[str]) -> str:
-    """Return ``st``, else the only UV set of a texture coordinate type, else the only UV set, else ""."""
+    """Return the default of the UV sets `names`: ``st``, or the only one in `texture_coordinates`, or the only one.
+
+    `texture_coordinates` are the names of primvars of a texture coordinate type. Without a default, return "".
+    """
     if "st" in names:
         return "st"
     candidates = [name for name in names if name in texture_coordinates] or list(names)

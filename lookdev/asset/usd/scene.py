@@ -1,4 +1,8 @@
-"""The meshes, instances and slots of a stage."""
+"""Makes an asset of a stage's visible surfaces: its meshes, instances and slots, and notes for the user.
+
+A shape is read once for all gprims that share it. A surface here is a placed gprim with its shape, the GeomSubsets that
+divide it into parts, and the primvars that it inherits.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +27,8 @@ from lookdev.stage import Composed, binding_targets
 from lookdev.stage.units import Z_UP, is_y_up, unit_faults
 
 _MIN_RADIUS, _MAX_RADIUS = 1e-6, 1e9  # the radii, in metres, of assets that renderers handle
-_MAX_PATHS = 3  # in a note
-_MAX_FAULTS = 20  # in an error
+_MAX_PATHS = 3  # paths that a note names
+_MAX_FAULTS = 20  # lines of an error message
 
 
 @contextmanager
@@ -40,7 +44,7 @@ def name_file_in_errors(file: str) -> Iterator[None]:
 
 @dataclass(frozen=True, eq=False)
 class _PlacedSurface:
-    """A placed gprim with the number of its shape, the names of its subsets and its inherited primvars."""
+    """A placed gprim with the number of its shape, the names of its GeomSubsets and its inherited primvars."""
 
     gprim: PlacedGprim
     shape: int
@@ -49,7 +53,11 @@ class _PlacedSurface:
 
 
 class UsdScene:
-    """Reads the meshes, instances and slots of a composed stage; raises AssetError without the file's name."""
+    """Reads the meshes, instances and slots of a composed stage at a time.
+
+    `time` is as in `read_usd`; only gprims of the given purposes are read. The messages of its AssetErrors lack the
+    file's name, which `name_file_in_errors` adds.
+    """
 
     def __init__(self, composed: Composed, time: float | None, purposes: tuple[str, ...]) -> None:
         self._name = composed.composition.file.stem
@@ -66,14 +74,14 @@ class UsdScene:
         self._walk = Walk(stage, self._time, purposes)
         self._gprims = GprimReader(self._time, self._unit, self._note)
         self._shapes: list[PolygonShape] = []
-        # By `GprimReader.key`: the number of the shape, and the surface; None for a surface with a fault.
+        # By `GprimReader.key`: the number of the shape in `_shapes`, and the surface; None for a surface with a fault.
         self._surfaces: dict[tuple[object, ...], tuple[int, GprimSurface] | None] = {}
         self._meshes: list[Mesh] = []
         self._slots: list[Slot] = []
         self._paths_of_notes: dict[str, list[str]] = {}
 
     def read_asset(self) -> Asset:
-        """Return the asset; its notes lack the file's name."""
+        """Return the asset, with notes that lack the file's name."""
         surfaces = self._read_surfaces()
         meshes = make_meshes(self._shapes, self._y_up)
         mesh_of_shape = {shape: mesh for shape, mesh in enumerate(meshes) if mesh is not None}
@@ -110,10 +118,11 @@ class UsdScene:
         return replace(asset, unit=self._unit, notes=tuple(notes))
 
     def _note(self, message: str, prim: Usd.Prim) -> None:
+        """Add a prim to the note with the given message; a note lists all prims with the same message."""
         self._paths_of_notes.setdefault(message, []).append(str(prim.GetPath()))
 
     def _read_surfaces(self) -> list[_PlacedSurface]:
-        """Return the visible surfaces of supported types; read each shape once, and raise all faults together."""
+        """Return the visible surfaces of supported types, and read each shape once; raise all faults together."""
         surfaces: list[_PlacedSurface] = []
         faults: list[str] = []
         gprims = list(self._walk.gprims_below(self._root))
@@ -126,7 +135,7 @@ class UsdScene:
             try:
                 key = self._gprims.key(prim)
                 if key not in self._surfaces:
-                    self._surfaces[key] = None
+                    self._surfaces[key] = None  # stays None if `_add_shape` raises an error
                     self._surfaces[key] = self._add_shape(prim)
                 if (shape_and_surface := self._surfaces[key]) is not None:
                     number, surface = shape_and_surface
@@ -144,7 +153,7 @@ class UsdScene:
         return surfaces
 
     def _add_shape(self, prim: Usd.Prim) -> tuple[int, GprimSurface]:
-        """Read a gprim and add its shape; return the number of the shape and the surface."""
+        """Read the surface of a gprim and append its shape to `_shapes`; return the shape's number and the surface."""
         surface = self._gprims.read(prim)
         shape = surface.shape
         if shape.subdivision is not None and shape.subdivision.scheme == "loop" and (shape.face_sizes > 3).any():
@@ -155,11 +164,18 @@ class UsdScene:
         return len(self._shapes) - 1, surface
 
     def _make_meshes(self, surfaces: Sequence[_PlacedSurface], mesh_of_shape: Mapping[int, Mesh]) -> list[int]:
-        """Make a mesh for each shape with its materials and inherited primvars; return each surface's mesh number."""
+        """Append a mesh for each combination of shape, materials and inherited primvars; return mesh numbers.
+
+        There is a number for each surface, the index of its mesh in `_meshes`. The slots of a new mesh are appended to
+        `_slots`. `mesh_of_shape` has the mesh of each shape, by number.
+        """
+        # `used_parts` has the parts of each shape that have faces. `parts` lists, for all surfaces, the prims of these
+        # parts: a GeomSubset, or the gprim itself for part 0. `materials` has the bound material of each.
         used_parts: dict[int, tuple[int, ...]] = {}
         parts: list[Usd.Prim] = []
         for surface in surfaces:
             if surface.shape not in used_parts:
+                # The `face_slots` of these meshes are the parts of the shape; `_assign_slots` replaces them.
                 slots = mesh_of_shape[surface.shape].face_slots
                 used_parts[surface.shape] = tuple(np.unique(slots).tolist()) if surface.subsets else (0,)
             prim = surface.gprim.prim
@@ -167,6 +183,7 @@ class UsdScene:
         materials = _bound_materials(parts)
         for name, path, prim in _dangling_bindings(parts):
             self._note(f"{name} names {path}, which is not a material", prim)
+        # The number of the mesh for each combination.
         numbers: dict[tuple[object, ...], int] = {}
         result: list[int] = []
         first = 0
@@ -187,13 +204,14 @@ class UsdScene:
         return result
 
     def _assign_slots(self, base: Mesh, surface: _PlacedSurface, used_parts: Sequence[int]) -> Mesh:
-        """Return a mesh with new slots, one for each used part, and with its inherited primvars.
+        """Return the mesh `base` with new slots, one for each used part, and with the surface's inherited primvars.
 
-        Their numbers begin at the number of slots so far; the caller appends the slots.
+        The numbers of the new slots begin at the number of slots so far. The caller appends the slots to `_slots`.
         """
         if len(used_parts) == 1:
             face_slots = np.full(len(base.face_sizes), len(self._slots), np.int32)
         else:
+            # The slot of each part.
             numbers = np.zeros(used_parts[-1] + 1, np.int32)
             numbers[list(used_parts)] = len(self._slots) + np.arange(len(used_parts))
             face_slots = numbers[base.face_slots]
@@ -201,10 +219,14 @@ class UsdScene:
         return _add_constant_attributes(mesh, surface.inherited.attributes) if surface.inherited.attributes else mesh
 
     def _make_instances(self, gprims: Sequence[PlacedGprim], numbers: Sequence[int]) -> list[Instance]:
-        """Return the instances, in metres and with z up; instances without volume are dropped."""
+        """Return the instances of gprims, in metres and with z up, without those that have no volume.
+
+        `numbers` has the mesh number of each gprim.
+        """
         if not gprims:
             return []
-        # USD's matrices are for row vectors: transposed. Their offsets become metres, as the points are.
+        # USD's matrices are for row vectors, and so are transposed here. Their translations become metres below.
+        # `owners` has the index of the gprim that each matrix places.
         matrices = np.swapaxes(np.concatenate([gprim.transforms for gprim in gprims]), 1, 2).copy()
         owners = np.repeat(np.arange(len(gprims)), [len(gprim.transforms) for gprim in gprims])
         if not (is_valid := is_affine(np.swapaxes(matrices, 1, 2))).all():
@@ -227,9 +249,10 @@ class UsdScene:
 
 
 def _farthest_path(asset: Asset) -> str:
-    """Return the path of the instance with the point farthest from the origin along an axis."""
+    """Return the path of the instance that has the coordinate of largest magnitude in world space."""
 
     def farthest_coordinate(instance: Instance) -> float:
+        """Return the largest magnitude of an instance's coordinates in world space."""
         points = asset.meshes[instance.mesh].points.astype(np.float64)
         return float(np.abs(points @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]).max())
 
@@ -237,6 +260,7 @@ def _farthest_path(asset: Asset) -> str:
 
 
 def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
+    """Return the time at which a stage is read: `time`, else its startTimeCode, else USD's earliest time."""
     if time is None:
         has_start = stage.HasAuthoredMetadata("startTimeCode")
         return Usd.TimeCode(stage.GetStartTimeCode()) if has_start else Usd.TimeCode.EarliestTime()
@@ -246,7 +270,7 @@ def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:
 
 
 def _bound_materials(prims: Sequence[Usd.Prim]) -> list[Usd.Prim | None]:
-    """Return the bound material of each prim for final renders: that of purpose full, else that of all purposes."""
+    """Return the material bound to each prim for the purpose `full`, or else for all purposes, or None."""
     if not prims:
         return []
     materials, _ = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(list(prims), UsdShade.Tokens.full)
@@ -254,7 +278,10 @@ def _bound_materials(prims: Sequence[Usd.Prim]) -> list[Usd.Prim | None]:
 
 
 def _dangling_bindings(prims: Sequence[Usd.Prim]) -> Iterator[tuple[str, Sdf.Path, Usd.Prim]]:
-    """Yield (name, target, prim) of each binding on the prims and their ancestors whose target is not a material."""
+    """Yield each binding on the prims and their ancestors whose target is not a material, as (name, target, prim).
+
+    `name` is the name of the binding's relationship.
+    """
     visited: set[Sdf.Path] = set()
     for prim in prims:
         while prim and prim.GetPath() not in visited:
@@ -266,7 +293,10 @@ def _dangling_bindings(prims: Sequence[Usd.Prim]) -> Iterator[tuple[str, Sdf.Pat
 
 
 def _add_constant_attributes(mesh: Mesh, attributes: Mapping[str, Attribute]) -> Mesh:
-    """Return a mesh with further attributes that are constant over it; each is a single value in memory."""
+    """Return a mesh with further attributes, by name, that are constant over the mesh.
+
+    Each is an array over all corners that has a single value in memory.
+    """
     uvs, primvars = dict(mesh.uvs), dict(mesh.primvars)
     for name, attribute in attributes.items():
         value = attribute.values.astype(np.float32)

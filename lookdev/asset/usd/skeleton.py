@@ -1,4 +1,4 @@
-"""Skeletons of UsdSkel at a time: the transforms of their joints from the bind pose, and blend shape weights."""
+"""Reads skeletons of UsdSkel at a time: the transforms of their joints, and the weights of blend shapes."""
 
 from __future__ import annotations
 
@@ -13,19 +13,25 @@ from lookdev.errors import AssetError
 from lookdev.stage import prim_and_ancestors, relationship_targets
 
 _ANIMATION = "skel:animationSource"
-_COMPONENTS = {"translations": (3,), "rotations": (4,), "scales": (3,)}
+_COMPONENTS = {"translations": (3,), "rotations": (4,), "scales": (3,)}  # of an animation, with shapes of the values
 
 
 @dataclass(frozen=True, eq=False)
 class SkeletonPose:
-    """The names of a skeleton's joints, and transforms (j, 4, 4) for row vectors from the bind pose to the pose."""
+    """A skeleton's pose: the names of its j joints, and the transforms (j, 4, 4) from the bind pose to the pose.
+
+    The transforms are matrices for row vectors in the space of the skeleton.
+    """
 
     names: tuple[str, ...]
     transforms: Floats
 
 
 class Skeletons:
-    """Reads skeletons at a time. `notes` collects what a file lacks, and what USD's rules give instead."""
+    """Reads skeletons at a time.
+
+    `notes` collects lines for the user about missing or ignored parts of a file, and the effect by USD's rules.
+    """
 
     def __init__(self, time: Usd.TimeCode) -> None:
         self.notes: list[str] = []
@@ -48,14 +54,14 @@ class Skeletons:
         return self._poses[path]
 
     def animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
-        """Return the SkelAnimation that is bound to a skeleton or the nearest ancestor that binds one, or None."""
+        """Return the SkelAnimation that a skeleton or its nearest ancestor with such a binding binds, or None."""
         path = skeleton.GetPath()
         if path not in self._animations:
             self._animations[path] = self._find_animation(skeleton)
         return self._animations[path]
 
     def weights(self, skeleton: Usd.Prim) -> dict[str, float]:
-        """Return the weights of a skeleton's blend shapes by their names.
+        """Return the weights that a skeleton's animation gives to blend shapes, by their names.
 
         Raises
         ------
@@ -75,6 +81,7 @@ class Skeletons:
         return dict(zip(names, weights.tolist(), strict=False))
 
     def _find_animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
+        """Return the result of `animation`; append a note if the nearest binding is not to a SkelAnimation."""
         for prim in prim_and_ancestors(skeleton):
             targets = relationship_targets(prim.GetRelationship(_ANIMATION)) if prim.HasAPI(UsdSkel.BindingAPI) else []
             if targets:
@@ -86,6 +93,7 @@ class Skeletons:
         return None
 
     def _compute_pose(self, skeleton: Usd.Prim) -> SkeletonPose | None:
+        """Return the result of `pose`; append a note if the skeleton does not deform anything."""
         path = skeleton.GetPath()
         names = read_texts(skeleton, "joints")
         if not names or len(set(names)) != len(names) or not all(Sdf.Path.IsValidPathString(name) for name in names):
@@ -111,7 +119,7 @@ class Skeletons:
         return SkeletonPose(names, transforms)
 
     def _animated_joints(self, skeleton: Usd.Prim, names: set[str]) -> set[str]:
-        """Return the joints that the animation moves; note an animation that USD ignores."""
+        """Return those of the joints `names` that the animation moves; append a note for an animation USD ignores."""
         animation = self.animation(skeleton)
         if animation is None:
             return set()
@@ -133,7 +141,7 @@ class Skeletons:
 
 
 def _joint_matrices(prim: Usd.Prim, name: str, count: int) -> Floats | None:
-    """Return matrices (count, 4, 4), one for each joint; None if the attribute has no value."""
+    """Return the matrices (count, 4, 4) of an attribute with one for each joint; None if the attribute has no value."""
     matrices = read_array(prim, name, Usd.TimeCode.Default(), np.float64, (4, 4))
     if len(matrices) == 0:
         return None

@@ -1,10 +1,10 @@
-"""UsdSkel: the points of a gprim after its blend shapes and its skeleton's pose at a time.
+"""Deforms gprims as UsdSkel defines: by blend shapes, and by a skeleton's pose at a time.
 
-USD itself computes the joints and skins points and normals, by linear or dual quaternion blending.
+USD's own functions compute the joints, and skin points and normals by linear or dual quaternion blending.
 
 Skinned points are in the space of their skeleton, whose transform places them; the gprim's own transform has no effect.
-As in USD, only gprims below a SkelRoot are deformed, a skeleton without animation is in its rest pose, and a gprim is
-not deformed if its skeleton has neither. `Skinning.notes` lists bindings without effect.
+As in USD, only gprims below a SkelRoot are deformed, and a skeleton without animation is in its rest pose. A skeleton
+with neither an animation nor a rest pose does not deform gprims. `Skinning.notes` lists bindings without effect.
 """
 
 from __future__ import annotations
@@ -28,16 +28,19 @@ _SKELETON, _JOINTS = "skel:skeleton", "skel:joints"
 _INDICES, _WEIGHTS = "primvars:skel:jointIndices", "primvars:skel:jointWeights"
 _METHOD, _BIND = "primvars:skel:skinningMethod", "primvars:skel:geomBindTransform"
 _SHAPES, _TARGETS = "skel:blendShapes", "skel:blendShapeTargets"
-_INHERITED = (_INDICES, _WEIGHTS, _METHOD, _BIND, _JOINTS)
+_INHERITED = (_INDICES, _WEIGHTS, _METHOD, _BIND, _JOINTS)  # the attributes that prims inherit
 _METHODS = (UsdSkel.Tokens.classicLinear, UsdSkel.Tokens.dualQuaternion)
 
 
 @dataclass(frozen=True, eq=False)
 class _Influences:
-    """The influences of joints on a gprim: transforms (j, 4, 4) for row vectors in the space of the skeleton.
+    """The influences of joints on a gprim; matrices are for row vectors.
 
-    indices and weights are (n, k), of k joints for each point, or (1, k) for all points together; `bind` (4, 4) maps
-    the gprim's space to that of the skeleton's bind pose.
+    - transforms (j, 4, 4): the transform of each joint from the bind pose to the pose, in the space of the skeleton
+    - indices, weights (n, k): the k joints that move each point, as indices of transforms, and their weights; (1, k) if
+      all points have the same
+    - bind (4, 4): maps the gprim's space to the space of the skeleton in its bind pose
+    - method: one of `_METHODS`
     """
 
     transforms: Floats
@@ -47,7 +50,7 @@ class _Influences:
     method: str
 
     def for_points(self, points: Indices) -> tuple[Vt.IntArray, Vt.FloatArray, int]:
-        """Return USD's arguments for points (m,), given by number: joint indices, weights and k."""
+        """Return the arguments of USD's functions for the points with the numbers (m,): joint indices, weights, k."""
         rows = points if len(self.indices) > 1 else np.zeros_like(points)
         indices, weights = self.indices[rows].astype(np.int32), self.weights[rows].astype(np.float32)
         return Vt.IntArray.FromNumpy(indices.ravel()), Vt.FloatArray.FromNumpy(weights.ravel()), indices.shape[1]
@@ -55,7 +58,7 @@ class _Influences:
 
 @dataclass(frozen=True, eq=False)
 class _Binding:
-    """The deformers of a gprim: joints, if it has `influences`, and the `offsets` of blend shapes.
+    """The deformers of a gprim: the influences of joints, if there are any, and the offsets of blend shapes.
 
     `space` is the prim whose transform places the deformed points. Gprims with equal `key`s have equal deformations.
     """
@@ -75,10 +78,10 @@ class DeformedGprim:
     _binding: _Binding
 
     def normals(self, normals: Attribute, face_points: Indices) -> Attribute | None:
-        """Return authored normals, deformed with the points; None unless there is one for each point or corner.
+        """Return authored normals, deformed with the points; None if there is not one for each point or corner.
 
-        `face_points` (m,) are the points at a mesh's corners. As in USD, blend shapes do not change `faceVarying`
-        ones.
+        `face_points` (m,) are the points at a mesh's corners. As in USD, blend shapes do not change normals of the
+        interpolation `faceVarying`.
         """
         by_corner = normals.interpolation == "faceVarying"
         if not by_corner and normals.interpolation not in ("vertex", "varying"):
@@ -86,7 +89,7 @@ class DeformedGprim:
         values = np.asarray(normals.values, np.float64)
         points = face_points if by_corner else np.arange(len(self.points))
         if len(values) != len(points) or not ((points >= 0) & (points < len(self.points))).all():
-            return normals  # a fault of the mesh, which `faces` reports
+            return normals  # this is a fault of the mesh, which `faces` reports later
         if not by_corner:
             for offset in self._binding.offsets:
                 values = offset.offset_normals(values)
@@ -112,11 +115,11 @@ class Skinning:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The bindings without effect of the prims so far, with the rule of USD that applies."""
+        """Lines for the user about bindings without effect, of the prims read so far, with USD's rule that applies."""
         return (*self._notes, *self._skeletons.notes)
 
     def space(self, prim: Usd.Prim) -> Usd.Prim:
-        """Return the prim whose transform places a gprim: the skeleton that moves it, else the gprim itself.
+        """Return the prim whose transform places a gprim: the skeleton that deforms it, or else the gprim itself.
 
         Raises AssetError as `deform` does.
         """
@@ -124,7 +127,7 @@ class Skinning:
         return prim if binding is None else binding.space
 
     def key(self, prim: Usd.Prim) -> tuple[str, ...]:
-        """Return a key that is equal for gprims with equal deformations, () for one that is not deformed.
+        """Return a key that is equal for gprims with equal deformations, and () for a gprim that is not deformed.
 
         Raises AssetError as `deform` does.
         """
@@ -134,8 +137,8 @@ class Skinning:
     def deform(self, prim: Usd.Prim, rest: Floats | None = None) -> DeformedGprim | None:
         """Return the deformed gprim, or None if nothing deforms it.
 
-        `rest` (n, 3) are points in the gprim's space and the stage's unit, by default those of the file. A gprim
-        without points in the file can only be moved as a whole.
+        `rest` (n, 3) are the points before the deformation, in the gprim's space and the stage's unit; by default, they
+        are the points in the file. A gprim without points in the file, such as a sphere, can only be moved as a whole.
 
         Raises
         ------
@@ -160,12 +163,14 @@ class Skinning:
         return deformed
 
     def _binding(self, prim: Usd.Prim) -> _Binding | None:
+        """Return the deformers of a gprim, or None if nothing deforms it; results are stored by path."""
         path = prim.GetPath()
         if path not in self._bindings:
             self._bindings[path] = self._read_binding(prim)
         return self._bindings[path]
 
     def _read_binding(self, prim: Usd.Prim) -> _Binding | None:
+        """Return the deformers of a gprim, or None if there are none; append a note for a binding without effect."""
         path = str(prim.GetPath())
         if not UsdSkel.Root.Find(prim):
             if prim.HasAPI(UsdSkel.BindingAPI):
@@ -201,10 +206,10 @@ class Skinning:
 
 
 def _binding_properties(prim: Usd.Prim) -> dict[str, Usd.Property]:
-    """Return the binding properties of a prim below a SkelRoot, by name, its own and inherited ones; {} if not bound.
+    """Return the binding properties, by name, that a prim below a SkelRoot has or inherits.
 
-    As in USD, only properties with a value on prims with the SkelBindingAPI count. A prim below a gprim, or below one
-    that is not Imageable, is not bound.
+    As in USD, only properties with a value on prims with the SkelBindingAPI count. A prim below a gprim, or below a
+    prim that is not Imageable, is not bound: then the dictionary is empty.
     """
     properties: dict[str, Usd.Property] = {}
     ancestor = prim
@@ -228,6 +233,7 @@ def _binding_properties(prim: Usd.Prim) -> dict[str, Usd.Property]:
 def _read_influences(
     path: str, properties: dict[str, Usd.Property], pose: SkeletonPose, time: Usd.TimeCode
 ) -> _Influences:
+    """Return the influences of joints on the gprim at `path`; raises AssetError for contradictions."""
     primvars = [UsdGeom.Primvar(properties[name]) for name in (_INDICES, _WEIGHTS)]
     sizes = {primvar.GetElementSize() for primvar in primvars}
     interpolations = {primvar.GetInterpolation() for primvar in primvars}
@@ -259,6 +265,7 @@ def _read_influences(
 
 
 def _skin_points(points: Floats, influences: _Influences, path: str) -> Floats:
+    """Return the points (n, 3) of the gprim at `path`, moved by its joints to the space of the skeleton."""
     if len(influences.indices) not in (1, len(points)):
         raise AssetError(f"{path}: has joints for {len(influences.indices)} points, but {len(points)} points")
     positions = Vt.Vec3fArray.FromNumpy(points.astype(np.float32))
@@ -269,7 +276,10 @@ def _skin_points(points: Floats, influences: _Influences, path: str) -> Floats:
 
 
 def _inverse_transposes(matrices: Floats) -> Floats:
-    """Return the matrices (..., 3, 3) for normals of matrices (..., 4, 4) for row vectors, singular ones too."""
+    """Return the inverse transposes (..., 3, 3), which transform normals, of matrices (..., 4, 4) for row vectors.
+
+    For a singular matrix, the result is the matrix of cofactors.
+    """
     x, y, z = np.moveaxis(matrices[..., :3, :3], -2, 0)
     cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-2)
     volumes = (x * cofactors[..., 0, :]).sum(axis=-1)[..., None, None]

@@ -1,6 +1,7 @@
-"""The visible gprims of a stage and their placements, by visibility, purpose, instances and point instancers.
+"""Finds the visible gprims of a stage and their placements.
 
-A prim inside a point instancer is visited once for each instancer that contains it, with a transform per instance.
+It follows visibility, purpose, scene-graph instances and point instancers. A prim in a prototype of several point
+instancers is visited once for each instancer, with a transform for each instance.
 """
 
 from __future__ import annotations
@@ -29,16 +30,18 @@ _INSTANCE_ATTRIBUTES: tuple[tuple[str, type[np.generic], tuple[int, ...]], ...] 
     ("orientationsf", np.float64, (4,)),
     ("ids", np.intp, ()),
 )
-_MAX_DEPTH = 32  # instancers inside each other's prototypes
+_MAX_DEPTH = 32  # levels of instancers that are in prototypes of other instancers
 _MAX_INSTANCES = 2_000_000  # in an asset: a quarter of a gigabyte of matrices
 PURPOSES = ("default", "render", "proxy", "guide")
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedGprim:
-    """A visible gprim, and its placements (k, 4, 4) in the stage, for row vectors.
+    """A visible gprim and its placements in the stage, as matrices for row vectors.
 
-    `prototype_placements` (j, 4, 4) place the `prototype` that contains it, or the stage itself if that is None.
+    `transforms` (k, 4, 4) map the gprim's space to the stage. `prototype` is the prototype of a point instancer that
+    contains the gprim, and `prototype_placements` (j, 4, 4) map its space to the stage. For a gprim that is not in a
+    prototype, `prototype` is None, and `prototype_placements` is one identity matrix.
     """
 
     prim: Usd.Prim
@@ -48,15 +51,15 @@ class PlacedGprim:
 
 
 def is_affine(matrices: Floats) -> Bools:
-    """Return which matrices (..., 4, 4) for row vectors are bounded and affine: with 0 0 0 1 as last column."""
+    """Return which matrices (..., 4, 4) for row vectors are bounded and affine, which means a last column 0 0 0 1."""
     is_bounded = (np.abs(matrices) <= MAX_COORDINATE).all(axis=(-2, -1))
     return np.asarray(is_bounded & (np.abs(matrices[..., 3] - (0.0, 0.0, 0.0, 1.0)) < 1e-9).all(axis=-1))
 
 
 def faulty_transform_path(prim: Usd.Prim, time: Usd.TimeCode) -> str:
-    """Return the path of the transform operation, on a prim or an ancestor, that is not computable or not affine.
+    """Return the path of the transform operation that makes the transform of a prim not computable or not affine.
 
-    If there is no such operation, return the path of the prim itself.
+    The operation is on the prim or an ancestor. If there is no such operation, return the path of the prim itself.
     """
     ancestor = prim
     while ancestor:
@@ -77,7 +80,7 @@ def faulty_transform_path(prim: Usd.Prim, time: Usd.TimeCode) -> str:
 
 
 def prototype_path(prim: Usd.Prim | None) -> str:
-    """Return the path of a prim in its prototype, the same for all instances; "" for None."""
+    """Return the path of a prim in its scene-graph prototype, which is the same for all instances; "" for None."""
     if prim is None:
         return ""
     return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
@@ -86,9 +89,10 @@ def prototype_path(prim: Usd.Prim | None) -> str:
 class Walk:
     """Visits the visible gprims of a stage at a time.
 
-    Hidden ancestors of the prim where a walk starts do not hide it. `unknown_prims` are of types that USD does not
-    know, such as those of another program's plug-in. `missing_operations` are the names in xformOpOrder that are not
-    transform operations of their prims, with these prims.
+    Hidden ancestors of the prim at which a walk starts do not hide it. A walk collects content for notes.
+    `unknown_prims` are prims of types that USD does not know, such as those of another program's plug-in.
+    `missing_operations` maps each name in an xformOpOrder that is not a transform operation of its prim to the prims
+    with that name.
     """
 
     def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...]) -> None:
@@ -99,19 +103,21 @@ class Walk:
         self._purposes = purposes
         self._transforms = UsdGeom.XformCache(time)
         self._placement_count = 0
-        self._flags_of_type: dict[str, tuple[bool, bool, bool]] = {}
+        self._flags_of_type: dict[str, tuple[bool, bool, bool]] = {}  # the results of `_type_flags`, by type
 
     def gprims_below(self, path: str) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below a path; raises AssetError if an instancer contradicts itself."""
         yield from self._walk(self._stage.GetPrimAtPath(path), _SCENE_PRIMS, None, np.eye(4)[None], ())
 
     def place_in_space(self, gprim: PlacedGprim, space: Usd.Prim, copies: Floats | None = None) -> PlacedGprim:
-        """Return a gprim placed by the transform of the prim `space`, and by `copies` (k, 4, 4) in that space.
+        """Return a gprim placed by the transform of the prim `space` instead of its own.
+
+        `copies` (k, 4, 4), if given, place k copies of the gprim in the space of that prim.
 
         Raises
         ------
         AssetError
-            The other prim is not in the same prototype or has no transform, or there are too many copies.
+            The prim `space` is not in the gprim's prototype or has no transform, or there are too many copies.
         """
         path, transforms = gprim.prim.GetPath(), gprim.transforms
         if space != gprim.prim:
@@ -134,8 +140,8 @@ class Walk:
     ) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below `root`.
 
-        `prototype_placements` (k, 4, 4) place the `prototype`, or the stage itself if that is None, in the stage;
-        `outer_instancers` are the instancers whose prototypes contain the root.
+        `prototype` and `prototype_placements` are those of `PlacedGprim`. `outer_instancers` are the instancers whose
+        prototypes contain the root.
         """
         prims = iter(Usd.PrimRange(root, predicate))
         for prim in prims:
@@ -145,6 +151,7 @@ class Walk:
                     self.unknown_prims.append(prim)
                 continue
             self._check_order(prim)
+            # `read_token` raises the error for an invalid value.
             if prim.GetAttribute("purpose").Get() not in PURPOSES:
                 read_token(prim, "purpose", Usd.TimeCode.Default(), PURPOSES)
             if prim.GetAttribute("visibility").Get(self._time) != UsdGeom.Tokens.inherited:
@@ -164,22 +171,26 @@ class Walk:
                 yield PlacedGprim(prim, transforms, prototype, prototype_placements)
 
     def _type_flags(self, prim: Usd.Prim) -> tuple[bool, bool, bool]:
-        """Return whether prims of the prim's type are Imageable, whether point instancers, and whether gprims."""
+        """Return whether a prim is Imageable, whether it is a point instancer, and whether it is a gprim."""
         name = prim.GetTypeName()
         if name not in self._flags_of_type:
+            # A GenerativeProcedural counts as a gprim, so that a note reports that it is not rendered.
             gprim = prim.IsA(UsdGeom.Gprim) or name == "GenerativeProcedural"
             self._flags_of_type[name] = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.PointInstancer), gprim
         return self._flags_of_type[name]
 
     def _check_order(self, prim: Usd.Prim) -> None:
-        """Record the names in a prim's xformOpOrder that are not operations of it; USD silently ignores them."""
+        """Record the names in a prim's xformOpOrder that are not operations of the prim; USD silently ignores them."""
         for name in read_texts(prim, "xformOpOrder"):
             operation = name.removeprefix("!invert!")
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
                 self.missing_operations.setdefault(quote(name), []).append(prim)
 
     def _matrix(self, prim: Usd.Prim, prototype: Usd.Prim | None) -> Floats:
-        """Return the matrix (4, 4) from a prim to a prototype, else the stage; AssetError if USD cannot compute it."""
+        """Return the matrix (4, 4), for row vectors, from a prim's space to the prototype's, or the stage's for None.
+
+        Raises AssetError if USD cannot compute it.
+        """
         try:
             if prototype is None:
                 return np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64)
@@ -191,7 +202,11 @@ class Walk:
     def _walk_instancer(
         self, instancer: UsdGeom.PointInstancer, transforms: Floats, outer_instancers: tuple[Sdf.Path, ...]
     ) -> Iterator[PlacedGprim]:
-        """Yield the visible gprims of a point instancer's prototypes, with a placement for every visible instance."""
+        """Yield the visible gprims of a point instancer's prototypes, with a placement for every visible instance.
+
+        `transforms` (j, 4, 4) are the placements of the instancer itself. `outer_instancers` are the instancers whose
+        prototypes contain it.
+        """
         path = instancer.GetPath()
         if len(outer_instancers) >= _MAX_DEPTH:
             depth = len(outer_instancers)
@@ -200,6 +215,7 @@ class Walk:
         targets = relationship_targets(instancer.GetPrototypesRel())
         numbers = read_array(prim, "protoIndices", self._time, np.intp)
         check_range(numbers, len(targets), prim, "protoIndices", "prototypes")
+        # These arrays are read only to check them; USD computes the transforms from the attributes.
         for name, kind, shape in _INSTANCE_ATTRIBUTES:
             count = len(read_array(prim, name, self._time, kind, shape)) if prim.HasAttribute(name) else 0
             if count != len(numbers) and (count or name == "positions"):
@@ -231,7 +247,10 @@ class Walk:
             yield from self._walk(prototype, _PROTOTYPE_PRIMS, prototype, placements, (*outer_instancers, path))
 
     def _place_copies(self, copies: Floats, transforms: Floats, path: Sdf.Path, noun: str) -> Floats:
-        """Return the placements (j * k, 4, 4) of copies (k, 4, 4) in each of the spaces of transforms (j, 4, 4)."""
+        """Return the placements (j * k, 4, 4) of copies (k, 4, 4) in each of j spaces, placed by transforms (j, 4, 4).
+
+        Raises AssetError if the walk has more than `_MAX_INSTANCES` placements; `noun` names the copies.
+        """
         count = len(copies) * len(transforms)
         self._placement_count += count
         if self._placement_count > _MAX_INSTANCES:
