@@ -39,7 +39,7 @@ _CELLS = (48, 32)  # of `half_vector_grid`, along slope and azimuth
 
 
 def multiple_scattering_energy(alpha: float) -> float:
-    """Return 1 minus the mean albedo of Disney's specular lobe: about the light that microfacets scatter several times."""
+    """Return 1 minus the mean albedo of Disney's specular lobe: about the light that is scattered several times."""
     return 1.0 - _mean_over_views(lambda view: _lobe_albedo(view, alpha, correlated=False))
 
 

@@ -93,7 +93,7 @@ class Translation:
         return {name: _read_parameter(name, port) for name, port in ports.items()} | dict(self.overrides)
 
     def losses(self, inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
-        """Yield pairs (name, reason) of those of `inputs`, the inputs that are set, which are lost, wholly or in part."""
+        """Yield pairs (name, reason) for the inputs that are lost, wholly or in part; `inputs` are all that are set."""
         for name, value in inputs.items():
             loss = self.loss_reasons.get(name)
             if loss is None or value == self.parameters[name].default:
