@@ -23,7 +23,7 @@ Wrap = Literal["black", "clamp", "repeat", "mirror"]
 """How an image continues outside its unit square of texture coordinates, as wrapS and wrapT of UsdUVTexture."""
 
 WRAPS: dict[str, Wrap] = {wrap: wrap for wrap in get_args(Wrap)}
-"""The wrap modes by their names: a look-up turns a text of a file into a `Wrap`."""
+"""The wrap modes by their names, for turning a text from a file into a `Wrap`."""
 
 Units = Literal["object", "world"]
 UNITS: tuple[Units, ...] = get_args(Units)
@@ -130,7 +130,7 @@ VIEW = "view"
 class Formula:
     """An expression and the sources of its inputs.
 
-    `inputs` maps each name that the expression uses to the source of its value, and `kinds` maps it to its type.
+    `inputs` maps each name that the expression uses to the source of its value, and `kinds` maps the name to its type.
     """
 
     expression: Expression

@@ -178,7 +178,7 @@ def variable_inputs(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, .
     These are the parameters of every layer, the masks of all layers but the base, and the inputs of expressions.
     """
     for layer in look.layers:
-        # The default 0 stands for any unset input: below, only formulas are looked into.
+        # An unset input is 0 here, which need only be no formula.
         inputs: dict[str, Input] = dict.fromkeys(layer_parameters(layer.model), 0.0) | layer.inputs
         if layer is not look.layers[0]:
             inputs["mask"] = layer.mask
@@ -214,7 +214,10 @@ def _change_layer(layer: Layer, path: tuple[str, ...], value: ParameterValue, fu
 def _check_constant(
     full_name: str, parameter: Parameter, value: ParameterValue
 ) -> float | tuple[float, float, float] | str:
-    """Check a constant against the record of its parameter and return it as floats or text; a number becomes a grey."""
+    """Return a value as a constant of a parameter: a float, a colour or text; for a colour, one number is a grey.
+
+    Raises ModelError where the value has the wrong type or is outside the parameter's hard range.
+    """
     grey = parameter.kind == "color" and isinstance(value, float | int)
     prefix, _, name = full_name.rpartition(".")
     # `complete` gets this parameter alone, which therefore can neither set another one (expand) nor follow one.

@@ -1,6 +1,7 @@
-"""Writes shaderDefs.usda, which tells other USD tools the inputs of our shader nodes, from the models' parameters.
+"""Writes shaderDefs.usda: the definitions of our shader nodes for USD, generated from the parameters of the models.
 
-USD's shader registry (Sdr) reads the file. ``python -m lookdev.material.definitions`` writes it again.
+USD's shader registry (Sdr) reads the file, and so do other USD tools. ``python -m lookdev.material.definitions``
+writes it again.
 """
 
 from __future__ import annotations
@@ -93,9 +94,9 @@ def shader_definitions() -> str:
 
 
 def _layer_input_texts(name: str, beneath: str) -> list[str]:
-    """Return the definitions of the four inputs of LookdevLayers for one layer: itself, its mask, switch and mode.
+    """Return the definitions of the four inputs of LookdevLayers for one layer: its shader, mask, switch and mode.
 
-    `name` is that of the input, such as ``layer2``, and `beneath` names the layer below it.
+    `name` is that of the first input, such as ``layer2``, and `beneath` names the layer below.
     """
     combined = _layers_phrase([model.title for model in MODELS.values() if model.combine])
     transmitting = _layers_phrase([model.title for model in MODELS.values() if "transmit" in model.modes])
@@ -161,6 +162,7 @@ def _input_text(
 
 
 def _quote(text: str) -> str:
+    """Return a text in quotation marks, as a string of USD."""
     # USD reads UTF-8, but not JSON's escapes (\u00e9) of characters beyond ASCII.
     return json.dumps(text, ensure_ascii=False)
 
