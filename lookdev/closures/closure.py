@@ -112,8 +112,8 @@ def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
 # Fujii, Y. A tiny improvement of Oren-Nayar reflectance model. Multiple scattering is that of OpenPBR 1.1.
 def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
     """Return the ratio of Oren and Nayar's BRDF to Lambert's of reflectance 1, (..., 3), in the closure's frame."""
-    # `nv` and `nl` are the cosines of view and light; `ev`, `el` and `mean` are albedos of single scattering: at the
-    # view, at the light and on average.
+    # `nv` and `nl` are the cosines of view and light, and `t` is the term that roughness multiplies. `ev`, `el` and
+    # `mean` are albedos of single scattering: at the view, at the light and on average.
     sigma, nv, nl = closure.roughness, wo[..., 2], wi[..., 2]
     single = 1.0 / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
     t = dot(wo, wi) - nl * nv

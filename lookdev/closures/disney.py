@@ -33,6 +33,7 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     `subsurface` blends the other two terms; one of share 0 has no closures. Oren and Nayar's closure approximates the
     diffuse term.
     """
+    # `p` has the values of the lobe by name: parameters of the model and numbers that derive from them.
     p, cos_theta = lobe.values, lobe.frame.to_local(wo)[..., 2]
     dielectric, subsurface, roughness = p["dielectric"], p["subsurface"], p["roughness"]
     sheen = scale(scale(p["sheen_color"], dielectric), closure_fit("sheen")(cos_theta))
@@ -109,6 +110,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     CodegenError
         The lobe's gamma is not 2.
     """
+    # `p` has the values of the lobe by name: parameters of the model and numbers that derive from them.
     p, wo = lobe.values, lobe.frame.to_local(wo)
     if not are_equal(p["gamma"], 2.0):
         raise CodegenError(
@@ -204,6 +206,7 @@ def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicSh
     power of the aspect ratio alpha_x / alpha_y. `skew` is the exponent for a lobe of mean alpha 1 at grazing views.
     `skew_rise` is the increase of this exponent up to a view from above.
     """
+    # The squares of the mean alpha, and of the alpha along the view's azimuth, which from above is the mean.
     mean2 = alphas[0] * alphas[1]
     along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])
     # The cosine of twice the azimuth times sin^2 theta: 0 on the diagonals.

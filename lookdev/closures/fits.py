@@ -64,7 +64,7 @@ class AnisotropicShape(TypedDict):
 
 
 class MixShapes(TypedDict):
-    """The shapes that must be known before the fits: these are factors that correct mixes of these shapes."""
+    """The shapes of mixes that must be known before the fits, which correct the albedos of these mixes."""
 
     clearcoat: CoatShape
     highlight: HighlightShape
@@ -104,6 +104,9 @@ def closure_table() -> ClosureTable:
 
 @cache
 def closure_fit(name: str) -> Rational:
-    """Return the rational function `name` of the table; its variables are stated where `fitting.make_fits` adds it."""
+    """Return the rational function `name` of the table.
+
+    `lookdev.closures.fitting.make_fits` defines the functions and their variables.
+    """
     entry = closure_table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])

@@ -38,8 +38,9 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 
 def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for a highlight, reflected or transmitted: Beckmann, and GGX if it is wide."""
+    # `p` has the values of the lobe by name. `local` is the direction to the viewer, and `view` the same direction, but
+    # refracted if the lobe transmits.
     p = lobe.values
-    # `local` is the direction to the viewer. `view` is the same, but refracted if the lobe transmits.
     local, view = lobe.frame.to_local(wo), p["view"]
     alpha, cos_theta = 1.0 / np.sqrt(p["power"]), view[..., 2]
     relative = relative_cosine(cos_theta, alpha)

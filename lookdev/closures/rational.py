@@ -49,6 +49,7 @@ def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degre
     """
     # The denominator's constant term is fixed to 1. `coefficients` are those of the numerator, then those of the
     # denominator's other terms. Numerator and targets are divided by the tolerances: the unit of errors is a tolerance.
+    # `q` is the denominator at the points of the problem, and `domain` has its terms at points of the whole domain.
     numerator_powers, denominator_powers = numerator.terms(), denominator.terms()[1:]
     numerator_terms = _powers(numerator_powers, problem.x, problem.y) / problem.tolerance[:, None]
     denominator_terms = _powers(denominator_powers, problem.x, problem.y)

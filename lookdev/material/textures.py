@@ -273,6 +273,7 @@ def image_slopes(texture: Texture, st: ArrayLike) -> Floats:
 
 
 def _transform_matrix(texture: Texture) -> Floats:
+    """Return the transform of a texture's coordinates as a matrix (2, 3)."""
     return np.array(texture.transform, np.float64).reshape(2, 3)
 
 
@@ -387,7 +388,7 @@ def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
     for first, pixels in read_strips(image, file, range(spec.nchannels), TextureError):
         bad += np.count_nonzero(~np.isfinite(pixels))
         begin = max(top + first, 0)
-        # The rows and columns of this strip that lie in the display window.
+        # The part of the strip inside the display window. Columns beyond its right edge are cut off below.
         inside = pixels[max(-top - first, 0) : max(spec.full_height - top - first, 0), max(-left, 0) :]
         if len(inside) and begin < spec.full_height:
             rgba = blank_rows(len(inside))
@@ -402,7 +403,10 @@ def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
 
 
 def _write_exr(file: Path, size: Sequence[int], parts: Iterator[Floats]) -> None:
-    """Write strips (rows, width, 4) to an EXR of a `size` (width, height); OSError where the writing fails."""
+    """Write `parts`, strips (rows, width, 4) from the top down, to an EXR of a `size` (width, height).
+
+    Raises OSError where the file cannot be written.
+    """
     width, height = size
     spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)
     spec["compression"] = "zip"

@@ -102,6 +102,7 @@ def _complete_parameters(layer: Layer, values: SourceValues) -> Parameters:
         if records[name].kind == "normal" and name in constants and not isinstance(value, float | str):
             parameters[name] = values.in_shading_frame(value)
     parameters |= {name: values.parameter_value(source, records[name]) for name, source in varying.items()}
+    # `complete` has only seen constants: parameters that follow one that varies get their values here.
     return parameters | add_followers(records, {name: parameters[name] for name in inputs})
 
 
@@ -136,6 +137,7 @@ class SourceValues:
         if are_equal(normal[..., 1], 0.0):
             return normal
         hand = self.surface.handedness()
+        # Adding 0 times an array gives a constant the array's shape; so in other functions here.
         ones = 1.0 + 0.0 * hand
         return normal * vector(ones, hand, ones)
 

@@ -115,7 +115,7 @@ class Network:
         return attribute
 
     def check_type(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> bool:
-        """Return whether `holder`, which holds the value of `attribute`, has the type `expected`; add a fault if not."""
+        """Return whether `holder`, which has the value of `attribute`, has the type `expected`; if not, add a fault."""
         actual = holder.GetTypeName()
         texts = (Sdf.ValueTypeNames.String, Sdf.ValueTypeNames.Token)  # varname has had both types in versions of USD
         if actual.type == expected.type or (expected == Sdf.ValueTypeNames.String and actual in texts):
