@@ -94,7 +94,7 @@ def _tolerance_factor(angle: Floats) -> Floats:
 def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
     """Return the goal for a function of `x` and alpha whose values, factors of a closure's weight, should be `target`.
 
-    All arrays are (n,), one entry for each setup of `a`.
+    `a` has the albedos of n setups. `x` and `target` are (n,).
     """
     # An error of the factor is an equal relative error of albedo. It counts less where the albedo is below the floor.
     relative = a.unweighted / np.maximum(a.unweighted, _FLOOR)
@@ -107,7 +107,7 @@ def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
 def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
     """Return the goal for the ratio of the albedos of lobe and mix, both with Schlick's weight as the Fresnel term.
 
-    The ratio is divided by `factor`, (n,), which the closure's weight already contains.
+    `a` has the albedos of n setups. The ratio is divided by `factor`, (n,), which the closure's weight contains already.
     """
     # Where the albedo with Schlick's weight is below the floor, the relative tolerance is larger, up to 30 %.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
@@ -117,7 +117,10 @@ def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
 
 
 def cosine_goal(a: Albedos) -> FitGoal:
-    """Return the goal for the typical cosine, at which Schlick's weight (1 - cosine)^5 has its mean over the lobe."""
+    """Return the goal for the typical cosine, at which Schlick's weight (1 - cosine)^5 has its mean over the lobe.
+
+    `a` has the albedos of n setups.
+    """
     # `allowed` is the tolerance of this mean. The fifth root converts mean and tolerance to those of the cosine.
     mean = a.weighted / a.unweighted
     allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.unweighted)
@@ -159,7 +162,7 @@ def diffuse_goal(
 
 
 def retro_goal(grid: LobeGrid) -> FitGoal:
-    """Return the goal for `oren_nayar_g`, the integral of Oren and Nayar's rough term, as a function of the cosine."""
+    """Return the goal for `oren_nayar_g`, the integral of Oren and Nayar's rough term, over the cosine of the view."""
     x = np.cos(np.radians(grid.angles))
     target = np.asarray(oren_nayar_g(x))
     problem = RationalProblem(x, np.zeros_like(x), target, _TOLERANCE * _tolerance_factor(grid.angles))
@@ -258,9 +261,10 @@ def highlight_shape() -> HighlightShape:
 def _normalised_lobes(
     setups: Sequence[LobeSetup], closures: Callable[[float], Sequence[Closure]]
 ) -> list[tuple[Floats, Floats]]:
-    """Return the reflected energy by direction of each setup's lobe, (n,), and of k closures of its alpha, (k, n).
+    """Return, for each setup, how the light that its lobe and some closures reflect is distributed over directions.
 
-    `closures` maps an alpha to these closures. The n values are those at the nodes of a quadrature; their sum is 1.
+    The result has pairs (whole, parts): `whole`, (n,), is that of the lobe, and `parts`, (k, n), that of the k closures
+    that `closures` returns for the setup's alpha. The n values are those at the nodes of a quadrature; their sum is 1.
     """
     lobes = []
     for setup in setups:

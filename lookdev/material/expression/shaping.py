@@ -81,7 +81,8 @@ def modulo(x: Array, y: Real) -> Array:
 
 def power(x: Array, y: Array) -> Array:
     """Return x to the power y; 0 where no real value exists (x < 0 and y not whole, or x = 0 and y < 0)."""
-    # `size` is the magnitude of the power. `sign` is that of the power of a negative x: for odd y -1, for even y 1.
+    # `size` is the magnitude of the power. `sign` is that of the power of a negative x: -1 for odd y, 1 for even y, and
+    # 0 where y is not whole.
     zero = np.equal(x, 0.0)
     size = np.where(zero, np.where(np.equal(y, 0.0), 1.0, 0.0), np.power(np.where(zero, 1.0, np.absolute(x)), y))
     whole = np.floor(y)
@@ -227,9 +228,13 @@ def _hash(i: Array, j: Array, k: Array) -> Array:
 
 
 def _gradient_product(number: Array, x: Array, y: Array, z: Array) -> Array:
-    """Return the dot product of a lattice point's gradient, which its hash `number` selects, and (x, y, z) from it."""
+    """Return the dot product of a lattice point's gradient and the vector (x, y, z) from the point.
+
+    The hash `number` of the point selects the gradient.
+    """
     # Perlin 2002: the gradients point to the twelve edges of a cube. Perlin has four of them twice, which favours one
-    # axis; here each occurs once.
+    # axis; here each occurs once. A gradient has two components that are not 0: `edge` / 4 selects their axes, and the
+    # two lowest bits of `edge` are their signs.
     edge = _wrap_index(number, 12.0)
     u, v = np.where(edge < 8.0, x, y), np.where(edge < 4.0, y, z)
     half = np.floor(0.5 * edge)

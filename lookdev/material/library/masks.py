@@ -193,7 +193,7 @@ class MaskWriter:
                 attribute.Set(mask)
 
     def _write_image(self, name: str, image: MaskImage) -> Sdf.Path:
-        """Write the node of an image and return the path of its output; as all writers below."""
+        """Write the node of an image. As all ``_write`` methods, return the path of the node's output."""
         node = self._define_node(name, "UsdUVTexture")
         node.CreateInput("file", _TYPES.Asset).Set(Sdf.AssetPath(relative_asset(image.file, self._stage)))
         color = image.channel == "rgb"

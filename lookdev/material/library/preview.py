@@ -29,6 +29,7 @@ from lookdev.material.points import ImagePoints
 from lookdev.material.usd.network import shader_id
 from lookdev.material.values import SourceValues, presence
 
+# The inputs of UsdPreviewSurface that are written, with their types.
 _FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
 _TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
 # Defaults of inputs that a model's preview does not set: those of UsdPreviewSurface. "f0" is that of its ior, 1.5.
@@ -127,7 +128,8 @@ def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shade
 
     They are those of the layer's parameter of the same meaning, if the layer has more than half of the weight.
     """
-    # `covers` are the fractions that layers cover, and `weights` what remains visible of each beneath those above it.
+    # `covers` has the share of the layers beneath that each layer covers. `weights` has the share of each layer in the
+    # result: what it covers, less what the layers above it cover of that.
     covers = np.array([1.0, *(_coverage(layer) * (layer.mode == "over") for layer, _ in layers[1:])])
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
     decisive = int(np.argmax(weights))
@@ -138,6 +140,7 @@ def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shade
         name in MODELS[layer.model].preview.derived(_mean_parameters(layer))
         or any(layer_above.mode == "transmit" for layer_above, _ in layers[decisive + 1 :])
     )
+    # A constant is connected if it comes from an interface input of the material. Without connections, the list is empty.
     value = layer.inputs.get(parameter)
     is_source = isinstance(value, Texture | Primvar) or (isinstance(value, float | tuple) and name != "opacity")
     if not is_source or is_changed or weights[decisive] <= 0.5:
