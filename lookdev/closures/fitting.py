@@ -107,7 +107,7 @@ def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
 def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
     """Return the goal for the ratio of the albedos of lobe and mix, both with Schlick's weight as the Fresnel term.
 
-    `a` has the albedos of n setups. The ratio is divided by `factor`, (n,), which the closure's weight contains already.
+    `a` has the albedos of n setups. The ratio is divided by `factor`, (n,), which the closure's weight has already.
     """
     # Where the albedo with Schlick's weight is below the floor, the relative tolerance is larger, up to 30 %.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)

@@ -112,4 +112,5 @@ def select_variant(file: Path, name: str, choice: str, prim: str | None = None) 
 
 
 def _is_name(name: str) -> bool:
+    """Return whether a text can be the name of a prim."""
     return bool(Sdf.Path.IsValidIdentifier(name))

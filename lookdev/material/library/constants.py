@@ -46,7 +46,7 @@ def set_inputs(
 def write_changed(
     file: Path, out: Path, constants: Sequence[Constant], prim: str | None = None, variants: VariantChoice = None
 ) -> None:
-    """Write the USD layer of a look to the file `out`, with other values of constants. Relative paths stay valid.
+    """Write the USD layer of a look to the file `out`, with the values of `constants`. Relative paths stay valid.
 
     A constant is changed at the file's strongest opinion, also in a variant. It gets an override if another file states
     it, or if it comes from an interface input that other inputs share. `out` is replaced in one step.
@@ -58,6 +58,7 @@ def write_changed(
     """
     check_suffix(out)
     look = read_look(file, prim, variants)
+    # USD stores float32: what is read back from the copy is compared with rounded values.
     rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
     target = replace_constants(look, rounded)
     with atomic_path(out) as temporary, report_faults_for(out, temporary):
@@ -107,6 +108,7 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
         attribute = shader.CreateInput(name, INPUT_TYPES[kind]).GetAttr()
     if not inside:
         return attribute
+    # This network only follows connections. The name of its file would only matter in faults.
     source = Network(Path()).follow(attribute)
     node_inputs = source.shader.GetInputs() if isinstance(source, OutputSource) else []
     names = [node_input.GetBaseName() for node_input in node_inputs]

@@ -202,9 +202,11 @@ def replace_source(
     Nodes that only the old source used are removed. An input of an expression for which `source` states nothing keeps
     the source that it had in the old expression.
     """
+    # This network only follows connections. The name of its file would only matter in faults.
     old_states = _input_states(Network(Path()).follow(attribute)) if source is not None else {}
     used = find_upstream(material, [attribute])
     clear_input(attribute)
+    # The sources of the old expression's inputs are kept until the new expression is written, which may use them.
     remove_unused(material, used, [path for state in old_states.values() for path in state.connections])
     if source is not None:
         MaskWriter(attribute.GetStage(), scope, old_states, kind).write(attribute, name, source)

@@ -23,9 +23,11 @@ from lookdev.material.usd import VariantChoice, open_material
 from lookdev.material.usd.network import Network, OutputSource
 
 _TYPES = Sdf.ValueTypeNames
+# The paths in a fragment of its Material, and of the stack in it.
 _ROOT = Sdf.Path("/LookdevLayer")
 _STACK = _ROOT.AppendChild("Layers")
 _MAX_LENGTH = 1 << 20  # characters of a text that is pasted
+# The types of the inputs of a stack by `lookdev.material.library.stack.LAYER_PARTS`, without the layer itself.
 _PART_TYPES = {"Mask": _TYPES.Float, "Enabled": _TYPES.Bool, "Mode": _TYPES.Token}
 _DOC = "A layer of a look, as the Designer copies and pastes it."
 
@@ -132,6 +134,7 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     authored = {part: attribute for part, attribute in attributes.items() if attribute}
     nodes = find_upstream(material, authored.values()) | {shader.GetPath()}
     nodes |= find_upstream(material, [shader_input.GetAttr() for shader_input in shader.GetInputs()])
+    # Nodes inside another node, as in a node graph, are copied with it.
     top_paths = sorted(path for path in nodes if not any(path != other and path.HasPrefix(other) for other in nodes))
     sites = {path: find_sites(root, path) for path in top_paths}
     # If the file itself defines all nodes, outside of variants, their specs are copied. Otherwise, the composed stage

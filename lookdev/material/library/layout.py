@@ -180,7 +180,7 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
     old, new = ({statement.key: statement for statement in block.statements} for block in (before, after))
     renamed = _renamed_keys(before.statements, after.statements)
     merged: dict[str, _Statement] = {}
-    header = ""
+    header = ""  # comments above removed statements, for the next statement that stays
     for statement in author.statements:
         key = renamed.get(statement.key, statement.key)
         if key not in new:

@@ -140,7 +140,7 @@ def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shade
         name in MODELS[layer.model].preview.derived(_mean_parameters(layer))
         or any(layer_above.mode == "transmit" for layer_above, _ in layers[decisive + 1 :])
     )
-    # A constant is connected if it comes from an interface input of the material. Without connections, the list is empty.
+    # A constant is connected if it comes from an interface input of the material.
     value = layer.inputs.get(parameter)
     is_source = isinstance(value, Texture | Primvar) or (isinstance(value, float | tuple) and name != "opacity")
     if not is_source or is_changed or weights[decisive] <= 0.5:

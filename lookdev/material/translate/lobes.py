@@ -41,7 +41,7 @@ _MIN_SCATTERING_ALPHA = 0.03
 
 
 def load_fit(name: str) -> Rational:
-    """Return a fit of `FITS_FILE` by its name: a function of one number."""
+    """Return a fit of `FITS_FILE`, a function of one number, by its name; see `lookdev.material.translate.fitting`."""
     return load_rational(FITS_FILE, name)
 
 
@@ -94,7 +94,8 @@ def coat(
 
     `f0`, (..., 3), is at most `f90`, (...). alpha is the square of `roughness`.
     """
-    # A metal's reflectance rises from its base colour to 1. The mask multiplies this by f90.
+    # A metal's reflectance rises from its base colour to 1. The mask multiplies this by f90. Here and below, adding
+    # np.zeros(()) turns a number into an array.
     return StackLayer(
         "disney",
         {

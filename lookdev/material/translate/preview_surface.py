@@ -43,6 +43,7 @@ def _presence(p: Parameters) -> tuple[Real, Real]:
     With an opacity threshold, points are either opaque or absent.
     """
     opacity = p["opacity"]
+    # Adding np.zeros(()) turns a number into an array.
     cut = np.where(opacity + np.zeros(()) >= p["opacityThreshold"], 1.0, 0.0)
     masked = np.where(p["opacityThreshold"] > 0.0, cut, opacity)
     if p["opacityMode"] in ("presence", "1"):
@@ -61,7 +62,7 @@ MATERIALX_PREVIEW_SURFACE = Translation(
 )
 """UsdPreviewSurface as a node of MaterialX, where the opacity modes are numbers."""
 
-_MODES = ("transparent", "presence")
+_MODES = ("transparent", "presence")  # of opacity
 PREVIEW_SURFACE = replace(
     MATERIALX_PREVIEW_SURFACE,
     name="preview_surface",

@@ -27,7 +27,7 @@ TERMINAL = "outputs:lookdev:surface"
 LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
 """Matches the names of the inputs of a LookdevLayers shader except ``base``: the number of a layer, and a part."""
 
-_MAX_FAULTS = 1000
+_MAX_FAULTS = 1000  # that are listed one by one
 _MAX_UNKNOWN_INPUTS = 100  # of one shader, that are reported one by one
 _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 

@@ -27,6 +27,7 @@ _MAX_DEPTH = 64  # nodes connected in a row
 # The number of channels by the type that ends a node's identifier. "float2" comes before "float", which it begins with.
 _WIDTHS = {"float2": 2, "float3": 3, "float4": 4, "float": 1, "integer": 1, "boolean": 1}
 _WIDTHS |= {"vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
+# How the words of an identifier begin that are types. Surface shaders keep theirs in their category.
 _TYPES = (*_WIDTHS, "multioutput", "displacementshader")
 _NUMBERS = (bool, int, float, Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2h, Gf.Vec3h, Gf.Vec4h)
 

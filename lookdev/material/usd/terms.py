@@ -183,6 +183,7 @@ class Terms:
         # The values of the template at 0 and 1 determine the linear function.
         ends = [constant(*(value,) * width) for value in (0.0, 1.0)]
         at_zero, at_one = (np.array(_evaluate(template, {**operands, name: end}).numbers) for end in ends)
+        # np.resize repeats the number of a single channel for r, g, b and a.
         scale, bias = (np.resize(numbers, 3 if width > 1 else 4) for numbers in (at_one - at_zero, at_zero))
         hint = self._names[leaf]
         if isinstance(leaf, Coordinates):
