@@ -152,8 +152,8 @@ def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
     `wo` and `wi` are directions in the closure's frame, on the sides of its horizon where it is not 0.
     """
     if closure.kind.endswith("refraction"):
-        # Walter et al. 2007, eq. 16 and 21. `jacobian` is that of half vectors to `wi`, times |wo . wm|; with
-        # reflection, 1 / 4.
+        # Walter et al. 2007, eq. 16 and 21. `jacobian` is d omega_h / d omega_i, times |wo . wm|. For reflection, this
+        # is 1 / 4.
         half = -(wo + scale(wi, closure.ior))
         wm = normalize(half)
         jacobian: Real = closure.ior * closure.ior * np.abs(dot(wo, wm) * dot(wi, wm)) / dot(half, half)

@@ -250,6 +250,7 @@ def shadowing_2012(cos_theta: Array, roughness: Array) -> Array:
 
 
 def _square(x: Array) -> Array:
+    """Return the square of x."""
     return x * x
 
 

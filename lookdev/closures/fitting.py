@@ -263,8 +263,9 @@ def _normalised_lobes(
 ) -> list[tuple[Floats, Floats]]:
     """Return, for each setup, how the light that its lobe and some closures reflect is distributed over directions.
 
-    The result has pairs (whole, parts): `whole`, (n,), is that of the lobe, and `parts`, (k, n), that of the k closures
-    that `closures` returns for the setup's alpha. The n values are those at the nodes of a quadrature; their sum is 1.
+    The result has pairs (whole, parts): the distribution of the lobe, (n,), and the distributions, (k, n), of the k
+    closures that `closures` returns for the setup's alpha. A distribution has n values, at the nodes of a quadrature;
+    their sum is 1.
     """
     lobes = []
     for setup in setups:
@@ -339,7 +340,7 @@ def make_fits(
 def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
     """Search the numbers with which `apparent_alphas` predicts the albedo of anisotropic lobes best.
 
-    `fits` are those of isotropic lobes. The albedos are those of dielectrics (F0 0.04) and metals (F0 1).
+    `fits` has the fits of isotropic lobes by name. Albedos of dielectrics (F0 0.04) and of metals (F0 1) are compared.
     """
     cases = []
     for roughness, anisotropic, angle, azimuth in product(
@@ -421,6 +422,7 @@ def _summary(distances: Sequence[float]) -> dict[str, float]:
 
 
 def _round_figures(value: float) -> float:
+    """Return a number rounded to three significant figures."""
     return float(f"{value:.3g}")
 
 

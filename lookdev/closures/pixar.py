@@ -25,7 +25,7 @@ from lookdev.closures.fits import HighlightShape, closure_fit, closure_table
 TRANSMITTED_IOR = 1000.0
 """Index of refraction of the closures of transmitted highlights: it need only be very high."""
 
-_MAX_RATIO = 1.25  # of the lobe's directional albedo to that of its closures
+_MAX_RATIO = 1.25  # of the directional albedos of a lobe and its closures
 
 
 def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:

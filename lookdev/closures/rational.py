@@ -47,8 +47,8 @@ def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degre
 
     The result is that step of the iteration whose largest error, relative to the tolerance, is the smallest.
     """
-    # The denominator's constant term is fixed to 1. `coefficients` are those of the numerator, then those of the
-    # denominator's other terms. Numerator and targets are divided by the tolerances: the unit of errors is a tolerance.
+    # The denominator's constant term is fixed to 1. `coefficients` has the coefficients of the numerator, followed by
+    # the others of the denominator. Numerator and targets are divided by the tolerances, which are the unit of errors.
     # `q` is the denominator at the points of the problem, and `domain` has its terms at points of the whole domain.
     numerator_powers, denominator_powers = numerator.terms(), denominator.terms()[1:]
     numerator_terms = _powers(numerator_powers, problem.x, problem.y) / problem.tolerance[:, None]
@@ -111,7 +111,7 @@ def _box(problem: RationalProblem) -> tuple[Floats, Floats]:
 
 
 def _rows(terms: list[tuple[int, int]], coefficients: Floats) -> list[list[float]]:
-    """Return coefficients as `Rational` has them: ``rows[i][j]`` is that of ``x^i y^j``, rounded to 8 digits."""
+    """Return coefficients as `Rational` has them, rounded to 8 digits: ``rows[i][j]`` belongs to ``x^i y^j``."""
     rows: list[list[float]] = [[] for _ in range(1 + max(i for i, _ in terms))]
     for (i, _), coefficient in zip(terms, coefficients, strict=True):
         rows[i].append(float(f"{coefficient:.8g}"))

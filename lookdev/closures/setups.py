@@ -34,7 +34,7 @@ SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
 COARSE = (24, 16)
 """The cells of `half_vector_grid`, along slope and azimuth, with which shapes are compared."""
 
-_CELLS = (48, 32)  # the same, for albedos
+_CELLS = (48, 32)  # of `half_vector_grid`, for albedos
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +91,10 @@ class LobeSetup:
 class Albedos:
     """Directional albedos of n setups; all arrays are (n,).
 
-    `unweighted` and `mix` are the albedos of lobe and mix with a Fresnel term of 1, `weighted` and `mix_weighted` those
-    with Schlick's weight as the Fresnel term. `angle` and `alpha` are those of the setups. `cosine` is the cosine
-    between `LobeSetup.view` and the normal. `tilt` is 1 minus the cosine between `LobeSetup.wo` and `LobeSetup.view`.
+    `unweighted` and `mix` are the albedos of lobe and mix with a Fresnel term of 1. `weighted` and `mix_weighted` are
+    their albedos with Schlick's weight as the Fresnel term. `angle` and `alpha` are as in the setups. `cosine` is the
+    cosine between `LobeSetup.view` and the normal. `tilt` is 1 minus the cosine between `LobeSetup.wo` and
+    `LobeSetup.view`.
     """
 
     angle: Floats

@@ -96,7 +96,7 @@ def shader_definitions() -> str:
 def _layer_input_texts(name: str, beneath: str) -> list[str]:
     """Return the definitions of the four inputs of LookdevLayers for one layer: its shader, mask, switch and mode.
 
-    `name` is that of the first input, such as ``layer2``, and `beneath` names the layer below.
+    `name` is the name of the first input, such as ``layer2``. `beneath` names the layer below.
     """
     combined = _layers_phrase([model.title for model in MODELS.values() if model.combine])
     transmitting = _layers_phrase([model.title for model in MODELS.values() if "transmit" in model.modes])

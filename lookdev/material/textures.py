@@ -278,7 +278,7 @@ def _transform_matrix(texture: Texture) -> Floats:
 
 
 def _to_image_st(texture: Texture, st: ArrayLike) -> Floats:
-    """Return the image's coordinates (..., 2) from those of the mesh."""
+    """Convert texture coordinates of the mesh, (..., 2), to coordinates of the image, (..., 2)."""
     matrix = _transform_matrix(texture)
     return np.asarray(np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2])
 

@@ -28,7 +28,7 @@ ExpressionKind = Literal["float", "color"]
 class Expression:
     """A parsed expression.
 
-    `root` is the root of its syntax tree, and `names` are those of its inputs in order of appearance.
+    `root` is the root of its syntax tree. `names` has the names of its inputs in order of appearance.
     """
 
     text: str
@@ -116,7 +116,7 @@ class _Checker:
                 return "float"
 
     def _check_float(self, node: syntax.ExpressionNode, user: str) -> None:
-        """Raise ExpressionError if a node is a colour; `user` names, for the message, what needs a float there."""
+        """Raise ExpressionError if a node is a colour. The message names the node's `user`, which needs a float."""
         if self.kind(node) == "color":
             hint = "take luminance(color), or a channel: color[0]"
             raise ExpressionError(self.text, node.position, f"{user} needs a float, this is a color", hint)

@@ -98,7 +98,7 @@ def square_root(x: Array) -> Array:
 
 
 def logarithm(x: Array) -> Array:
-    """Return the natural logarithm of x, or that of TINY (-41.4) if x is smaller."""
+    """Return the natural logarithm of x; log(TINY), -41.4, where x is below TINY."""
     log: Array = np.log(np.maximum(x, TINY))
     return log
 

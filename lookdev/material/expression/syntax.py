@@ -174,7 +174,7 @@ def _tokenize(text: str) -> Iterator[_Token]:
 
 
 class _Parser:
-    """Parses a text once. `names` are those of its inputs: a dict without values, in order of appearance."""
+    """Parses a text once. `names` has the names of its inputs, as keys of a dict, in order of appearance."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -196,7 +196,7 @@ class _Parser:
         return token
 
     def _unexpected_token(self, expected: str) -> ExpressionError:
-        """Return the error that the next token is not what is `expected`."""
+        """Return the error that `expected` should be in the place of the next token."""
         token = self._token
         present = "the end" if token.kind == "end" else f"'{shorten_name(token.text)}'"
         return ExpressionError(self.text, token.position, f"{expected} should stand here, not {present}")
@@ -215,6 +215,7 @@ class _Parser:
         return depth
 
     def _depth_error(self, position: int) -> ExpressionError:
+        """Return the error that operations are nested too deep."""
         return ExpressionError(self.text, position, f"more than {_MAX_DEPTH} operations one inside the other")
 
     def _parse(self, binding_power: int) -> ExpressionNode:

@@ -1,7 +1,7 @@
 """Finds and reads presets: USD files, each with one layer for looks, in the folders of a library.
 
-The default prim of the file is the shader of the layer, or a look that has only this layer. The name of a preset is
-that of its file without suffix. Looks reference the file, so a change of a preset changes them.
+The default prim of the file is the shader of the layer, or a look that has only this layer. A preset has the name of
+its file without the suffix. Looks reference the file, so a change of a preset changes them.
 """
 
 from __future__ import annotations
@@ -165,4 +165,5 @@ def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:
 
 
 def _join_folders(folders: Iterable[Path]) -> str:
+    """Return the paths of folders as text for a message."""
     return " or ".join(map(str, folders))

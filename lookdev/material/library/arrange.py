@@ -84,7 +84,7 @@ def enable_layer(
 ) -> None:
     """Switch a layer over the base on or off.
 
-    The switch changes where the file states it most strongly, be it inside a variant; see `set_constant`.
+    The switch is changed at the file's strongest opinion, even inside a variant; see `set_constant`.
     """
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)

@@ -1,6 +1,7 @@
 """Edits of constants of a look, in its file or in a copy of it.
 
-A constant is changed where the file states it, be it inside a variant: at its strongest *opinion*, as USD says.
+A constant is changed where the file states it most strongly, even inside a variant. USD calls such a statement an
+*opinion*.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ def write_changed(
     """
     check_suffix(out)
     look = read_look(file, prim, variants)
-    # USD stores float32: what is read back from the copy is compared with rounded values.
+    # USD stores float32. The values that are read back from the copy are therefore compared with rounded ones.
     rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
     target = replace_constants(look, rounded)
     with atomic_path(out) as temporary, report_faults_for(out, temporary):

@@ -47,8 +47,8 @@ INPUT_TYPES = {"float": _TYPES.Float, "color": _TYPES.Color3f, "normal": _TYPES.
 def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
     """Write a new look whose base references a preset, and return the path of its material.
 
-    `file` must not exist. `name` is the name of the material. By default it derives from that of the file:
-    ``WornPaint`` for ``worn_paint.usda``.
+    `file` must not exist. `name` is the name of the material. By default it derives from the file's name: ``WornPaint``
+    for ``worn_paint.usda``.
     """
     return _write_new_look(file, name, lambda stage, path: _define_reference(stage, path, preset))
 
@@ -234,7 +234,7 @@ def _author_preview(material: UsdShade.Material) -> str:
 
 
 def _input_states(source: Usd.Attribute | OutputSource | None) -> dict[str, InputState]:
-    """Return what is authored for the inputs of an expression node, by name; {} for any other node or a constant."""
+    """Return the authored states of an expression node's inputs by name; {} where the source is not such a node."""
     if not isinstance(source, OutputSource) or shader_id(source.shader) != "LookdevExpression":
         return {}
     inputs = {shader_input.GetBaseName(): shader_input.GetAttr() for shader_input in source.shader.GetInputs()}

@@ -218,7 +218,10 @@ def _moved_keys(before: Sequence[str], after: Sequence[str]) -> set[str]:
 
 
 def _renamed_keys(before: Sequence[_Statement], after: Sequence[_Statement]) -> dict[str, str]:
-    """Return the keys of renamed prims, new key by old key: a new prim with the content of one that is missing."""
+    """Return the new keys of renamed prims by their old keys.
+
+    A prim is renamed if it is missing after the edit, and a new prim has the same content.
+    """
     old, new = {statement.key for statement in before}, {statement.key for statement in after}
     removed = {statement.content: statement.key for statement in before if statement.body and statement.key not in new}
     return {

@@ -32,7 +32,7 @@ from lookdev.material.values import SourceValues, presence
 # The inputs of UsdPreviewSurface that are written, with their types.
 _FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
 _TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
-# Defaults of inputs that a model's preview does not set: those of UsdPreviewSurface. "f0" is that of its ior, 1.5.
+# The defaults of UsdPreviewSurface, for inputs that a model's preview does not set. "f0" belongs to its `ior` of 1.5.
 _DERIVED_DEFAULTS: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
 _DEFAULTS = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "roughness": np.asarray(0.5)}
 
@@ -129,7 +129,7 @@ def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shade
     They are those of the layer's parameter of the same meaning, if the layer has more than half of the weight.
     """
     # `covers` has the share of the layers beneath that each layer covers. `weights` has the share of each layer in the
-    # result: what it covers, less what the layers above it cover of that.
+    # result: its cover times 1 minus the cover of each layer above.
     covers = np.array([1.0, *(_coverage(layer) * (layer.mode == "over") for layer, _ in layers[1:])])
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
     decisive = int(np.argmax(weights))

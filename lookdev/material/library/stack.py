@@ -66,7 +66,7 @@ class Stack:
 
     @staticmethod
     def input_name(number: int, part: str) -> str:
-        """Return the name of the attribute for a part, of `LAYER_PARTS`, of a layer, or of the base, number 0."""
+        """Return the name of the attribute for a part (see `LAYER_PARTS`) of a layer, or of the base, number 0."""
         return f"inputs:layer{number}{part}" if number else f"inputs:base{part}"
 
     def create_input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
@@ -181,7 +181,7 @@ def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade
 
 
 def require_surface(material: UsdShade.Material) -> OutputSource:
-    """Return the shader output to which a look's surface is connected: that of a stack, or of the only layer.
+    """Return the shader output to which a look's surface is connected: the output of its stack or of its only layer.
 
     Raises LookError where it is connected to neither.
     """

@@ -51,7 +51,7 @@ _TYPES = Sdf.ValueTypeNames
 
 @dataclass(frozen=True)
 class ImportedMaterial:
-    """A surfacematerial of a document as one Disney layer. `inputs` has those that differ from the layer's defaults."""
+    """A surfacematerial of a document as one Disney layer. `inputs` has the values that differ from its defaults."""
 
     name: str
     inputs: dict[str, DocumentValue]

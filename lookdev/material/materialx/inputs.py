@@ -58,7 +58,7 @@ class Transform2d:
 class ImageNode:
     """An image with its texture coordinates.
 
-    `name` is that of the node. `file` is a path relative to the document. `st` is the name of the UV set, to which
+    `name` is the name of the node. `file` is a path relative to the document. `st` is the name of the UV set, to which
     `transforms` apply one after another, the first one first.
     """
 

@@ -1,4 +1,4 @@
-"""Reads a MaterialX document for import: follows its connections, and collects its faults and what is not carried over.
+"""Reads a MaterialX document for import: follows its connections, and collects its faults and losses.
 
 Documents are not upgraded to the version of the MaterialX package: the nodes that `disney_principled` uses have not
 changed since 1.38.

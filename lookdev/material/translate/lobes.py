@@ -203,7 +203,7 @@ def base_and_coat(
     clear: Real = 0.0,
     ior: Real = 1.0,
 ) -> list[StackLayer]:
-    """Return two layers: the base, and the coat on it whose lobe is that of `interface`.
+    """Return two layers: the base, and a coat on it with the reflectance of `interface`.
 
     Parameters
     ----------

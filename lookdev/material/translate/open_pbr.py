@@ -53,8 +53,8 @@ def _diffuse(p: Parameters) -> Array:
     """Return the diffuse colour, (..., 3), under the specular interface."""
     color = p["base_color"]
     if not are_equal(p["base_diffuse_roughness"], 0.0):
-        # The mean albedo of EON, energy-preserving Oren-Nayar (Portsmouth et al. 2024): first that of single scattering
-        # for white, then for the colour with all further scattering.
+        # The mean albedo of EON, energy-preserving Oren-Nayar (Portsmouth et al. 2024): first of single scattering for
+        # white, then of all scattering for the colour.
         single = 1.0 / (1.0 + (0.5 - 2.0 / (3.0 * pi)) * p["base_diffuse_roughness"])
         albedo = np.expand_dims(single * (1.0 + (2.0 / 3.0 - 28.0 / (15.0 * pi)) * p["base_diffuse_roughness"]), -1)
         color = color * albedo + color * color * albedo * (1.0 - albedo) / (1.0 - color * (1.0 - albedo))

@@ -18,7 +18,7 @@ from lookdev.material.translate.translation import Loss, Reason, Translation
 def _layers(p: Parameters) -> list[StackLayer]:
     """Return the layers of our models for parameters of the node: a base, its specular coat and the clearcoat.
 
-    Texts in quotation marks are those of the specification.
+    Comments quote the specification in quotation marks.
     """
     color, roughness, normal = p["diffuseColor"], p["roughness"], p["normal"]
     presence, coat_presence = _presence(p)

@@ -82,7 +82,7 @@ def read_look(
 
 
 def read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Look:
-    """Read the look of a material of an open stage; raises as `read_look`, where faults are those of `file`."""
+    """Read the look of a material of an open stage; raises as `read_look`, with `file` as the file of the faults."""
     with usd_errors_as_faults(file):
         return read_look_at(Network(file), stage, path, None)
 
@@ -149,7 +149,7 @@ def _add_unknown_set_fault(network: Network, path: Sdf.Path, name: str, set_name
 def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
     """Read the look of the material at a path, or None, that `find_material` has returned.
 
-    `name` is that of the look, by default the material's. Raises LookError with all faults of the network.
+    `name` is the name of the look, by default the material's. Raises LookError with all faults of the network.
     """
     check_composition(network, stage, path)
     if path is None:

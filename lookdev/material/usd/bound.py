@@ -98,7 +98,7 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
 def read_any_look(
     file: Path, prim: str | None = None, variants: VariantChoice = None, name: str | None = None
 ) -> BoundLook:
-    """Read a material of a file, be it of `lookdev` or foreign; parameters as `read_look`.
+    """Read a material of a file, whether it is of `lookdev` or foreign; parameters as `read_look`.
 
     Images of a material of `lookdev` are not opened. Raises LookError as `read_look` and `read_foreign`.
     """

@@ -245,7 +245,7 @@ def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath)
 
 
 def asset_file(asset: Sdf.AssetPath, kind: str = "file") -> Path:
-    """Return the file that a value of USD names, be it in an archive; raises TextureError where there is none.
+    """Return the file that a value of USD names, which may be inside an archive; TextureError where there is none.
 
     `kind` is the word for the file in messages.
     """

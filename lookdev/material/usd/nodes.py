@@ -24,8 +24,8 @@ SOBEL_SCALE = 1.0 / 16.0
 class _Formula(NamedTuple):
     """The formula of a node: an expression with the names of the node's inputs in braces.
 
-    `defaults` are those of the inputs. The expression is a linear function (with a constant term) of each of the inputs
-    named in `linear` if the others are fixed.
+    `defaults` has the defaults of the inputs. The expression is a linear function (with a constant term) of each of the
+    inputs named in `linear` if the others are fixed.
     """
 
     text: str

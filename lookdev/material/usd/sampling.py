@@ -87,6 +87,7 @@ def read_gltf_image(node: UsdNode) -> NodeValue:
     color = node.identifier.startswith("ND_gltf_colorimage")
     order = node.read_text("operationorder", "1" if color else "0", ("0", "1"))
     pivot = np.array(node.read_numbers("pivot", 0.0, 1.0))
+    # As in MaterialX's node graph of gltf_image: a place2d with the inverse scale, -rotation and the offset (-x, y).
     matrix = _placement_matrix(pivot, 1.0 / _check_nonzero(node, scale), -rotation, np.array([-x, y]), order)
     texels = _read_image_node(node, matrix, _read_address_modes(node), 4 if color else 0)
     if color:
@@ -167,7 +168,7 @@ def read_rotate2d(node: UsdNode) -> NodeValue:
 
 
 def read_coordinates(node: UsdNode, name: str) -> NodeValue:
-    """Return the value of an input that takes texture coordinates; if it is unset, those of the UV set st."""
+    """Return the value of an input that takes texture coordinates; if it is unset, the coordinates of the UV set st."""
     return node.reader.read_term(node.attribute(name), 2) or _uv_term(node, "st")
 
 
@@ -224,8 +225,8 @@ def _to_square_matrix(transform: Transform) -> Floats:
 def _read_image_coordinates(node: UsdNode, name: str) -> tuple[str, Transform]:
     """Return the UV set and the transform of the texture coordinates that an image node takes as its input `name`.
 
-    Constant coordinates are a transform whose linear part is 0. Where they are computed, the network gets a fault, and
-    those of the UV set st are taken.
+    Constant coordinates are a transform whose linear part is 0. Where the coordinates are computed, the network gets a
+    fault, and the UV set st is taken.
     """
     try:
         term = read_coordinates(node, name)

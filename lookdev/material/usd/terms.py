@@ -263,5 +263,6 @@ def _to_color(numbers: Sequence[float]) -> Color:
 
 
 def _to_rgba(values: Iterable[float]) -> tuple[float, float, float, float]:
+    """Return four numbers as a tuple of floats."""
     a, b, c, d = (float(value) for value in values)
     return a, b, c, d

@@ -1,7 +1,7 @@
 """Examines the looks of a file for `lookdev validate`: finds all faults, in every combination of variants.
 
-Findings are the faults of `read_look`, those of USD's validators, and notes on elements without effect. For a foreign
-material, of another shading model, notes state the models as which it is read, and its inputs that are lost.
+Findings are the faults that `read_look` and USD's validators report, and notes on elements without effect. For a
+foreign material, of another shading model, notes state the models that it is read as, and the inputs that are lost.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Selection: TypeAlias = Mapping[str, str]
 MAX_COMBINATIONS = 64
 """The largest number of combinations of variants that are all examined.
 
-Of more, each variant is examined once, with the file's selections of the other sets.
+If a material has more combinations, each variant is examined once, with the file's selections of the other sets.
 """
 
 MAX_FINDINGS = 1000
@@ -51,8 +51,8 @@ _USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "In
 _UNKNOWN_SHADER = "MissingShaderIdInRegistry"
 # Errors of USD with another severity here. A file of several looks needs no default prim, because a job names its look.
 _SEVERITIES: dict[str, Severity] = {_UNKNOWN_SHADER: "warning", "MissingDefaultPrim": "note"}
-# How the message for a node of MaterialX begins, which is ignored: USD's wheels lack the definitions of these nodes,
-# and our reader reads them or adds notes itself.
+# The beginning of USD's message for an unknown node of MaterialX. These messages are ignored: USD's wheels lack the
+# definitions of the nodes, and our reader reads them or adds notes itself.
 _MATERIALX_SHADER = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED_REFERENCE = "UnresolvableDependency"
@@ -180,7 +180,7 @@ def _single_variants(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, s
 def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Selection) -> Iterator[Selection]:
     """Yield a selection extended by each variant of the set `name` in turn, while it is selected on the stage.
 
-    Where the file selects none of them, the first extension is by "", no variant.
+    Where the file selects no variant of the set, the first extension is "", which is none.
     """
     variant_set, session = variant_sets(stage, path)[name], stage.GetSessionLayer()
     names: list[str] = variant_set.GetVariantNames()
@@ -303,7 +303,7 @@ def _to_finding(fault: Fault) -> ValidationFinding:
 
 
 def _split_path(where: str) -> tuple[str, str]:
-    """Split the path of a property into that of its prim and its name; the name is "" for a prim."""
+    """Split the path of a property into the path of its prim and the property's name, which is "" for a prim."""
     prim, _, name = shorten(where).partition(".")
     return prim, name
 
@@ -333,7 +333,7 @@ def _usd_findings(
 
 @cache
 def _validators() -> tuple[UsdValidation.Validator, ...]:
-    """Return USD's validators for a look. Before, our nodes are registered, because one of them checks shaders."""
+    """Return USD's validators for a look, after registering our nodes, which a validator looks up."""
     definitions = Usd.Stage.Open(str(DEFINITIONS))
     for prim in definitions.Traverse():
         for node in UsdShade.ShaderDefUtils.GetDiscoveryResults(UsdShade.Shader(prim), str(DEFINITIONS)):
