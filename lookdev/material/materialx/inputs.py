@@ -225,7 +225,7 @@ def _read_image(network: DocumentNetwork, node: mx.Node) -> ImageNode | None:
 def _read_coordinates(network: DocumentNetwork, image: mx.Node) -> tuple[str, tuple[Transform2d, ...]]:
     """Return the UV set of an image, and the transforms that apply to its coordinates, the first one first.
 
-    They are those of the place2d nodes between the image and the node of the UV set.
+    The transforms come from the place2d nodes between the image and the node of the UV set.
     """
     transforms: tuple[Transform2d, ...] = ()
     node = image
@@ -269,7 +269,7 @@ def _read_place2d(network: DocumentNetwork, node: mx.Node) -> tuple[Transform2d,
     if order not in ("0", "1"):
         network.add_fault(f"{node.getNamePath()}/operationorder", f"unknown value '{order:.40}'", "0 or 1")
     # Order 1 translates, rotates, then scales, which takes two transforms. Order 0 scales, rotates, then translates.
-    # The pivot is subtracted first and added last: (x, y) is where the transform takes it.
+    # The pivot is subtracted first and added last. (x, y) is the subtracted point after the rotation and the scaling.
     if order == "1":
         x, y = _rotate((pivot[0] + offset[0], pivot[1] + offset[1]), degrees)
         return Transform2d((1.0, 1.0), degrees, (0.0 - x, 0.0 - y)), Transform2d(inverse, 0.0, pivot)

@@ -123,6 +123,7 @@ def grazing_reflectance(share: float) -> float:
     c = np.cos(np.radians(np.linspace(0.0, 80.0, 81)))
     g = np.sqrt(ior * ior + c * c - 1.0)
     exact = 0.5 * ((g - c) / (g + c)) ** 2 * (1.0 + (((g + c) * c - 1.0) / ((g - c) * c + 1.0)) ** 2)
+    # Schlick's term is f0 + (f90 - f0) weight, where f0 is the square of `root`.
     weight = np.asarray(schlick_weight(c))
     return min(float(((exact - root * root) * weight).sum() / (weight * weight).sum() + root * root), 1.0)
 

@@ -62,7 +62,7 @@ def _disney_roughness(p: Parameters) -> tuple[Real, Real]:
     alpha_y = np.maximum(roughness * roughness, 1e-5)
     alpha_x = mix(alpha_y, 1.0, strength * strength)
     quotient = alpha_y / alpha_x
-    # In Disney's lobe, the ratio of the alphas is at most ten. Beyond, the smaller alpha is kept.
+    # In Disney's lobe, the quotient is 1 - 0.9 anisotropic, so at least 0.1. Where glTF's is smaller, alpha_y is kept.
     aspect2 = np.maximum(quotient, 0.1)
     return np.sqrt(alpha_y / np.sqrt(aspect2)), (1.0 - aspect2) * (1.0 / 0.9)
 

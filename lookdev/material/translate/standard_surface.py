@@ -44,6 +44,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
 
 def _diffuse(p: Parameters) -> Array:
     """Return the diffuse colour, (..., 3), under the specular interface."""
+    # The exponent with which the coat changes the colours beneath.
     gamma = np.expand_dims(1.0 + p["coat"] * p["coat_affect_color"], -1)
     rough = 1.0 if are_equal(p["diffuse_roughness"], 0.0) else lobes.load_fit("rough")(p["diffuse_roughness"])
     diffuse = scale(np.power(p["base_color"], gamma), p["base"] * rough)

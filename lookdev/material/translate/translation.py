@@ -39,8 +39,9 @@ class Reason(StrEnum):
 class Loss:
     """Why and when an input of a foreign model is lost, wholly or in part, in its translation.
 
-    An input with its default is not lost. `needs` names another input on which this one has an effect: nothing is lost
-    where that is constantly 0 or black. With `unless_gray`, nothing is lost where this input is a constant grey.
+    An input with its default is not lost. `needs` names another input without which this one has no effect: nothing is
+    lost where the other input is constantly 0 or black. With `unless_gray`, nothing is lost where this input is a
+    constant grey.
     """
 
     reason: str

@@ -38,6 +38,7 @@ VariantChoice: TypeAlias = Mapping[str, str] | None
 
 _MAX_PROPERTIES = 4096  # of a LookdevLayers shader: enough for a thousand layers
 _DISPLACEMENT = "outputs:lookdev:displacement"
+# The height of a displacement as a parameter: a float without limits.
 _HEIGHT = Parameter("height", "float", 0.0, (-inf, inf), (-inf, inf))
 _DISPLACEMENT_INPUTS = ("height", "scale", "midlevel", "units")
 MODES: tuple[Mode, ...] = ("over", "transmit")
