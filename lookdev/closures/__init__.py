@@ -1,8 +1,8 @@
 """Approximates each lobe of our models by closures of Cycles, its stand-ins. Backend ``nodes`` renders with them.
 
-A function maps a lobe to its stand-ins. The `STAND_INS` of its model's file have it under the names of model and lobe.
-Weights of closures depend on the view only. Where they have no closed form, they are fitted:
-``python -m lookdev.closures.fitting`` makes the table of fits.
+For each lobe, a function returns the stand-ins. It is an entry of `STAND_INS` in the file of the model, by the names of
+the model and the lobe. The weights of closures depend on the view, not on the light. Where they have no closed form,
+they are fitted: ``python -m lookdev.closures.fitting`` makes the table of fits.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Reads the nodes of foreign materials: those of MaterialX's standard library that expressions can compute.
+"""Reads nodes in materials of foreign shading models: MaterialX's standard nodes that expressions can compute.
 
 `NODES` lists the readers. A reader maps a `UsdNode` to its value, a constant, a texture or an expression. It raises
 NotCarriedError where a look cannot have this value.

@@ -1,4 +1,4 @@
-"""Reads the nodes of foreign materials for images, primvars and texture coordinates, of USD and of MaterialX.
+"""Reads nodes in materials of foreign shading models: images, primvars and texture coordinates of USD and MaterialX.
 
 Each reader ``read_...`` maps a `UsdNode` to its value. It raises NotCarriedError where a look cannot have this value.
 

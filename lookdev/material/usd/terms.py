@@ -1,4 +1,4 @@
-"""The values of nodes in foreign materials, as terms from which the expressions of a look are composed.
+"""The values of nodes in materials of foreign shading models, as terms of which a look's expressions are composed.
 
 The value of a node is a `NodeValue`: a constant, a texture or other source, or a text of the expression language. The
 text for a node contains the texts of its inputs. Operations on constants are evaluated at once. Linear arithmetic on a
