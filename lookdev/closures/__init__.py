@@ -1,8 +1,9 @@
 """Approximates each lobe of our models by closures of Cycles, its stand-ins. Backend ``nodes`` renders with them.
 
 For each lobe, a function returns the stand-ins. It is an entry of `STAND_INS` in the file of the model, by the names of
-the model and the lobe. The weights of closures depend on the view, not on the light. Where they have no closed form,
-they are fitted: ``python -m lookdev.closures.fitting`` makes the table of fits.
+the model and the lobe. The weights of closures contain the factors of the lobe that depend on the view only, exactly.
+The rest is fitted: the shape of the lobe, and a factor over the view that restores its directional albedo.
+``python -m lookdev.closures.fitting`` makes the table of fits.
 """
 
 from __future__ import annotations

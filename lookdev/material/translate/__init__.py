@@ -2,7 +2,7 @@
 
 A `Layer` of a look may have the name of a foreign model as its model. When the look is evaluated,
 `lookdev.material.values.look_layers` replaces this layer by layers of our models. Its inputs may therefore be textures
-and expressions, as those of any other layer.
+and expressions, and its constants fold in generated code, as those of any other layer.
 """
 
 from __future__ import annotations
