@@ -1,7 +1,9 @@
-"""Stand-ins: closures of Cycles that approximate a lobe for backends of closures, by model and lobe.
+"""Approximates each lobe of our models by closures of Cycles, its stand-ins. Backend ``nodes`` renders with them.
 
-Each lobe has one function and an entry in the `STAND_INS` of its model's file. Factors that depend on the light are
-fitted: ``python -m lookdev.closures.fitting`` makes the table of fits.
+For each lobe, a function returns the stand-ins. It is an entry of `STAND_INS` in the file of the model, by the names of
+the model and the lobe. The weights of closures contain the factors of the lobe that depend on the view only, exactly.
+The rest is fitted: the shape of the lobe, and a factor over the view that restores its directional albedo.
+``python -m lookdev.closures.fitting`` makes the table of fits.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from lookdev.errors import CodegenError
 
 
 def _lambert_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return Cycles' diffuse closure, which equals Lambert's lobe."""
+    """Return Cycles' diffuse closure, which is exactly Lambert's lobe."""
     return (Closure("diffuse", lobe.values["color"], frame=lobe.frame),)
 
 
@@ -25,16 +27,18 @@ STAND_INS: dict[tuple[str, str], StandIn] = {
     **disney.STAND_INS,
     **pixar.STAND_INS,
 }
-"""By the names of a model and of a lobe."""
+"""The functions that return the closures of a lobe, by the names of the model and of the lobe."""
 
 
 def lobe_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return the closures that stand for a lobe seen from `wo`, (..., 3).
+    """Return the closures that approximate a lobe for directions `wo`, (..., 3), to the viewer.
+
+    `wo` must be the directions with which the lobe was made. The closures' weights contain the lobe's weight.
 
     Raises
     ------
     CodegenError
-        No closures stand for this lobe.
+        There is no entry for this lobe in `STAND_INS`, or its function cannot approximate it.
     """
     stand_in = STAND_INS.get((lobe.model, lobe.name))
     if stand_in is None:

@@ -1,7 +1,6 @@
-"""Closures of Cycles in NumPy, as Cycles evaluates them; fits and tests compare them with lobes.
+"""The closures of Cycles as records, and their evaluation in NumPy as in Cycles, for fits and tests.
 
-The weights of closures contain a lobe's view-dependent factors exactly. The rest is fitted (`lookdev.closures.fits`):
-the shape of the lobe, and a factor over the view that restores its directional albedo. The formulas are those of
+Closures approximate the lobes of our models. The formulas are those of
 intern/cycles/kernel/closure/bsdf_microfacet.h, Blender 4.5 and 5.2:
 
 - Heitz, E. 2014. Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. JCGT 3(2).
@@ -31,28 +30,32 @@ ClosureKind = Literal[
 
 @dataclass(frozen=True)
 class Closure:
-    """One closure of Cycles, seen from a fixed direction, in the frame of the shading normal.
+    """One closure of Cycles, for a fixed direction to the viewer.
 
     kind
         ``"diffuse"`` (Lambert), ``"rough_diffuse"`` (Oren and Nayar), ``"translucent"`` (Lambert on the other side),
         ``"ggx"`` and ``"beckmann"`` (reflecting microfacets, single scattering, height-correlated shadowing),
-        ``"metal"`` (GGX with Schlick's Fresnel), ``"conductor"`` (GGX with the exact one), ``"sheen"`` (a metal of
-        alpha 1 and `f0` 0), ``"ggx_refraction"`` and ``"beckmann_refraction"`` (microfacets that transmit all light).
+        ``"metal"`` (GGX with Schlick's Fresnel term), ``"conductor"`` (GGX with the exact Fresnel term of conductors),
+        ``"sheen"`` (a metal of alpha 1 and `f0` 0), ``"ggx_refraction"`` and ``"beckmann_refraction"`` (microfacets
+        that transmit all light).
     weight : (..., 3)
-        At least 0. The weight of a metal, a conductor and a rough diffuse closure is grey and at most 1.
+        The factor of the closure, at least 0. For a metal, a conductor and a rough diffuse closure, it is grey and at
+        most 1.
     alpha_x, alpha_y : (...)
-        Along the first two axes of `frame`, in [0.001, 1], the first 1 to 10 times the second. Lambert's closures and
-        sheen do not use them. Where their product is below 2e-10, Cycles renders a mirror.
+        The roughness of microfacets along the first two axes of `frame`, in [0.001, 1]. `alpha_x` is 1 to 10 times
+        `alpha_y`. Lambert's closures and sheen do not use them. Where their product is below 2e-10, Cycles renders a
+        mirror.
     frame
-        Its z axis is the closure's normal.
+        The frame of the closure, relative to that of the shading normal. Its z axis is the closure's normal.
     ior : (...)
-        Of a refraction, the index of refraction of the other side.
+        For a refraction: the index of refraction of the other side.
     f0 : (..., 3)
-        Of a metal, the reflectance at normal incidence, in [0, 1]; of a rough diffuse closure, the colour, at least 0.
+        For a metal: the reflectance at normal incidence, in [0, 1]. For a rough diffuse closure: the colour, at least
+        0.
     roughness : (...)
-        Of a rough diffuse closure, in [0, 1].
+        For a rough diffuse closure: Oren and Nayar's roughness, in [0, 1].
     eta, k : (..., 3)
-        Of a conductor, the index of refraction and the extinction.
+        For a conductor: the index of refraction and the extinction coefficient.
     """
 
     kind: ClosureKind
@@ -68,24 +71,26 @@ class Closure:
 
     @property
     def transmits(self) -> bool:
-        """Whether light comes from the other side."""
+        """Whether light and viewer are on opposite sides of the surface."""
         return self.kind in ("translucent", "ggx_refraction", "beckmann_refraction")
 
 
 StandIn = Callable[[Lobe, Array], tuple[Closure, ...]]
-"""Maps a lobe, and the view (..., 3) that it was made for, to closures in the shading frame."""
+"""Maps a lobe and the directions (..., 3) to the viewer, with which the lobe was made, to closures."""
 
 
 def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
-    """Return a closure's weight times f in 1/sr times the cosine to its normal, (..., 3), as in Cycles.
+    """Return weight times BSDF (1/sr) times cosine of a closure, (..., 3), as in Cycles.
 
-    `wo` and `wi`, (..., 3), are unit directions to the viewer, above the horizon, and to the light; z is the shading
-    normal. The result is 0 where light comes from the wrong side of the closure's normal or of the surface.
+    The cosine is that between the light and the closure's normal. `wo` and `wi`, (..., 3), are unit directions to the
+    viewer, above the horizon, and to the light; z is the shading normal. The result is 0 where light comes from the
+    wrong side of the closure's normal or of the surface.
     """
     wo_local, wi_local = closure.frame.to_local(wo), closure.frame.to_local(wi)
     side = -1.0 if closure.transmits else 1.0
     valid = (wo_local[..., 2] > 0.0) & (side * wi_local[..., 2] > 0.0) & (side * wi[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)
+    # Where the result is 0 anyway, directions along the normal avoid divisions by 0.
     wo_local, wi_local = np.where(mask, wo_local, ZENITH), np.where(mask, wi_local, side * ZENITH)
     color = closure.weight
     shape: Array
@@ -106,7 +111,9 @@ def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
 
 # Fujii, Y. A tiny improvement of Oren-Nayar reflectance model. Multiple scattering is that of OpenPBR 1.1.
 def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
-    """Return the ratio of Oren and Nayar's f to Lambert's, (..., 3)."""
+    """Return the ratio of Oren and Nayar's BRDF to Lambert's of reflectance 1, (..., 3), in the closure's frame."""
+    # `nv` and `nl` are the cosines of view and light, and `t` is the term that roughness multiplies. `ev`, `el` and
+    # `mean` are albedos of single scattering: at the view, at the light and on average.
     sigma, nv, nl = closure.roughness, wo[..., 2], wi[..., 2]
     single = 1.0 / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
     t = dot(wo, wi) - nl * nv
@@ -120,12 +127,18 @@ def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
 
 
 def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
-    """Return the albedo (...) of single scattering, from `g`, a value of `oren_nayar_g`."""
+    """Return the directional albedo (...) of Oren and Nayar's single scattering for a white surface.
+
+    `sigma` is the roughness, and `g` the value of `oren_nayar_g` at the direction.
+    """
     return (1.0 + sigma * g * (1.0 / np.pi)) / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
 
 
 def oren_nayar_g(cos_theta: Array) -> Array:
-    """Return the integral of Oren and Nayar's rough term over all directions of light, (...)."""
+    """Return the integral of Oren and Nayar's rough term over the hemisphere of light, (...).
+
+    The rough term is what roughness multiplies. `cos_theta` (...) is the cosine of the view.
+    """
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
     theta = np.arctan2(sin_theta, cos_theta)
@@ -134,9 +147,13 @@ def oren_nayar_g(cos_theta: Array) -> Array:
 
 
 def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
-    """Return f times the cosine of a closure of microfacets, for local directions above its horizon, (...)."""
+    """Return BSDF times cosine of a microfacet closure with a Fresnel term of 1, (...).
+
+    `wo` and `wi` are directions in the closure's frame, on the sides of its horizon where it is not 0.
+    """
     if closure.kind.endswith("refraction"):
-        # Walter et al. 2007, eq. 16 and 21.
+        # Walter et al. 2007, eq. 16 and 21. `jacobian` is d omega_h / d omega_i, times |wo . wm|. For reflection, this
+        # is 1 / 4.
         half = -(wo + scale(wi, closure.ior))
         wm = normalize(half)
         jacobian: Real = closure.ior * closure.ior * np.abs(dot(wo, wm) * dot(wi, wm)) / dot(half, half)
@@ -151,24 +168,27 @@ def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
     return np.where(facing, d(wm, x, y) * shadowing * jacobian / wo[..., 2], 0.0)
 
 
-# The square of alpha tan theta, on which Lambda depends.
 def _slope2(w: Array, alpha_x: Real, alpha_y: Real) -> Array:
+    """Return the square of alpha tan theta for directions `w` (..., 3): the variable of Smith's Lambda."""
     x, y, z = w[..., 0] * alpha_x, w[..., 1] * alpha_y, w[..., 2]
     return (x * x + y * y) / np.maximum(z * z, TINY)
 
 
 # Heitz 2014, eq. 72.
 def _ggx_lambda(slope2: Array) -> Array:
+    """Return Smith's Lambda of GGX, (...)."""
     return 0.5 * (np.sqrt(1.0 + slope2) - 1.0)
 
 
 # Heitz 2014, below eq. 69: the approximation that Cycles uses.
 def _beckmann_lambda(slope2: Array) -> Array:
+    """Return Smith's Lambda of Beckmann's distribution, (...)."""
     a = 1.0 / np.sqrt(np.maximum(slope2, 0.39))
     return np.where(slope2 < 0.39, 0.0, (1.0 - 1.259 * a + 0.396 * a * a) / (3.535 * a + 2.181 * a * a))
 
 
 def _beckmann(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
+    """Return Beckmann's distribution of microfacet normals `wm` (..., 3), in 1/sr."""
     z2 = np.maximum(wm[..., 2] * wm[..., 2], TINY)
     x, y = wm[..., 0] / alpha_x, wm[..., 1] / alpha_y
     return np.exp(-(x * x + y * y) / z2) / (np.pi * alpha_x * alpha_y * z2 * z2)

@@ -1,7 +1,10 @@
-"""Closures of Cycles that stand for the lobes of Disney's BRDF (`lookdev.brdf.disney`).
+"""Closures of Cycles that approximate the lobes of Disney's BRDF (`lookdev.brdf.disney`).
 
-The diffuse albedo is exact; factors from `lookdev.closures.fits` are fitted. Cosines are those of the view to the
-lobe's normal. Weights are colours.
+The directional albedo of the diffuse term is exact. Factors from `lookdev.closures.fits` are fitted, so that the
+closures have the directional albedo of the lobe. `cos_theta` (...) is the cosine between the lobe's normal and the
+direction to the viewer.
+
+- Burley, B. 2012. Physically Based Shading at Disney. SIGGRAPH Courses.
 """
 
 from __future__ import annotations
@@ -24,10 +27,13 @@ from lookdev.errors import CodegenError
 
 
 def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the diffuse lobe: sheen, the subsurface term where it has a share, and Oren and Nayar's.
+    """Return closures for the diffuse lobe: for sheen, for the subsurface term and for the diffuse term.
 
-    The shape of sheen is exact but for a factor 1 / (cos_theta_i + cos_theta_o).
+    The closure of sheen has the shape of Disney's term but for a factor 1 / (cos_theta_i + cos_theta_o). Parameter
+    `subsurface` blends the other two terms; one of share 0 has no closures. Oren and Nayar's closure approximates the
+    diffuse term.
     """
+    # `p` has the values of the lobe by name: parameters of the model and numbers that derive from them.
     p, cos_theta = lobe.values, lobe.frame.to_local(wo)[..., 2]
     dielectric, subsurface, roughness = p["dielectric"], p["subsurface"], p["roughness"]
     sheen = scale(scale(p["sheen_color"], dielectric), closure_fit("sheen")(cos_theta))
@@ -43,9 +49,10 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     return closures
 
 
-# The integral of Burley 2012, section 5.3, times the cosine, over all directions of light. With
-# X = 1 + wi . wo = 2 cos^2 theta_d, fd90 - 1 is roughness X - 1/2. The cosine-weighted means of (1 - cos_theta_i)^5
-# times 1, X and X^2 are Beta functions.
+# The integral of the diffuse term of Burley 2012, section 5.3, times the cosine, over all directions of light. FD90 is
+# the paper's factor at grazing angles. With X = 1 + wi . wo = 2 cos^2 theta_d, FD90 - 1 is roughness X - 1/2. The
+# cosine-weighted means of (1 - cos_theta_i)^5 times 1, X and X^2 are Beta functions: the last two are `mean_x` and
+# `mean_x2`, and the first is 1/21.
 def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
     """Return the directional albedo of the diffuse term for a white base colour, (...)."""
     mean_x = 1.0 / 21.0 + cos_theta * (1.0 / 84.0)
@@ -57,14 +64,14 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
 
 
 def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Return a closure with the directional albedo `reflected`, (..., 3).
+    """Return a diffuse closure with the directional albedo `reflected`, (..., 3), that has retroreflection.
 
-    Its retroreflection grows with `retro`, (...), the roughness of Disney's lobe.
+    `retro`, (...), is the roughness of Disney's lobe. Retroreflection grows with it, and is absent at 0.
     """
     if are_equal(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
     sigma = closure_table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
-    # The floor: Cycles divides by 1 minus an albedo that is nearly 1, in float32.
+    # The lower bound is for Cycles, which divides in float32 by 1 minus an albedo. For small sigma that is nearly 1.
     sigma = np.maximum(sigma, 0.01)
     # Single scattering loses the part 1 - `single` of the light. Multiple scattering, which the closure adds, restores
     # all of it for a white base colour. For any other colour, it restores about the share colour^2 of this part.
@@ -73,13 +80,14 @@ def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Fram
     return Closure("rough_diffuse", np.ones(3), frame=frame, f0=base_color, roughness=sigma)
 
 
-# The term, after Hanrahan and Krueger 1993, is 1.25 / pi (Fss (1 / (cos_theta_i + cos_theta_o) - 1/2) + 1/2). GGX of
-# alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)). The term is therefore 2.5 Fss times this GGX, and 0.625 (1 - Fss)
-# times Lambert's 1 / pi. Fss depends on little but the view. The directional albedo of this GGX is
-# 1 - cos_theta ln(1 + 1 / cos_theta); that of the whole term is quadratic in roughness.
+# The subsurface term, after Hanrahan and Krueger 1993, is 1.25 / pi (Fss (1 / (cos_theta_i + cos_theta_o) - 1/2) + 1/2)
+# with Burley's factor Fss. GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)). The term is therefore 2.5 Fss
+# times this GGX, plus 0.625 (1 - Fss) times Lambert's 1 / pi. Fss depends on little but the view. The directional
+# albedo of this GGX is 1 - cos_theta ln(1 + 1 / cos_theta). That of the whole term is quadratic in roughness.
 def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
-    """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, Lambert where Fss is below 1."""
-    # Only the view's factor of Fss, at the mean of cos^2 theta_d, which is about 1/2.
+    """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, and Lambert for the rest."""
+    # Fss is the product of a factor at the view and one at the light. This is the factor at the view, with the mean of
+    # cos^2 theta_d, about 1/2, in place of cos^2 theta_d.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
     ggx_weight, diffuse_weight = 2.5 * fss, 0.625 * (1.0 - fss)
     cosine = np.maximum(cos_theta, TINY)
@@ -92,13 +100,17 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
 
 
 def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the specular lobe: a metal and GGX with its alphas; for exact metals also a conductor.
+    """Return closures for the specular lobe, with its alphas: a metal, GGX, and for exact metals a conductor and GGX.
+
+    An exact metal has the Fresnel term of conductors in place of Schlick's; see `lookdev.brdf.metal`. A lobe with a
+    thin film has GGX only.
 
     Raises
     ------
     CodegenError
         The lobe's gamma is not 2.
     """
+    # `p` has the values of the lobe by name: parameters of the model and numbers that derive from them.
     p, wo = lobe.values, lobe.frame.to_local(wo)
     if not are_equal(p["gamma"], 2.0):
         raise CodegenError(
@@ -117,21 +129,23 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         # the part that the limit cuts off: the factor is the limited alpha_x over the original one. In the 2012
         # variant, shadowing does not depend on the alphas.
         shadowing = x / alphas[0]
+    # Fitted ratios of the lobe's directional albedo to that of the closure: `ratio` with a Fresnel term of 1, `grazing`
+    # with Schlick's weight (1 - cosine)^5 as the Fresnel term.
     ratio, grazing = (closure_fit(f"specular_{name}{variant}")(cos_theta, apparent.ratio) for name in ("", "grazing_"))
-    # The cosine of a typical light to the half vector.
+    # The cosine, between light and half vector, at which Schlick's weight has its mean over the lobe.
     typical_cosine = np.clip(closure_fit(f"specular_cosine_{variant}")(cos_theta, apparent.cosine), 0.0, 1.0)
     if variant == "2012":
         shadowing = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical_cosine, p["roughness"])
     ratio, grazing = (np.clip(shadowing * value, 0.001, 1.0) for value in (ratio, grazing))
     schlick_mean = schlick_weight(typical_cosine) * apparent.skew
-    # Let B be the albedo of the closure GGX of weight 1, and b = `metal_mean` the mean of Schlick's weight over it. A
-    # metal of weight g = `grazing` and f = `metal_f0` reflects g B (f (1 - b) + b). Disney's lobe reflects
-    # r B (f0 (1 - s) + s), with r = `ratio` and s = `schlick_mean`. The parts with Schlick's weight are equal,
-    # r s = g b.
+    # Let B be the albedo of the GGX closure of weight 1, and b = `metal_mean` the mean of Schlick's weight over it. A
+    # metal closure of weight g = `grazing` and f = `metal_f0` reflects g B (f (1 - b) + b). Disney's lobe reflects
+    # r B (f0 (1 - s) + s), with r = `ratio` and s = `schlick_mean`. The fit of `grazing` makes the parts with Schlick's
+    # weight equal, r s = g b, which gives b. The whole is equal too, which gives f.
     metal_mean = ratio * schlick_mean / grazing
     fresnel = mix_color(p["f0"], np.ones(3), schlick_mean)
     if not are_equal(p["filmThickness"], 0.0):
-        # All microfacets get the colour of the film at the typical cosine.
+        # All microfacets get the film's colour at the typical cosine.
         film = typical_cosine, p["filmThickness"], p["filmIor"]
         color = film_reflectance(fresnel, *film)
         if is_exact(p):
@@ -141,7 +155,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     metal_f0 = (reflected / np.expand_dims(grazing, -1) - np.expand_dims(metal_mean, -1)) / np.expand_dims(
         np.maximum(1.0 - metal_mean, 0.001), -1
     )
-    # GGX, whose microfacets reflect alike at all angles, adds the reflectance beyond that of f0 in [0, 1].
+    # The f0 of a metal is at most 1. GGX, which reflects alike at all angles of incidence, adds the rest.
     excess = np.maximum(reflected - np.expand_dims(grazing, -1), 0.0)
     weight = np.expand_dims(grazing, -1) * np.ones(3)
     closures = (
@@ -150,9 +164,9 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     )
     if not is_exact(p):
         return closures
-    # F is the exact reflectance of the metal. A conductor of weight g, here `grey`, reflects g B F(c). Disney's lobe
-    # reflects r B F(c). In each, c is the cosine at which Schlick's weight (1 - c)^5 equals its mean: b for the
-    # conductor, s for the lobe.
+    # F is the exact reflectance of the metal. A conductor closure of weight g, here `grey`, reflects g B F(c). Disney's
+    # lobe reflects r B F(c). In each, c is the cosine at which Schlick's weight (1 - c)^5 equals its mean: b for the
+    # conductor, s for the lobe. The weight has to be grey: it is the smallest of the channels, and GGX adds the rest.
     reflected_metal, target = (
         metal_fresnel(p, 1.0 - np.power(np.clip(value, 0.0, 1.0), 0.2)) for value in (metal_mean, schlick_mean)
     )
@@ -169,11 +183,11 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 
 @dataclass(frozen=True)
 class ApparentAlphas:
-    """The alphas (...) of the isotropic lobes that an anisotropic lobe resembles from one view.
+    """The alphas (...) of isotropic lobes that resemble an anisotropic lobe from one view. Fits are read at them.
 
     ratio : the alpha for the fits of ratios of albedos, ``specular_<variant>`` and ``specular_grazing_<variant>``.
     cosine : the alpha for the fit of the typical cosine, ``specular_cosine_<variant>``.
-    skew : multiplies the mean of Schlick's weight; 1 for an isotropic lobe.
+    skew : a correction that multiplies the mean of Schlick's weight; 1 for an isotropic lobe.
     """
 
     ratio: Array
@@ -182,13 +196,17 @@ class ApparentAlphas:
 
 
 def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> ApparentAlphas:
-    """Return the alphas for views `wo`, (..., 3): the mean from above, the alpha along the azimuth at grazing views.
+    """Return the alphas at which fits of isotropic lobes are read for a lobe of `alphas` (alpha_x, alpha_y).
 
-    `shape` has three numbers. `azimuth`, in [0, 1], is a weight: the square of `ApparentAlphas.ratio` is the mixture of
-    alpha_x alpha_y (at 0) and the squared alpha along the view's azimuth (at 1). `ApparentAlphas.skew` is a power of
-    the aspect ratio alpha_x / alpha_y. `skew` is the exponent for a lobe of mean alpha 1 at grazing views. `skew_rise`
-    is the increase of this exponent up to a view from above.
+    They depend on the directions `wo`, (..., 3), to the viewer: from above, they are the geometric mean of the two
+    alphas; at grazing views, the alpha along the azimuth of the view.
+
+    `shape` has three fitted numbers. `azimuth`, in [0, 1], is a weight: the square of `ApparentAlphas.ratio` is the
+    mixture of alpha_x alpha_y (at 0) and the squared alpha along the view's azimuth (at 1). `ApparentAlphas.skew` is a
+    power of the aspect ratio alpha_x / alpha_y. `skew` is the exponent for a lobe of mean alpha 1 at grazing views.
+    `skew_rise` is the increase of this exponent up to a view from above.
     """
+    # The squares of the mean alpha, and of the alpha along the view's azimuth, which from above is the mean.
     mean2 = alphas[0] * alphas[1]
     along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])
     # The cosine of twice the azimuth times sin^2 theta: 0 on the diagonals.
@@ -200,7 +218,7 @@ def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicSh
 
 
 def clearcoat_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the clearcoat lobe: GTR1 as three GGX lobes."""
+    """Return closures for the clearcoat lobe, whose distribution is GTR1: three metals (GGX) of different alphas."""
     weight, alpha, frame = lobe.values["weight"], lobe.values["alpha"], lobe.frame
     ratio = weight * closure_fit("clearcoat")(frame.to_local(wo)[..., 2], alpha)
     return tuple(
@@ -217,21 +235,22 @@ def clearcoat_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 
 
 def coat_mix(alpha: Array, shape: CoatShape) -> list[tuple[float, Array]]:
-    """Return the share and the alpha of each GGX lobe in the mix for GTR1 of an `alpha`, (...), the broadest first.
+    """Return pairs (share, alpha) of the GGX lobes whose sum approximates GTR1 of an `alpha`, (...), broadest first.
 
-    `shape` has the `shares`, and the `powers` to which alpha is raised.
+    `shape` has the `shares`, and the `powers` of `alpha` that are the alphas of the GGX lobes.
     """
-    # GTR1 spreads its energy evenly over log tan theta_h, from alpha to 1. A GGX lobe is a step there.
+    # GTR1 spreads its energy evenly over log tan theta_h, from log alpha to 0. A GGX lobe is a single step there.
     return [(share, np.power(alpha, power)) for share, power in zip(shape["shares"], shape["powers"], strict=True)]
 
 
 # Burley 2012, section 5.6.
 def shadowing_2012(cos_theta: Array, roughness: Array) -> Array:
-    """Return Smith's G1 of the 2012 variant for one direction, (...)."""
+    """Return the shadowing factor of the 2012 variant, Smith's G1, for a direction of cosine `cos_theta`, (...)."""
     return 2.0 * cos_theta * smith_ggx(cos_theta, _square(0.5 + 0.5 * roughness))
 
 
 def _square(x: Array) -> Array:
+    """Return the square of x."""
     return x * x
 
 
@@ -240,4 +259,4 @@ STAND_INS: dict[tuple[str, str], StandIn] = {
     ("disney", "specular"): specular_closures,
     ("disney", "clearcoat"): clearcoat_closures,
 }
-"""By the names of the model and of a lobe."""
+"""The functions that return the closures of a lobe, by the names of the model and of the lobe."""

@@ -1,6 +1,11 @@
-"""Fits of integrals without a closed form: small rationals in plain arithmetic, which can be traced.
+"""Reads the table of fitted numbers from which the weights and shapes of closures are computed.
 
-`lookdev.closures.fitting` defines them and writes the table ``data/closure_fits.json``: coefficients and residuals.
+The fits replace integrals without a closed form. They are rational functions in plain arithmetic, so that code
+generation can trace them into shaders. `lookdev.closures.fitting` computes the table and writes it to
+``data/closure_fits.json``.
+
+A *mix* is the sum of closures that approximates a lobe. Its *shape* is the set of numbers that determine the roughness
+and the share of each closure.
 """
 
 from __future__ import annotations
@@ -14,14 +19,15 @@ from typing import NotRequired, TypedDict
 from lookdev.brdf.rational import Rational
 
 FITS_FILE = Path(__file__).parent / "data" / "closure_fits.json"
-"""The file of the table."""
+"""The file of the table, a `ClosureTable` as JSON."""
 
 
 class RetroShape(TypedDict):
-    """The `strength` of the rough diffuse closure in `lookdev.closures.disney`.
+    """The shape of the rough diffuse closure in `lookdev.closures.disney`.
 
-    It is the closure's roughness at grazing views for a lobe of roughness 1. `distance`, here and in other shapes, has
-    the largest and the mean of half the L1 distance between a mix and its lobe, both normalised.
+    `strength` is the closure's roughness at grazing views for a lobe of roughness 1. `distance`, here and in other
+    shapes, tells how far a mix is from its lobe. It has the entries "largest" and "mean", over the views that were
+    compared, of half the L1 distance between the two, both normalised.
     """
 
     strength: float
@@ -29,7 +35,7 @@ class RetroShape(TypedDict):
 
 
 class CoatShape(TypedDict):
-    """The parameters of `lookdev.closures.disney.coat_mix`."""
+    """The shape of the clearcoat's mix; `lookdev.closures.disney.coat_mix` explains the numbers."""
 
     powers: list[float]
     shares: list[float]
@@ -37,7 +43,7 @@ class CoatShape(TypedDict):
 
 
 class HighlightShape(TypedDict):
-    """The parameters of `lookdev.closures.pixar.highlight_mix`."""
+    """The shape of the mix for a highlight; `lookdev.closures.pixar.highlight_mix` explains the numbers."""
 
     start: float
     slope: float
@@ -46,7 +52,10 @@ class HighlightShape(TypedDict):
 
 
 class AnisotropicShape(TypedDict):
-    """The parameters of `lookdev.closures.disney.apparent_alphas`, and the errors of albedos."""
+    """The numbers that describe how anisotropic lobes differ from isotropic ones.
+
+    `lookdev.closures.disney.apparent_alphas` explains them. `residual` is as in `ClosureFit`.
+    """
 
     azimuth: float
     skew: float
@@ -55,21 +64,24 @@ class AnisotropicShape(TypedDict):
 
 
 class MixShapes(TypedDict):
-    """The shapes of mixes that fits depend on."""
+    """The shapes of mixes that must be known before the fits, which correct the albedos of these mixes."""
 
     clearcoat: CoatShape
     highlight: HighlightShape
 
 
 class ClosureShapes(MixShapes):
-    """All shapes."""
+    """All shapes of the table."""
 
     retro: RetroShape
     anisotropic: AnisotropicShape
 
 
 class ClosureFit(TypedDict):
-    """The coefficients of a `Rational`, and its errors."""
+    """The coefficients of a `Rational`, and its errors.
+
+    `residual` has the errors of directional albedo that the fit causes: "largest", and their root mean square "rms".
+    """
 
     numerator: Sequence[Sequence[float]]
     denominator: Sequence[Sequence[float]]
@@ -77,7 +89,7 @@ class ClosureFit(TypedDict):
 
 
 class ClosureTable(TypedDict):
-    """The shapes of mixes of closures, and the fits of their factors."""
+    """The shapes of mixes of closures, and the fits of the factors in their weights, by name."""
 
     shapes: ClosureShapes
     fits: dict[str, ClosureFit]
@@ -85,13 +97,16 @@ class ClosureTable(TypedDict):
 
 @cache
 def closure_table() -> ClosureTable:
-    """Return the whole table."""
+    """Return the table of `FITS_FILE`, read once."""
     loaded: ClosureTable = json.loads(FITS_FILE.read_text())
     return loaded
 
 
 @cache
 def closure_fit(name: str) -> Rational:
-    """Return the fit `name` of the table."""
+    """Return the rational function `name` of the table.
+
+    `lookdev.closures.fitting.make_fits` defines the functions and their variables.
+    """
     entry = closure_table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])

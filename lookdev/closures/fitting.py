@@ -1,12 +1,17 @@
-"""Make the fits of `lookdev.closures.fits`: ``python -m lookdev.closures.fitting`` writes ``data/closure_fits.json``.
+"""Computes the fits of `lookdev.closures.fits`: ``python -m lookdev.closures.fitting`` writes their table.
 
-The script integrates lobes and closures by quadrature. It takes some seconds and is deterministic.
+A *mix* is the sum of closures of Cycles that approximates a lobe of a model. The script integrates lobes and mixes over
+the light by quadrature, for many views. It takes some seconds and is deterministic.
 
-First it searches the shapes, which are mixes of closures. The best shape has the directional energy with the smallest
-L1 distance from the lobe's, averaged over views. Then it fits the ratios, which are a lobe's directional albedo divided
-by that of its mix, and the cosine at which Schlick's weight is its mean over the lobe. Views up to 85 degrees have
-equal weights; beyond, weights fall. A residual is the largest and the root mean square error of the directional albedo
-up to 85 degrees, relative to at least 0.1.
+First it searches the *shape* of each mix: the alphas and the shares of its closures. For the best shape, the light that
+the mix reflects is distributed over directions most nearly as with the lobe: the L1 distance of the two distributions,
+averaged over views, is smallest. Then it fits two kinds of functions of the view and the lobe's alpha. The *ratio* is
+the lobe's directional albedo divided by that of its mix. The *typical cosine* is the cosine at which Schlick's weight
+(1 - cosine)^5 has its mean over the lobe.
+
+Views up to 85 degrees have equal weights in a fit; beyond, weights fall. Residuals are the largest and the root mean
+square error of the directional albedo for views up to 85 degrees. Errors are relative to the albedo, or to 0.1 where
+the albedo is smaller.
 """
 
 from __future__ import annotations
@@ -59,16 +64,17 @@ from lookdev.closures.setups import (
     view_at,
 )
 
-# The tolerance of an albedo, relative to the albedo or to the floor, whichever is larger.
+# The tolerated error of a directional albedo, relative to the albedo or to the floor, whichever is larger.
 _TOLERANCE, _FLOOR = 0.01, 0.1
 _SHAPE_GRID = replace(FULL, angles=SHAPE_ANGLES)
 
 
 @dataclass(frozen=True, eq=False)
 class FitGoal:
-    """A problem of least squares, and the errors of its fit.
+    """A problem for `fit_rational`, and how the errors of its fit are measured.
 
-    `error` maps the values (n,) of a fit to relative errors of albedo. `angle` is that of the view in degrees, (n,).
+    `error` maps the values (n,) of a fitted function at the problem's points to relative errors (n,) of albedo. `angle`
+    (n,) is the angle of the view at each point, in degrees from the normal.
     """
 
     problem: RationalProblem
@@ -76,17 +82,21 @@ class FitGoal:
     angle: Floats
 
     def errors(self, rational: Rational) -> Floats:
-        """Return the errors of a fit for views up to 85 degrees."""
+        """Return the relative errors of albedo that a fit causes at the points with views up to 85 degrees."""
         return self.error(np.asarray(rational(self.problem.x, self.problem.y)))[self.angle <= 85.0]
 
 
 def _tolerance_factor(angle: Floats) -> Floats:
-    """Return a factor of the tolerance: 1 for views up to 85 degrees, beyond twice as large with each degree."""
+    """Return a factor for tolerances (n,): 1 for views up to 85 degrees, doubled with each further degree."""
     return np.where(angle > 85.0, np.exp2(angle - 84.0), 1.0)
 
 
 def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
-    """Return the goal for a factor of the weight, which should be `target`."""
+    """Return the goal for a function of `x` and alpha whose values, factors of a closure's weight, should be `target`.
+
+    `a` has the albedos of n setups. `x` and `target` are (n,).
+    """
+    # An error of the factor is an equal relative error of albedo. It counts less where the albedo is below the floor.
     relative = a.unweighted / np.maximum(a.unweighted, _FLOOR)
     tolerance = _TOLERANCE * target * _tolerance_factor(a.angle)
     return FitGoal(
@@ -95,8 +105,11 @@ def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
 
 
 def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
-    """Return the goal for the lobe's albedo over the mix's, both with Schlick's weight, divided by a known factor."""
-    # Where the lobe's albedo with Schlick's weight is small, the relative tolerance is larger.
+    """Return the goal for the ratio of the albedos of lobe and mix, both with Schlick's weight as the Fresnel term.
+
+    `a` has the albedos of n setups. The ratio is divided by `factor`, (n,), which the closure's weight has already.
+    """
+    # Where the albedo with Schlick's weight is below the floor, the relative tolerance is larger, up to 30 %.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
     target = a.weighted / a.mix_weighted / factor
     problem = RationalProblem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _tolerance_factor(a.angle))
@@ -104,7 +117,11 @@ def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
 
 
 def cosine_goal(a: Albedos) -> FitGoal:
-    """Return the goal for the cosine at which Schlick's weight is its mean over the lobe."""
+    """Return the goal for the typical cosine, at which Schlick's weight (1 - cosine)^5 has its mean over the lobe.
+
+    `a` has the albedos of n setups.
+    """
+    # `allowed` is the tolerance of this mean. The fifth root converts mean and tolerance to those of the cosine.
     mean = a.weighted / a.unweighted
     allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.unweighted)
     root = mean**0.2
@@ -116,7 +133,10 @@ def cosine_goal(a: Albedos) -> FitGoal:
 def diffuse_goal(
     grid: LobeGrid, closure: Closure, base_color: float, roughness: Sequence[float], **parameters: float
 ) -> FitGoal:
-    """Return the goal for a closure's weight in Disney's diffuse lobe, over the cosine of the view and roughness."""
+    """Return the goal for the weight of a closure that replaces Disney's diffuse lobe with these parameters.
+
+    The weight is a function of the view's cosine and of roughness. `base_color` is grey.
+    """
     wi, weight = hemisphere_grid(96)
     rows = []
     for angle in grid.angles:
@@ -142,16 +162,19 @@ def diffuse_goal(
 
 
 def retro_goal(grid: LobeGrid) -> FitGoal:
-    """Return the goal for the albedo of Oren and Nayar's rough term, over the cosine of the view."""
+    """Return the goal for `oren_nayar_g`, the integral of Oren and Nayar's rough term, over the cosine of the view."""
     x = np.cos(np.radians(grid.angles))
     target = np.asarray(oren_nayar_g(x))
     problem = RationalProblem(x, np.zeros_like(x), target, _TOLERANCE * _tolerance_factor(grid.angles))
-    # The rough term contributes at most 1 / pi of itself to an albedo.
+    # An albedo contains this integral times sigma / pi, or less, with sigma at most 1.
     return FitGoal(problem, lambda values: np.abs(values - target) / np.pi, grid.angles)
 
 
 def retro_shape() -> RetroShape:
-    """Search the roughness of Oren and Nayar's closure, at grazing views, for Disney's diffuse lobe of roughness 1."""
+    """Search the strength of the Oren-Nayar closure with which it resembles Disney's diffuse lobe best.
+
+    The strength is the closure's roughness at grazing views for a lobe of roughness 1.
+    """
     wi, weight = hemisphere_grid(48)
     lobes = []
     for angle, roughness in product((50.0, 65.0, 75.0, 83.0), (0.5, 0.75, 1.0)):
@@ -161,9 +184,10 @@ def retro_shape() -> RetroShape:
         lobes.append((wo, roughness, energy / energy.sum()))
 
     def distances(strength: float) -> list[float]:
+        # Half the L1 distance between closure and lobe, both normalised, for each view and roughness.
         values = []
         for wo, roughness, lobe in lobes:
-            sigma = strength * roughness * (1.0 - wo[2]) ** 3
+            sigma = strength * roughness * (1.0 - wo[2]) ** 3  # as in `lookdev.closures.disney`
             closure = Closure("rough_diffuse", WHITE, f0=0.5 * WHITE, roughness=sigma)
             energy = closure_cosine(closure, wo, wi)[:, 0] * weight
             values.append(float(0.5 * np.abs(energy / energy.sum() - lobe).sum()))
@@ -174,11 +198,15 @@ def retro_shape() -> RetroShape:
 
 
 def coat_shape() -> CoatShape:
-    """Search powers and shares of three GGX lobes for the clearcoat, the same for every gloss."""
+    """Search the three GGX lobes that resemble the clearcoat lobe best, with the same powers and shares for each gloss.
+
+    Powers are searched in steps of 0.05, shares in steps of 0.1; see `lookdev.closures.disney.coat_mix`.
+    """
     best: CoatShape = {"powers": [], "shares": []}
     smallest = np.inf
     grid = replace(FULL, angles=SHAPE_ANGLES, gloss=np.array([0.0, 0.5, 0.9, 1.0]))
     powers = [round(0.05 * k, 2) for k in range(2, 21)]
+    # The mixes of these setups are not used: any shape will do.
     lobes = _normalised_lobes(
         coat_setups({"shares": [1.0], "powers": [1.0]}, grid),
         lambda alpha: [Closure("metal", WHITE, alpha**k, alpha**k, f0=COAT_F0 * WHITE) for k in powers],
@@ -197,8 +225,13 @@ def coat_shape() -> CoatShape:
 
 
 def highlight_shape() -> HighlightShape:
-    """Search the width of GGX relative to Beckmann, and how its share grows as a highlight widens."""
+    """Search the mix of Beckmann and GGX that resembles Pixar's highlight best.
+
+    The numbers are the width of GGX relative to Beckmann, and the growth of its share with alpha; see
+    `lookdev.closures.pixar.highlight_mix`.
+    """
     widths = (0.8, 0.85, 0.9, 0.95, 1.0)
+    # The mixes of these setups are not used: any shape will do.
     setups = highlight_setups({"start": 1.0, "slope": 1.0, "width": 1.0}, grid=_SHAPE_GRID)
     lobes = _normalised_lobes(
         setups,
@@ -228,7 +261,12 @@ def highlight_shape() -> HighlightShape:
 def _normalised_lobes(
     setups: Sequence[LobeSetup], closures: Callable[[float], Sequence[Closure]]
 ) -> list[tuple[Floats, Floats]]:
-    """Return the energy by direction, normalised to 1, of each lobe, (n,), and of the closures of its alpha, (k, n)."""
+    """Return, for each setup, how the light that its lobe and some closures reflect is distributed over directions.
+
+    The result has pairs (whole, parts): the distribution of the lobe, (n,), and the distributions, (k, n), of the k
+    closures that `closures` returns for the setup's alpha. A distribution has n values, at the nodes of a quadrature;
+    their sum is 1.
+    """
     lobes = []
     for setup in setups:
         wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
@@ -239,7 +277,7 @@ def _normalised_lobes(
 
 
 def make_shapes() -> MixShapes:
-    """Search the shapes of clearcoat and highlight, and add their distances from the lobes."""
+    """Search the shapes of the mixes for clearcoat and highlight, with their distances from the lobes."""
     coat, highlight = coat_shape(), highlight_shape()
     coat["distance"] = _summary([mix_distance(setup) for setup in coat_setups(coat, _SHAPE_GRID)])
     highlight["distance"] = _summary([mix_distance(setup) for setup in highlight_setups(highlight, grid=_SHAPE_GRID)])
@@ -249,7 +287,10 @@ def make_shapes() -> MixShapes:
 def make_fits(
     shapes: MixShapes, grid: LobeGrid = FULL, load_fit: Callable[[str], Rational] | None = None
 ) -> dict[str, tuple[Rational, FitGoal]]:
-    """Return every fit for mixes of these shapes, with its goal; `load_fit` returns stored fits instead, by name."""
+    """Return each fit for mixes of these shapes by name, as a pair of the fitted function and its goal.
+
+    With `load_fit`, no fit is computed: this function returns the stored fit of a name.
+    """
     fits: dict[str, tuple[Rational, FitGoal]] = {}
 
     def add(name: str, goal: FitGoal, numerator: Degree, denominator: Degree) -> Rational:
@@ -274,7 +315,7 @@ def make_fits(
 
     a = measure_albedos(specular_setups("2012", grid))
     typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
-    # The weight contains Smith's factors of 2012, for the view and for a typical light.
+    # The closure's weight contains the shadowing of 2012 at the view and at a typical light. The fits are what remains.
     roughness = np.tile(grid.roughness, len(grid.angles))
     factors = (shadowing_2012(cosine, roughness) for cosine in (a.cosine, np.clip(typical, 0.0, 1.0)))
     shadowing = np.prod([*factors], axis=0)
@@ -297,7 +338,10 @@ def make_fits(
 
 
 def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
-    """Search the shape of anisotropic lobes, dielectric and metal: how they deviate from isotropic ones."""
+    """Search the numbers with which `apparent_alphas` predicts the albedo of anisotropic lobes best.
+
+    `fits` has the fits of isotropic lobes by name. Albedos of dielectrics (F0 0.04) and of metals (F0 1) are compared.
+    """
     cases = []
     for roughness, anisotropic, angle, azimuth in product(
         (0.3, 0.45, 0.6), (0.3, 0.6, 0.9), (40, 60, 75, 85), (0, 45, 90)
@@ -306,6 +350,7 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
         parameters = {"roughness": roughness, "anisotropic": anisotropic}
         aspect = np.sqrt(1.0 - 0.9 * anisotropic)
         x, y = roughness**2 / aspect, roughness**2 * aspect
+        # A white metal has a Fresnel term of 1. With specular 0, F0 is 0 and the Fresnel term is Schlick's weight.
         whole = disney_lobe("specular", wo, metallic=1.0, baseColor=WHITE, **parameters)
         weighted = disney_lobe("specular", wo, specular=0.0, **parameters)
         albedos = measure_albedos([LobeSetup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", WHITE, x, y),))])
@@ -336,14 +381,16 @@ _CONSTANT = Degree(0, 0, 0)
 
 
 def _relative_goal(a: Albedos) -> FitGoal:
+    """Return the goal for the ratio of albedos as a function of `relative_cosine`, in which it is smooth, and alpha."""
     return ratio_goal(a, np.asarray(relative_cosine(a.cosine, a.alpha)), a.unweighted / a.mix)
 
 
 def _tilt_goal(shape: HighlightShape, refracted: Sequence[Albedos], straight_fit: Rational) -> FitGoal:
-    """Return the goal for the change of a wide lobe's ratio that refraction of the view causes, divided by the tilt.
+    """Return the goal for the change of a transmitted highlight's ratio if refraction bends the view.
 
-    The tilt is 1 minus the cosine of the angle by which refraction bends the view. The change is also divided by alpha
-    and by the share of GGX. `straight_fit` is the ratio without refraction.
+    The change is divided by the tilt, by alpha and by the share of GGX. It is a function of the tilt and the cosine of
+    the refracted view. The tilt is 1 minus the cosine between the view and the refracted view. `refracted` has the
+    albedos for each index of refraction, and `straight_fit` is the ratio without refraction.
     """
     columns = zip(*(vars(albedos).values() for albedos in refracted), strict=True)
     a = Albedos(*map(np.concatenate, columns))
@@ -359,25 +406,28 @@ def _tilt_goal(shape: HighlightShape, refracted: Sequence[Albedos], straight_fit
 
 
 def fit_entry(rational: Rational, error: Floats) -> ClosureFit:
-    """Return the entry of a fit in a table, with its largest and its root mean square error."""
+    """Return the entry of a fit in the table; `error` (n,) has the errors of albedo, for the residual."""
     return {"numerator": rational.numerator, "denominator": rational.denominator, "residual": _residual(error)}
 
 
 def _residual(error: Floats) -> dict[str, float]:
+    """Return the largest and the root mean square of errors."""
     largest, rms = float(np.abs(error).max()), float(np.sqrt(np.mean(error * error)))
     return {"largest": _round_figures(largest), "rms": _round_figures(rms)}
 
 
 def _summary(distances: Sequence[float]) -> dict[str, float]:
+    """Return the largest and the mean of distances between mixes and lobes."""
     return {"largest": _round_figures(max(distances)), "mean": _round_figures(float(np.mean(distances)))}
 
 
 def _round_figures(value: float) -> float:
+    """Return a number rounded to three significant figures."""
     return float(f"{value:.3g}")
 
 
 def make_table() -> ClosureTable:
-    """Return the table of shapes and fits."""
+    """Search all shapes and compute all fits; return the table of them."""
     mixes = make_shapes()
     fits = make_fits(mixes)
     anisotropic = anisotropic_shape({name: rational for name, (rational, _) in fits.items()})
@@ -389,9 +439,9 @@ def make_table() -> ClosureTable:
 
 
 def main() -> None:
-    """Write the table to its file."""
+    """Compute the table and write it to its file."""
     text = json.dumps(make_table(), indent=1)
-    # A line has one row of numbers.
+    # Put each innermost list of numbers on one line.
     text = re.sub(r"\[[^][]+\]", lambda row: " ".join(row[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
     FITS_FILE.write_text(text + "\n")
 

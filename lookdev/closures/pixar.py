@@ -1,11 +1,12 @@
-"""Closures of Cycles that stand for the lobes of Pixar's model (`lookdev.brdf.pixar`): highlights are fitted.
+"""Closures of Cycles that approximate the lobes of Pixar's model (`lookdev.brdf.pixar`).
 
-A narrow sin-Gaussian is a Beckmann lobe with ``alpha^2 = 1 / power``. A wide one ends at the horizon; GGX is mixed in.
+Pixar's highlight is a sin-Gaussian: ``exp(-power sin^2 theta_h)``, with theta_h from the normal to the half vector. A
+narrow one is nearly a Beckmann lobe with ``alpha^2 = 1 / power``. A wide one ends at the horizon; GGX is mixed in.
 
-A transmitted highlight is a refraction whose normal is the refracted view. Its index is so high that light leaves along
-the microfacet's normal for every view. In the plane of incidence, mirrored directions are twice as far from their mean
-as half vectors are; at right angles to it, they are less far. The closure's alpha is therefore twice that of the half
-vectors, times the square root of the refracted view's cosine.
+A transmitted highlight becomes a refraction closure. Its normal is the refracted direction to the viewer, and its index
+is so high that light leaves along the microfacet's normal for every view. In the plane of incidence, mirrored
+directions are twice as far from their mean as half vectors are; at right angles to it, they are less far. The closure's
+alpha is therefore twice that of the half vectors, times the square root of the refracted view's cosine.
 """
 
 from __future__ import annotations
@@ -22,22 +23,24 @@ from lookdev.closures.closure import Closure, ClosureKind, StandIn
 from lookdev.closures.fits import HighlightShape, closure_fit, closure_table
 
 TRANSMITTED_IOR = 1000.0
-"""Index of refraction of transmitted highlights."""
+"""Index of refraction of the closures of transmitted highlights: it need only be very high."""
 
-_MAX_RATIO = 1.25
+_MAX_RATIO = 1.25  # of the directional albedos of a lobe and its closures
 
 
 def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for a diffuse lobe; its directional albedo, the same for all views, is exact."""
-    # The cosine-weighted mean of (1 - cos)^5 is 1/21.
+    """Return the closure for a diffuse lobe. Its directional albedo is exact, and the same for all views."""
+    # The lobe's weight at a cosine is a mixture of the two weights with (1 - cosine)^5, whose cosine-weighted mean over
+    # the light is 1/21.
     weight = lobe.values["at_normal"] * (20.0 / 21.0) + lobe.values["at_grazing"] * (1.0 / 21.0)
     return (Closure("translucent" if lobe.transmits else "diffuse", weight, frame=lobe.frame),)
 
 
 def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for a highlight, reflected or transmitted."""
+    """Return closures for a highlight, reflected or transmitted: Beckmann, and GGX if it is wide."""
+    # `p` has the values of the lobe by name. `local` is the direction to the viewer, and `view` the same direction, but
+    # refracted if the lobe transmits.
     p = lobe.values
-    # `view` is refracted where the lobe transmits.
     local, view = lobe.frame.to_local(wo), p["view"]
     alpha, cos_theta = 1.0 / np.sqrt(p["power"]), view[..., 2]
     relative = relative_cosine(cos_theta, alpha)
@@ -49,6 +52,7 @@ def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         ratio = closure_fit("highlight")(relative, alpha)
     # The limits apply in the last half degree before grazing, where the fits are far off.
     ratio = np.clip(ratio, 0.0, _MAX_RATIO)
+    # The cosine at which Schlick's weight has its mean over the lobe.
     typical_cosine = np.clip(closure_fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
     fresnel = p["term"].weight(typical_cosine)
     mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, closure_table()["shapes"]["highlight"])
@@ -58,9 +62,11 @@ def highlight_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 def highlight_mix(
     alpha: Array, view: Array, frame: Frame, transmits: bool, shape: HighlightShape
 ) -> tuple[Closure, ...]:
-    """Return the closures of a highlight with their shares, (...), as weights.
+    """Return the closures of a highlight, Beckmann and GGX. Their weights are their shares, (...).
 
-    `shape` has `start` and `slope` of GGX's share over alpha, and the `width` of GGX relative to Beckmann.
+    `alpha` is the width of the highlight's half vectors and `view` the direction to the viewer, refracted if the
+    highlight `transmits`; both are relative to `frame`. `shape` has three numbers: the share of GGX grows from 0 at
+    alpha `start` with `slope`, and the alpha of GGX is `width` times that of Beckmann.
     """
     share = ggx_share(alpha, shape)
     kinds: tuple[ClosureKind, ClosureKind] = ("beckmann", "ggx")
@@ -78,7 +84,7 @@ def highlight_mix(
 
 
 def ggx_share(alpha: Array, shape: HighlightShape) -> Array:
-    """Return the share of GGX in a highlight's mix, (...): exactly 0 where it is narrow."""
+    """Return the share of GGX in a highlight's mix, (...), which is exactly 0 for alpha up to the shape's `start`."""
     return np.clip(shape["slope"] * (alpha - shape["start"]), 0.0, 1.0)
 
 
@@ -90,4 +96,4 @@ STAND_INS: dict[tuple[str, str], StandIn] = {
     ("pixar", "specularTransmission"): highlight_closures,
     ("pixar", "refraction"): highlight_closures,
 }
-"""By the names of the model and of a lobe."""
+"""The functions that return the closures of a lobe, by the names of the model and of the lobe."""

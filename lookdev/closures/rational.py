@@ -1,7 +1,8 @@
-"""Least squares for rational functions, for `lookdev.closures.fitting`.
+"""Fits rational functions of two variables to values, for `lookdev.closures.fitting`.
 
-Levenberg-Marquardt with an analytic Jacobian. Between rounds, weights change so that the largest error decreases
-(Lawson's algorithm). A step is taken only if the denominator stays above a floor on the whole domain, without poles.
+Each round is a weighted least squares fit by Levenberg and Marquardt, with an analytic Jacobian. Between rounds, the
+weights grow where errors are large, so that the largest error decreases (Lawson's algorithm). A step is taken only if
+the denominator stays above a floor on the whole domain, so that the function has no poles.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ import numpy as np
 from lookdev.arrays import Floats
 from lookdev.brdf.rational import Rational
 
-_MIN_DENOMINATOR = 0.01
+_MIN_DENOMINATOR = 0.01  # the floor of the denominator, whose constant term is 1
+# Rounds of a fit, steps of each round, and tries, each with more damping than the one before, of each step.
 _ROUNDS, _STEPS, _TRIES = 8, 40, 8
 
 
 @dataclass(frozen=True, eq=False)
 class RationalProblem:
-    """Values `target` at `x` and `y` and their tolerances, all (n,)."""
+    """The values to be fitted: `target` at the points (`x`, `y`), and the tolerated errors `tolerance`, all (n,)."""
 
     x: Floats
     y: Floats
@@ -29,22 +31,25 @@ class RationalProblem:
 
 @dataclass(frozen=True)
 class Degree:
-    """The highest powers of x, of y and of both together in a polynomial."""
+    """The highest powers of a polynomial: of `x`, of `y`, and the largest sum of both (`total`) in a term."""
 
     x: int
     y: int
     total: int
 
     def terms(self) -> list[tuple[int, int]]:
-        """Return the powers of x and y of each term, the constant first."""
+        """Return the pairs (power of x, power of y) of all terms, the constant term first."""
         return [(i, j) for i in range(self.x + 1) for j in range(self.y + 1) if i + j <= self.total]
 
 
 def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degree) -> Rational:
     """Fit a rational function with polynomials of degrees `numerator` and `denominator` to a problem.
 
-    Of all steps, the result is the one with the smallest maximum of the errors, relative to the tolerances.
+    The result is that step of the iteration whose largest error, relative to the tolerance, is the smallest.
     """
+    # The denominator's constant term is fixed to 1. `coefficients` has the coefficients of the numerator, followed by
+    # the others of the denominator. Numerator and targets are divided by the tolerances, which are the unit of errors.
+    # `q` is the denominator at the points of the problem, and `domain` has its terms at points of the whole domain.
     numerator_powers, denominator_powers = numerator.terms(), denominator.terms()[1:]
     numerator_terms = _powers(numerator_powers, problem.x, problem.y) / problem.tolerance[:, None]
     denominator_terms = _powers(denominator_powers, problem.x, problem.y)
@@ -85,24 +90,28 @@ def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degre
             if loss - reduced < 1e-4 * loss:
                 break
         error = np.abs(numerator_terms @ coefficients[:size] / (1.0 + denominator_terms @ coefficients[size:]) - target)
+        # Lawson's update multiplies weights by errors; the term 0.03 keeps every weight above 0.
         weight = weight * (error / error.max() + 0.03)
         weight /= weight.mean()
+    # Scale both polynomials: the largest coefficient of the denominator becomes 1 or -1.
     top, bottom = best_coefficients[:size], np.append(1.0, best_coefficients[size:])
     largest = np.abs(bottom).max()
     return Rational(_rows(numerator_powers, top / largest), _rows(denominator.terms(), bottom / largest))
 
 
 def _powers(terms: list[tuple[int, int]], x: Floats, y: Floats) -> Floats:
+    """Return the values ``x^i y^j``, (n, terms), of the terms (i, j) at n points."""
     return np.array([x**i * y**j for i, j in terms]).reshape(len(terms), x.size).T
 
 
 def _box(problem: RationalProblem) -> tuple[Floats, Floats]:
-    """Return points (n,) of the whole domain: x from 0 to 1, y from the least to the greatest."""
+    """Return x and y, (n,), of a grid of points on the domain: x from 0 to 1, y over the range of the problem."""
     x, y = np.meshgrid(np.linspace(0.0, 1.0, 101), np.linspace(problem.y.min(), problem.y.max(), 41))
     return x.ravel(), y.ravel()
 
 
 def _rows(terms: list[tuple[int, int]], coefficients: Floats) -> list[list[float]]:
+    """Return coefficients as `Rational` has them, rounded to 8 digits: ``rows[i][j]`` belongs to ``x^i y^j``."""
     rows: list[list[float]] = [[] for _ in range(1 + max(i for i, _ in terms))]
     for (i, _), coefficient in zip(terms, coefficients, strict=True):
         rows[i].append(float(f"{coefficient:.8g}"))

@@ -1,4 +1,8 @@
-"""Setups of the fits: lobes of the models from all views, and the mixes of closures that stand for them."""
+"""The data of `lookdev.closures.fitting`: lobes of the models, and mixes of closures for them, with their albedos.
+
+A *setup* is a lobe at one view with its *mix*, the closures of Cycles that approximate it. Integrals over the light are
+computed by quadrature.
+"""
 
 from __future__ import annotations
 
@@ -22,17 +26,25 @@ from lookdev.closures.fits import CoatShape, HighlightShape
 from lookdev.closures.pixar import highlight_mix
 
 WHITE = np.ones(3)
+"""The colour white."""
+
 SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
-"""Angles of the view, in degrees, at which shapes are compared."""
+"""Angles of the view, in degrees from the normal, at which the shapes of lobes and mixes are compared."""
 
 COARSE = (24, 16)
-_CELLS = (48, 32)
-"""Cells of `half_vector_grid` for the search of shapes, and for albedos."""
+"""The cells of `half_vector_grid`, along slope and azimuth, with which shapes are compared."""
+
+_CELLS = (48, 32)  # of `half_vector_grid`, for albedos
 
 
 @dataclass(frozen=True, eq=False)
 class LobeGrid:
-    """Values at which lobes are integrated; angles of views and cones are in degrees."""
+    """The values of the view and of lobe parameters for which lobes are integrated.
+
+    `angles` of the view, from the normal, and `cones` are in degrees. `roughness` and `gloss` are Disney's parameters.
+    A cone is the angle at which Pixar's highlight has fallen to a tenth; `iors_minus_one` are indices of refraction of
+    transmitted highlights, minus 1.
+    """
 
     angles: Floats
     roughness: Floats
@@ -48,18 +60,21 @@ FULL = LobeGrid(
     np.array([0.25, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 10, 12, 15, 18, 21, 25, 30, 35, 40, 45, 50, 54]),
     np.array([0.05, 0.2, 0.33, 0.5, 0.8, 1.5]),
 )
+"""The grid of the stored fits. Angles are denser where albedos change fast: towards grazing views."""
 
 
 @dataclass(frozen=True, eq=False)
 class LobeSetup:
-    """A lobe at one view, and the closures that stand for it.
+    """A lobe at one view, and the closures that approximate it.
 
-    angle : degrees from the normal to the view `wo`.
-    view : `wo`, refracted if the lobe transmits.
-    width : the scale of the quadrature, that of the narrowest lobe.
-    alpha : the variable of the fit.
-    unweighted, weighted : the lobe with a Fresnel term of 1, and with one that is Schlick's weight.
-    mix : closures, without the ratio that is fitted.
+    angle : the angle of `wo` from the normal, in degrees.
+    wo : the direction (3,) to the viewer.
+    view : `wo`, refracted if the lobe transmits, (3,).
+    width : the alpha of the narrowest of lobe and closures, to which the quadrature adapts.
+    alpha : the alpha of the lobe, a variable of the fits.
+    unweighted : the lobe with a Fresnel term of 1.
+    weighted : the lobe with Schlick's weight (1 - cosine)^5 as its Fresnel term.
+    mix : the closures, without the fitted ratio in their weights.
     """
 
     angle: float
@@ -74,10 +89,12 @@ class LobeSetup:
 
 @dataclass(frozen=True, eq=False)
 class Albedos:
-    """Directional albedos of setups, (n,): of the lobe and of the mix, each without and with Schlick's weight.
+    """Directional albedos of n setups; all arrays are (n,).
 
-    `angle` and `alpha` are those of the setups. `cosine` is that of `LobeSetup.view` to the normal, and `tilt` is 1
-    minus the cosine between the view and the refracted view.
+    `unweighted` and `mix` are the albedos of lobe and mix with a Fresnel term of 1. `weighted` and `mix_weighted` are
+    their albedos with Schlick's weight as the Fresnel term. `angle` and `alpha` are as in the setups. `cosine` is the
+    cosine between `LobeSetup.view` and the normal. `tilt` is 1 minus the cosine between `LobeSetup.wo` and
+    `LobeSetup.view`.
     """
 
     angle: Floats
@@ -91,7 +108,8 @@ class Albedos:
 
 
 def specular_setups(variant: str, grid: LobeGrid = FULL) -> list[LobeSetup]:
-    """Return setups of a variant of Disney's isotropic specular lobe."""
+    """Return setups of Disney's isotropic specular lobe, in variant ``"2012"`` or ``"2014"``, with a GGX closure."""
+    # A white metal has a Fresnel term of 1. With specular 0, F0 is 0 and the Fresnel term is Schlick's weight.
     return [
         LobeSetup(
             angle,
@@ -109,13 +127,13 @@ def specular_setups(variant: str, grid: LobeGrid = FULL) -> list[LobeSetup]:
 
 
 def coat_setups(shape: CoatShape, grid: LobeGrid = FULL) -> list[LobeSetup]:
-    """Return setups of the clearcoat."""
+    """Return setups of Disney's clearcoat with a mix of this shape. Lobe and mix have the coat's own Fresnel term."""
     setups = []
     for angle in grid.angles:
         wo = view_at(angle)
         for gloss in grid.gloss:
             lobe = disney_lobe("clearcoat", wo, clearcoat=1.0, clearcoatGloss=gloss)
-            width = 0.1 + (0.001 - 0.1) * gloss
+            width = 0.1 + (0.001 - 0.1) * gloss  # the alpha of GTR1, as in `lookdev.brdf.disney`
             mix = coat_mix(width, shape)
             closures = [
                 Closure("metal", 0.25 * share * WHITE, alpha, alpha, f0=COAT_F0 * WHITE) for share, alpha in mix
@@ -127,7 +145,10 @@ def coat_setups(shape: CoatShape, grid: LobeGrid = FULL) -> list[LobeSetup]:
 def highlight_setups(
     shape: HighlightShape, ior_minus_one: float | None = None, grid: LobeGrid = FULL
 ) -> list[LobeSetup]:
-    """Return setups of Pixar's highlights: reflected, or transmitted if `ior_minus_one` is a number."""
+    """Return setups of Pixar's highlights with a mix of this shape.
+
+    The highlights are transmitted if `ior_minus_one`, the index of refraction minus 1, is given; otherwise reflected.
+    """
     setups = []
     for angle in grid.angles:
         wo = view = view_at(angle)
@@ -136,7 +157,7 @@ def highlight_setups(
             view = np.array([x, 0.0, np.sqrt((1.0 - x) * (1.0 + x))]) if ior_minus_one else wo
         for cone in grid.cones:
             whole, weighted = (_highlight(cone, ior_minus_one, normal, wo) for normal in (1.0, 0.0))
-            # This is 1 / sqrt(power).
+            # This is 1 / sqrt(power), where exp(-power sin^2 cone) = 1 / 10.
             alpha = float(np.sin(np.radians(cone)) / np.sqrt(np.log(10.0)))
             mix = highlight_mix(np.array(alpha), view, UprightFrame(), ior_minus_one is not None, shape)
             closures = [replace(closure, weight=closure.weight * WHITE) for closure in mix]
@@ -147,7 +168,7 @@ def highlight_setups(
 
 
 def measure_albedos(setups: Sequence[LobeSetup]) -> Albedos:
-    """Integrate the lobes and mixes of setups over the light."""
+    """Integrate the lobes and mixes of setups over the light, and return their directional albedos."""
     rows = []
     for setup in setups:
         wi, weight = half_vector_grid(setup.view, setup.width, _CELLS)
@@ -155,7 +176,8 @@ def measure_albedos(setups: Sequence[LobeSetup]) -> Albedos:
         whole, weighted, mix = values @ weight
         mix_weighted = (values[2] * schlick_weight(DirectionPair.from_directions(setup.view, wi).cos_theta_d)) @ weight
         if setup.unweighted.transmits:
-            # A refraction is symmetric about its own normal, and twice as wide as half vectors.
+            # A mix that transmits is symmetric about its own normal, the refracted view, and twice as wide as half
+            # vectors. Its grid is that of a reflection seen from above, tilted to this normal.
             wi, weight = half_vector_grid(view_at(0.0), setup.width, _CELLS)
             light = -np.asarray(TiltedFrame(setup.view).from_local(wi))
             mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix) @ weight
@@ -166,16 +188,16 @@ def measure_albedos(setups: Sequence[LobeSetup]) -> Albedos:
 
 
 def mix_distance(setup: LobeSetup) -> float:
-    """Return half the L1 distance of a mix from its lobe over the light, both normalised: 0 to 1."""
+    """Return how far a mix is from its lobe: half the L1 distance over the light, both normalised, from 0 to 1."""
     wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
     whole, _, mix = setup_values(setup, wi) * weight
     return float(0.5 * np.abs(whole / whole.sum() - mix / mix.sum()).sum())
 
 
 def setup_values(setup: LobeSetup, wi: Floats) -> Floats:
-    """Return the unweighted lobe, the weighted lobe and the mix, times the cosine, (3, n).
+    """Return the values (3, n), times the cosine, of the unweighted lobe, the weighted lobe and the mix.
 
-    `wi`, (n, 3), are directions of light on the viewer's side, mirrored where the lobe transmits.
+    `wi`, (n, 3), are directions to the light. For a lobe that transmits, they are mirrored to the viewer's side.
     """
     directions = DirectionPair.from_directions(setup.wo, wi)
     light = np.asarray(mirror_across_surface(wi)) if setup.unweighted.transmits else wi
@@ -190,12 +212,16 @@ def view_at(angle: float, azimuth: float = 0.0) -> Floats:
 
 
 def disney_lobe(name: str, wo: Floats, **parameters: object) -> Lobe:
-    """Return a lobe of Disney's BRDF with these parameters, at the view `wo`, (3,)."""
+    """Return the lobe `name` of Disney's BRDF with these parameters, for the direction `wo`, (3,), to the viewer."""
     lobes = MODELS["disney"].bsdf(complete_parameters("disney", parameters)).lobes(wo)
     return next(lobe for lobe in lobes if lobe.name == name)
 
 
 def _highlight(cone: float, ior_minus_one: float | None, normal: float, wo: Floats) -> Lobe:
+    """Return Pixar's highlight of a cone in degrees, reflected or transmitted as in `highlight_setups`.
+
+    `normal` is its reflectance at normal incidence: with 1 the Fresnel term is 1, with 0 it is Schlick's weight.
+    """
     terms = dict.fromkeys(
         (*REFLECTED_LOBES, *TRANSMITTED_LOBES), PartitionLobe(normal * WHITE, WHITE, cone, ior_minus_one or 0.0)
     )

@@ -1,7 +1,7 @@
-"""Looks as plain data: layers of reflectance models, with masks, over named inputs.
+"""The data classes of a look: a stack of layers, each a reflectance model with values of its inputs and a mask.
 
-`usd` reads a look from a file, `textures` makes its images linear, and `codegen` turns it into shader code. This module
-depends on neither USD nor a renderer.
+`lookdev.material.usd` reads a look from a file, `lookdev.material.textures` converts its images to linear ones, and
+`lookdev.codegen` turns it into shader code. This module imports neither USD nor a renderer.
 """
 
 from __future__ import annotations
@@ -20,44 +20,52 @@ from lookdev.material.expression import Expression, ExpressionKind
 from lookdev.space import Color
 
 Wrap = Literal["black", "clamp", "repeat", "mirror"]
+"""How an image continues outside its unit square of texture coordinates, as wrapS and wrapT of UsdUVTexture."""
+
 WRAPS: dict[str, Wrap] = {wrap: wrap for wrap in get_args(Wrap)}
-"""The wrap modes by their names."""
+"""The wrap modes by their names, for turning a text from a file into a `Wrap`."""
 
 Units = Literal["object", "world"]
 UNITS: tuple[Units, ...] = get_args(Units)
-"""The units of heights of displacement."""
+"""The units in which a displacement can be given; see `Displacement`."""
 
 Channel = Literal["r", "g", "b", "a", "rgb"]
+"""The channel or channels of an image that a texture reads."""
 
 Transform = tuple[float, float, float, float, float, float]
-"""A 2 x 3 matrix M, row major, applied to texture coordinates: ``st' = M[:, :2] @ st + M[:, 2]``."""
+"""A 2 x 3 matrix M, row major, that maps texture coordinates st to ``M[:, :2] @ st + M[:, 2]``."""
 
 IDENTITY: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+"""The transform that leaves texture coordinates as they are."""
 
 
 def to_transform(matrix: Floats) -> Transform:
-    """Return the first two rows of a matrix (..., 3) as a `Transform`."""
+    """Return the first two rows of a matrix (2, 3) or (3, 3) as a `Transform`."""
     a, b, c, d, e, f = (float(number) for number in matrix[:2].ravel())
     return a, b, c, d, e, f
 
 
 def transform2d(scale: Iterable[float], degrees: float, translation: Iterable[float]) -> Floats:
-    """Return UsdTransform2d as a matrix (3, 3): ``in * scale * rotate + translation``, counter-clockwise."""
+    """Return the matrix (3, 3) of a UsdTransform2d: scale, then rotate counter-clockwise, then translate.
+
+    The matrix multiplies column vectors (s, t, 1) from the left. `scale` and `translation` have two numbers each.
+    """
     (x, y), (dx, dy), c, s = scale, translation, cos(radians(degrees)), sin(radians(degrees))
     return np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True)
 class Texture:
-    """A texture look-up, as UsdUVTexture defines it: ``value * scale + bias`` per channel.
+    """A texture look-up, as UsdUVTexture defines it: ``texel * scale + bias`` in each of the channels r, g, b and a.
 
-    `channel` is one of ``"r" "g" "b" "a"`` for a float, ``"rgb"`` for a colour. Values are linear Rec.709 once
-    `colorspace` is resolved: ``"raw"`` is left as it is, ``"sRGB"`` and the spaces of `lookdev.stage.colorspaces`
-    are converted before filtering. `st` names the UV set, whose (0, 0) is the lower left corner; `transform` is
-    UsdTransform2d.
+    The result is the selected `channel`: a float for one of ``"r" "g" "b" "a"``, a colour for ``"rgb"``. `colorspace`
+    is the space of the image's texels. Those of ``"raw"`` are used unchanged. Those of ``"sRGB"`` and of the spaces in
+    `lookdev.stage.colorspaces` are converted to linear Rec.709 before filtering. `st` names the UV set of the mesh;
+    `transform` maps its coordinates to those of the image, whose lower left corner is (0, 0).
 
-    The meaning of ``"auto"`` and ``"useMetadata"`` depends on the image, which is opened when it is needed. A file
-    whose name contains ``<UDIM>`` is a set of tiles.
+    The `colorspace` ``"auto"`` and the wrap mode ``"useMetadata"`` stand for what the image file states.
+    `lookdev.material.textures.resolve_texture` opens the file and replaces them. A file whose name contains ``<UDIM>``
+    is a set of tiles.
     """
 
     file: Path
@@ -73,7 +81,10 @@ class Texture:
 
 @dataclass(frozen=True)
 class Primvar:
-    """A float or a colour of the geometry; `fallback` where the mesh has no such primvar."""
+    """A primvar of the geometry, read by name: a float or a colour, of the type of its `fallback`.
+
+    `fallback` is the value where the mesh has no primvar of this name.
+    """
 
     name: str
     fallback: float | Color
@@ -81,7 +92,10 @@ class Primvar:
 
 @dataclass(frozen=True)
 class Bump:
-    """A height map, of a single channel, as the source of a normal: a height of 1 is ``scale`` units of st."""
+    """A bump map: the normal of a surface whose heights are one channel of a texture.
+
+    A height of 1 is as high as `scale` units of the texture coordinates are wide.
+    """
 
     height: Texture
     scale: float = 1.0
@@ -89,7 +103,10 @@ class Bump:
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Texture coordinates as an input of an expression: a colour (s, t, 0)."""
+    """Texture coordinates as an input of an expression: the colour (s, t, 0).
+
+    `st` names the UV set. `transform` is applied to its coordinates.
+    """
 
     st: str
     transform: Transform = IDENTITY
@@ -99,19 +116,22 @@ class Coordinates:
 class ViewCosine:
     """The cosine between the shading normal and the direction to the viewer, above 0, as an input of an expression.
 
-    The normal is the mesh's, interpolated, displaced and on the viewer's side. Bumps, normal maps and the normals of
-    tilted lobes do not change it. The cosine is z of the direction to the viewer in the frame in which models are
-    evaluated.
+    The shading normal is the interpolated normal of the displaced mesh, on the viewer's side. Bump maps, normal maps
+    and parameters that are normals do not change it. In the shading frame, in which models are evaluated, the cosine
+    is the z component of the direction to the viewer.
     """
 
 
 VIEW = "view"
-"""The name of a `ViewCosine` in an expression, unless its node has another source of this name."""
+"""The name of the `ViewCosine` in an expression, unless the expression has an input of its own by this name."""
 
 
 @dataclass(frozen=True)
 class Formula:
-    """A mask expression, its inputs by name, and the type of each input."""
+    """An expression and the sources of its inputs.
+
+    `inputs` maps each name that the expression uses to the source of its value, and `kinds` maps the name to its type.
+    """
 
     expression: Expression
     inputs: dict[str, InputSource]
@@ -119,24 +139,25 @@ class Formula:
 
 
 InputSource: TypeAlias = "float | Color | Texture | Primvar | Coordinates | ViewCosine | Formula"
-"""A value that an expression reads."""
+"""The source of a value that an expression reads: a constant, or something that varies over the surface or the view."""
 
 Varying = Texture | Primvar | Bump | Formula
-"""A value that differs over a surface."""
+"""The sources of an input of a layer that vary over the surface."""
 
 Input = float | Color | str | Varying
-"""A constant, a token (``variant = "2012"``), or something that varies over the surface.
+"""The value of an input of a layer: a constant, a token (``variant = "2012"``), or a source that varies.
 
-A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.
+An input that is a normal is a constant vector, an ``"rgb"`` texture (a normal map) or a `Bump`.
 """
 
 Mask = float | Texture | Primvar | Formula
+"""The mask of a layer: how much of the layer there is, from 0 to 1. Also the type of a displacement's height."""
 
 
 def leaf_sources(sources: Iterable[InputSource | Input]) -> Iterator[InputSource | Input]:
-    """Yield the sources that are not expressions, in order, and in place of an expression the sources that it reads.
+    """Yield the sources in order, with each formula replaced by the sources of its inputs, recursively.
 
-    An expression that several sources read is expanded once.
+    A formula that several sources share is expanded only once.
     """
     pending, seen = list(sources)[::-1], set[int]()
     while pending:
@@ -155,12 +176,14 @@ def depends_on_view(source: InputSource | Input) -> bool:
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer: a model, the inputs that are set, and a mask (1 for the base). Unset inputs have the model's defaults.
+    """One layer of a look: a reflectance model, the values of its inputs, and a mask.
 
-    `model` is one of `lookdev.brdf.MODELS`, or a foreign one of `lookdev.material.translate.TRANSLATIONS`.
+    `model` is a key of `lookdev.brdf.MODELS`, or of `lookdev.material.translate.TRANSLATIONS` for a foreign model: one
+    that is rendered as layers of those models. `inputs` holds the inputs that are set; others have the model's
+    defaults. The mask of the base layer is 1.
 
-    `mode` is how the layer combines with those beneath: ``"over"`` covers them by its mask, ``"transmit"`` lets the
-    light that the layer transmits meet them. A `Look` does not contain disabled layers.
+    `mode` states how the layer combines with the layers beneath it. A layer in mode ``"over"`` covers them by its mask.
+    In mode ``"transmit"``, the light that the layer transmits falls on them.
     """
 
     name: str
@@ -172,9 +195,9 @@ class Layer:
 
 @dataclass(frozen=True)
 class Displacement:
-    """Moves each point along its normal by ``(height - midlevel) scale``.
+    """A displacement of each point of the surface along its normal, by ``(height - midlevel) * scale``.
 
-    `units` are ``"object"``, the units of the asset's file in object space, or ``"world"``, metres.
+    The distance is in `units`: ``"object"``, the units of the asset's file in object space, or ``"world"``, metres.
     """
 
     height: Mask
@@ -185,7 +208,11 @@ class Displacement:
 
 @dataclass(frozen=True)
 class Look:
-    """A layer stack, base first. `source` is its file and prim path, for messages and headers."""
+    """A look: a stack of layers, base first, and a displacement of the surface.
+
+    Layers that its file disables are left out. `source` is the file and the prim path of the look, for messages and
+    for the headers of frames.
+    """
 
     name: str
     layers: tuple[Layer, ...]

@@ -1,4 +1,11 @@
-"""Changes of single inputs of a look: a wedge varies an input, a fit searches the values of several."""
+"""Copies of a look with other values of single inputs.
+
+A wedge (a series of looks that differ in one input) and a fit (a search for the best values of several) use them.
+
+An input is named by its layer and parameter, as ``base.roughness`` or ``dust.mask``. An input of an expression has a
+third part, its name in the expression, as ``dust.mask.amount``. The *path* of an input is this name without the layer:
+``("roughness",)`` or ``("mask", "amount")``.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +22,14 @@ from lookdev.material.expression import ExpressionError, parse
 from lookdev.material.translate import layer_parameters
 from lookdev.space import Color
 
-_LIVE = "lookdev:live:"
+_LIVE = "lookdev:live:"  # the reserved beginning of the names of live inputs: see `look_with_live_inputs`
 
 
 def look_with_value(look: Look, parameter: str, value: ParameterValue) -> Look:
     """Return a look with another value of one of its `variable_inputs`.
 
-    ``mask`` and the inputs of expressions may be an expression or a value of their kind. A name without its layer
-    suffices where only one layer has such an input.
+    A mask, and any input of a layer that is a number or a colour, also takes the text of an expression. `parameter` is
+    the full name of the input. It may lack the layer where only one layer has such an input.
 
     Raises
     ------
@@ -36,7 +43,10 @@ def look_with_value(look: Look, parameter: str, value: ParameterValue) -> Look:
 
 
 def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tuple[str, ...]]], str]:
-    """Return the inputs of a look by name, and the full name of `parameter`; ModelError where none or several match."""
+    """Find the input that `parameter` names, with or without its layer; ModelError where none or several match.
+
+    Returns `variable_inputs` as a dict (full name to layer and path), and the full name of the input.
+    """
     names = dict(variable_inputs(look))
     matches = [full_name for full_name in names if full_name == parameter] or [
         full_name for full_name, (layer, _) in names.items() if full_name.removeprefix(f"{layer.name}.") == parameter
@@ -53,10 +63,12 @@ def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tupl
 
 @dataclass(frozen=True)
 class Constant:
-    """A constant of a look: its full name, the record of its parameter, and its value of one number or three.
+    """An input of a look that is a constant number or colour.
 
-    `layer` is the index of its layer. `path` leads to it from there: a parameter or ``"mask"``, then an input of an
-    expression.
+    `name` is its full name and `layer` the index of its layer in the look. `path` is the name of a parameter or
+    ``"mask"``, followed by the name of an input of that parameter's expression if the constant is such an input.
+    `parameter` is the record with the kind and the ranges of the constant. `value` is one number, or the three channels
+    of a colour.
     """
 
     name: str
@@ -69,7 +81,7 @@ class Constant:
 def constant_named(look: Look, parameter: str) -> Constant:
     """Return a constant by its name, which may lack the layer as in `look_with_value`.
 
-    Raises ModelError as `look_with_value`, and where the input is not a constant number or colour.
+    Raises ModelError where no input or several have this name, or the input is not a constant number or colour.
     """
     inputs_by_name, full_name = _find_input(look, parameter)
     layer, path = inputs_by_name[full_name]
@@ -77,6 +89,7 @@ def constant_named(look: Look, parameter: str) -> Constant:
     source: Input | InputSource | None = _input_of(layer, path[0])
     if len(path) > 1:
         formula = _formula_of(layer, path[0])
+        # An input of an expression has no default and, in effect, no bounds.
         record, source = Parameter(path[1], formula.kinds[path[1]], 0.0, (-1e18, 1e18)), formula.inputs[path[1]]
     elif source is None:
         # An unset input has the value of the parameter that it follows, or its default.
@@ -94,26 +107,29 @@ def constant_named(look: Look, parameter: str) -> Constant:
 
 
 def look_with_live_inputs(look: Look, constants: Mapping[str, Constant]) -> Look:
-    """Return a look with live inputs in place of `constants`, by key.
+    """Return a look with live inputs in place of `constants`. Their keys are freely chosen and name the live inputs.
 
-    A live input is a primvar of a reserved name, `live_primvar`, which no mesh has. It is an input of the look's
-    program, which has derivatives with respect to it.
+    A live input is a primvar that no mesh has, under the reserved name `live_primvar` of its key. Its fallback is the
+    value of the constant. The compiled program of the look therefore has it as a variable, with respect to which it can
+    compute derivatives.
     """
     sources = [(constant, Primvar(live_primvar(key), _constant_value(constant))) for key, constant in constants.items()]
     return _replace_sources(look, sources)
 
 
 def replace_constants(look: Look, constants: Iterable[Constant]) -> Look:
-    """Return a look with other values of some constants."""
+    """Return a look in which `constants` of the look have the values that they hold."""
     return _replace_sources(look, [(constant, _constant_value(constant)) for constant in constants])
 
 
 def _constant_value(constant: Constant) -> float | Color:
+    """Return the value of a constant as a source: a float, or a colour of three channels."""
     red, *others = constant.value
     return (red, *others) if others else red  # type: ignore[return-value]
 
 
 def _replace_sources(look: Look, sources: Iterable[tuple[Constant, float | Color | Primvar]]) -> Look:
+    """Return a look in which each constant of the pairs is replaced by the source beside it."""
     layers = list(look.layers)
     for constant, source in sources:
         layer, (name, *inside) = layers[constant.layer], constant.path
@@ -128,34 +144,41 @@ def _input_of(layer: Layer, name: str) -> Input | None:
 
 
 def _formula_of(layer: Layer, name: str) -> Formula:
+    """Return the formula that an input of a layer, or its mask, must be."""
     formula = _input_of(layer, name)
     assert isinstance(formula, Formula), "only an expression has inputs"
     return formula
 
 
 def _replace_operand(formula: Formula, name: str, source: InputSource) -> Formula:
+    """Return a formula with another source of its input `name`."""
     return replace(formula, inputs={**formula.inputs, name: source})
 
 
 def _replace_input(layer: Layer, name: str, source: Input) -> Layer:
+    """Return a layer with another value of an input, or of its mask where `name` is ``"mask"``."""
     if name == "mask":
         return replace(layer, mask=cast(Mask, source))
     return replace(layer, inputs={**layer.inputs, name: source})
 
 
 def live_primvar(key: str) -> str:
-    """Return the name of the primvar of a live input."""
+    """Return the name of the primvar that is the live input with this key."""
     return f"{_LIVE}{key}"
 
 
 def is_live(primvar: str) -> bool:
-    """Return whether a primvar is a live input."""
+    """Return whether a primvar of this name is a live input; see `look_with_live_inputs`."""
     return primvar.startswith(_LIVE)
 
 
 def variable_inputs(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]]]]:
-    """Yield the full name of each input that can be varied, with its layer and its path in that layer."""
+    """Yield pairs (full name, (layer, path)) of all inputs of a look, set or unset.
+
+    These are the parameters of every layer, the masks of all layers but the base, and the inputs of expressions.
+    """
     for layer in look.layers:
+        # An unset input is 0 here, which need only be no formula.
         inputs: dict[str, Input] = dict.fromkeys(layer_parameters(layer.model), 0.0) | layer.inputs
         if layer is not look.layers[0]:
             inputs["mask"] = layer.mask
@@ -167,6 +190,10 @@ def variable_inputs(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, .
 
 
 def _change_layer(layer: Layer, path: tuple[str, ...], value: ParameterValue, full_name: str, *, alone: bool) -> Layer:
+    """Return a layer with another value of the input at `path`; `alone` states that the look has no other layer.
+
+    Raises ModelError, with `full_name`, where the input cannot have the value or cannot vary.
+    """
     name, *inside = path
     parameter = MASK if name == "mask" else layer_parameters(layer.model)[name]
     new: Input
@@ -187,16 +214,23 @@ def _change_layer(layer: Layer, path: tuple[str, ...], value: ParameterValue, fu
 def _check_constant(
     full_name: str, parameter: Parameter, value: ParameterValue
 ) -> float | tuple[float, float, float] | str:
-    """Return a checked constant as plain Python; one number is a grey where a colour is needed."""
+    """Return a value as a constant of a parameter: a float, a colour or text; for a colour, one number is a grey.
+
+    Raises ModelError where the value has the wrong type or is outside the parameter's hard range.
+    """
     grey = parameter.kind == "color" and isinstance(value, float | int)
     prefix, _, name = full_name.rpartition(".")
+    # `complete` gets this parameter alone, which therefore can neither set another one (expand) nor follow one.
     record = replace(parameter, name=name, expand=None, follows="")
     checked: str | Floats = complete(prefix, {name: record}, {name: (value,) * 3 if grey else value})[name]
     return checked if isinstance(checked, str) else checked.tolist() if checked.ndim == 0 else tuple(checked.tolist())
 
 
 def _parse_formula(full_name: str, parameter: Parameter, text: str, source: Input | None) -> Formula:
-    """Return the expression of a text as a formula over the inputs that `source`, the present one, has."""
+    """Parse an expression into a formula that replaces `source`, the present value of the input.
+
+    The expression may use the inputs of `source`, if that is a formula, and the view.
+    """
     inputs = dict(source.inputs) if isinstance(source, Formula) else {}
     kinds = dict(source.kinds) if isinstance(source, Formula) else {}
     inputs.setdefault(VIEW, ViewCosine())

@@ -1,6 +1,7 @@
-"""Node definitions for other USD tools, generated from the parameters of the models.
+"""Writes shaderDefs.usda: the definitions of our shader nodes for USD, generated from the parameters of the models.
 
-``python -m lookdev.material.definitions`` rewrites `DEFINITIONS`.
+USD's shader registry (Sdr) reads the file, and so do other USD tools. ``python -m lookdev.material.definitions``
+writes it again.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ from lookdev.brdf import MASK, MODELS, Parameter
 from lookdev.cache import atomic_path
 
 DEFINITIONS = Path(__file__).parents[1] / "shaders" / "shaderDefs.usda"
-"""The file that contains `shader_definitions`."""
+"""The file that contains the text of `shader_definitions`."""
 
 DEFINED_LAYERS = 8
-"""The number of layers over the base that LookdevLayers declares; a look may have more."""
+"""The number of layers over the base for which the definition of LookdevLayers has inputs; a look may have more."""
 
 USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
-"""The type of an input by the kind of its parameter."""
+"""The type of an input in USD, by the `Parameter.kind` of its parameter."""
 
 _HEAD = """#usda 1.0
 (
@@ -28,7 +29,7 @@ _HEAD = """#usda 1.0
 )
 
 """
-# Sdr drops a node without a source asset. As the code is generated, the definition names its own file.
+# Sdr drops a node that names no file of source code. Our code is generated, so a definition names its own file.
 _SHADER = """def Shader "{name}" (
     doc = {doc}
     sdrMetadata = {{
@@ -49,9 +50,8 @@ _SHADER = """def Shader "{name}" (
 def shader_definitions() -> str:
     """Return the text of shaderDefs.usda, for `Sdr.Registry`.
 
-    It defines the models, layer stacks, bumps, displacements and expressions.
-
-    Each input has its type, default, help and, for numbers, its hard and soft range.
+    It defines one node for each model, and nodes for layer stacks, bump maps, displacements and expressions. An input
+    has its type, default and help. Parameters of models that are numbers also have their hard and soft ranges.
     """
     models = []
     for model in MODELS.values():
@@ -94,6 +94,10 @@ def shader_definitions() -> str:
 
 
 def _layer_input_texts(name: str, beneath: str) -> list[str]:
+    """Return the definitions of the four inputs of LookdevLayers for one layer: its shader, mask, switch and mode.
+
+    `name` is the name of the first input, such as ``layer2``. `beneath` names the layer below.
+    """
     combined = _layers_phrase([model.title for model in MODELS.values() if model.combine])
     transmitting = _layers_phrase([model.title for model in MODELS.values() if "transmit" in model.modes])
     mode = (
@@ -110,15 +114,21 @@ def _layer_input_texts(name: str, beneath: str) -> list[str]:
 
 
 def _layers_phrase(titles: list[str]) -> str:
+    """Return a phrase for the layers of some models, such as ``"Matte and Metal layers"``."""
     return f"{' and '.join(titles)} layers"
 
 
 def _shader_text(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
+    """Return the definition of a node; `inputs` are texts of `_input_text`, `output` is a type and name in USD.
+
+    `role` is Sdr's word for the use of a node.
+    """
     text, file = "\n".join(inputs), DEFINITIONS.name
     return _SHADER.format(name=name, doc=_quote(doc), role=role, file=file, inputs=text, output=output)
 
 
 def _parameter_text(parameter: Parameter) -> str:
+    """Return the definition of the input for a parameter of a model."""
     kind, name, text = USD_TYPES[parameter.kind], parameter.name, parameter.help
     if parameter.file:
         return _input_text("asset", name, text, "@@", constant=True)
@@ -136,6 +146,11 @@ def _input_text(
     constant: bool = False,
     ranges: Sequence[float] = (),
 ) -> str:
+    """Return the definition of an input of a node.
+
+    `default` is text of USD, and `text` the help. A `constant` input cannot be connected to a node that computes it.
+    `ranges` are hardMin, hardMax, softMin and softMax, or empty.
+    """
     lines = [f"    {usd_type} inputs:{name}" + (f" = {default}" if default else "") + " ("]
     if choices:
         lines.append(f"        allowedTokens = {json.dumps(list(choices))}")
@@ -147,7 +162,8 @@ def _input_text(
 
 
 def _quote(text: str) -> str:
-    # USD reads UTF-8; it does not know JSON's escapes of characters beyond ASCII.
+    """Return a text in quotation marks, as a string of USD."""
+    # USD reads UTF-8, but not JSON's escapes (\u00e9) of characters beyond ASCII.
     return json.dumps(text, ensure_ascii=False)
 
 

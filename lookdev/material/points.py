@@ -1,4 +1,7 @@
-"""Points of a surface in float64, with images looked up bilinearly."""
+"""Points of a surface with values in float64, at which `lookdev.material.values` evaluates a look.
+
+Textures are looked up bilinearly in their images. Code that needs the look without a renderer uses these classes.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,10 @@ from lookdev.material.textures import image_slopes, image_texels
 
 
 class ImagePoints(ABC):
-    """N points as a `lookdev.material.values.Surface`; subclasses define `uv`, `primvar`, `handedness` and `view`."""
+    """N points as a `lookdev.material.values.Surface` whose textures are read from their image files.
+
+    Subclasses define `uv`, `primvar`, `handedness` and `view`.
+    """
 
     @abstractmethod
     def uv(self, name: str) -> Floats:
@@ -28,7 +34,10 @@ class ImagePoints(ABC):
 
 @dataclass(frozen=True)
 class SinglePoint(ImagePoints):
-    """One point of a surface without primvars, for views of some cosines, at texture coordinates `at`."""
+    """One point of a surface without primvars, seen from one or more directions.
+
+    `cosine` has the cosines of these directions with the shading normal. `at` is the point's (s, t) in every UV set.
+    """
 
     cosine: Floats
     at: tuple[float, float] = (0.5, 0.5)

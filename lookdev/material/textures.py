@@ -1,8 +1,10 @@
-"""Image files, prepared for shading as linear float EXR in the cache; reference look-ups of them in NumPy.
+"""Images of textures: converts files to linear float EXRs in the cache for renderers, and looks them up in NumPy.
 
-Channels follow UsdUVTexture: one channel is repeated into r, g and b; two are value and alpha; a missing alpha is 1.
-Values are never multiplied by alpha. Colours are converted to linear Rec.709 before filtering, from sRGB by the
-piecewise curve of IEC 61966-2-1. Alpha is not converted.
+The look-ups in NumPy are the reference with which tests compare shaders.
+
+Channels follow UsdUVTexture: a single channel is repeated into r, g and b; two channels are value and alpha; a missing
+alpha is 1. Values are never multiplied by alpha. Colours are converted to linear Rec.709 before filtering, from sRGB by
+the piecewise curve of IEC 61966-2-1. Alpha is not converted.
 """
 
 from __future__ import annotations
@@ -27,23 +29,26 @@ from lookdev.material import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
-"""The token of a file name that the number of a tile replaces."""
+"""The part of a file name in whose place each tile of a set has its number."""
 
-# Parts of the names of cached files. Raise them when the conversion, or the computation of slopes, changes.
+# Cached files have these numbers in their names. Raise one when the conversion, or the computation of slopes, changes.
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
 
-_WRAP_OF_WORD: dict[str, Wrap] = {"periodic": "repeat", **WRAPS}  # with OpenImageIO's and RenderMan's word
+# Wrap modes by the words of image files. OpenImageIO and RenderMan write "periodic" for repeat.
+_WRAP_OF_WORD: dict[str, Wrap] = {"periodic": "repeat", **WRAPS}
 _UNSIGNED_TYPES = (oiio.UINT8, oiio.UINT16, oiio.UINT32)
-_STRIP_ROWS = 64
+_STRIP_ROWS = 64  # rows of an image that are converted at once, to bound the memory
+# The index of each `Channel` in arrays whose last axis is r, g, b, a.
 _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(0, 3)}
 
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Channel names, depth and wrap modes that an image file states.
+    """The channels, number type, wrap modes and colour space that an image file states.
 
-    The integers of an `is_unsigned` image encode 0 to 1. `is_tagged_srgb` is whether the file states that it is sRGB.
+    `channels` are the names of the channels. If `is_unsigned`, texels are unsigned integers, which encode 0 to 1.
+    `wraps` are the modes along s and t. `is_tagged_srgb` is whether the file itself states that it is sRGB.
     """
 
     channels: tuple[str, ...]
@@ -54,7 +59,7 @@ class ImageHeader:
 
     @property
     def is_srgb(self) -> bool:
-        """Whether sourceColorSpace ``auto`` (UsdUVTexture) is sRGB: tagged, or an 8-bit image of 3 or 4 channels."""
+        """Whether UsdUVTexture's ``auto`` means sRGB here: the file states sRGB, or has 3 or 4 channels of 8 bits."""
         return self.is_tagged_srgb or (self.is_eight_bit and len(self.channels) in (3, 4))
 
 
@@ -70,10 +75,11 @@ def image_header(file: Path) -> ImageHeader:
         spec = image.spec()
         _channel_indices(file, spec)
     s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
-    # UsdUVTexture: black outside where the file has no wrap modes.
+    # UsdUVTexture defines: where the file states no wrap modes, the image is black outside.
     wrap_s, wrap_t = (_WRAP_OF_WORD.get(word.strip(), "black") for word in (s, t or s))
     is_eight_bit, is_unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED_TYPES
-    # Not oiio:ColorSpace, which OpenImageIO sets also where a file states no colour space. 1 is sRGB in Exif.
+    # The attribute oiio:ColorSpace is no evidence: OpenImageIO sets it also where a file states no colour space. Exif's
+    # number for sRGB is 1.
     profile = spec.get_string_attribute("ICCProfile:profile_description")
     tagged = profile.startswith("sRGB") or spec.get_int_attribute("Exif:ColorSpace") == 1
     return ImageHeader(tuple(spec.channelnames), is_eight_bit, is_unsigned, (wrap_s, wrap_t), tagged)
@@ -96,7 +102,10 @@ def resolve_texture(texture: Texture) -> Texture:
 
 
 def udim_tiles(texture: Texture) -> dict[int, Texture]:
-    """Return the tiles of a UDIM set by number, from 1001; {} for a single image. TextureError for an empty set."""
+    """Return the tiles of a UDIM set as textures of one image each, by tile number, of which 1001 is the first.
+
+    The result is empty for a texture that is a single image. Raises TextureError for a set without tiles.
+    """
     before, mark, after = texture.file.name.partition(UDIM)
     if not mark:
         return {}
@@ -112,25 +121,25 @@ def udim_tiles(texture: Texture) -> dict[int, Texture]:
 
 
 def check_images(texture: Texture) -> None:
-    """Read the headers of all images of a texture; raises as `image_header` and `udim_tiles`."""
+    """Read the headers of all images of a texture to find faults; raises as `image_header` and `udim_tiles`."""
     for tile in udim_tiles(texture).values() or [texture]:
         image_header(tile.file)
 
 
 def lacks_negatives(texture: Texture) -> bool:
-    """Return whether a normal map has no negative component: its image holds 0 to 1, and is not scaled to -1 to 1.
+    """Return whether a normal map lacks negative x and y: its texels are from 0 to 1, and scale and bias keep them so.
 
-    A map whose scale and bias centre it on 0, up to half a step of 8 bits, has negative components; flipped and
-    weakened axes are centred, too. Raises as `check_images`.
+    A map has negative components if scale and bias take the middle value 0.5 to 0 in x and y. This also holds for a map
+    with a flipped or weakened axis. The tolerance covers the middle 128 / 255 of 8 bits. Raises as `check_images`.
     """
     centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
     return not centred and image_header(next(iter(udim_tiles(texture).values()), texture).file).is_unsigned
 
 
 def linear_texture(texture: Texture) -> Path:
-    """Return the image of a texture as a linear float EXR (R, G, B, A), converted once into the cache.
+    """Return the file of a texture's image as a linear float EXR (R, G, B, A), converted into the cache if missing.
 
-    The conversion reads and writes strips of rows.
+    The conversion reads and writes strips of rows. The scale and bias of the texture are not applied.
 
     Raises
     ------
@@ -155,11 +164,12 @@ def linear_texture(texture: Texture) -> Path:
 
 
 def slope_texture(height: Texture) -> Path:
-    """Return the slopes of a height map as a float EXR, derived once into the cache: R = dh/ds, G = dh/dt.
+    """Return the file of the slopes of a height map as a float EXR, computed into the cache if missing.
 
-    Slopes are central differences of the linear texels of the channel of `height`, times its scale, per unit of the
-    image's own s and t (rightwards and upwards). Beyond an edge, the texel is that of the opposite edge (repeat), or of
-    the edge itself (mirror, clamp, black).
+    Channel R is the derivative of the height with respect to s, and G that with respect to t. Here s runs rightwards
+    and t upwards over the image, from 0 to 1. The height is the channel of `height`, linear, times the channel's scale.
+    The derivatives are central differences of texels. Beyond an edge, the texel is that of the opposite edge (repeat),
+    or of the edge itself (mirror, clamp, black).
 
     Raises
     ------
@@ -175,13 +185,14 @@ def slope_texture(height: Texture) -> Path:
 
     def slope_strips(texels: Floats32) -> Iterator[Floats]:
         rows, columns = texels.shape
-        # Every row between the rows above and below it. Row 0 is the top of the image.
+        # Rows -1 to `rows`: every row has one above and one below. Row 0 is the top of the image.
         neighbour_rows = np.arange(-1, rows + 1)
         neighbour_rows = neighbour_rows % rows if height.wrap_t == "repeat" else np.clip(neighbour_rows, 0, rows - 1)
         for first in range(0, rows, _STRIP_ROWS):
             last = min(first + _STRIP_ROWS, rows)
             heights = texels[neighbour_rows[first : last + 2]].astype(np.float64) * height.scale[channel]
             padded = np.pad(heights[1:-1], ((0, 0), (1, 1)), mode="wrap" if height.wrap_s == "repeat" else "edge")
+            # The difference of two neighbours spans two texels, and a texel is 1 / columns wide and 1 / rows high.
             slopes = np.zeros((last - first, columns, 4))
             slopes[..., 0] = (padded[:, 2:] - padded[:, :-2]) * (0.5 * columns)
             slopes[..., 1] = (heights[:-2] - heights[2:]) * (0.5 * rows)
@@ -198,25 +209,28 @@ def slope_texture(height: Texture) -> Path:
 
 
 def image_file(source: Texture | Bump) -> Path:
-    """Return the file that a shader reads: `linear_texture`, or `slope_texture` for a bump; raises as these."""
+    """Return the file that a shader reads: `slope_texture` of a bump map, else `linear_texture`; raises as these."""
     return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)
 
 
 def texture_value(texture: Texture, texels: Array) -> Array:
-    """Return the value of a texture, (...) or for ``rgb`` (..., 3), from its texels (..., 4) at some points."""
+    """Return the value of a texture at some points from its linear texels (..., 4) there.
+
+    The shape is (...), or (..., 3) for the channel ``"rgb"``.
+    """
     return (texels * np.array(texture.scale) + np.array(texture.bias))[..., _CHANNELS[texture.channel]]
 
 
 def sample_texture(texture: Texture, st: ArrayLike) -> Floats:
-    """Return the value of a texture at texture coordinates: `texture_value` of `image_texels`."""
+    """Return the value of a texture at texture coordinates `st` (..., 2): `texture_value` of `image_texels`."""
     return np.asarray(texture_value(texture, image_texels(texture, st)))
 
 
 def image_texels(texture: Texture, st: ArrayLike) -> Floats:
-    """Look up all channels of a texture bilinearly, in float64.
+    """Look up all channels of a texture bilinearly, in float64, without its scale and bias.
 
     Tests compare shaders with this reference. Texel (i, j) has its centre at ((i + 0.5) / width, (j + 0.5) / height).
-    Wrap mode ``black`` filters towards 0 outside.
+    In wrap mode ``black``, texels outside the image are 0.
 
     Parameters
     ----------
@@ -237,15 +251,18 @@ def image_texels(texture: Texture, st: ArrayLike) -> Floats:
 
 
 def sample_slopes(texture: Texture, st: ArrayLike) -> Floats:
-    """Return the derivatives of a height map by `st`, (..., 2): `image_slopes` times the texture's transform."""
+    """Return the derivatives of a height map with respect to `st`, (..., 2).
+
+    They are `image_slopes` times the matrix of the texture's transform (chain rule).
+    """
     return np.asarray(image_slopes(texture, st) @ _transform_matrix(texture)[:, :2])
 
 
 def image_slopes(texture: Texture, st: ArrayLike) -> Floats:
-    """Look up the derivatives of a height map, (..., 2), by the image's coordinates, bilinearly.
+    """Look up the derivatives of a height map with respect to the image's coordinates, (..., 2), bilinearly.
 
-    `st` is as in `image_texels`. The chain rule includes the wrap modes: in mirrored copies a slope has the opposite
-    sign, and beyond a clamped edge it is 0. Raises as `slope_texture`.
+    `st` is as in `image_texels`. The derivatives account for the wrap modes: in mirrored copies of the image they have
+    the opposite sign, and beyond a clamped edge they are 0. Raises as `slope_texture`.
     """
     texture = resolve_texture(texture)
     image_st = _to_image_st(texture, st)
@@ -256,18 +273,24 @@ def image_slopes(texture: Texture, st: ArrayLike) -> Floats:
 
 
 def _transform_matrix(texture: Texture) -> Floats:
+    """Return the transform of a texture's coordinates as a matrix (2, 3)."""
     return np.array(texture.transform, np.float64).reshape(2, 3)
 
 
 def _to_image_st(texture: Texture, st: ArrayLike) -> Floats:
+    """Convert texture coordinates of the mesh, (..., 2), to coordinates of the image, (..., 2)."""
     matrix = _transform_matrix(texture)
     return np.asarray(np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2])
 
 
 def _look_up(prepare: Callable[[Texture], Path], texture: Texture, image_st: Floats) -> Floats:
-    """Look up all four channels of the prepared image, at the image's coordinates, by the wrap modes of `texture`."""
+    """Look up all four channels of an image bilinearly, at the image's coordinates, by the wrap modes of `texture`.
+
+    `prepare` returns the file to read: it is `linear_texture` or `slope_texture`.
+    """
     value = np.zeros((*image_st.shape[:-1], 4))
     if tiles := udim_tiles(texture):
+        # UDIM numbers the unit squares from 1001, ten to a row; squares left and right of a row have no tile.
         s, t = np.floor(image_st[..., 0]), np.floor(image_st[..., 1])
         number = np.where((s >= 0.0) & (s < 10.0), 1001.0 + s + 10.0 * t, 0.0)
         for tile_number, tile in tiles.items():
@@ -277,7 +300,7 @@ def _look_up(prepare: Callable[[Texture], Path], texture: Texture, image_st: Flo
     pixels = _linear_pixels(prepare(texture))
     height, width = pixels.shape[:2]
     columns = _bilinear_taps(image_st[..., 0], width, texture.wrap_s)
-    # Row 0 is the top of the image, t 0 the bottom.
+    # Row 0 is the top of the image, and t = 0 its bottom.
     rows = _bilinear_taps(1.0 - image_st[..., 1], height, texture.wrap_t)
     for row, row_weight in rows:
         for column, column_weight in columns:
@@ -286,7 +309,10 @@ def _look_up(prepare: Callable[[Texture], Path], texture: Texture, image_st: Flo
 
 
 def _wrap_derivative(coordinate: Floats, wrap: str) -> Floats:
-    """Return the derivative of the wrapped coordinate by the coordinate; 1 for black, as its slopes are 0 outside."""
+    """Return the derivative of the wrapped coordinate with respect to the coordinate.
+
+    For ``black`` it is 1 everywhere: there the look-up of slopes itself returns 0 outside.
+    """
     if wrap == "mirror":
         return np.where(np.mod(np.floor(coordinate), 2.0) == 1.0, -1.0, 1.0)
     if wrap == "clamp":
@@ -295,7 +321,7 @@ def _wrap_derivative(coordinate: Floats, wrap: str) -> Floats:
 
 
 def _bilinear_taps(coordinate: Floats, size: int, wrap: str) -> list[tuple[Indices, Floats]]:
-    """Return the indices and weights of the two texels, along one axis, of a bilinear look-up."""
+    """Return pairs (index, weight) for the two texels of a bilinear look-up along one axis of `size` texels."""
     position = coordinate * size - 0.5
     lower = np.floor(position)
     fraction = position - lower
@@ -304,6 +330,7 @@ def _bilinear_taps(coordinate: Floats, size: int, wrap: str) -> list[tuple[Indic
         if wrap == "repeat":
             texel = np.mod(index, size)
         elif wrap == "mirror":
+            # A period is the image and its mirrored copy; the second half counts down.
             texel = np.mod(index, 2 * size)
             texel = np.minimum(texel, 2 * size - 1 - texel)
         else:
@@ -316,12 +343,16 @@ def _bilinear_taps(coordinate: Floats, size: int, wrap: str) -> list[tuple[Indic
 
 @lru_cache(maxsize=16)
 def _linear_pixels(linear: Path) -> Floats:
+    """Return the pixels (height, width, 4) of a converted image."""
     with open_image(linear, TextureError) as image:
         return whole_image(image, linear, range(4), TextureError).astype(np.float64)
 
 
 def _channel_indices(file: Path, spec: oiio.ImageSpec) -> tuple[list[int], int | None]:
-    """Return the indices of the channels for r, g and b, and of alpha or None, by the rules of UsdUVTexture."""
+    """Return the indices of the file's channels for r, g and b, and that for alpha, if any, as UsdUVTexture defines.
+
+    Raises TextureError where the channels are neither gray, gray and alpha, RGB nor RGBA.
+    """
     names = list(spec.channelnames)
     if len(names) > 2 and not {"R", "G", "B"} <= set(names):
         listing = ", ".join(names[:20])
@@ -332,9 +363,13 @@ def _channel_indices(file: Path, spec: oiio.ImageSpec) -> tuple[list[int], int |
 
 
 def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
-    """Yield strips (rows, width, 4) of an open image, top first; 0 outside an EXR's data window."""
+    """Yield strips (rows, width, 4) of an open image's display window, from the top down.
+
+    Pixels of the display window outside the data window are 0. Raises TextureError for values that are not finite.
+    """
     spec = image.spec()
     color, alpha = _channel_indices(file, spec)
+    # The corner of the data window relative to that of the display window; negative where it lies outside.
     left, top = spec.x - spec.full_x, spec.y - spec.full_y
 
     def blank_strips(rows: int) -> Iterator[Floats]:
@@ -353,6 +388,7 @@ def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
     for first, pixels in read_strips(image, file, range(spec.nchannels), TextureError):
         bad += np.count_nonzero(~np.isfinite(pixels))
         begin = max(top + first, 0)
+        # The part of the strip inside the display window. Columns beyond its right edge are cut off below.
         inside = pixels[max(-top - first, 0) : max(spec.full_height - top - first, 0), max(-left, 0) :]
         if len(inside) and begin < spec.full_height:
             rgba = blank_rows(len(inside))
@@ -367,11 +403,15 @@ def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
 
 
 def _write_exr(file: Path, size: Sequence[int], parts: Iterator[Floats]) -> None:
-    """Write strips (rows, width, 4) to an EXR of a size (width, height); OSError where that fails."""
+    """Write `parts`, strips (rows, width, 4) from the top down, to an EXR of a `size` (width, height).
+
+    Raises OSError where the file cannot be written.
+    """
     width, height = size
     spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)
     spec["compression"] = "zip"
-    # Equal texels make equal files, as digests of frames contain theirs. The default is the time of writing.
+    # Files of equal texels must be equal, because digests of frames contain digests of these files. OpenImageIO would
+    # write the present time here.
     spec["DateTime"] = "2000:01:01 00:00:00"
     output = oiio.ImageOutput.create(str(file))
     written, row = output.open(str(file), spec), 0
@@ -388,7 +428,10 @@ def _write_exr(file: Path, size: Sequence[int], parts: Iterator[Floats]) -> None
 
 
 def _has_last_row(file: Path, height: int) -> bool:
-    """Return whether a written EXR has its last row: OpenImageIO reports no error for rows lost as it closes a file."""
+    """Return whether a written EXR has its last row.
+
+    OpenImageIO reports no error when it loses rows while it closes a file, as on a full disk.
+    """
     try:
         with open_image(file, OutputError) as image:
             return image.read_scanlines(0, 0, height - 1, height, 0, 0, 4, oiio.FLOAT) is not None

@@ -1,6 +1,8 @@
-"""Values of a look at points of a surface: numbers in the reference and the preview, symbols in generated code.
+"""Evaluates the inputs of a look at points of a surface, and combines its layers there into a BSDF.
 
-Only this module turns constants, textures, primvars and expressions into values of parameters, over any `Surface`.
+Textures, primvars and expressions become values of parameters only here. A `Surface` supplies the data at the points.
+Its arrays hold float64 numbers in the reference and the preview, and symbols where shader code is generated: the same
+functions are then traced.
 """
 
 from __future__ import annotations
@@ -33,29 +35,29 @@ from lookdev.material.translate import layer_parameters, translate_layer
 
 
 class Surface(Protocol):
-    """Points of a surface, and the data of the surface there."""
+    """Points of a surface with the data of the surface there. The axes ... of its arrays are those of the points."""
 
     def uv(self, name: str) -> Array:
-        """Return the coordinates (..., 2) of a UV set."""
+        """Return the texture coordinates (..., 2) of the points in a UV set."""
 
     def texels(self, texture: Texture) -> Array:
-        """Return all four channels of the image, linear, (..., 4), at the texture's coordinates."""
+        """Return all four channels of a texture's image, linear, (..., 4), at the texture coordinates of the points."""
 
     def slopes(self, height: Texture) -> Array:
-        """Return the derivatives of the image's channel, (..., 2), by the image's own coordinates."""
+        """Return the derivatives of a height map's channel with respect to the image's own s and t, (..., 2)."""
 
     def primvar(self, primvar: Primvar) -> Array:
         """Return the values of a primvar: (...), or (..., 3) where its fallback is a colour."""
 
     def handedness(self) -> Array:
-        """Return the direction in which v grows, (...): +1 along cross(normal, tangent), or -1."""
+        """Return +1 where v of the UV set grows along cross(normal, tangent), and -1 where it falls, (...)."""
 
     def view(self) -> Array:
         """Return the cosine between the shading normal and the direction to the viewer, (...); see `ViewCosine`."""
 
 
 def look_bsdf(look: Look, surface: Surface) -> Bsdf:
-    """Combine the layers of a look at some points into one BSDF.
+    """Return the BSDF of a look at some points, combined from its layers.
 
     Raises
     ------
@@ -68,9 +70,9 @@ def look_bsdf(look: Look, surface: Surface) -> Bsdf:
 
 
 def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
-    """Return the layers of a look at some points, base first, with all parameters of their models.
+    """Return the layers of a look at some points, base first, with the values of all parameters of their models.
 
-    Layers of its translation replace a layer of a foreign model. Raises as `look_bsdf`.
+    A layer of a foreign model is replaced by the layers of its translation. Raises as `look_bsdf`.
     """
     values = SourceValues(surface)
     stack = [
@@ -87,6 +89,10 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
 
 
 def _complete_parameters(layer: Layer, values: SourceValues) -> Parameters:
+    """Return the values of all parameters of a layer's model.
+
+    An unset input has the value of the parameter that it follows, or else its default.
+    """
     records = layer_parameters(layer.model)
     inputs = expand_tokens(layer.model, records, layer.inputs)
     varying = {name: source for name, source in inputs.items() if isinstance(source, Varying)}
@@ -96,19 +102,25 @@ def _complete_parameters(layer: Layer, values: SourceValues) -> Parameters:
         if records[name].kind == "normal" and name in constants and not isinstance(value, float | str):
             parameters[name] = values.in_shading_frame(value)
     parameters |= {name: values.parameter_value(source, records[name]) for name, source in varying.items()}
+    # `complete` has only seen constants: parameters that follow one that varies get their values here.
     return parameters | add_followers(records, {name: parameters[name] for name in inputs})
 
 
 @dataclass(frozen=True)
 class SourceValues:
-    """Values of sources at points of a surface."""
+    """Evaluates sources at the points of a surface."""
 
     surface: Surface
-    # Keyed by identity: several inputs may share one formula. The formulas outlive this object.
+    # The value of each evaluated formula, and whether it is a colour, by the formula's id(): several inputs may share a
+    # formula. The look keeps its formulas while this object exists.
     _formulas: dict[int, tuple[Array, bool]] = field(default_factory=dict)
 
     def parameter_value(self, source: InputSource | Bump, parameter: Parameter) -> Real:
-        """Return the value of a parameter, clipped to its hard range: one number, or an array over the points."""
+        """Return the value of a parameter, one number or an array over the points; one that varies is clipped.
+
+        Values of textures, primvars and expressions are clipped to the parameter's hard range. Constants are not.
+        Normals are returned in the shading frame.
+        """
         if isinstance(source, Bump):
             return self.in_shading_frame(self._bump_normal(source))
         value = self.source_value(source, color=parameter.kind == "color")
@@ -117,15 +129,20 @@ class SourceValues:
         return self.in_shading_frame(value) if parameter.kind == "normal" else value
 
     def in_shading_frame(self, normal: Array) -> Array:
-        """Convert normals (..., 3) from the frame of the UVs to the shading frame, whose bitangent may be opposite."""
+        """Convert normals (..., 3) from the frame of the UVs to the shading frame.
+
+        In the frame of the UVs, y points along increasing v. In the shading frame, y is cross(normal, tangent). The two
+        are opposite where `Surface.handedness` is -1.
+        """
         if are_equal(normal[..., 1], 0.0):
             return normal
         hand = self.surface.handedness()
+        # Adding 0 times an array gives a constant the array's shape; so in other functions here.
         ones = 1.0 + 0.0 * hand
         return normal * vector(ones, hand, ones)
 
     def source_value(self, source: InputSource, color: bool) -> Array:
-        """Return the value of a source, not clipped. For a `color`, a float becomes three equal channels."""
+        """Return the value of a source, not clipped. If `color`, a float becomes a colour of three equal channels."""
         value: Array
         match source:
             case Texture():
@@ -146,13 +163,15 @@ class SourceValues:
         return vector(value, value, value) if color and not is_color else value
 
     def _evaluate_formula(self, formula: Formula) -> tuple[Array, bool]:
+        """Return the value of a formula, and whether it is a colour."""
         kinds = formula.kinds
         values = {name: self.source_value(source, kinds[name] == "color") for name, source in formula.inputs.items()}
         return formula.expression.evaluate(values, kinds), formula.expression.check(kinds) == "color"
 
     def _bump_normal(self, bump: Bump) -> Array:
+        """Return normals (..., 3) of heights h in the frame of the UVs, not normalised: (-dh/ds, -dh/dt, 1)."""
         slopes = self.surface.slopes(bump.height) * bump.scale
-        # The chain rule: the image's coordinates are a linear transform of the surface's.
+        # The chain rule: the image's coordinates are a linear function of those of the surface.
         a, b, _, c, d, _ = bump.height.transform
         s, t = slopes[..., 0], slopes[..., 1]
         slope_s, slope_t = s * a + t * c, s * b + t * d
@@ -160,12 +179,14 @@ class SourceValues:
 
 
 def view_dependent_value(text: str, parameter: Parameter, view: Array) -> Array:
-    """Return the value of a parameter that an expression of the `view` (...) alone sets.
+    """Return the value of a parameter from the text of an expression whose only input is the view cosine.
+
+    `view` has the cosines (...) at the points; see `ViewCosine`. The result is clipped to the parameter's hard range.
 
     Raises
     ------
     ExpressionError
-        The text is wrong, does not use the view, uses another name, or its result has another type.
+        The text is not an expression, does not use the view, uses another name, or its result has another type.
     """
     expression = parse(text)
     kinds: dict[str, ExpressionKind] = {VIEW: "float"}
@@ -187,12 +208,13 @@ def clip_to_range(value: Array, parameter: Parameter) -> Array:
 
 
 def presence(layer: Layer) -> Input:
-    """Return the input, constant or varying, for the presence of a layer; 1 for a model without that parameter."""
+    """Return the input that sets the presence of a layer: how much of it is there. It is 1 where none is set."""
+    # A model names its parameter for presence as its counterpart of UsdPreviewSurface's opacity.
     return layer.inputs.get(MODELS[layer.model].preview.same.get("opacity", ""), 1.0)
 
 
 def transform_uv(transform: tuple[float, ...], uv: Array) -> tuple[Array, Array]:
-    """Apply a transform to coordinates (..., 2); return s and t, (...)."""
+    """Apply a `Transform` to texture coordinates (..., 2); return the new s (...) and t (...)."""
     a, b, c, d, e, f = transform
     s, t = uv[..., 0], uv[..., 1]
     return s * a + t * b + c, s * d + t * e + f

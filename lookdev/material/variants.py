@@ -1,4 +1,7 @@
-"""Selections of variants: parsed from the command line, and expanded where ``"*"`` selects all variants of a set."""
+"""Selections of USD variants, as dicts from a variant set to its selected variant.
+
+They are parsed from the command line. For a set with ``"*"``, one selection for each of its variants is made.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from lookdev.errors import LookdevError, LookError
 
 MAX_COMBINATIONS = 1000
-"""The largest number of combinations that ``"*"`` may expand to: in one look, and in all looks of a job."""
+"""The largest number of selections that ``"*"`` may expand to: for one look, and for all looks of a job together."""
 
 
 def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
-    """Return the variant of each set from pairs ``SET=VARIANT``; LookdevError for a text of another form."""
+    """Return the selection that texts ``SET=VARIANT`` state; raises LookdevError for a text of another form."""
     variants = {}
     for pair in pairs:
         name, _, choice = pair.partition("=")
@@ -24,11 +27,12 @@ def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
 def expand_wildcards(
     variants: Mapping[str, str], choices: Callable[[dict[str, str], str], Sequence[str]], file: str, prim: str = ""
 ) -> tuple[dict[str, str], ...]:
-    """Return all selections in which a variant of its set replaces each ``"*"``.
+    """Return all selections that result if each ``"*"`` of a selection is replaced by a variant of its set.
 
-    `choices` returns the variants of a set for the selection so far, in which sets that follow are still ``"*"``. A set
-    may be inside a variant of another. Raises LookError, at `file` and `prim`, where a set is empty or there are too
-    many combinations.
+    The sets are expanded in order. ``choices(selection, set)`` returns the variants of a set; in `selection`, the sets
+    before it are expanded and those after it are still ``"*"``. The variants can depend on the selection, because USD
+    allows a set inside a variant of another. Raises LookError, at `file` and `prim`, where a set has no variants or
+    there are too many combinations.
     """
     selections = [dict(variants)]
     while (set_name := next((name for name, choice in selections[0].items() if choice == "*"), None)) is not None:

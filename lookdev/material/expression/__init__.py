@@ -1,6 +1,7 @@
-"""Mask expressions: parsed, checked, and evaluated over numbers or symbolic arrays.
+"""The expression language of looks: parses, type-checks and evaluates the expressions of inputs and masks.
 
-`syntax` parses the text, `shaping` defines the functions; ``docs/expressions.md`` describes the language.
+The values are float64 arrays, or the symbolic arrays that code generation traces. `syntax` parses the text, and
+`shaping` defines the functions. ``docs/expressions.md`` describes the language.
 """
 
 from __future__ import annotations
@@ -20,18 +21,22 @@ from lookdev.material.expression.syntax import ExpressionError
 __all__ = ["Expression", "ExpressionError", "ExpressionKind", "parse"]
 
 ExpressionKind = Literal["float", "color"]
+"""The type of an input or of a result of an expression."""
 
 
 @dataclass(frozen=True)
 class Expression:
-    """A parsed expression: its text, its tree, and the names of its inputs in order of appearance."""
+    """A parsed expression.
+
+    `root` is the root of its syntax tree. `names` has the names of its inputs in order of appearance.
+    """
 
     text: str
     root: syntax.ExpressionNode
     names: tuple[str, ...]
 
     def check(self, types: Mapping[str, ExpressionKind]) -> ExpressionKind:
-        """Return the type of the result for types of the inputs.
+        """Return the type of the result for the given types of the inputs.
 
         Raises
         ------
@@ -41,22 +46,22 @@ class Expression:
         return _Checker(self.text, types).kind(self.root)
 
     def evaluate(self, values: Mapping[str, Array], types: Mapping[str, ExpressionKind]) -> Array:
-        """Compute the expression.
+        """Evaluate the expression for values of its inputs; raises as `check`.
 
         Parameters
         ----------
         values
-            Floats (...) and linear colours (..., 3) by name: float64 arrays or symbolic ones.
+            Floats (...) and linear colours (..., 3) by name, as float64 or symbolic arrays.
         types
-            The type of each value, as three floats and one colour can have the same shape.
+            The type of each value. The shape does not tell it: three floats and one colour have the same.
 
         Returns
         -------
         (...) or (..., 3)
-            A float or a colour, as `check` returns; finite and within ±1e18. Raises as `check`.
+            A float or a colour, according to `check`; finite and within ±1e18.
         """
         kind = self.check(types)
-        # Results are clipped after every operation on numbers, so warnings of overflow have no meaning.
+        # Every operation on numbers clips its result, so NumPy's warnings of overflow have no meaning.
         with np.errstate(all="ignore"):
             channels = [clip_to_bound(channel) for channel in _Evaluation(values, types).value(self.root)]
             if kind == "float":
@@ -71,6 +76,8 @@ def parse(text: str) -> Expression:
 
 
 class _Checker:
+    """Determines the types of the nodes of an expression's tree, and raises ExpressionError where they do not fit."""
+
     def __init__(self, text: str, types: Mapping[str, ExpressionKind]) -> None:
         self.text, self.types = text, types
 
@@ -96,7 +103,7 @@ class _Checker:
                 self._check_float(condition, "the condition of '?'")
                 return "color" if "color" in (self.kind(yes), self.kind(no)) else "float"
             case syntax.ApplyNode(name=name, function=function, arguments=arguments):
-                # "each": the function takes floats and colours, and is applied to each channel.
+                # A function of domain "each" takes floats and colours, and is applied to each channel.
                 if function.domain == "each":
                     return "color" if "color" in [self.kind(argument) for argument in arguments] else "float"
                 for argument in arguments:
@@ -109,13 +116,14 @@ class _Checker:
                 return "float"
 
     def _check_float(self, node: syntax.ExpressionNode, user: str) -> None:
+        """Raise ExpressionError if a node is a colour. The message names the node's `user`, which needs a float."""
         if self.kind(node) == "color":
             hint = "take luminance(color), or a channel: color[0]"
             raise ExpressionError(self.text, node.position, f"{user} needs a float, this is a color", hint)
 
 
 class _Evaluation:
-    """Evaluates a checked tree. A value is a tuple of channels: one for a float, three for a colour."""
+    """Evaluates a tree whose types are checked. A value is a tuple of channels: one for a float, three for a colour."""
 
     def __init__(self, values: Mapping[str, Array], types: Mapping[str, ExpressionKind]) -> None:
         self.values, self.types = values, types
@@ -137,7 +145,8 @@ class _Evaluation:
                 return _map_channels(lambda a, b: np.where(truth, a, b), self.value(yes), self.value(no))
             case syntax.ApplyNode():
                 results = self._apply_function(node)
-                # Symbols are clipped once, at the end. Constants are clipped here, as each must be a float32 literal.
+                # Numbers are clipped here, because code generation writes each as a float32 literal. Symbols are
+                # clipped only once, in the final result.
                 return tuple(clip_to_bound(x) if isinstance(x, np.ndarray | np.floating) else x for x in results)
 
     def truth_value(self, node: syntax.ExpressionNode) -> BooleanArray:
@@ -149,9 +158,11 @@ class _Evaluation:
         return truth
 
     def _float(self, node: syntax.ExpressionNode) -> Array:
+        """Return the value of a node that is a float."""
         return self.value(node)[0]
 
     def _apply_function(self, node: syntax.ApplyNode) -> tuple[Array, ...]:
+        """Return the channels of a function's or an operator's result; a truth value becomes 1 or 0."""
         function = node.function
         if function.result == "truth":
             return (np.where(self.truth_value(node), 1.0, 0.0),)
@@ -164,6 +175,6 @@ class _Evaluation:
 
 
 def _map_channels(function: Callable[..., Array], *values: tuple[Real, ...]) -> tuple[Array, ...]:
-    """Call a function for every channel; a float counts as three equal channels."""
+    """Return the results of a function for each channel of its arguments; a float is three equal channels."""
     count = max(len(value) for value in values)
     return tuple(function(*(value[i % len(value)] for value in values)) for i in range(count))

@@ -1,8 +1,10 @@
-"""The functions of mask expressions: arithmetic, and the shaping functions of SeExpr.
+"""The functions and operators of the expression language: arithmetic, and the shaping functions of SeExpr.
 
-Plain functions over broadcasting arrays, with the NumPy functions that `lookdev.brdf` uses, so that symbolic arrays
-can run through the same code. Every result of finite numbers within `MAX_MAGNITUDE` is finite; docstrings state the
-values that SeExpr leaves undefined. A colour is a tuple of three arrays; other functions work on one channel at a time.
+`FUNCTIONS` and `OPERATORS` list them. They are plain functions over arrays that broadcast. They call only those NumPy
+functions that `lookdev.brdf` uses too: these also accept the symbolic arrays of code generation.
+
+For finite arguments within `MAX_MAGNITUDE`, every result is finite. Where SeExpr leaves a value undefined, the
+docstring states it. A function of a colour takes a tuple of three arrays; others work on one channel at a time.
 
 - SeExpr 2, Disney Enterprises: user documentation, and the formulas of its built-in functions.
 - Perlin, K. 2002. Improving Noise. SIGGRAPH.
@@ -21,17 +23,26 @@ import numpy as np
 from lookdev.arrays import MAX_MAGNITUDE
 from lookdev.brdf.vectors import TINY, Array, BooleanArray, Real
 
-_LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec.709, as SeExpr
-_PERIOD = 289.0
+_LUMINANCE = (0.2126, 0.7152, 0.0722)  # the weights of r, g, b in Rec.709, as in SeExpr
+_PERIOD = 289.0  # of noise, in lattice points: 17^2, as in McEwan et al. 2012
 
 
 @dataclass(frozen=True)
 class LanguageFunction:
     """A function or operator of the language.
 
-    The last `optional` of the `parameters` may be omitted. `domain` is the type of the arguments: ``"each"`` floats and
-    colours, by channel; ``"float"`` floats only; ``"color"`` a colour, as a tuple of three arrays, then floats;
-    ``"truth"`` truth values. `result` is the type of the result; None is the type of the arguments.
+    evaluate
+        Computes the result from the arguments.
+    parameters
+        The names of the parameters.
+    optional
+        The number of parameters, the last ones, that may be omitted.
+    domain
+        The type of the arguments. ``"each"``: floats and colours, where `evaluate` gets one channel at a time.
+        ``"float"``: floats only. ``"color"``: a colour, as a tuple of three arrays, then floats. ``"truth"``: truth
+        values.
+    result
+        The type of the result; None if it is the type of the arguments.
     """
 
     evaluate: Callable[..., Array | BooleanArray | tuple[Array, ...]]
@@ -48,7 +59,7 @@ class LanguageFunction:
 
 
 def clip_to_bound(x: Array) -> Array:
-    """Clip a number to `MAX_MAGNITUDE`; NaN becomes 0."""
+    """Clip numbers to the range from -`MAX_MAGNITUDE` to `MAX_MAGNITUDE`; NaN becomes 0."""
     return np.where(x > 0.0, np.minimum(x, MAX_MAGNITUDE), np.where(x < 0.0, np.maximum(x, -MAX_MAGNITUDE), 0.0))
 
 
@@ -59,14 +70,19 @@ def divide(x: Real, y: Array) -> Array:
 
 
 def modulo(x: Array, y: Real) -> Array:
-    """Return x - y floor(x / y), with the sign of y; 0 where y is 0. SeExpr's operator is equal, its fmod is not."""
+    """Return x - y floor(x / y), which has the sign of y; 0 where the magnitude of y is below TINY.
+
+    SeExpr's operator % is the same function, but its fmod is another.
+    """
     zero = np.absolute(y) < TINY
     y = np.where(zero, 1.0, y)
     return np.where(zero, 0.0, x - y * np.floor(x / y))
 
 
 def power(x: Array, y: Array) -> Array:
-    """Return x to the power y; 0 where that has no real value (x < 0 and y not whole, or x = 0 and y < 0)."""
+    """Return x to the power y; 0 where no real value exists (x < 0 and y not whole, or x = 0 and y < 0)."""
+    # `size` is the magnitude of the power. `sign` is that of the power of a negative x: -1 for odd y, 1 for even y, and
+    # 0 where y is not whole.
     zero = np.equal(x, 0.0)
     size = np.where(zero, np.where(np.equal(y, 0.0), 1.0, 0.0), np.power(np.where(zero, 1.0, np.absolute(x)), y))
     whole = np.floor(y)
@@ -82,13 +98,13 @@ def square_root(x: Array) -> Array:
 
 
 def logarithm(x: Array) -> Array:
-    """Return the natural logarithm of the larger of x and TINY, which is at least -41.5."""
+    """Return the natural logarithm of x; log(TINY), -41.4, where x is below TINY."""
     log: Array = np.log(np.maximum(x, TINY))
     return log
 
 
 def ceiling(x: Array) -> Array:
-    """Return the next higher integer."""
+    """Return the smallest integer that is not below x."""
     return -np.floor(-x)
 
 
@@ -98,12 +114,13 @@ def truncate(x: Array) -> Array:
 
 
 def round_half_away(x: Array) -> Array:
-    """Return the nearest integer, halves away from zero."""
+    """Return the nearest integer; halves are rounded away from zero."""
     return np.where(x < 0.0, ceiling(x - 0.5), np.floor(x + 0.5))
 
 
 def mix(a: Array, b: Array, alpha: Array) -> Array:
-    """Blend linearly; for a constant alpha of 0 or 1, generated code omits one of the two."""
+    """Blend linearly from a (alpha 0) to b (alpha 1)."""
+    # In this form, generated code omits one of the two for a constant alpha of 0 or 1.
     return a * (1.0 - alpha) + b * alpha
 
 
@@ -113,33 +130,35 @@ def boxstep(x: Array, a: Array) -> Array:
 
 
 def linearstep(x: Array, a: Array, b: Array) -> Array:
-    """Return a linear ramp from 0 at a to 1 at b, which falls where b < a; boxstep where a = b."""
+    """Return a linear ramp in x from 0 at a to 1 at b, constant beyond. Where a = b, it is `boxstep`."""
     width = b - a
     is_step = np.absolute(width) < TINY
     return np.where(is_step, boxstep(x, a), np.clip((x - a) / np.where(is_step, 1.0, width), 0.0, 1.0))
 
 
 def _smooth(t: Array) -> Array:
+    """Return a cubic curve that rises from 0 at t = 0 to 1 at t = 1, with slope 0 at both ends."""
     return t * t * (3.0 - 2.0 * t)
 
 
 def _gaussian(t: Array) -> Array:
-    # SeExpr's bell: 2^-8 at its beginning, and 0 before.
+    """Return half a Gaussian bell that rises to 1 at t = 1; 0 at t = 0."""
+    # As in SeExpr, the bell begins with 2^-8.
     return np.where(t > 0.0, np.exp((-8.0 / log2(e)) * (1.0 - t) * (1.0 - t)), 0.0)
 
 
 def smoothstep(x: Array, a: Array, b: Array) -> Array:
-    """Return linearstep, smoothed by a cubic curve."""
+    """Return `linearstep`, smoothed by a cubic curve."""
     return _smooth(linearstep(x, a, b))
 
 
 def gaussstep(x: Array, a: Array, b: Array) -> Array:
-    """Return linearstep, shaped by half a Gaussian bell; 0 at x = a."""
+    """Return `linearstep`, shaped by half a Gaussian bell; 0 at x = a."""
     return _gaussian(linearstep(x, a, b))
 
 
 def remap(x: Array, source: Array, span: Array, falloff: Array, interp: Array) -> Array:
-    """Return 1 within `span` of `source`, falling to 0 over `falloff` beyond.
+    """Return 1 where x is within `span` of `source`; beyond, the value falls to 0 over the distance `falloff`.
 
     `interp` is the shape of the fall: 0 linear, 1 smooth, 2 gaussian.
     """
@@ -151,7 +170,7 @@ def remap(x: Array, source: Array, span: Array, falloff: Array, interp: Array) -
 
 
 def fit(x: Array, a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
-    """Map the range a1, b1 linearly to a2, b2, also beyond its ends; a2 where a1 = b1."""
+    """Map x linearly so that a1 becomes a2 and b1 becomes b2, also beyond these ends; a2 where a1 = b1."""
     return a2 + divide((x - a1) * (b2 - a2), b1 - a1)
 
 
@@ -168,8 +187,8 @@ def bias(x: Array, b: Array) -> Array:
 def contrast(x: Array, c: Array) -> Array:
     """Return x with higher contrast for c > 0.5, lower for c < 0.5 (Perlin's gain); 0 or 1 for x outside [0, 1].
 
-    SeExpr uses bias(1 - c, 2 x), which is equal, as a^log(b) = b^log(a). In the form here, the lower bound in
-    `logarithm` affects only c.
+    SeExpr computes bias(1 - c, 2 x). Here the arguments are exchanged, with the same result: a^log(b) = b^log(a). In
+    this form, the lower bound in `logarithm` affects only c.
     """
     low = x < 0.5
     half = 0.5 * bias(np.where(low, 2.0 * x, 2.0 - 2.0 * x), 1.0 - c)
@@ -183,31 +202,39 @@ def luminance(color: tuple[Array, ...]) -> Array:
 
 
 def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
-    """Scale the saturation around the luminance; negative channels become 0."""
+    """Scale the distance of each channel from the luminance by `amount`; negative results become 0."""
     gray = luminance(color)
     return tuple(np.maximum(mix(gray, channel, amount), 0.0) for channel in color)
 
 
 def _wrap_index(i: Array, period: float = _PERIOD) -> Array:
-    # Modulo of whole numbers. (i + 0.5) / period is at least 0.5 / period away from any integer, so a smaller error
-    # does not change its floor. For i below 3e6, its float32 error is at most 1 / 900, and 0.5 / 289 is 1 / 578.
+    """Return whole numbers modulo a period, exact in float32 for i below 3e6."""
+    # (i + 0.5) / period is at least 0.5 / period away from any integer, so a smaller error does not change its floor.
+    # For i below 3e6, its float32 error is at most 1 / 900, and 0.5 / 289 is 1 / 578.
     return i - period * np.floor((i + 0.5) * (1.0 / period))
 
 
 def _permute(i: Array) -> Array:
-    # McEwan et al. 2012, section 2.2, with the linear coefficient of the authors' later code. i is at most 288, so the
-    # product is below 2.9e6, and its modulo is exact in float32. It would not be for the argument that the authors
-    # pass, a sum of two hashes.
+    """Return a permutation of the whole numbers from 0 to 288, as a hash."""
+    # McEwan et al. 2012, section 2.2, with the linear coefficient of the authors' later code. The authors pass a sum of
+    # two hashes, for which the modulo would be inexact in float32. Here i is at most 289, so the product is below
+    # 2.9e6, and its modulo is exact.
     return _wrap_index((34.0 * i + 10.0) * i)
 
 
 def _hash(i: Array, j: Array, k: Array) -> Array:
-    """Return a whole number from 0 to 288 for a lattice point of whole numbers in that range."""
+    """Return a whole number from 0 to 288 for the lattice point (i, j, k), whose indices are in this range or 289."""
     return _permute(_wrap_index(_permute(_wrap_index(_permute(i) + j)) + k))
 
 
 def _gradient_product(number: Array, x: Array, y: Array, z: Array) -> Array:
-    # Perlin 2002: the gradients are the twelve edges of a cube. Perlin doubles four of them, which favours one axis.
+    """Return the dot product of a lattice point's gradient and the vector (x, y, z) from the point.
+
+    The hash `number` of the point selects the gradient.
+    """
+    # Perlin 2002: the gradients point to the twelve edges of a cube. Perlin has four of them twice, which favours one
+    # axis; here each occurs once. A gradient has two components that are not 0: `edge` / 4 selects their axes, and the
+    # two lowest bits of `edge` are their signs.
     edge = _wrap_index(number, 12.0)
     u, v = np.where(edge < 8.0, x, y), np.where(edge < 4.0, y, z)
     half = np.floor(0.5 * edge)
@@ -215,18 +242,22 @@ def _gradient_product(number: Array, x: Array, y: Array, z: Array) -> Array:
 
 
 def _lattice(x: Real) -> tuple[Array, Array, Array]:
-    """Return the lattice point below, the distance from it, and the weight of the next point."""
+    """Return, for one axis, the index of the lattice point below x, the distance from it, and the next point's weight.
+
+    The index is modulo the period. The weight is Perlin's polynomial of degree five in the distance.
+    """
     floor = np.floor(x)
     t = x - floor
     return _wrap_index(floor), t, t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 
 
 def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
-    """Return gradient noise in [0, 1], mean 0.5, 0.5 at lattice points, of period 289.
+    """Return Perlin's gradient noise in [0, 1], with mean 0.5 and period 289. At lattice points it is 0.5.
 
-    The hashes are equal in float32 and float64, as they are whole numbers below 2^24. For a constant coordinate on the
-    lattice, the terms of the next lattice point fold to 0.
+    The hashes are whole numbers below 2^24, and therefore equal in float32 and float64. For an omitted coordinate,
+    which is constant and on the lattice, generated code omits the terms of the next lattice point.
     """
+    # Along the three axes: `i`, `j`, `k` are indices of the lattice point, `u`, `v`, `w` weights of the next point.
     (i, x, u), (j, y, v), (k, z, w) = (_lattice(value) for value in (np.asarray(0.0) + x, y, z))
 
     def corner(a: int, b: int, c: int) -> Array:
@@ -242,13 +273,13 @@ def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
 
 
 def cellnoise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
-    """Return one of 289 values from 0 to 1 for each cell of the lattice, of period 289."""
+    """Return a random value that is constant in each cell of the lattice: one of 289 from 0 to 1, with period 289."""
     i, j, k = (_wrap_index(np.floor(value)) for value in (x, y, z))
     return _hash(i, j, k) * (1.0 / (_PERIOD - 1.0))
 
 
 CONSTANTS: dict[str, float] = {"PI": pi, "E": e, "linear": 0.0, "smooth": 1.0, "gaussian": 2.0}
-"""The values of constants by name; the last three are for `interp` of `remap`. Inputs cannot have these names."""
+"""The named constants of the language; the last three are for `interp` of `remap`. Inputs cannot have these names."""
 
 FUNCTIONS: dict[str, LanguageFunction] = {
     "abs": LanguageFunction(np.absolute, ("x",)),
@@ -286,6 +317,7 @@ FUNCTIONS: dict[str, LanguageFunction] = {
     "tan": LanguageFunction(np.tan, ("x",)),
     "trunc": LanguageFunction(truncate, ("x",)),
 }
+"""The functions of the language by name."""
 
 _PAIR = ("a", "b")
 
@@ -307,3 +339,4 @@ OPERATORS: dict[str, LanguageFunction] = {
     "||": LanguageFunction(np.logical_or, _PAIR, domain="truth", result="truth"),
     "!": LanguageFunction(np.logical_not, ("a",), domain="truth", result="truth"),
 }
+"""The operators of the language by their sign; ``"negative"`` is the sign - before an operand."""

@@ -1,4 +1,4 @@
-"""The syntax of mask expressions: from text to a tree, by a tokenizer and an operator-precedence parser.
+"""The parser of the expression language: a tokenizer, and an operator-precedence parser that builds a syntax tree.
 
 The language is that of SeExpr's expressions (Disney), without variables: see ``docs/expressions.md``.
 
@@ -20,11 +20,15 @@ MAX_LENGTH = 64 * 1024
 """The greatest length of an expression, in characters."""
 
 _MAX_DEPTH = 64  # nested operations
-_MAX_QUOTED_LENGTH = 40  # characters of a name in a message; a message quotes twice as many of the faulty line
+_MAX_QUOTED_LENGTH = 40  # characters of a name in a message; of a faulty line, twice as many
 
 
 class ExpressionError(LookdevError):
-    """An expression is wrong: the message shows the line, with a caret under `position`, an index into `text`."""
+    """A fault of an expression.
+
+    `position` is the index of the fault in `text`. The message is the summary with the hint in brackets, then the
+    faulty line with a caret under the position.
+    """
 
     def __init__(self, text: str, position: int, summary: str, hint: str = "") -> None:
         self.text, self.position, self.summary, self.hint = text, position, summary, hint
@@ -42,7 +46,11 @@ class ExpressionError(LookdevError):
 
 @dataclass(frozen=True)
 class _Node:
-    """A part of an expression; `position` is the index of its operator or first character."""
+    """A node of the syntax tree.
+
+    `position` is the index in the text of the node's operator or first character. `depth` is the height of the tree
+    below the node: 1 for a node without operands.
+    """
 
     position: int
     depth: int
@@ -57,14 +65,14 @@ class NumberNode(_Node):
 
 @dataclass(frozen=True)
 class NameNode(_Node):
-    """An input."""
+    """The name of an input."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class ApplyNode(_Node):
-    """A function or operator with its arguments."""
+    """A function or operator applied to its arguments."""
 
     name: str
     function: LanguageFunction
@@ -99,6 +107,8 @@ ExpressionNode: TypeAlias = NumberNode | NameNode | ApplyNode | ColorNode | Chan
 
 
 class _Token(NamedTuple):
+    """A token of the text: `kind` is a group of `_TOKEN`, or ``"end"`` after the last one."""
+
     kind: str
     text: str
     position: int
@@ -111,12 +121,15 @@ _TOKEN = re.compile(
     r"|(?P<sign>[<>=!]=|&&|\|\||[-+*/%^!<>?:(),\[\]])"
 )
 
-# The binding power of operators on their left operand. Only ``^`` and ``?`` are right-associative.
+# The binding power (Pratt 1973) of each operator on its left operand: the operator with the higher power takes the
+# operand between two. Only ``^`` and ``?`` are right-associative.
 _BINDING_POWER = {"?": 1, "||": 2, "&&": 3, "==": 4, "!=": 4, "<": 5, "<=": 5, ">": 5, ">=": 5}
 _BINDING_POWER |= {"+": 6, "-": 6, "*": 7, "/": 7, "%": 7, "^": 9, "[": 10}
+# The names in `OPERATORS` of the signs that stand before an operand.
 _PREFIX = {"-": "negative", "!": "!"}
 _PREFIX_BINDING_POWER = 8
 
+# Hints for characters that begin no token, although another language would have them.
 _SIGN_HINTS = {
     "=": "'==' compares",
     "&": "'&&' is the logical and",
@@ -127,7 +140,7 @@ _SIGN_HINTS = {
 
 
 def parse_tree(text: str) -> tuple[ExpressionNode, tuple[str, ...]]:
-    """Return the tree of an expression and the names of its inputs, in order of appearance.
+    """Return the root of an expression's syntax tree, and the names of its inputs in order of appearance.
 
     Raises
     ------
@@ -143,11 +156,12 @@ def parse_tree(text: str) -> tuple[ExpressionNode, tuple[str, ...]]:
 
 
 def shorten_name(text: str) -> str:
-    """Return a name, shortened for a message."""
+    """Return a name for a message: cut off with an ellipsis if it is long."""
     return text if len(text) <= _MAX_QUOTED_LENGTH else f"{text[:_MAX_QUOTED_LENGTH]}…"
 
 
 def _tokenize(text: str) -> Iterator[_Token]:
+    """Yield the tokens of a text, without space and comments, and then the token ``"end"``."""
     position = 0
     while position < len(text):
         match = _TOKEN.match(text, position)
@@ -160,46 +174,54 @@ def _tokenize(text: str) -> Iterator[_Token]:
 
 
 class _Parser:
+    """Parses a text once. `names` has the names of its inputs, as keys of a dict, in order of appearance."""
+
     def __init__(self, text: str) -> None:
         self.text = text
         self.names: dict[str, None] = {}
         self._tokens = _tokenize(text)
-        self._token = next(self._tokens)
-        self._nesting = 0
+        self._token = next(self._tokens)  # the next token, not consumed yet
+        self._nesting = 0  # the number of nested calls of `_parse`
 
     def parse_whole(self) -> ExpressionNode:
+        """Return the root of the tree of the whole text."""
         root = self._parse(0)
         if self._token.kind != "end":
             raise self._unexpected_token("an operator")
         return root
 
     def _next(self) -> _Token:
+        """Consume the next token and return it."""
         token, self._token = self._token, next(self._tokens)
         return token
 
     def _unexpected_token(self, expected: str) -> ExpressionError:
+        """Return the error that `expected` should be in the place of the next token."""
         token = self._token
         present = "the end" if token.kind == "end" else f"'{shorten_name(token.text)}'"
         return ExpressionError(self.text, token.position, f"{expected} should stand here, not {present}")
 
     def _expect(self, sign: str) -> None:
+        """Consume the next token, which must be `sign`."""
         if self._token.text != sign:
             raise self._unexpected_token(f"'{sign}'")
         self._next()
 
     def _depth(self, position: int, *parts: ExpressionNode) -> int:
+        """Return the depth of a node with these operands; raises ExpressionError if it is too large."""
         depth = 1 + max((part.depth for part in parts), default=0)
         if depth > _MAX_DEPTH:
             raise self._depth_error(position)
         return depth
 
     def _depth_error(self, position: int) -> ExpressionError:
+        """Return the error that operations are nested too deep."""
         return ExpressionError(self.text, position, f"more than {_MAX_DEPTH} operations one inside the other")
 
     def _parse(self, binding_power: int) -> ExpressionNode:
-        """Parse an operand and the operators that bind tighter than `binding_power`."""
-        # Parentheses make no node, so `depth` does not count them. Each pair is a nested call, and an operator between
-        # two pairs is another.
+        """Parse an operand and the operators that follow, as long as their binding power is above `binding_power`."""
+        # Bounds Python's recursion. `depth` does not bound it, because parentheses make no node. Each pair is a nested
+        # call of this function, and an operator between two pairs is another.
         self._nesting += 1
         if self._nesting > 2 * _MAX_DEPTH:
             raise self._depth_error(self._token.position)
@@ -210,6 +232,7 @@ class _Parser:
         return left
 
     def _parse_operation(self, left: ExpressionNode, sign: _Token) -> ExpressionNode:
+        """Parse what follows an operator `sign` on the operand `left`; return the node of the operation."""
         position = sign.position
         if sign.text == "[":
             index = self._token
@@ -223,10 +246,12 @@ class _Parser:
             self._expect(":")
             no = self._parse(0)
             return ChoiceNode(position, self._depth(position, left, yes, no), left, yes, no)
+        # One less for ^ makes it right-associative: the right operand includes a further ^.
         right = self._parse(_BINDING_POWER[sign.text] - (sign.text == "^"))
         return self._make_apply(position, sign.text, OPERATORS[sign.text], left, right)
 
     def _parse_operand(self) -> ExpressionNode:
+        """Parse a number, name, call, prefix operator, parenthesised expression or colour."""
         token = self._token
         position = token.position
         if token.kind == "number":
@@ -261,6 +286,7 @@ class _Parser:
         raise self._unexpected_token("a number, a name or '('")
 
     def _parse_list(self, closing: str) -> tuple[ExpressionNode, ...]:
+        """Parse expressions separated by commas, and the `closing` bracket."""
         items = [] if self._token.text == closing else [self._parse(0)]
         while items and self._token.text == ",":
             self._next()
@@ -269,6 +295,7 @@ class _Parser:
         return tuple(items)
 
     def _parse_call(self, token: _Token) -> ExpressionNode:
+        """Parse the arguments of the function that `token` names."""
         name = token.text
         if (function := FUNCTIONS.get(name)) is None:
             hint = nearest_hint(name, list(FUNCTIONS))
@@ -285,4 +312,5 @@ class _Parser:
     def _make_apply(
         self, position: int, name: str, function: LanguageFunction, *arguments: ExpressionNode
     ) -> ExpressionNode:
+        """Return the node of a function or operator with these arguments."""
         return ApplyNode(position, self._depth(position, *arguments), name, function, arguments)

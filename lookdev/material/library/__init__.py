@@ -1,6 +1,7 @@
-"""Libraries of presets: folders of USD files. The default prim is the shader of a layer, or a look with one layer.
+"""Finds and reads presets: USD files, each with one layer for looks, in the folders of a library.
 
-The name of a preset is the name of its file. Looks reference presets: a change of the preset changes them.
+The default prim of the file is the shader of the layer, or a look that has only this layer. A preset has the name of
+its file without the suffix. Looks reference the file, so a change of a preset changes them.
 """
 
 from __future__ import annotations
@@ -19,17 +20,22 @@ from lookdev.shipped import shipped_folder
 from lookdev.stage import open_stage
 
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
-"""Environment variable with folders of presets, separated as in ``PATH``."""
+"""The environment variable that lists folders of presets, separated as in ``PATH``."""
 
 SHIPPED_FOLDERS = tuple(Path("materials", folder) for folder in ("presets", "metals", "classic"))
-"""The folders of presets below the current folder and below `lookdev.shipped.shipped_folder`."""
+"""The folders of presets, relative to the current folder and to `lookdev.shipped.shipped_folder`."""
 
 LOOK_SUFFIXES = (".usda", ".usd", ".usdc")
+"""The suffixes of files that can hold a look or a preset."""
 
 
 @dataclass(frozen=True)
 class Preset:
-    """One layer of the library: an absolute file, the path of the shader in it, and one of `lookdev.brdf.MODELS`."""
+    """A preset of a library.
+
+    `file` is an absolute path, and `prim` the path of the layer's shader in that file. `model` is a key of
+    `lookdev.brdf.MODELS`. `category` and `doc` are texts of the file for the list of presets.
+    """
 
     name: str
     file: Path
@@ -41,17 +47,17 @@ class Preset:
 
 @dataclass(frozen=True)
 class Library:
-    """The presets of some folders, in order of category and name, and the faults of files that are not presets."""
+    """The presets of some folders, sorted by category and name, and the faults of files there that are not presets."""
 
     presets: tuple[Preset, ...]
     faults: tuple[Fault, ...]
 
 
 def library_folders(library: Path | None = None) -> tuple[Path, ...]:
-    """Return the absolute folders of presets by precedence; LookError where a named one or all are missing.
+    """Return the absolute folders of presets, the one with the highest precedence first.
 
-    These are `library`, else the folders in ``$LOOKDEV_LIBRARY``, else the existing ones of `SHIPPED_FOLDERS` below the
-    current folder and below the folder of the shipped files.
+    They are `library`; if that is None, the folders in ``$LOOKDEV_LIBRARY``; if that is empty, the existing ones of
+    `SHIPPED_FOLDERS`. Raises LookError where a folder that the user names is missing, or all shipped ones are.
     """
     environment_folders = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     named_folders = [library] if library else environment_folders
@@ -89,7 +95,10 @@ def read_library(folders: Iterable[Path], category: str | None = None) -> Librar
 
 
 def find_preset(name: str, library: Path | None = None) -> Preset:
-    """Return a preset by its file, or by its name in any case from `library_folders`; LookError where none matches."""
+    """Return the preset of a file, if `name` has the suffix of one, or else the preset of this name in the library.
+
+    Upper and lower case of the name are equal. Raises LookError where there is no such preset.
+    """
     if Path(name).suffix in LOOK_SUFFIXES:
         return read_preset(Path(name).absolute())
     folders = library_folders(library)
@@ -128,7 +137,7 @@ def read_preset(file: Path) -> Preset:
 
 
 def _only_layer(prim: Usd.Prim) -> Usd.Prim | None:
-    """Return the shader of the only layer of a look, if all its inputs are constants; else None."""
+    """Return the shader of the only layer of a look; None where `prim` is no such look or an input is connected."""
     material = UsdShade.Material(prim)
     surface = material.GetOutput("lookdev:surface") if material else None
     sources = surface.GetConnectedSources()[0] if surface else []
@@ -139,14 +148,14 @@ def _only_layer(prim: Usd.Prim) -> Usd.Prim | None:
 
 
 def library_text(library: Library) -> str:
-    """Return a library as an aligned table: name, category, model, and the first sentence of the documentation."""
+    """Return a library as a text table of each preset's name, category, model and first sentence of documentation."""
     rows = [("name", "category", "model", "")]
     rows += [(p.name, p.category, p.model, p.doc.partition(". ")[0].rstrip(".")) for p in library.presets]
     return "\n".join(align_columns(rows))
 
 
 def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:
-    """Return the files of presets by casefolded name; the first folder that has a name takes precedence."""
+    """Return the files in library folders by casefolded name; of equal names, the one in the first folder counts."""
     files: dict[str, Path] = {}
     for folder in folders:
         for file in sorted(folder.iterdir()):
@@ -156,4 +165,5 @@ def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:
 
 
 def _join_folders(folders: Iterable[Path]) -> str:
+    """Return the paths of folders as text for a message."""
     return " or ".join(map(str, folders))

@@ -1,4 +1,7 @@
-"""Edits of the layers of a look: their order, names, switches and modes, and the selected variant of its file."""
+"""Edits in a look's file: the order, names, switches and modes of its layers, and the selected variant.
+
+Names of layers, `prim` and `variants` are as in `lookdev.material.library.edit`.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,10 @@ _TYPES = Sdf.ValueTypeNames
 
 
 def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variants: VariantChoice = None) -> None:
-    """Move a layer over the base to number `to`, from 1, and renumber the layers between, in every variant."""
+    """Give a layer the number `to`, and renumber the layers between the old and the new number, in every variant.
+
+    Number 1 is the layer directly over the base. The base itself cannot be moved.
+    """
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
         number, name = stack.find(layer)
@@ -27,6 +33,7 @@ def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variant
             hint = f"a number from 1 to {max(stack.layers)} would be right; the base stays beneath"
             raise stack.make_error(f"'{name}' cannot be layer {to}", hint)
         step = 1 if to < number else -1
+        # The new number of each layer whose number changes, by its old number.
         order = {number: to} | {other: other + step for other in range(min(number, to), max(number, to) + 1)}
         order[number] = to
         attributes = [stack.attribute(other, part) for other in order for part in LAYER_PARTS]
@@ -36,7 +43,7 @@ def move_layer(file: Path, layer: str, to: int, prim: str | None = None, variant
 
 
 def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, variants: VariantChoice = None) -> None:
-    """Rename the shader of a layer, and update connections to it."""
+    """Rename the shader of a layer, which is the layer's name, and update connections to it."""
     with edit_material(file, prim, variants) as material:
         path = layer_shader(material, layer)[1].GetPath()
         root, new = material.GetPrim().GetStage().GetRootLayer(), path.ReplaceName(name) if _is_name(name) else path
@@ -58,7 +65,10 @@ def rename_layer(file: Path, layer: str, name: str, prim: str | None = None, var
 def redirect_connections(
     layer: Sdf.Layer, new_paths: Mapping[Sdf.Path, Sdf.Path], within: Sdf.Path = Sdf.Path.absoluteRootPath
 ) -> None:
-    """Redirect connections at or below `within` in a USD layer to the new paths of moved prims."""
+    """Redirect connections to moved prims to their new paths, for all inputs at or below `within` in a USD layer.
+
+    `new_paths` maps the old paths of the prims to the new ones.
+    """
     for path in layer_paths(layer):
         spec = layer.GetPropertyAtPath(path) if path.IsPropertyPath() and path.HasPrefix(within) else None
         if not isinstance(spec, Sdf.AttributeSpec):
@@ -72,21 +82,24 @@ def redirect_connections(
 def enable_layer(
     file: Path, layer: str, enabled: bool, prim: str | None = None, variants: VariantChoice = None
 ) -> None:
-    """Switch a layer over the base on or off, at the file's strongest opinion, also in a variant."""
+    """Switch a layer over the base on or off.
+
+    The switch is changed at the file's strongest opinion, even inside a variant; see `set_constant`.
+    """
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
         set_constant(stack.create_input(stack.find(layer)[0], "Enabled", _TYPES.Bool), enabled)
 
 
 def set_mode(file: Path, layer: str, mode: Mode, prim: str | None = None, variants: VariantChoice = None) -> None:
-    """Set the mode of a layer: ``"over"`` or ``"transmit"``."""
+    """Set the mode of a layer over the base: ``"over"`` or ``"transmit"``; see `lookdev.material.Layer`."""
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
         set_constant(stack.create_input(stack.find(layer)[0], "Mode", _TYPES.Token), mode)
 
 
 def select_variant(file: Path, name: str, choice: str, prim: str | None = None) -> None:
-    """Write the file's own selection for a variant set at or above the material."""
+    """Select the variant `choice` of the set `name`, at the material or a prim above it, in the file itself."""
     with edit_material(file, prim) as material:
         stage = material.GetPrim().GetStage()
         sets = variant_sets(stage, material.GetPath())
@@ -99,4 +112,5 @@ def select_variant(file: Path, name: str, choice: str, prim: str | None = None) 
 
 
 def _is_name(name: str) -> bool:
+    """Return whether a text can be the name of a prim."""
     return bool(Sdf.Path.IsValidIdentifier(name))

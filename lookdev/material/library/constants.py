@@ -1,4 +1,8 @@
-"""Edits of constants of a look, at the file's opinions: in the file itself, or in a copy of it."""
+"""Edits of constants of a look, in its file or in a copy of it.
+
+A constant is changed where the file states it most strongly, even inside a variant. USD calls such a statement an
+*opinion*.
+"""
 
 from __future__ import annotations
 
@@ -28,10 +32,12 @@ def set_inputs(
     prim: str | None = None,
     variants: VariantChoice = None,
 ) -> None:
-    """Set constants of layers, by the index of a layer in the look, base first, and the name of a parameter.
+    """Set constants of the layers of a look in its file.
 
-    ``"mask"`` is the mask of the layer, ``"mask.dirt"`` an input of an expression. Opinions of the file itself change
-    in place, also in a variant; an input from another file gets an override. `variants` selects the composed material.
+    The keys of `values` are pairs: the index of a layer in the look, base first, and the name of an input. This is a
+    parameter, ``"mask"``, or an input of an expression, as ``"mask.dirt"``. An opinion of the file itself changes where
+    it is, also in a variant. An input that only another file states gets an override in this file. `variants` selects
+    the variants in which the material is composed.
     """
     with edit_material(file, prim, variants) as material:
         for (number, name), value in values.items():
@@ -41,10 +47,10 @@ def set_inputs(
 def write_changed(
     file: Path, out: Path, constants: Sequence[Constant], prim: str | None = None, variants: VariantChoice = None
 ) -> None:
-    """Write a copy of the look of a file with other constants, atomically; relative paths stay valid.
+    """Write the USD layer of a look to the file `out`, with the values of `constants`. Relative paths stay valid.
 
-    A constant changes at the file's strongest opinion, also in a variant. A constant from an interface that other
-    inputs share, or from another file, gets an override.
+    A constant is changed at the file's strongest opinion, also in a variant. It gets an override if another file states
+    it, or if it comes from an interface input that other inputs share. `out` is replaced in one step.
 
     Raises
     ------
@@ -53,10 +59,12 @@ def write_changed(
     """
     check_suffix(out)
     look = read_look(file, prim, variants)
+    # USD stores float32. The values that are read back from the copy are therefore compared with rounded ones.
     rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
     target = replace_constants(look, rounded)
     with atomic_path(out) as temporary, report_faults_for(out, temporary):
-        # Prefer the interface input that states a constant, unless other inputs are connected to it too.
+        # First try to set the interface inputs that state constants. If that changes other inputs too, because they are
+        # connected to the same ones, override the connections in a second try.
         for by_interface in (True, False):
             _copy_layer(file, temporary, out)
             with open_material(temporary, prim, variants) as material:
@@ -73,7 +81,7 @@ def write_changed(
 
 
 def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
-    """Write the USD layer of a file to `temporary`, in the format and with the relative paths of `out`."""
+    """Write the USD layer of a file to `temporary`, in the format of its suffix, with paths relative to `out`."""
     with usd_errors_as_faults(file):
         layer = Sdf.Layer.FindOrOpen(str(file))
         if layer is None or not layer.Export(str(temporary)):
@@ -84,14 +92,14 @@ def _copy_layer(file: Path, temporary: Path, out: Path) -> None:
 
 
 def check_writable(file: Path, prim: str | None = None, variants: VariantChoice = None) -> None:
-    """Raise LookError where `write_changed` cannot write a look: its file is not a look of layers in USD."""
+    """Raise LookError where `file` is not a look of layers in USD, so that `write_changed` could not write it."""
     check_suffix(file)
     with open_material(file, prim, variants) as material:
         enabled_layers(material)
 
 
 def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[str], value: object) -> Usd.Attribute:
-    """Return the attribute of a constant, creating it where necessary; `path` is as `Constant.path`."""
+    """Return the attribute of a constant, created if missing; `layer` and `path` are as in `Constant`."""
     shader, stack, mask = enabled_layers(material)[layer]
     name, *inside = path
     if name == "mask":
@@ -101,6 +109,7 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
         attribute = shader.CreateInput(name, INPUT_TYPES[kind]).GetAttr()
     if not inside:
         return attribute
+    # This network only follows connections. The name of its file would only matter in faults.
     source = Network(Path()).follow(attribute)
     node_inputs = source.shader.GetInputs() if isinstance(source, OutputSource) else []
     names = [node_input.GetBaseName() for node_input in node_inputs]
@@ -114,11 +123,12 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
 
 
 def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool = True) -> None:
-    """Set a constant at the strongest opinion of the edited file.
+    """Set a constant at the strongest opinion of the edited file, or add an opinion where the file has none.
 
-    With `by_interface`, set the interface input to which the attribute is connected; otherwise remove the connection.
-    Raises LookError where a node computes the input.
+    If the attribute is connected to an interface input of the material, `by_interface` sets that input; otherwise the
+    connection is removed. Raises LookError where `by_interface` is set and a node computes the attribute.
     """
+    # `Constant.value` of a float is a tuple of one number.
     usd_value = Gf.Vec3f(*map(float, value)) if isinstance(value, tuple) and len(value) == 3 else value
     usd_value = float(usd_value[0]) if isinstance(usd_value, tuple) else usd_value
     network = Network(Path(attribute.GetStage().GetRootLayer().realPath))
@@ -138,10 +148,11 @@ def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool 
 
 
 def _reanchor_paths(layer_file: Path, before: Path, after: Path) -> None:
-    """Rewrite the relative paths of a USD layer for another folder."""
+    """Rewrite the relative paths of a USD layer, which are relative to `before`, as relative to the folder `after`."""
     layer = Sdf.Layer.FindOrOpen(str(layer_file))
 
     def reanchor_path(path: str) -> str:
+        # A path without ./ that is not there comes from USD's search path, and stays.
         if not path or Path(path).is_absolute() or "://" in path or (path[0] != "." and not (before / path).exists()):
             return path
         return relative_path(before / path, after)

@@ -1,9 +1,11 @@
-"""Edits of looks in USD: their layer stacks, which reference presets.
+"""Edits of looks in USD files: new looks, and layers added to or removed from their stacks, by reference to presets.
 
 An edit changes a copy beside the file. The copy replaces the file only if `read_look` finds no faults in it, in any
-variant of the material. Edits affect only the file itself: a stack from another file gets overrides. Each function
-raises LookError where the file is not a look, or would not be one after the edit. Layers are identified by number, or
-by name in any case.
+variant of the material. Only this file changes: a stack that another file defines gets overrides. Each function raises
+LookError where the file is not a look, or would not be one after the edit.
+
+`layer` is the number of a layer, or its name, where upper and lower case are equal. `prim` is the path of the material,
+which is needed if a file has several. `variants` are the variants in which the material is composed.
 """
 
 from __future__ import annotations
@@ -39,28 +41,33 @@ log = logging.getLogger("lookdev.material")
 
 _TYPES = Sdf.ValueTypeNames
 INPUT_TYPES = {"float": _TYPES.Float, "color": _TYPES.Color3f, "normal": _TYPES.Normal3f, "token": _TYPES.Token}
-"""The types of the inputs of a layer, by kind of parameter."""
+"""The types in USD of the inputs of a layer's shader, by the `Parameter.kind` of the parameter."""
 
 
 def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
-    """Write a new look whose base is a preset, by reference, and return the path of its material.
+    """Write a new look whose base references a preset, and return the path of its material.
 
-    `file` must not exist. `name` is the name of the material; by default ``WornPaint`` for ``worn_paint.usda``.
+    `file` must not exist. `name` is the name of the material. By default it derives from the file's name: ``WornPaint``
+    for ``worn_paint.usda``.
     """
     return _write_new_look(file, name, lambda stage, path: _define_reference(stage, path, preset))
 
 
 def measured_look(file: Path, measurement: Path) -> str:
-    """Write a new look whose base is a file of measured reflectance, by a relative path; else as `model_look`."""
+    """Write a new look whose base shows a file of measured reflectance, and return the path of its material.
+
+    The path of the measurement is written relative to the look.
+    """
     return model_look(file, MEASURED, {"file": str(measurement)}, is_relative=True)
 
 
 def model_look(file: Path, model: Model, values: Parameters, *, is_relative: bool = False) -> str:
-    """Write a new look whose base is a model with some constants by name; otherwise as `new_look`.
+    """Write a new look whose base is a layer of a model, and return the path of its material; otherwise as `new_look`.
 
-    Paths of files are absolute, unless `is_relative`. Raises ModelError for faulty constants.
+    `values` has constants of the model by name; others keep their defaults. Paths of files among them are written as
+    absolute, or with `is_relative` as relative to the look. Raises ModelError for faulty constants.
     """
-    model.complete(values)
+    model.complete(values)  # for the errors that it raises
 
     def define(stage: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
         shader = UsdShade.Shader.Define(stage, path)
@@ -80,7 +87,10 @@ def model_look(file: Path, model: Model, values: Parameters, *, is_relative: boo
 
 
 def _write_new_look(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], Sdf.Path]) -> str:
-    """Write a new look, whose base `define` defines at a path; `define` returns the path of the base."""
+    """Write a new look and return the path of its material.
+
+    ``define(stage, path)`` defines the shader of the base layer at a path, and returns this path.
+    """
     check_suffix(file)
     if file.exists() or file.is_symlink():
         raise LookError.at(file, "", "exists already", "choose another name, or 'lookdev materials add' a layer to it")
@@ -122,7 +132,7 @@ def add_layer(
     prim: str | None = None,
     variants: VariantChoice = None,
 ) -> tuple[int, str]:
-    """Add a preset, by reference, over the layers of a look, and return the number and name of the new layer.
+    """Add a layer that references a preset over the layers of a look; return its number and its name.
 
     A look with a single layer gets a stack first.
     """
@@ -144,10 +154,10 @@ def add_layer(
 def remove_layer(
     file: Path, layer: str, prim: str | None = None, variants: VariantChoice = None
 ) -> tuple[int, str, bool]:
-    """Remove a layer from a stack; return its number, its name, and whether it was removed.
+    """Remove a layer from a stack; return its number, its name, and whether it was removed, not disabled.
 
-    Layers above it get new numbers, and nodes that only this layer used are removed. A layer that another file defines
-    is disabled instead.
+    The layers above get new numbers, and nodes that only this layer used are removed. A layer that another file defines
+    cannot be removed. It is disabled instead.
     """
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
@@ -166,10 +176,10 @@ def remove_layer(
 def set_mask(
     file: Path, layer: str, mask: MaskSource, prim: str | None = None, variants: VariantChoice = None
 ) -> tuple[int, str]:
-    """Replace the mask of a layer; return its number and name.
+    """Replace the mask of a layer; return the layer's number and name.
 
-    Nodes that only the old mask used are removed. Names of an expression that get no source keep their source in the
-    old expression.
+    Nodes that only the old mask used are removed. An input of an expression for which `mask` states nothing keeps the
+    source that it had in the old expression.
     """
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
@@ -186,14 +196,17 @@ def replace_source(
     source: MaskSource | None,
     kind: ExpressionKind = "float",
 ) -> None:
-    """Replace the source of an input, or remove it; nodes of the new source are children of `scope`.
+    """Replace the source of an input by `source`, or remove it where `source` is None.
 
-    Nodes that only the old source used are removed. Names of an expression that get no source keep their source in the
-    old expression.
+    The nodes of the new source become children of the prim `scope`, under `name`. `kind` is the type of the input.
+    Nodes that only the old source used are removed. An input of an expression for which `source` states nothing keeps
+    the source that it had in the old expression.
     """
+    # This network only follows connections. The name of its file would only matter in faults.
     old_states = _input_states(Network(Path()).follow(attribute)) if source is not None else {}
     used = find_upstream(material, [attribute])
     clear_input(attribute)
+    # The sources of the old expression's inputs are kept until the new expression is written, which may use them.
     remove_unused(material, used, [path for state in old_states.values() for path in state.connections])
     if source is not None:
         MaskWriter(attribute.GetStage(), scope, old_states, kind).write(attribute, name, source)
@@ -214,13 +227,14 @@ def _define_reference(stage: Usd.Stage, path: Sdf.Path, preset: Preset) -> Sdf.P
 
 
 def _author_preview(material: UsdShade.Material) -> str:
+    """Write the preview of the enabled layers of a look, and return the path of its shader."""
     look = _save_and_read(material)
     shaders = [shader for shader, *_ in enabled_layers(material)]
     return author_preview(material, list(zip(look.layers, shaders, strict=True)))
 
 
 def _input_states(source: Usd.Attribute | OutputSource | None) -> dict[str, InputState]:
-    """Return the states of the named inputs of an expression node; {} for any other node."""
+    """Return the authored states of an expression node's inputs by name; {} where the source is not such a node."""
     if not isinstance(source, OutputSource) or shader_id(source.shader) != "LookdevExpression":
         return {}
     inputs = {shader_input.GetBaseName(): shader_input.GetAttr() for shader_input in source.shader.GetInputs()}
@@ -233,7 +247,11 @@ def _input_states(source: Usd.Attribute | OutputSource | None) -> dict[str, Inpu
 
 @contextmanager
 def edit_material(file: Path, prim: str | None, variants: VariantChoice = None) -> Iterator[UsdShade.Material]:
-    """Yield the material of a copy of a file; the copy replaces the file if it is a valid look at exit."""
+    """Yield the material of a copy of a file, to be edited. On exit, the copy replaces the file if its look is valid.
+
+    A text file keeps the layout of its author. Raises LookError where the file is not a look, or the edited one has
+    faults.
+    """
     check_suffix(file)
     if file.is_symlink():
         raise LookError.at(file, "", "is a symbolic link", f"edit {file.resolve()} itself")
@@ -250,7 +268,10 @@ def edit_material(file: Path, prim: str | None, variants: VariantChoice = None) 
 
 
 def _restore_layout(file: Path, temporary: Path, before: str) -> None:
-    """Restore the layout of the text of a file in its edited copy; `before` is the file's text as USD writes it."""
+    """Restore the layout of a file's text in its edited copy, or warn that this is not possible.
+
+    `before` is the unedited layer as USD writes it.
+    """
     text = restore_layout(file.read_text("utf-8"), before, temporary.read_text("utf-8"))
     if text is None:
         log.warning("%s: USD's own layout replaces that of its text, and its comments are lost", file)
@@ -272,7 +293,7 @@ def check_suffix(file: Path) -> None:
 
 @contextmanager
 def report_faults_for(file: Path, temporary: Path) -> Iterator[None]:
-    """Report the faults of a temporary copy as faults of the file."""
+    """Within this context, raise faults and USD's errors of a temporary copy as faults of the file itself."""
     try:
         with usd_errors_as_faults(temporary):
             yield
@@ -286,14 +307,14 @@ def report_faults_for(file: Path, temporary: Path) -> Iterator[None]:
 
 
 def _save_and_read(material: UsdShade.Material, **variants: str) -> Look:
-    """Save and read the look of a material."""
+    """Save the file of a material, and read its look with these variants selected, by set; raises as `read_look`."""
     layer = material.GetPrim().GetStage().GetRootLayer()
     layer.Save()
     return read_look(Path(layer.realPath), str(material.GetPath()), variants)
 
 
 def _check_variants(material: UsdShade.Material) -> None:
-    """Read the look in each variant of the material; LookError where one is faulty."""
+    """Raise LookError if the look is faulty, as it is or with any single variant of the material selected."""
     _save_and_read(material)
     variants = material.GetPrim().GetVariantSets()
     for name in variants.GetNames():

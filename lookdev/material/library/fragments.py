@@ -1,7 +1,8 @@
-"""Layers of looks as USD text, for copy, paste and duplication.
+"""Copies layers of looks: as USD text to a clipboard and back, as duplicates in a look, or as new presets.
 
-The text has a Material whose stack has the layer as its `layer1` and no base, and the nodes that the layer reads.
-Values of the look's interface become constants, and paths of files are absolute.
+The copied layer is a *fragment*: a USD layer in memory with a single Material. Its stack has the copied layer as
+`layer1` and has no base. The nodes that the layer reads are beside the stack. In a text for the clipboard, values of
+the look's interface are constants, and paths of files are absolute.
 """
 
 from __future__ import annotations
@@ -22,15 +23,20 @@ from lookdev.material.usd import VariantChoice, open_material
 from lookdev.material.usd.network import Network, OutputSource
 
 _TYPES = Sdf.ValueTypeNames
+# The paths in a fragment of its Material, and of the stack in it.
 _ROOT = Sdf.Path("/LookdevLayer")
 _STACK = _ROOT.AppendChild("Layers")
-_MAX_LENGTH = 1 << 20
+_MAX_LENGTH = 1 << 20  # characters of a text that is pasted
+# The types of the inputs of a stack by `lookdev.material.library.stack.LAYER_PARTS`, without the layer itself.
 _PART_TYPES = {"Mask": _TYPES.Float, "Enabled": _TYPES.Bool, "Mode": _TYPES.Token}
 _DOC = "A layer of a look, as the Designer copies and pastes it."
 
 
 def copy_layer(file: Path, layer: str, prim: str | None = None, variants: VariantChoice = None) -> str:
-    """Return the USD text of a layer; LookError where it does not exist or has nodes outside of the material."""
+    """Return a layer as USD text, for `paste_layer`.
+
+    Raises LookError where the layer does not exist, or reads nodes outside of the material.
+    """
     with open_material(file, prim, variants) as material:
         fragment = _extract_fragment(material, layer, by_value=True)
         folder = file.resolve().parent
@@ -44,7 +50,7 @@ def copy_layer(file: Path, layer: str, prim: str | None = None, variants: Varian
 
 
 def paste_layer(file: Path, text: str, prim: str | None = None, variants: VariantChoice = None) -> int:
-    """Add a layer from `copy_layer` over the layers of a look, and return its number."""
+    """Add the layer in a text of `copy_layer` over the layers of a look, and return its number."""
     fragment = Sdf.Layer.CreateAnonymous(".usda")
     hint = "copy a layer first, here or in another Designer"
     error_without_layer = LookError.at("clipboard", "", "has no layer of a look as USD text", hint)
@@ -63,7 +69,10 @@ def paste_layer(file: Path, text: str, prim: str | None = None, variants: Varian
 
 
 def duplicate_layer(file: Path, layer: str, prim: str | None = None, variants: VariantChoice = None) -> int:
-    """Add a copy of a layer over the layers of a look, connected to the same interface; return its number."""
+    """Add a copy of a layer over the layers of the same look, and return its number.
+
+    The copy is connected to the same interface inputs of the material.
+    """
     with edit_material(file, prim, variants) as material:
         return _insert_fragment(material, _extract_fragment(material, layer, by_value=False))
 
@@ -77,9 +86,10 @@ def save_preset(
     prim: str | None = None,
     variants: VariantChoice = None,
 ) -> None:
-    """Write the parameters of a layer to a new preset of a library.
+    """Write the parameters of a layer to a new preset of a library, the file `target`.
 
-    Raises LookError where `target` exists or has an invalid name, or a parameter is not a constant.
+    `category` and `doc` are texts for the list of presets. Raises LookError where `target` exists or has an invalid
+    name, or where a parameter is not a constant.
     """
     name = camel_case(target.stem)
     if target.suffix != ".usda" or not Sdf.Path.IsValidIdentifier(name):
@@ -114,15 +124,21 @@ def save_preset(
 
 
 def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool) -> Sdf.Layer:
-    """Return a USD layer with a layer of a look, its nodes and its mask."""
+    """Return a fragment with a layer of a look, the nodes that it reads, and its mask, switch and mode.
+
+    With `by_value`, values of the look's interface become constants. Otherwise, connections to the interface stay.
+    """
     stage, network = material.GetPrim().GetStage(), Network(Path())
     root, (number, shader), stack = stage.GetRootLayer(), layer_shader(material, layer), find_stack(material)
     attributes = {} if stack is None else {part: stack.attribute(number, part) for part in _PART_TYPES if number}
     authored = {part: attribute for part, attribute in attributes.items() if attribute}
     nodes = find_upstream(material, authored.values()) | {shader.GetPath()}
     nodes |= find_upstream(material, [shader_input.GetAttr() for shader_input in shader.GetInputs()])
+    # Nodes inside another node, as in a node graph, are copied with it.
     top_paths = sorted(path for path in nodes if not any(path != other and path.HasPrefix(other) for other in nodes))
     sites = {path: find_sites(root, path) for path in top_paths}
+    # If the file itself defines all nodes, outside of variants, their specs are copied. Otherwise, the composed stage
+    # is flattened into one layer, and they are copied from there.
     is_plain = all(sites[path] == [path] and is_defined(root, [path]) for path in top_paths)
     source, fragment = root if is_plain else stage.Flatten(), Sdf.Layer.CreateAnonymous(".usda")
     top = Sdf.PrimSpec(fragment, _ROOT.name, Sdf.SpecifierDef, "Material")
@@ -153,6 +169,7 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
 
 
 def _free_path(layer: Sdf.Layer, name: str) -> Sdf.Path:
+    """Return an unused path in a fragment for a node: its name, with a number where it is in use."""
     name = name if name != _STACK.name else f"{name}Node"
     names = [name, *(f"{name}{number}" for number in range(2, 1000))]
     return next(path for candidate in names if not layer.GetPrimAtPath(path := _ROOT.AppendChild(candidate)))
@@ -161,7 +178,11 @@ def _free_path(layer: Sdf.Layer, name: str) -> Sdf.Path:
 def _replace_interface(
     material: UsdShade.Material, fragment: Sdf.Layer, origins: Mapping[Sdf.Path, Sdf.Path], network: Network
 ) -> None:
-    """Replace connections to inputs of the material by the values of these inputs."""
+    """Replace connections of a fragment to interface inputs of the material by the values of these inputs.
+
+    `origins` maps the paths of nodes in the fragment to those in the material. Raises LookError where a node computes
+    such an input.
+    """
     stage = material.GetPrim().GetStage()
 
     def replace_connection(path: Sdf.Path) -> None:
@@ -179,7 +200,7 @@ def _replace_interface(
 
 
 def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
-    """Copy the nodes of a fragment into a material, and add its layer on top."""
+    """Copy the nodes of a fragment into a material, and add its layer on top; return the layer's number."""
     stage = material.GetPrim().GetStage()
     stack, number = ensure_stack(material)
     root, new_paths = stage.GetRootLayer(), {_ROOT: material.GetPath()}

@@ -1,7 +1,8 @@
-"""Restores the author's layout in an edited USD file: comments, blank lines, the order of statements.
+"""Restores the author's layout in a USD text file after an edit: comments, blank lines, the order of statements.
 
 USD writes a layer in its own layout, without ``#`` comments. This module therefore merges three texts, statement by
-statement: the author's, and USD's before and after the edit. Where the latter two agree, the author's text stays.
+statement: the author's text, the same layer as USD writes it, and the edited layer as USD writes it. A statement that
+is equal in the last two keeps the author's text.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 from pxr import Sdf, Tf
 
+# The tokens of USD's text format, as far as they matter for finding the ends of statements.
 _TOKEN = re.compile(
     r'(?P<string>"""(?:\\.|[^\\])*?"""|\'\'\'(?:\\.|[^\\])*?\'\'\'|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\')'
     r"|(?P<asset>@@@.*?@@@|@[^@\n]*@)|(?P<comment>#[^\n]*)|(?P<open>[\[({])|(?P<close>[\])}])|(?P<line>\n)"
@@ -23,7 +25,10 @@ _TOKEN = re.compile(
 
 @dataclass
 class _Block:
-    """Statements between brackets; `close` is the text between the last statement and the closing bracket."""
+    """The statements between two brackets, or of a whole text.
+
+    `close` is the white space and comments between the last statement and the closing bracket.
+    """
 
     statements: list[_Statement] = field(default_factory=list)
     close: str = ""
@@ -31,10 +36,14 @@ class _Block:
 
 @dataclass
 class _Statement:
-    """A statement: `lead` has the blank lines and comments above it, `trail` the comment after it.
+    """A statement of a USD text file.
 
-    In a prim, a variant set or a variant, metadata and a body follow `head`. `gaps` has the white space and comments
-    before each, by its opening bracket. In any other statement, `head` is the whole text.
+    lead : the blank lines and comments above the statement.
+    head : the text of the statement. For a prim, a variant set or a variant, it ends before the first bracket.
+    meta : the metadata in brackets () of a prim, a variant set or a variant; else None.
+    body : the block in braces {} of a prim, a variant set or a variant; else None.
+    trail : the comment behind the statement.
+    gaps : the white space and comments before `meta` and `body`, by the opening bracket ``"("`` or ``"{"``.
     """
 
     lead: str = ""
@@ -46,14 +55,14 @@ class _Statement:
 
     @property
     def key(self) -> str:
-        """The identity of the statement: the words before its value."""
+        """The words before the value, which identify the same statement in the other texts."""
         if self.meta is not None or self.body is not None:
             return " ".join(self.head.rstrip("= \n").split())
         return " ".join(self.head.partition("=")[0].split())
 
     @property
     def content(self) -> tuple[str, ...]:
-        """The content of the statement, to compare with others of the same layout."""
+        """The texts inside the statement, equal for two prims that USD has written and that differ only in name."""
         inside = [statement for block in (self.meta, self.body) if block for statement in block.statements]
         return (
             self.head.strip() if not inside else "",
@@ -62,12 +71,14 @@ class _Statement:
 
 
 class _Reader:
+    """Splits the text of a USD file into blocks and statements. `_index` is the index of the next token."""
+
     def __init__(self, text: str) -> None:
         self._tokens = [(match.lastgroup or "", match[0]) for match in _TOKEN.finditer(text)]
         self._index = 0
 
     def read_block(self) -> _Block:
-        """Read statements up to a closing bracket, or to the end."""
+        """Read the statements up to a closing bracket, or up to the end of the text."""
         block = _Block()
         while True:
             lead = self._read_trivia()
@@ -79,10 +90,11 @@ class _Reader:
             block.statements.append(self._read_statement(lead))
 
     def _peek(self) -> tuple[str, str]:
+        """Return the kind (a group of `_TOKEN`) and the text of the next token; both are "" at the end."""
         return self._tokens[self._index] if self._index < len(self._tokens) else ("", "")
 
     def _read_trivia(self) -> str:
-        """Read white space and comments."""
+        """Read and return white space, comments and semicolons."""
         trivia = []
         while (token := self._peek())[0] in ("comment", "line") or token[1].isspace() or token[1] == ";":
             trivia.append(token[1])
@@ -90,11 +102,13 @@ class _Reader:
         return "".join(trivia)
 
     def _read_statement(self, lead: str) -> _Statement:
+        """Read a statement; `lead` is the text above it, which is read already."""
+        # `depth` counts the open brackets of a value. `gap` is the space that is read but belongs to no part yet.
         statement, depth, gap = _Statement(lead), 0, ""
         head: list[str] = []
         while True:
             kind, text = self._peek()
-            if depth and kind:  # inside a value, which may be long
+            if depth and kind:  # inside a value: a short way for long arrays
                 depth += (kind == "open") - (kind == "close")
                 head.append(text)
                 self._index += 1
@@ -130,7 +144,7 @@ class _Reader:
         return statement
 
     def _continues_below(self, words: str) -> bool:
-        """Return whether the statement's brackets, of a prim, a variant set or a variant, open on a line below."""
+        """Return whether a prim, variant set or variant of head `words` has its opening bracket on a line below."""
         if "=" in words and not _is_variant_set(words):
             return False
         index = self._index
@@ -140,10 +154,12 @@ class _Reader:
 
 
 def _is_variant_set(words: str) -> bool:
+    """Return whether a statement is a variant set, whose head contains "=" although it has a body."""
     return words.split()[:1] == ["variantSet"]
 
 
 def _statement_text(statement: _Statement) -> str:
+    """Return the text of a statement, with the comments before and behind it."""
     text, gaps = statement.lead + statement.head, statement.gaps
     if statement.meta is not None:
         text += gaps["("] + "(" + _block_text(statement.meta) + ")"
@@ -153,17 +169,18 @@ def _statement_text(statement: _Statement) -> str:
 
 
 def _block_text(block: _Block) -> str:
+    """Return the text of a block, without its brackets."""
     return "".join(map(_statement_text, block.statements)) + block.close
 
 
 def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -> _Block | None:
-    """Return the author's block with the changes from `before` to `after`."""
+    """Return the author's block with the changes from `before` to `after`, blocks of the two layers that USD writes."""
     if author is None or before is None or after is None:
         return after
     old, new = ({statement.key: statement for statement in block.statements} for block in (before, after))
     renamed = _renamed_keys(before.statements, after.statements)
     merged: dict[str, _Statement] = {}
-    header = ""
+    header = ""  # comments above removed statements, for the next statement that stays
     for statement in author.statements:
         key = renamed.get(statement.key, statement.key)
         if key not in new:
@@ -180,6 +197,8 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
         else:
             same = previous is not None and previous.head == current.head
             merged[key] = replace(statement, lead=lead) if same else replace(statement, lead=lead, head=current.head)
+    # Statements stay in the author's order. New ones and those that the edit has moved follow the statement that is
+    # before them in `after`.
     moved = _moved_keys([renamed.get(statement.key, statement.key) for statement in before.statements], [*new])
     order, last = [key for key in merged if key not in moved], ""
     for statement in after.statements:
@@ -191,7 +210,7 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
 
 
 def _moved_keys(before: Sequence[str], after: Sequence[str]) -> set[str]:
-    """Return the keys in both sequences whose order among the common keys differs."""
+    """Return the keys that an edit has moved: those in both sequences whose order among the common keys differs."""
     common = {*before} & {*after}
     old, new = ([key for key in keys if key in common] for keys in (before, after))
     same = difflib.SequenceMatcher(None, old, new, autojunk=False).get_matching_blocks()
@@ -199,7 +218,10 @@ def _moved_keys(before: Sequence[str], after: Sequence[str]) -> set[str]:
 
 
 def _renamed_keys(before: Sequence[_Statement], after: Sequence[_Statement]) -> dict[str, str]:
-    """Return the new keys, by old key, of prims that differ only in their name."""
+    """Return the new keys of renamed prims by their old keys.
+
+    A prim is renamed if it is missing after the edit, and a new prim has the same content.
+    """
     old, new = {statement.key for statement in before}, {statement.key for statement in after}
     removed = {statement.content: statement.key for statement in before if statement.body and statement.key not in new}
     return {
@@ -214,6 +236,7 @@ def restore_layout(author: str, before: str, after: str) -> str | None:
 
     `author` is the author's text, `before` the same layer as USD writes it, `after` the edited layer as USD writes it.
     """
+    # The merged text must be the same layer as `after`: USD reads and writes both, and the results are compared.
     check, target = Sdf.Layer.CreateAnonymous(".usda"), Sdf.Layer.CreateAnonymous(".usda")
     try:
         merged = _merge(*(_Reader(text).read_block() for text in (author, before, after)))

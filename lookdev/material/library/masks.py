@@ -1,4 +1,8 @@
-"""Masks as users type them, and as USD nodes: a number, an image, a primvar, or an expression of these."""
+"""Parses masks as users type them on the command line or in the Designer, and writes them as USD nodes.
+
+A mask is a number, an image, a primvar, or an expression whose inputs are such sources. The same texts set parameters
+of layers that are numbers or colours.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ from lookdev.material.expression import Expression, ExpressionError, ExpressionK
 from lookdev.material.library.nodes import clear_input, free_path, relative_asset
 
 IMAGE_SUFFIXES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
-"""The suffixes of image files; a text that ends with none of them is not an image."""
+"""The suffixes by which the text of a mask is recognised as an image file."""
 
 _IMAGE = re.compile(
     rf"(?P<file>.+({'|'.join(re.escape(suffix) for suffix in IMAGE_SUFFIXES)}))(:(?P<channel>\w*))?", re.I
@@ -27,7 +31,7 @@ _FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGE_SUFFIXES)}), primvar:
 
 @dataclass(frozen=True)
 class MaskImage:
-    """The absolute path of an image, and a channel: ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour."""
+    """An image file, by its absolute path, as a source: a `channel` ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour."""
 
     file: Path
     channel: str = "r"
@@ -35,30 +39,35 @@ class MaskImage:
 
 @dataclass(frozen=True)
 class PrimvarName:
-    """A primvar of the geometry, a float or, for an input that is a colour, a colour; 0 where the mesh has none."""
+    """A primvar of the geometry as a source; 0 where the mesh has none.
+
+    It is a colour if the input that reads it is a colour, else a float.
+    """
 
     name: str
 
 
 @dataclass(frozen=True)
 class UvName:
-    """The coordinates of a UV set, for an expression: a colour (s, t, 0)."""
+    """The coordinates of a UV set as a source of an expression: a colour (s, t, 0)."""
 
     name: str
 
 
 MaskInput: TypeAlias = float | MaskImage | PrimvarName | UvName
+"""A source that is not an expression. A float is a constant."""
 
 
 @dataclass(frozen=True)
 class MaskExpression:
-    """An expression, and the sources of its names."""
+    """An expression as a source, and the sources of its inputs by name."""
 
     expression: Expression
     inputs: Mapping[str, MaskInput] = field(default_factory=dict)
 
 
 MaskSource: TypeAlias = MaskInput | MaskExpression
+"""The source of a mask, or of a parameter that is a number or a colour."""
 
 
 def parse_mask(
@@ -71,16 +80,19 @@ def parse_mask(
     text
         ``"0.5"``, ``"dirt.png"`` or ``"dirt.png:g"``, ``"primvar:wear"``, or an expression.
     inputs
-        Sources of names in an expression: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for coordinates.
+        Texts NAME=SOURCE for inputs of an expression: ``"dirt=dirt.png:g"``, ``"tint=wood.png:rgb"`` for a colour,
+        ``"p=uv:st"`` for texture coordinates.
     folder
         The folder to which paths of images are relative.
-    name, kind
-        ``"mask"``, or the name of the parameter, and its kind. The image of a colour is read as ``:rgb``.
+    name
+        ``"mask"``, or the name of the parameter.
+    kind
+        Whether the parameter is a float or a colour. For a colour, an image is read with the channels ``rgb``.
 
     Raises
     ------
     LookError
-        `text` is none of these, or an input is not a name of the expression.
+        `text` has none of these forms, or one of `inputs` is not in the expression.
     """
     source = _parse_source(text, name, ("r", "g", "b", "a") if kind == "float" else ("rgb",), folder)
     if source is not None:
@@ -95,6 +107,7 @@ def parse_mask(
 
 
 def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -> Iterator[tuple[str, MaskInput]]:
+    """Yield the name and the source of each text NAME=SOURCE; LookError for a wrong text or an unknown name."""
     for text in inputs:
         name, _, value = text.partition("=")
         if name not in expression.names:
@@ -108,7 +121,11 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
 
 
 def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Path) -> MaskInput | None:
-    """Parse a number, an image or a primvar; None where it is something else."""
+    """Parse a source that is not an expression; return None where the text is something else.
+
+    `subject` is ``"mask"``, a parameter's name or ``"--input NAME"``, for messages; UV sets are only for the last.
+    `channels` are those allowed for an image, the default first. Raises LookError for a faulty source.
+    """
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
         value = float(text)
         if subject == "mask" and not 0.0 <= value <= 1.0:
@@ -132,7 +149,7 @@ def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Pa
 
 @dataclass(frozen=True)
 class InputState:
-    """The authored state of an input: its type, and its connections or its value."""
+    """What a file states for an input of a node: its type, and its connections or else its value."""
 
     type_name: Sdf.ValueTypeName
     connections: tuple[Sdf.Path, ...]
@@ -140,9 +157,10 @@ class InputState:
 
 
 class MaskWriter:
-    """Writes the nodes of the source of a mask, or of another float or colour, as children of `scope`.
+    """Writes the nodes for the source of a mask or a parameter, as children of the prim `scope`.
 
-    `states` are inputs of the replaced expression: a name without a new source keeps its old state.
+    `states` has the inputs, by name, of the expression that is replaced. An input of the new expression for which no
+    source is given gets the state of the old input with its name. `kind` is the type of the mask or parameter.
     """
 
     def __init__(
@@ -175,10 +193,11 @@ class MaskWriter:
                 attribute.Set(mask)
 
     def _write_image(self, name: str, image: MaskImage) -> Sdf.Path:
+        """Write the node of an image. As all ``_write`` methods, return the path of the node's output."""
         node = self._define_node(name, "UsdUVTexture")
         node.CreateInput("file", _TYPES.Asset).Set(Sdf.AssetPath(relative_asset(image.file, self._stage)))
         color = image.channel == "rgb"
-        if not color:  # a mask is data
+        if not color:  # a single channel is data, not a colour
             node.CreateInput("sourceColorSpace", _TYPES.Token).Set("raw")
         for wrap in ("wrapS", "wrapT"):
             node.CreateInput(wrap, _TYPES.Token).Set("repeat")
@@ -186,7 +205,7 @@ class MaskWriter:
         return _create_output(node, image.channel, _TYPES.Float3 if color else _TYPES.Float)
 
     def _write_coordinates(self, name: str) -> Sdf.Path:
-        """Return the output of the reader of a UV set: the existing one of the scope, or a new one."""
+        """Return the output of the node that reads a UV set: one that exists in the scope, or else a new one."""
         for prim in self._stage.GetPrimAtPath(self._scope).GetChildren():
             shader = UsdShade.Shader(prim)
             if shader and shader.GetShaderId() == "UsdPrimvarReader_float2":
@@ -196,11 +215,13 @@ class MaskWriter:
         return self._write_reader(name[:1].upper() + name[1:].replace(":", "_"), "float2", name)
 
     def _write_reader(self, name: str, kind: Literal["float", "float2", "float3"], primvar: str) -> Sdf.Path:
+        """Write the node `name` that reads a primvar of the type `kind`."""
         node = self._define_node(name, f"UsdPrimvarReader_{kind}")
         node.CreateInput("varname", _TYPES.String).Set(primvar)
         return _create_output(node, "result", {"float": _TYPES.Float, "float2": _TYPES.Float2}.get(kind, _TYPES.Float3))
 
     def _write_expression(self, name: str, mask: MaskExpression) -> Sdf.Path:
+        """Write the node of an expression and those of its inputs; raises as `write`."""
         node = self._define_node(name, "LookdevExpression")
         node.CreateInput("expression", _TYPES.String).Set(mask.expression.text)
         kinds: dict[str, ExpressionKind] = {}
@@ -229,17 +250,19 @@ class MaskWriter:
         return _create_output(node, "result", _TYPES.Float if result == "float" else _TYPES.Color3f)
 
     def _define_node(self, name: str, shader_id: str) -> UsdShade.Shader:
+        """Define a shader in the scope, with a number after its name where that is in use."""
         shader = UsdShade.Shader.Define(self._stage, free_path(self._stage, self._scope, name))
         shader.CreateIdAttr(shader_id)
         return shader
 
 
 def _create_output(node: UsdShade.Shader, name: str, type_name: Sdf.ValueTypeName) -> Sdf.Path:
+    """Create an output of a node and return its path."""
     return node.CreateOutput(name, type_name).GetAttr().GetPath()
 
 
 def _input_type(source: MaskInput | None) -> Sdf.ValueTypeName:
-    """Return the type of an input of an expression for its source."""
+    """Return the type in USD of an expression's input with this source."""
     if isinstance(source, UvName):
         return _TYPES.Float2
     return _TYPES.Color3f if isinstance(source, MaskImage) and source.channel == "rgb" else _TYPES.Float

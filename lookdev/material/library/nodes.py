@@ -1,6 +1,7 @@
-"""Shader nodes in a USD layer: their sites and connections, and their removal.
+"""Helpers of the edits of looks: paths, connections and removal of shader nodes in a USD layer.
 
-The sites of a prim are the paths of its specs in a layer: its path, and paths inside variants, selected or not.
+A *layer* is here a file of USD, not a layer of a look. A prim can have several specs in one layer: one at its own path,
+and one inside each variant that edits it. The paths of these specs are the *sites* of the prim.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ from pxr import Sdf, Usd, UsdShade
 
 
 def clear_input(attribute: Usd.Attribute) -> None:
-    """Remove the value and connections of an input; an empty list overrides connections of other layers."""
+    """Remove the value and the connections of an input in the edited file, and override connections of other files."""
     attribute.Clear()
     attribute.ClearConnections()
+    # Another layer still states connections: an empty list is the stronger opinion.
     if attribute.HasAuthoredConnections():
         attribute.SetConnections([])
 
 
 def free_path(stage: Usd.Stage, scope: Sdf.Path, name: str) -> Sdf.Path:
-    """Return a child path of `scope` that is unused, also in all variants of the root layer."""
+    """Return the path of a new child of `scope`: `name`, with a number where it is in use, also inside a variant."""
     used_paths = {path.StripAllVariantSelections() for path in layer_paths(stage.GetRootLayer())}
     path, number = scope.AppendChild(name), 2
     while path in used_paths or stage.GetPrimAtPath(path):
@@ -30,30 +32,37 @@ def free_path(stage: Usd.Stage, scope: Sdf.Path, name: str) -> Sdf.Path:
 
 
 def relative_asset(file: Path, stage: Usd.Stage) -> str:
-    """Return the path of a file relative to the root layer, with forward slashes."""
+    """Return the path of a file relative to the folder of the stage's root layer, as `relative_path`."""
     return relative_path(file, Path(stage.GetRootLayer().realPath).parent)
 
 
 def relative_path(file: Path, folder: Path) -> str:
-    """Return the path of a file relative to a folder; with ``./``, USD does not use its search path."""
+    """Return the path of a file relative to a folder, with forward slashes, beginning with ``./`` or ``../``."""
+    # USD looks up a path without this beginning in its search path.
     path = Path(os.path.relpath(file, folder)).as_posix()
     return path if path.startswith("../") else f"./{path}"
 
 
 def moved_path(path: Sdf.Path, new_paths: Mapping[Sdf.Path, Sdf.Path]) -> Sdf.Path | None:
-    """Return the new path of a prim or property in or below one of the moved prims; None elsewhere."""
+    """Return the new path of a prim or property, or None where it is not at or below a moved prim.
+
+    `new_paths` maps the old paths of the moved prims to their new ones.
+    """
     return next((path.ReplacePrefix(old, new) for old, new in new_paths.items() if path.HasPrefix(old)), None)
 
 
 def layer_paths(layer: Sdf.Layer) -> list[Sdf.Path]:
-    """Return the paths of all specs in a layer, including those inside variants."""
+    """Return the paths of all specs in a layer: prims and properties, also those inside variants."""
     paths: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
     return paths
 
 
 def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribute]) -> set[Sdf.Path]:
-    """Return the paths of all prims inside the material on which the values of attributes depend."""
+    """Return the paths of all prims inside the material on which the values of these attributes depend.
+
+    They are found by following connections.
+    """
     paths: set[Sdf.Path] = set()
     pending = [attribute for attribute in attributes if attribute]
     while pending:
@@ -69,7 +78,10 @@ def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribut
 def remove_unused(
     material: UsdShade.Material, candidates: Iterable[Sdf.Path], targets: Sequence[Sdf.Path] = ()
 ) -> None:
-    """Remove the candidates that the edited file defines and nothing uses; `targets` are in use."""
+    """Remove those of the candidate prims that the edited file defines and to which nothing else is connected.
+
+    The prims of `targets`, paths of outputs, count as used. A prim that only another removed one uses is removed too.
+    """
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
     remaining = set(candidates)
@@ -88,7 +100,7 @@ def remove_unused(
 
 
 def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
-    """Yield all connections as pairs of paths, including those in variants that are not selected."""
+    """Yield all connections as pairs of paths (input, source), including those in variants that are not selected."""
     for prim in stage.TraverseAll():
         for attribute in prim.GetAttributes():
             for target in attribute.GetConnections():
@@ -102,7 +114,7 @@ def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
 
 
 def find_sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
-    """Return the sites of a prim in a layer."""
+    """Return the sites of a prim in a layer: the paths of its specs, also inside variants."""
     return [path for path in layer_paths(layer) if path.IsPrimPath() and path.StripAllVariantSelections() == prim]
 
 
@@ -112,9 +124,9 @@ def is_defined(layer: Sdf.Layer, sites: Iterable[Sdf.Path]) -> bool:
 
 
 def remove_prims(layer: Sdf.Layer, prims: Iterable[Sdf.Path]) -> None:
-    """Remove prims from a layer."""
+    """Remove the prim specs at these paths from a layer."""
     for path in prims:
-        if layer.GetPrimAtPath(path):  # unless it was removed with its parent
+        if layer.GetPrimAtPath(path):  # it may have been removed with its parent
             edit = Sdf.BatchNamespaceEdit()
             edit.Add(path, Sdf.Path.emptyPath)
             layer.Apply(edit)

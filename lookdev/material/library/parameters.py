@@ -1,4 +1,7 @@
-"""Edits of the source of a parameter of a layer: an image, a primvar, an expression, or back to the default."""
+"""Edits in a look's file: set a parameter of a layer to an image, a primvar or an expression, or to its default.
+
+Names of layers, `prim` and `variants` are as in `lookdev.material.library.edit`.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +23,10 @@ from lookdev.material.usd.network import is_authored, shader_id
 def set_source(
     file: Path, layer: str, name: str, source: MaskSource, prim: str | None = None, variants: VariantChoice = None
 ) -> None:
-    """Set the source of a parameter to an image, a primvar or an expression, with nodes beside the layer's shader.
+    """Set the source of the parameter `name` of a layer, and write its nodes beside the layer's shader.
 
-    Nodes that only the old source used are removed. Names of an expression that get no source keep their source in the
-    old expression. Raises ModelError for a parameter that cannot have a source.
+    Nodes that only the old source used are removed. An input of an expression for which `source` states nothing keeps
+    the source that it had in the old expression. Raises ModelError for a parameter that cannot have a source.
     """
     with edit_material(file, prim, variants) as material:
         shader, parameter = _find_parameter(material, layer, name)
@@ -39,7 +42,8 @@ def set_source(
 def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, variants: VariantChoice = None) -> None:
     """Reset a parameter of a layer to the model's default, in every variant.
 
-    Opinions of other files, such as presets, are blocked. Nodes that only the parameter used are removed.
+    Values and connections from other files, such as presets, are blocked. Nodes that only the parameter used are
+    removed.
     """
     with edit_material(file, prim, variants) as material:
         shader, _ = _find_parameter(material, layer, name)
@@ -48,6 +52,7 @@ def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, 
             raise LookError.at(file, shader.GetPath(), f"does not state '{name}'")
         replace_source(material, attribute, shader.GetPath().GetParentPath(), "", None)
         _remove_property(shader.GetPrim(), f"inputs:{name}")
+        # The attribute still exists if another file states it.
         remaining = shader.GetPrim().GetAttribute(f"inputs:{name}")
         if remaining and remaining.HasAuthoredConnections():
             remaining.SetConnections([])
@@ -65,6 +70,7 @@ def _remove_property(prim: Usd.Prim, name: str) -> None:
 
 
 def _find_parameter(material: UsdShade.Material, layer: str, name: str) -> tuple[UsdShade.Shader, Parameter]:
+    """Return the shader of a layer and the record of one of its parameters; ModelError for an unknown name."""
     _, shader = layer_shader(material, layer)
     model = MODELS.get(layer_shaders().get(shader_id(shader), ""))
     if model is None or name not in model.parameters:

@@ -1,9 +1,11 @@
-"""UsdPreviewSurface approximations of looks, for other USD viewers.
+"""Writes the preview of a look: a UsdPreviewSurface that approximates it in other USD viewers.
 
-`Model.preview` of a layer's model maps each layer. Then layers are blended by mask and presence; varying values count
-as their mean over [0, 1]² of st. A layer in mode "transmit" is a clear coat that tints the layers beneath. Where a
-layer with more than half of the weight reads an input from a texture, a primvar or an interface input, the preview's
-input is connected to that source, so that it follows the source in all variants.
+`Model.preview` of a layer's model converts the layer to inputs of UsdPreviewSurface. These are blended over the layers
+by mask and presence. A value that varies is replaced by its mean over texture coordinates in [0, 1]². A layer in mode
+"transmit" becomes a clear coat that tints the layers beneath.
+
+The preview follows a layer with more than half of the weight: if the layer takes an input from a texture, a primvar or
+an interface input of the material, the preview's input is connected to the same source, also in other variants.
 
 - UsdPreviewSurface Specification, Pixar. https://openusd.org/release/spec_usdpreviewsurface.html
 """
@@ -27,19 +29,21 @@ from lookdev.material.points import ImagePoints
 from lookdev.material.usd.network import shader_id
 from lookdev.material.values import SourceValues, presence
 
+# The inputs of UsdPreviewSurface that are written, with their types.
 _FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
 _TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
+# The defaults of UsdPreviewSurface, for inputs that a model's preview does not set. "f0" belongs to its `ior` of 1.5.
 _DERIVED_DEFAULTS: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
 _DEFAULTS = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "roughness": np.asarray(0.5)}
-"""Defaults of inputs that a model's preview does not set: those of UsdPreviewSurface."""
 
 _MAX_F0 = 0.9  # an index of refraction of 38
 
 
 class _Grid(ImagePoints):
-    """The unit square of st as a `lookdev.material.values.Surface` of (32, 32) points; primvars have their fallbacks.
+    """A grid of (32, 32) points in the unit square of texture coordinates, over which values of a look are averaged.
 
-    Each point has another view, from the distribution of views over the image of a sphere.
+    Primvars have their fallbacks. Each point is seen at another cosine. Together, these cosines are distributed as
+    those over the image of a sphere.
     """
 
     st: Floats = np.stack(np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2), axis=-1)
@@ -54,14 +58,17 @@ class _Grid(ImagePoints):
         return np.ones(())
 
     def view(self) -> Floats:
-        # Squared cosines are uniform over the disc that a sphere's image is. 387 / 1024 is near the golden section, so
-        # that they are spread evenly over st, too.
+        # The image of a sphere is a disc, over which squared cosines are uniformly distributed. The multiplier 387
+        # spreads them evenly over the grid: 387 / 1024 is near the golden section.
         squares: Floats = (np.arange(1024) * 387 % 1024 + 0.5) / 1024
         return np.asarray(np.sqrt(squares).reshape(32, 32))
 
 
 def preview_values(layers: Sequence[Layer]) -> dict[str, Floats]:
-    """Return the inputs of the UsdPreviewSurface that approximates a stack, base first: floats () and colours (3,)."""
+    """Return the inputs, by name, of the UsdPreviewSurface that approximates a stack of layers.
+
+    `layers` begin with the base. The values are floats () and colours (3,).
+    """
     values = _map_layer(layers[0])
     values["opacity"] = values["opacity"] * _coverage(layers[0])
     for layer in layers[1:]:
@@ -74,8 +81,8 @@ def preview_values(layers: Sequence[Layer]) -> dict[str, Floats]:
 def author_preview(material: UsdShade.Material, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> str:
     """Write or refresh the UsdPreviewSurface of a material, and return the path of its shader.
 
-    Inputs without counterpart in the models, such as displacement, do not change. `layers` are the layers of its look,
-    base first, each with its shader.
+    `layers` are pairs of a layer of the material's look and its shader, base first. Inputs of the UsdPreviewSurface
+    that the models do not have, such as displacement, stay as they are.
 
     Raises
     ------
@@ -92,13 +99,14 @@ def author_preview(material: UsdShade.Material, layers: Sequence[tuple[Layer, Us
         if connections := _preview_connections(name, layers):
             attribute.SetConnections(connections)
         else:
-            # One digit less than float32 has, so that a typed number is written as typed.
+            # Six decimals are fewer than float32 has, so that a number which a user has typed is written as typed.
             rounded = np.round(values[name], 6).tolist()
             attribute.Set(tuple(rounded) if isinstance(rounded, list) else rounded)
     return str(shader.GetPath())
 
 
 def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
+    """Return the UsdPreviewSurface of a material, a new one if nothing is connected to its outputs:surface."""
     terminal = material.CreateOutput("surface", Sdf.ValueTypeNames.Token).GetAttr()
     stage = material.GetPrim().GetStage()
     if paths := terminal.GetConnections():
@@ -116,17 +124,23 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
 
 
 def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
-    """Return the connection of an input of the preview; [] if no layer with more than half of the weight has one."""
+    """Return the connections to copy for an input of the preview; [] where the input gets a constant.
+
+    They are those of the layer's parameter of the same meaning, if the layer has more than half of the weight.
+    """
+    # `covers` has the share of the layers beneath that each layer covers. `weights` has the share of each layer in the
+    # result: its cover times 1 minus the cover of each layer above.
     covers = np.array([1.0, *(_coverage(layer) * (layer.mode == "over") for layer, _ in layers[1:])])
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
     decisive = int(np.argmax(weights))
     layer, shader = layers[decisive]
     parameter = MODELS[layer.model].preview.same.get(name, "")
-    # The colour differs from the layer's input: it is that of an exact metal, or tinted from above.
+    # Whether the preview's colour differs from the layer's: it is derived for an exact metal, or tinted by a coat.
     is_changed = name == "diffuseColor" and (
         name in MODELS[layer.model].preview.derived(_mean_parameters(layer))
         or any(layer_above.mode == "transmit" for layer_above, _ in layers[decisive + 1 :])
     )
+    # A constant is connected if it comes from an interface input of the material.
     value = layer.inputs.get(parameter)
     is_source = isinstance(value, Texture | Primvar) or (isinstance(value, float | tuple) and name != "opacity")
     if not is_source or is_changed or weights[decisive] <= 0.5:
@@ -162,17 +176,20 @@ def _map_layer(layer: Layer) -> dict[str, Floats]:
 
 
 def _mean_value(value: Input, parameter: Parameter) -> Floats:
+    """Return the mean of a parameter's value over `_Grid`: a float () or a colour (3,)."""
     assert not isinstance(value, str), "a token has no mean"
     values = np.asarray(SourceValues(_Grid()).parameter_value(value, parameter))
     return np.asarray(values.mean(axis=(0, 1)) if values.ndim >= 2 else values)
 
 
 def _ior_of_f0(f0: Floats) -> Floats:
+    """Return the index of refraction of a dielectric with the reflectance `f0` at normal incidence."""
     root = sqrt(min(float(f0), _MAX_F0))
     return np.asarray((1.0 + root) / (1.0 - root))
 
 
 def _tint_by_coat(beneath: Mapping[str, Floats], coat: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Return the inputs of the preview for layers `beneath` a clear coat, which multiplies their colour by its own."""
     color = beneath["diffuseColor"] * coat["diffuseColor"]
     clearcoat = {"clearcoat": np.asarray(1.0), "clearcoatRoughness": coat["roughness"]}
     return {**beneath, "diffuseColor": color, **clearcoat}

@@ -1,4 +1,9 @@
-"""The layer stack of a look in USD: its shader, the inputs of its layers, and their opinions."""
+"""Reads and changes the layer stack of a look in USD: the LookdevLayers shader and its inputs, for the edits of looks.
+
+The inputs of layer 2, for instance, are ``layer2``, which is connected to the shader of the layer, and ``layer2Mask``,
+``layer2Enabled`` and ``layer2Mode``. The base is number 0 and has the input ``base`` only. The name of a layer is that
+of its shader prim.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +21,16 @@ from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, OutputS
 
 _TYPES = Sdf.ValueTypeNames
 LAYER_PARTS = ("", "Mask", "Enabled", "Mode")
-"""The ends of the names of a layer's inputs of a LookdevLayers; "" is the input that is connected to the layer."""
+"""The parts of a layer: the ends of the names of its inputs. "" is the input that is connected to the layer."""
 
 
 @dataclass(frozen=True)
 class Stack:
-    """A LookdevLayers shader, and the number and name of each layer over its base."""
+    """The LookdevLayers shader of a look.
+
+    `network` reads its inputs, and `prim` is the shader's prim. `base` is the name of the base layer, and `layers` has
+    the names of the layers over it by number.
+    """
 
     network: Network
     prim: Usd.Prim
@@ -30,15 +39,16 @@ class Stack:
 
     @property
     def stage(self) -> Usd.Stage:
+        """The stage of the shader."""
         return self.prim.GetStage()
 
     @property
     def scope(self) -> Sdf.Path:
-        """The parent of the nodes beside the stack."""
+        """The prim below which nodes of the layers are written: the parent of the stack."""
         return self.prim.GetPath().GetParentPath()
 
     def find(self, layer: str) -> tuple[int, str]:
-        """Return the number and name of a layer over the base; LookError where it does not exist."""
+        """Return the number and name of a layer over the base, given either of them; LookError where there is none."""
         if layer == "0" or layer.casefold() == self.base.casefold():
             raise self.make_error(f"'{layer}' is the base", "every stack has one, without a mask; choose another layer")
         numbers = [n for n, name in self.layers.items() if layer == str(n) or layer.casefold() == name.casefold()]
@@ -51,17 +61,20 @@ class Stack:
         return numbers[0], self.layers[numbers[0]]
 
     def make_error(self, message: str, hint: str) -> LookError:
+        """Return an error at the prim of the stack."""
         return LookError.at(self.network.file, self.prim.GetPath(), message, hint)
 
     @staticmethod
     def input_name(number: int, part: str) -> str:
+        """Return the name of the attribute for a part (see `LAYER_PARTS`) of a layer, or of the base, number 0."""
         return f"inputs:layer{number}{part}" if number else f"inputs:base{part}"
 
     def create_input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
+        """Return the attribute for a part of a layer over the base, created if missing."""
         return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
 
     def attribute(self, number: int, part: str) -> Usd.Attribute:
-        """Return an input of a layer, or of the base, number 0; it may not exist."""
+        """Return the attribute for a part of a layer, or of the base, number 0; it is invalid where there is none."""
         return self.prim.GetAttribute(self.input_name(number, part))
 
     def shader(self, number: int) -> UsdShade.Shader | None:
@@ -70,11 +83,11 @@ class Stack:
         return source.shader if isinstance(source, OutputSource) else None
 
     def is_enabled(self, number: int) -> bool:
-        """Return whether a layer, or the base, is not switched off."""
+        """Return whether a layer, or the base, is enabled."""
         return self.network.read_constant(self.attribute(number, "Enabled"), _TYPES.Bool) is not False
 
     def is_in_file(self, attribute: Usd.Attribute) -> bool:
-        """Return whether all opinions of an input are in the edited file, on the stack itself."""
+        """Return whether only the edited file states an input, and not also a referenced prim or another file."""
         root = self.stage.GetRootLayer()
         return all(
             spec.layer == root and spec.path.StripAllVariantSelections() == attribute.GetPath()
@@ -82,18 +95,22 @@ class Stack:
         )
 
     def remove_inputs(self, number: int) -> None:
-        """Remove the inputs of a layer, and renumber those of the layers over it, in every variant."""
+        """Remove the inputs of a layer and renumber the layers over it, in every variant."""
         self.renumber({number: 0} | {other: other - 1 for other in self.layers if other > number})
 
     def renumber(self, order: Mapping[int, int]) -> None:
-        """Give layers new numbers, in every variant; inputs of layers with the new number 0 are removed."""
+        """Give layers new numbers, in every variant: `order` maps old numbers to new ones.
+
+        The inputs of a layer with the new number 0 are removed.
+        """
         root = self.stage.GetRootLayer()
         for site in find_sites(root, self.prim.GetPath()):
             prim = root.GetPrimAtPath(site)
             matches = ((LAYER_INPUT.fullmatch(spec.name.removeprefix("inputs:")), spec) for spec in prim.properties)
             specs = [(int(match[1]), match[2] or "", spec) for match, spec in matches if match]
             renumbered = [(order[number], part, spec) for number, part, spec in specs if number in order]
-            for number, part, spec in renumbered:  # to temporary names, as numbers may be in use
+            # First to temporary names: the new ones may still be in use.
+            for number, part, spec in renumbered:
                 if number:
                     spec.name = f"inputs:lookdevMoved{number}{part}"
                 else:
@@ -107,7 +124,7 @@ class Stack:
 
 @dataclass(frozen=True)
 class LayerEntry:
-    """A layer in a stack: its number and name, whether it is enabled, and its mode."""
+    """A layer of a stack in a `LookOutline`: its number and name, whether it is enabled, and its mode."""
 
     number: int
     name: str
@@ -117,14 +134,17 @@ class LayerEntry:
 
 @dataclass(frozen=True)
 class LookOutline:
-    """All layers of a look, enabled or not, and the variants and the selection of each variant set."""
+    """All layers of a look, enabled or not, and the variant sets of its material.
+
+    `variants` has the pair (names of the variants, selected variant) of each set by name.
+    """
 
     entries: tuple[LayerEntry, ...]
     variants: Mapping[str, tuple[tuple[str, ...], str]]
 
 
 def read_outline(file: Path, prim: str | None = None, variants: VariantChoice = None) -> LookOutline:
-    """Return the layers and variant sets of a look; raises LookError where the file is not a look."""
+    """Read the layers and variant sets of a look without its inputs; raises LookError where the file is not a look."""
     with open_material(file, prim, variants) as material:
         variant_sets = material.GetPrim().GetVariantSets()
         sets: dict[str, tuple[tuple[str, ...], str]] = {}
@@ -142,7 +162,10 @@ def read_outline(file: Path, prim: str | None = None, variants: VariantChoice = 
 
 
 def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade.Shader]:
-    """Return the number and shader of a layer, which may be the base or the only layer."""
+    """Return the number and shader of a layer by its number or name; it may be the base or the only layer.
+
+    Raises LookError where there is no such layer.
+    """
     surface = require_surface(material)
     stack = find_stack(material)
     is_base = layer == "0" or layer.casefold() == (stack.base if stack else surface.path.name).casefold()
@@ -158,7 +181,10 @@ def layer_shader(material: UsdShade.Material, layer: str) -> tuple[int, UsdShade
 
 
 def require_surface(material: UsdShade.Material) -> OutputSource:
-    """Return the shader of the stack, or of the only layer, of a look; raises LookError where it has none."""
+    """Return the shader output to which a look's surface is connected: the output of its stack or of its only layer.
+
+    Raises LookError where it is connected to neither.
+    """
     network = _network_of(material)
     source = network.surface_source(material)
     if source is None or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):
@@ -169,11 +195,12 @@ def require_surface(material: UsdShade.Material) -> OutputSource:
 
 
 def _network_of(material: UsdShade.Material) -> Network:
+    """Return a reader of the material's network, with an empty list of faults."""
     return Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
 
 
 def find_stack(material: UsdShade.Material) -> Stack | None:
-    """Return the stack of a look; None where it has none."""
+    """Return the stack of a look; None where the look has none."""
     network = _network_of(material)
     surface = network.surface_source(material)
     if surface is None or shader_id(surface.shader) != "LookdevLayers":
@@ -189,7 +216,7 @@ def find_stack(material: UsdShade.Material) -> Stack | None:
 
 
 def require_stack(material: UsdShade.Material) -> Stack:
-    """Return the stack of a look; raises LookError where it has none."""
+    """Return the stack of a look; raises LookError where the look has none."""
     stack = find_stack(material)
     if stack is None:
         require_surface(material)
@@ -199,7 +226,7 @@ def require_stack(material: UsdShade.Material) -> Stack:
 
 
 def ensure_stack(material: UsdShade.Material) -> tuple[Stack, int]:
-    """Return the stack of a look and the next free number; a look with a single layer gets a stack first."""
+    """Return the stack of a look and the number for a new layer on top; a look of a single layer gets a stack first."""
     if find_stack(material) is None:
         author_stack(material, require_surface(material).path)
     stack = require_stack(material)
@@ -207,7 +234,7 @@ def ensure_stack(material: UsdShade.Material) -> tuple[Stack, int]:
 
 
 def author_stack(material: UsdShade.Material, base: Sdf.Path) -> None:
-    """Define a stack beside its base, and connect the material to it."""
+    """Define a stack beside the shader `base` of its base layer, and connect the material to it."""
     stage, inside = material.GetPrim().GetStage(), base.HasPrefix(material.GetPath())
     scope = base.GetParentPath() if inside else material.GetPath()
     layers = UsdShade.Shader.Define(stage, free_path(stage, scope, "Layers"))
@@ -218,9 +245,9 @@ def author_stack(material: UsdShade.Material, base: Sdf.Path) -> None:
 
 
 def enabled_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, UsdShade.Shader, str]]:
-    """Return the enabled layers of a look, base first: shader, stack, and name of the stack's input for the mask.
+    """Return triples (shader of the layer, shader of the stack, name of the mask's input) of the enabled layers.
 
-    The base has no mask; its name is empty.
+    The base is first. It has no mask, so its name is empty. The only layer of a look without a stack is its own stack.
     """
     surface, stack = require_surface(material).shader, find_stack(material)
     if stack is None:

@@ -1,4 +1,6 @@
-"""Import of MaterialX documents as Disney layers: inputs are carried over by name, and all losses are listed.
+"""Imports MaterialX documents as looks in USD: each surface of the model `disney_principled` becomes a Disney layer.
+
+The command ``lookdev materials import`` uses it. Inputs are carried over by name, and all losses are listed.
 
 The node `disney_principled` has the parameters of Burley's BRDF. Its node graph in the MaterialX library approximates
 this BRDF by stock lobes; here the parameters have the meaning of Burley's paper. docs/materialx.md lists the
@@ -49,7 +51,7 @@ _TYPES = Sdf.ValueTypeNames
 
 @dataclass(frozen=True)
 class ImportedMaterial:
-    """A surfacematerial as one Disney layer; `inputs` omits inputs that have the layer's defaults."""
+    """A surfacematerial of a document as one Disney layer. `inputs` has the values that differ from its defaults."""
 
     name: str
     inputs: dict[str, DocumentValue]
@@ -57,7 +59,7 @@ class ImportedMaterial:
 
 @dataclass(frozen=True)
 class ImportedDocument:
-    """The materials of a document, and each input, node and connection that is not carried over."""
+    """The materials of a document. `losses` has each input, node and connection that is not carried over."""
 
     file: Path
     materials: tuple[ImportedMaterial, ...]
@@ -90,10 +92,10 @@ def import_materialx(file: Path) -> ImportedDocument:
 
 
 def write_usda(imported: ImportedDocument, path: Path, *, replace: bool = False) -> None:
-    """Write imported materials as looks, each a layer LookdevDisney; a single material is the default prim.
+    """Write imported materials to a USD file as looks, each with one LookdevDisney layer.
 
-    Image paths relative to the document become relative to `path`. Raises OutputError where `path` exists, unless
-    `replace`, or is not the path of a USD file.
+    A single material becomes the default prim. Image paths relative to the document become relative to `path`. Raises
+    OutputError where `path` is not the path of a USD file, or exists and `replace` is not set.
     """
     if path.suffix.lower() not in LOOK_SUFFIXES:
         raise OutputError(f"{path}: is not the name of a look; it would end with {', '.join(LOOK_SUFFIXES)}")
@@ -114,7 +116,10 @@ def write_usda(imported: ImportedDocument, path: Path, *, replace: bool = False)
 def _read_material(
     network: DocumentNetwork, material: mx.Node, layers: dict[str, dict[str, DocumentValue]]
 ) -> ImportedMaterial | None:
-    """Read a material; None, with a loss added, for another surface shader. `layers` caches layers by shader path."""
+    """Return a surfacematerial as a Disney layer; None, with a loss added, where it has another surface shader.
+
+    `layers` caches the inputs of layers by the path of the shader, which several materials may share.
+    """
     port = material.getInput("surfaceshader")
     source = network.source_of(port) if port else None
     category = source.element.getCategory() if source and source.is_computed else ""
@@ -130,6 +135,7 @@ def _read_material(
 
 
 def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, DocumentValue]:
+    """Return the inputs of a Disney layer for a `disney_principled` node, and add its losses."""
     definitions = library_inputs(SURFACE_NODE, f"ND_{SURFACE_NODE}")
     names = [port.getName() for port in shader.getInputs()]
     network.mark_carried(shader, *names)
@@ -159,7 +165,7 @@ def _read_layer(network: DocumentNetwork, shader: mx.Node) -> dict[str, Document
 
 
 def _unique_name(name: str, used_names: set[str]) -> str:
-    """Return an unused prim name for a MaterialX name."""
+    """Return a prim name for a MaterialX name that is not among `used_names`, and add it to them."""
     valid = Tf.MakeValidIdentifier(name)
     choice = next(candidate for n in count(1) if (candidate := valid if n == 1 else f"{valid}_{n}") not in used_names)
     used_names.add(choice)
@@ -167,7 +173,10 @@ def _unique_name(name: str, used_names: set[str]) -> str:
 
 
 class _Writer:
-    """Writes one material as prims of a stage."""
+    """Writes one material as prims of a stage. `source` is the document, and `target` the USD file.
+
+    `_written` has the nodes that are written, which several inputs may share: by image, primvar or name of a UV set.
+    """
 
     def __init__(self, stage: Usd.Stage, name: str, source: Path, target: Path) -> None:
         self._material = UsdShade.Material.Define(stage, f"/{name}")
@@ -176,6 +185,7 @@ class _Writer:
         self._written: dict[ImageNode | Primvar | str, UsdShade.Shader] = {}
 
     def write(self, material: ImportedMaterial) -> None:
+        """Write the layer of a material, and the nodes of its inputs."""
         customs = {"file": self._source.name, "material": material.name}
         self._material.GetPrim().SetCustomDataByKey("lookdev:materialx", customs)
         layer = self._define_node("Layer", "LookdevDisney")
@@ -190,7 +200,7 @@ class _Writer:
                 _set_input(layer_input, self._write_primvar(value, kind) if isinstance(value, Primvar) else value)
 
     def _define_node(self, name: str, shader_id: str, **inputs: object) -> UsdShade.Shader:
-        """Define a node; its inputs have the types of USD's definition of it."""
+        """Define a node that USD defines, with constant or connected inputs, and return its shader."""
         path = self._material.GetPath().AppendChild(_unique_name(name, self._names))
         shader = UsdShade.Shader.Define(self._material.GetPrim().GetStage(), path)
         shader.CreateIdAttr(shader_id)
@@ -201,6 +211,7 @@ class _Writer:
         return shader
 
     def _write_image(self, sampled: ImageChannel) -> UsdShade.Output:
+        """Return the output for a channel of an image, whose UsdUVTexture is written if missing."""
         image = sampled.image
         if image not in self._written:
             inputs = {"file": self._relative_asset(image.file), "sourceColorSpace": image.colorspace}
@@ -210,6 +221,7 @@ class _Writer:
         return self._written[image].CreateOutput(sampled.channel, kind)
 
     def _write_coordinates(self, image: ImageNode) -> UsdShade.Output:
+        """Write the nodes of an image's texture coordinates, the UV set and its transforms; return the last output."""
         if image.st not in self._written:
             self._written[image.st] = self._define_node(image.st, "UsdPrimvarReader_float2", varname=image.st)
         output = self._written[image.st].CreateOutput("result", _TYPES.Float2)
@@ -220,6 +232,7 @@ class _Writer:
         return output
 
     def _write_primvar(self, primvar: Primvar, kind: str) -> UsdShade.Output:
+        """Return the output of the node that reads a primvar, written if missing; `kind` is that of the parameter."""
         result = "float" if kind == "float" else "float3"
         if primvar not in self._written:
             inputs = {"varname": primvar.name, "fallback": primvar.fallback}
@@ -227,12 +240,13 @@ class _Writer:
         return self._written[primvar].CreateOutput("result", _TYPES.Find(result))
 
     def _relative_asset(self, file: str) -> Sdf.AssetPath:
-        """Return the path of an image; a path relative to the document becomes relative to the written file."""
+        """Return the path of an image for the written file, to which a relative path becomes relative."""
         is_absolute = PurePosixPath(file).is_absolute()
         return Sdf.AssetPath(file if is_absolute else relative_path(self._source.parent / file, self._target.parent))
 
 
 def _set_input(node_input: UsdShade.Input, value: object) -> None:
+    """Connect an input to `value` if that is an output, else set it to the constant."""
     if isinstance(value, UsdShade.Output):
         node_input.ConnectToSource(value)
     else:

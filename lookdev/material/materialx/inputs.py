@@ -1,4 +1,9 @@
-"""Readers of an input of an imported layer: a constant, or the value of an image or primvar node of MaterialX."""
+"""Reads the inputs of a shader in a MaterialX document that is imported: constants, and nodes for images and primvars.
+
+Some nodes may lie between: those that select a channel of an image, or that place its texture coordinates. Where a
+value cannot be carried over, the functions return None or a default, and the network gets a *loss*. A *fault* is an
+error of the document itself.
+"""
 
 from __future__ import annotations
 
@@ -18,26 +23,31 @@ from lookdev.space import Color
 from lookdev.stage.colorspaces import srgb_to_linear
 
 Colorspace = Literal["sRGB", "raw"]
+"""The colour space of an image, as in UsdUVTexture."""
+
 Pair = tuple[float, float]
 
 MATERIALX_TYPES = {"float": "float", "color": "color3"}
-"""MaterialX's type of a parameter, by its kind."""
+"""The type in MaterialX of a parameter, by its `Parameter.kind`."""
 
 _VALUE_INPUTS = {"constant": "value"}
 """The input whose value a node passes on unchanged, by the node's category."""
 
+# Wrap modes by MaterialX's words.
 _WRAPS: dict[str, Wrap] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
+# The categories of nodes that select a channel, and the types from which they can select one.
 _SPLITTERS = ("extract", "swizzle", "separate3", "separate4")
 _SPLIT_TYPES = ("color3", "color4", "vector3", "vector4")
 _RGBA: tuple[Channel, ...] = ("r", "g", "b", "a")
+# The channels of an image by MaterialX's names: indices, letters of colours and letters of vectors.
 _CHANNELS = {name: channel for names in ("0123", "rgba", "xyzw") for name, channel in zip(names, _RGBA, strict=True)}
 
-_INDEX = re.compile(r"0|[1-9][0-9]?")
+_INDEX = re.compile(r"0|[1-9][0-9]?")  # of a UV set
 
 
 @dataclass(frozen=True)
 class Transform2d:
-    """A UsdTransform2d: ``st * scale``, rotated counter-clockwise by `rotation` degrees, ``+ translation``."""
+    """A UsdTransform2d: scales, then rotates counter-clockwise by `rotation` degrees, then translates."""
 
     scale: Pair = (1.0, 1.0)
     rotation: float = 0.0
@@ -46,7 +56,11 @@ class Transform2d:
 
 @dataclass(frozen=True)
 class ImageNode:
-    """An image node. `file` is relative to the document; `transforms` apply in their order."""
+    """An image with its texture coordinates.
+
+    `name` is the name of the node. `file` is a path relative to the document. `st` is the name of the UV set, to which
+    `transforms` apply one after another, the first one first.
+    """
 
     name: str
     file: str
@@ -59,17 +73,18 @@ class ImageNode:
 
 @dataclass(frozen=True)
 class ImageChannel:
-    """The channel of an image, or its colour, that is the value of an input."""
+    """The value of an input that is a channel of an image, or its colour (``"rgb"``)."""
 
     image: ImageNode
     channel: Channel
 
 
 DocumentValue = float | Color | ImageChannel | Primvar
+"""The value of an input of a layer."""
 
 
 def _parse_numbers(text: str) -> tuple[float, ...]:
-    """Parse a MaterialX value; () where it is not numbers of magnitudes up to `MAX_MAGNITUDE`."""
+    """Parse numbers separated by commas; () where the text has other contents, or a number is above `MAX_MAGNITUDE`."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -78,20 +93,21 @@ def _parse_numbers(text: str) -> tuple[float, ...]:
 
 
 def parse_constant(text: str) -> float | Color | None:
-    """Parse a float or a colour; None for any other value."""
+    """Parse the text of a float or a colour; None for any other text."""
     return _as_constant(_parse_numbers(text))
 
 
 def _as_constant(numbers: tuple[float, ...]) -> float | Color | None:
+    """Return three numbers as a colour, one as a float, and none as None."""
     if len(numbers) == 3:
         return numbers[0], numbers[1], numbers[2]
     return numbers[0] if numbers else None
 
 
 def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -> DocumentValue | None:
-    """Read an input of a layer; None where its source cannot be carried over or, with a fault added, is wrong."""
+    """Return the value of an input for a parameter; None where it is wrong or cannot be carried over."""
     source, kind = network.source_of(port), MATERIALX_TYPES[parameter.kind]
-    # A constant may also be a chain of nodes.
+    # Follow nodes that pass a value on.
     while source.is_computed and not source.channels and source.element.getType() == kind:
         node = source.element
         if node.getCategory() == "geompropvalue":
@@ -107,7 +123,10 @@ def read_value(network: DocumentNetwork, port: mx.Input, parameter: Parameter) -
 
 
 def _read_constant(network: DocumentNetwork, holder: mx.PortElement, parameter: Parameter) -> float | Color | None:
-    """Read a constant: a colour is converted to linear Rec.709, and the value clipped to the parameter's range."""
+    """Return the constant of a port, as linear Rec.709 for a colour, clipped to the parameter's range.
+
+    None, with a fault added, where it has a wrong number of channels.
+    """
     numbers = _read_floats(network, holder, 1 if parameter.kind == "float" else 3)
     if parameter.kind == "color" and numbers and _read_colorspace(network, holder) == "sRGB":
         numbers = tuple(float(number) for number in srgb_to_linear(numbers))
@@ -121,6 +140,7 @@ def _read_constant(network: DocumentNetwork, holder: mx.PortElement, parameter: 
 
 
 def _read_primvar(network: DocumentNetwork, node: mx.Node, parameter: Parameter) -> Primvar | None:
+    """Read a geompropvalue node; None where it names no primvar or its default is wrong."""
     name, default = _read_text(network, node, "geomprop", ""), node.getInput("default")
     if not name:
         return None
@@ -132,6 +152,7 @@ def _read_primvar(network: DocumentNetwork, node: mx.Node, parameter: Parameter)
 
 
 def _read_rgb(network: DocumentNetwork, source: PortSource) -> ImageChannel | None:
+    """Return the colour of an image; None where the source is not an image of colours."""
     if source.channels or source.element.getType() != "color3":
         return None
     image = _read_image(network, source.element)
@@ -139,7 +160,10 @@ def _read_rgb(network: DocumentNetwork, source: PortSource) -> ImageChannel | No
 
 
 def _read_channel(network: DocumentNetwork, port: mx.Input) -> ImageChannel | None:
-    """Read a float from an image of floats, or from one channel of an image."""
+    """Return the value of a float input from an image of floats, or from one channel of another image.
+
+    The channel is selected by the connection's attribute ``channels``, or by a node between. None for other sources.
+    """
     source = network.source_of(port)
     node, names, splitter = source.element, source.channels, None
     if not names and node.getCategory() in _SPLITTERS and (split_port := node.getInput("in")):
@@ -160,6 +184,7 @@ def _read_channel(network: DocumentNetwork, port: mx.Input) -> ImageChannel | No
 
 
 def _split_channel(network: DocumentNetwork, splitter: mx.Node, output: str) -> str:
+    """Return MaterialX's name of the channel that a node selects at its output `output`."""
     if splitter.getCategory() == "extract":
         return _read_text(network, splitter, "index", "0")
     if splitter.getCategory() == "swizzle":
@@ -168,12 +193,13 @@ def _split_channel(network: DocumentNetwork, splitter: mx.Node, output: str) -> 
 
 
 def _read_image(network: DocumentNetwork, node: mx.Node) -> ImageNode | None:
+    """Read an image or tiledimage node; None for other nodes, and where the file cannot be carried over."""
     tiled = node.getCategory() == "tiledimage"
     port = node.getInput("file") if tiled or node.getCategory() == "image" else None
     if port is None or not _check_constant(network, port, "the image is not taken"):
         return None
     holder = network.source_of(port).element
-    # Documents come from all operating systems: either slash separates folders.
+    # Documents come from all operating systems: slashes and backslashes both separate folders.
     file = mx.FilePath(holder.getActiveFilePrefix() + holder.getValueString()).asString(mx.FormatPosix)
     if not holder.getValueString() or INVALID_IMAGE_PATH.search(file):
         network.add_loss(port, f"'{file}' is not carried over", "the path of one image or of a <UDIM> set is")
@@ -190,14 +216,17 @@ def _read_image(network: DocumentNetwork, node: mx.Node) -> ImageNode | None:
         transforms = (*transforms, Transform2d(tiling, 0.0, (0.0 - x, 0.0 - y)))
     else:
         wraps = [_read_wrap(network, node, name) for name in placement_inputs]
-    # MaterialX converts the colour space only of images that are read as colours.
+    # MaterialX converts colour spaces only of images that a node reads as colours.
     colorspace = _read_colorspace(network, holder) if node.getType().startswith("color") else "raw"
     placed = tuple(transform for transform in transforms if transform != Transform2d())
     return ImageNode(node.getName(), file, colorspace, wraps[0], wraps[1], st, placed)
 
 
 def _read_coordinates(network: DocumentNetwork, image: mx.Node) -> tuple[str, tuple[Transform2d, ...]]:
-    """Return the UV set of an image, and the transforms between the image and the node of the UV set."""
+    """Return the UV set of an image, and the transforms that apply to its coordinates, the first one first.
+
+    The transforms come from the place2d nodes between the image and the node of the UV set.
+    """
     transforms: tuple[Transform2d, ...] = ()
     node = image
     while port := node.getInput("texcoord"):
@@ -225,7 +254,7 @@ def _read_coordinates(network: DocumentNetwork, image: mx.Node) -> tuple[str, tu
 
 
 def _read_place2d(network: DocumentNetwork, node: mx.Node) -> tuple[Transform2d, ...]:
-    """Return a place2d as transforms: NG_place2d_vector2 of the MaterialX library, whose rotate2d is clockwise."""
+    """Return a place2d as transforms. NG_place2d_vector2 of MaterialX's library defines it; it rotates clockwise."""
     pivot, offset = (_read_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
     scale = _read_pair(network, node, "scale", 1.0)
     rotate = node.getInput("rotate")
@@ -239,6 +268,8 @@ def _read_place2d(network: DocumentNetwork, node: mx.Node) -> tuple[Transform2d,
     order = _read_text(network, node, "operationorder", "0")
     if order not in ("0", "1"):
         network.add_fault(f"{node.getNamePath()}/operationorder", f"unknown value '{order:.40}'", "0 or 1")
+    # Order 1 translates, rotates, then scales, which takes two transforms. Order 0 scales, rotates, then translates.
+    # The pivot is subtracted first and added last. (x, y) is the subtracted point after the rotation and the scaling.
     if order == "1":
         x, y = _rotate((pivot[0] + offset[0], pivot[1] + offset[1]), degrees)
         return Transform2d((1.0, 1.0), degrees, (0.0 - x, 0.0 - y)), Transform2d(inverse, 0.0, pivot)
@@ -253,7 +284,7 @@ def _rotate(point: Pair, degrees: float) -> Pair:
 
 
 def _check_constant(network: DocumentNetwork, port: mx.Input, hint: str) -> bool:
-    """Return whether an input of a node is a constant; a computed value is a loss."""
+    """Return whether an input of a node is a constant; otherwise add a loss, with `hint`."""
     if network.source_of(port).is_computed:
         network.add_value_loss(port, hint)
         return False
@@ -261,6 +292,7 @@ def _check_constant(network: DocumentNetwork, port: mx.Input, hint: str) -> bool
 
 
 def _read_text(network: DocumentNetwork, node: mx.Node, name: str, default: str) -> str:
+    """Return the text of a constant input, or `default` where it is unset or computed."""
     port = node.getInput(name)
     if not port or not _check_constant(network, port, f"'{default}' is taken" if default else ""):
         return default
@@ -268,6 +300,7 @@ def _read_text(network: DocumentNetwork, node: mx.Node, name: str, default: str)
 
 
 def _read_pair(network: DocumentNetwork, node: mx.Node, name: str, default: float) -> Pair:
+    """Return the two numbers of a constant input, or twice `default` where it is unset, computed or wrong."""
     port = node.getInput(name)
     if not port or not _check_constant(network, port, f"{default:g} is taken"):
         return default, default
@@ -276,11 +309,11 @@ def _read_pair(network: DocumentNetwork, node: mx.Node, name: str, default: floa
 
 
 def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -> tuple[float, ...]:
-    """Parse the value of a port; (), with a fault added, where it is not `count` numbers."""
+    """Parse the text of a port as `count` numbers; (), with a fault added, where it is not that."""
     numbers = _parse_numbers(holder.getValueString())
     if len(numbers) == count:
         return numbers
-    # The message quotes the beginning only, as the value may be a megabyte long.
+    # The message quotes only the beginning, because a value may be a megabyte long.
     message = f"'{holder.getValueString():.40}' is not a value"
     hint = f"{count} finite numbers, separated by commas, within {MAX_MAGNITUDE:g}"
     network.add_fault(holder.getNamePath(), message, hint)
@@ -288,6 +321,7 @@ def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -
 
 
 def _read_wrap(network: DocumentNetwork, node: mx.Node, name: str) -> Wrap:
+    """Return the wrap mode of an input of an image node; an unknown one is a fault."""
     mode = _read_text(network, node, name, "periodic")
     if mode not in _WRAPS:
         where = f"{node.getNamePath()}/{name}"
@@ -296,6 +330,7 @@ def _read_wrap(network: DocumentNetwork, node: mx.Node, name: str) -> Wrap:
 
 
 def _read_colorspace(network: DocumentNetwork, holder: mx.PortElement) -> Colorspace:
+    """Return the colour space of a value; for one that is neither sRGB nor linear Rec.709, add a loss."""
     name = holder.getActiveColorSpace()
     raw = name in ("raw", "none", "") or name.startswith(("lin_", "acescg"))
     if name not in ("srgb_texture", "lin_rec709", "raw", "none", ""):

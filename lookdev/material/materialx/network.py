@@ -1,6 +1,6 @@
-"""A MaterialX document, with its connections followed to their sources.
+"""Reads a MaterialX document for import: follows its connections, and collects its faults and losses.
 
-Reading does not upgrade documents to the version of the package: the nodes that `disney_principled` uses have not
+Documents are not upgraded to the version of the MaterialX package: the nodes that `disney_principled` uses have not
 changed since 1.38.
 """
 
@@ -20,9 +20,9 @@ from lookdev.safe_text import TextError, read_bytes
 
 @dataclass(frozen=True)
 class PortSource:
-    """The source of a value: a node that computes it, or the port that states it.
+    """The source of a value: the `element` is the node that computes it, or the port that states it.
 
-    `output` and `channels` select a part of the node's result; both may be empty.
+    `output` is the name of the node's output and `channels` has letters of channels of its result; both may be empty.
     """
 
     element: mx.TypedElement
@@ -36,7 +36,10 @@ class PortSource:
 
 
 class DocumentNetwork:
-    """A document, its connections, its faults, and the elements that are and are not carried over.
+    """The network of nodes of a document.
+
+    A *fault* is an error of the document. A *loss* is a node, a connection or an input that is not carried over to a
+    look. Readers mark the nodes that they carry over; all other nodes are losses in the end.
 
     Raises
     ------
@@ -55,7 +58,7 @@ class DocumentNetwork:
 
     @property
     def losses(self) -> tuple[Fault, ...]:
-        """The losses: elements that are not carried over, in the order of reading."""
+        """The losses so far, in the order in which they were found."""
         return tuple(self._losses)
 
     def add_fault(self, where: str, message: str, hint: str = "") -> None:
@@ -68,12 +71,12 @@ class DocumentNetwork:
             raise LookError(self._faults)
 
     def add_loss(self, element: mx.Element | str, message: str, hint: str = "") -> None:
-        """Add a loss of an element, or at a place of the file."""
+        """Add a loss; `element` is the element that is lost, or a text that says where it is in the file."""
         where = element if isinstance(element, str) else element.getNamePath()
         self._losses[Fault(str(self.file), where, message, hint)] = None
 
     def add_value_loss(self, port: mx.Input, hint: str = "") -> None:
-        """Add the loss of the value of an input."""
+        """Add the loss of an input's value: a constant or a connection."""
         source = self.source_of(port)
         if source.is_computed:
             value = f"the connection to <{source.element.getCategory()}> '{source.element.getNamePath()}'"
@@ -82,14 +85,14 @@ class DocumentNetwork:
         self.add_loss(port, f"{value} is not carried over", hint)
 
     def mark_carried(self, node: mx.Node, *names: str) -> None:
-        """Mark a node as carried over, with the inputs `names`; its other inputs are losses."""
+        """Mark a node as carried over with its inputs `names`, and add the losses of its other inputs."""
         self._carried.add(node.getNamePath())
         for port in node.getInputs():
             if port.getName() not in names:
                 self.add_value_loss(port)
 
     def add_unread_losses(self) -> None:
-        """Add a loss for every node, and any other element, that is not carried over."""
+        """Add a loss for each node, and each other element of the document, that is not marked as carried over."""
         for path, node in self._nodes.items():
             if path not in self._carried:
                 self.add_loss(node, f"<{node.getCategory()}> is not carried over")
@@ -99,11 +102,14 @@ class DocumentNetwork:
                     self.add_loss(node, f"<{node.getCategory()}> is not carried over", "no imported material uses it")
 
     def source_of(self, port: mx.Input) -> PortSource:
-        """Return the source of an input of a node that `connect` has reached."""
+        """Return the source of an input; the input must be of a node that `connect` has found."""
         return self._sources[port.getNamePath()]
 
     def connect(self, roots: Sequence[mx.Node]) -> None:
-        """Follow all connections upstream of some nodes; broken ones and cycles are faults."""
+        """Find the nodes on which the nodes `roots` depend, and the sources of all their inputs.
+
+        Broken connections and cycles are faults.
+        """
         graph: dict[str, list[str]] = {}
         pending = list(roots)
         while pending:
@@ -127,7 +133,10 @@ class DocumentNetwork:
             self.add_fault(error.args[1][0], "its connections run in a cycle")
 
     def _follow(self, port: mx.PortElement) -> PortSource | None:
-        """Return the source of a port, through interface inputs and node graphs; None, with a fault, where broken."""
+        """Return the source of a port, through interface inputs and node graphs.
+
+        None, with a fault added, where the connection is broken or runs in a cycle.
+        """
         start, channels = port.getNamePath(), port.getAttribute("channels")
         seen: set[str] = set()
         while (path := port.getNamePath()) not in seen:
@@ -157,6 +166,7 @@ class DocumentNetwork:
         return None
 
     def _graph_output(self, scope: mx.Element, graph: str, output: str) -> mx.Output | None:
+        """Return an output of the node graph `graph` in `scope` or the document; without a name, its only output."""
         container = scope.getChild(graph) or self.document.getChild(graph)
         if not isinstance(container, mx.NodeGraph):
             return None
@@ -164,6 +174,7 @@ class DocumentNetwork:
         return container.getOutput(output) if output else outputs[0] if len(outputs) == 1 else None
 
     def _read(self) -> mx.Document:
+        """Read the document. Included files, which are not read, are losses."""
         try:
             data = read_bytes(self.file)
         except TextError as error:

@@ -1,7 +1,8 @@
-"""Registry of translations: each is the record of a foreign shading model as layers of our models.
+"""Foreign shading models (UsdPreviewSurface, OpenPBR, ...) and their translation to layers of our models.
 
-A `Layer` of a look may have the name of a translation as its model. `lookdev.material.values.look_layers` replaces it
-by layers of our models, so its inputs may vary, and constants fold, as those of any other layer.
+A `Layer` of a look may have the name of a foreign model as its model. When the look is evaluated,
+`lookdev.material.values.look_layers` replaces this layer by layers of our models. Its inputs may therefore be textures
+and expressions, and its constants fold in generated code, as those of any other layer.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from lookdev.material.translate.standard_surface import STANDARD_SURFACE, STANDA
 
 _SURFACES = (PREVIEW_SURFACE, MATERIALX_PREVIEW_SURFACE, STANDARD_SURFACE, STANDARD_SURFACE_100)
 TRANSLATIONS = {translation.name: translation for translation in (*_SURFACES, OPEN_PBR_SURFACE, GLTF_PBR)}
-"""All translations by name."""
+"""The translations of all foreign models by the name of the model."""
 
 
 def layer_parameters(model: str) -> Mapping[str, Parameter]:
@@ -29,7 +30,10 @@ def layer_parameters(model: str) -> Mapping[str, Parameter]:
 
 
 def translate_layer(layer: StackLayer) -> list[StackLayer]:
-    """Return the layers, with all their parameters, that a layer of a foreign model translates to; others unchanged."""
+    """Return the layers of our models to which a layer of a foreign model translates, base first.
+
+    They have all their parameters. A layer of our models is returned unchanged.
+    """
     if layer.model not in TRANSLATIONS:
         return [layer]
     base, *others = TRANSLATIONS[layer.model].layers(layer.parameters)
@@ -43,20 +47,22 @@ def translate_layer(layer: StackLayer) -> list[StackLayer]:
 
 
 def _complete_part(layer: StackLayer, part: StackLayer) -> StackLayer:
+    """Return `part`, a layer of the translation of `layer`, with defaults filled in and both names joined."""
     model = model_named(part.model)
     parameters = model.complete({}) | add_followers(model.parameters, part.parameters)
     return replace(part, parameters=parameters, name=f"{layer.name} {part.name}".strip())
 
 
 def foreign_shaders() -> dict[str, str]:
-    """Return the names of translations by the identifiers of their shader nodes."""
+    """Return the names of the foreign models by the identifier (`info:id`) of their shader nodes."""
     return {translation.identifier: translation.name for translation in TRANSLATIONS.values()}
 
 
 def display_color_look(name: str, *, opacity: bool = False) -> Look:
-    """Return the look of a part with a linear `displayColor` and, with `opacity`, a `displayOpacity`.
+    """Return a look for geometry without a material, which shows its primvar `displayColor`, a linear colour.
 
-    It is a UsdPreviewSurface of roughness 0.5. Without the primvar, the colour is USD's default, a dark grey.
+    With `opacity`, it shows the primvar `displayOpacity` too. The look is a UsdPreviewSurface of roughness 0.5. Without
+    the primvar, the colour is USD's default, a dark grey.
     """
     inputs: dict[str, Input] = {"diffuseColor": Primvar("displayColor", (0.18, 0.18, 0.18))}
     if opacity:

@@ -1,18 +1,21 @@
-"""Makes the fits of `lookdev.material.translate.lobes`: ``python -m lookdev.material.translate.fitting``.
+"""Computes the fits of `lookdev.material.translate.lobes`: ``python -m lookdev.material.translate.fitting``.
 
-Each fit is a function of one number. Five fits are means of directional albedos over all views, weighted by the square
-of the views' cosines:
+Each fit is a rational function of one number from 0 to 1. Five of them are *mean albedos*: means over all views of a
+directional albedo, weighted by the square of the view's cosine.
 
-- `lost`: 1 minus the albedo of Disney's specular lobe with a Fresnel term of 1, as a function of alpha.
-- `hidden`: how much larger this albedo is with height-correlated shadowing, as other models have, by alpha.
-- `sheen`: the albedo of MaterialX's `sheen_bsdf` in mode ``conty_kulla`` (Estevez and Kulla 2017), by its roughness.
-- `fuzz`: the same in mode ``zeltner`` (Zeltner, Burley and Chiang 2022).
-- `rough`: that of `oren_nayar_diffuse_bsdf` without energy compensation (Oren and Nayar 1994), by its roughness.
+- ``"lost"``: 1 minus the mean albedo of Disney's specular lobe with a Fresnel term of 1, as a function of alpha.
+- ``"hidden"``: how much larger this mean albedo is with the height-correlated shadowing of other models, as a function
+  of alpha.
+- ``"sheen"``: the mean albedo of MaterialX's `sheen_bsdf` in mode ``conty_kulla`` (Estevez and Kulla 2017), as a
+  function of its roughness.
+- ``"fuzz"``: the same in mode ``zeltner`` (Zeltner, Burley and Chiang 2022).
+- ``"rough"``: the mean albedo of `oren_nayar_diffuse_bsdf` without energy compensation (Oren and Nayar 1994), as a
+  function of its roughness.
 
-`sheen`, `fuzz` and `rough` use MaterialX's own formulas. The sixth fit, `edge`, is f90, at most 1: the reflectance at
-grazing incidence of the Schlick term that is closest to the Fresnel term of a dielectric from 0 to 80 degrees. It is a
-function of sqrt(f0) / `MIN_SQRT_F0_OF_UNIT_F90`, where f0 is the dielectric's reflectance at normal incidence. A
-residual is the largest error.
+``"sheen"``, ``"fuzz"`` and ``"rough"`` use MaterialX's own formulas. The sixth fit, ``"edge"``, is f90, at most 1: the
+reflectance at grazing incidence of the Schlick term that is closest to the Fresnel term of a dielectric from 0 to 80
+degrees. It is a function of sqrt(f0) / `MIN_SQRT_F0_OF_UNIT_F90`, where f0 is the dielectric's reflectance at normal
+incidence. The residual of a fit is its largest error.
 """
 
 from __future__ import annotations
@@ -30,18 +33,18 @@ from lookdev.closures.rational import Degree, RationalProblem, fit_rational
 from lookdev.closures.setups import WHITE, disney_lobe
 from lookdev.material.translate.lobes import FITS_FILE, MIN_SQRT_F0_OF_UNIT_F90
 
-_POINTS = np.linspace(0.0, 1.0, 41)
+_POINTS = np.linspace(0.0, 1.0, 41)  # the arguments at which functions are fitted
 _NUMERATOR_DEGREE, _DENOMINATOR_DEGREE = Degree(3, 0, 3), Degree(2, 0, 2)
-_CELLS = (48, 32)
+_CELLS = (48, 32)  # of `half_vector_grid`, along slope and azimuth
 
 
 def multiple_scattering_energy(alpha: float) -> float:
-    """Return the approximate energy of multiple scattering."""
+    """Return 1 minus the mean albedo of Disney's specular lobe: about the light that is scattered several times."""
     return 1.0 - _mean_over_views(lambda view: _lobe_albedo(view, alpha, correlated=False))
 
 
 def overshadowed_energy(alpha: float) -> float:
-    """Return how much more a lobe reflects with height-correlated than with separable shadowing.
+    """Return how much larger the lobe's mean albedo is with height-correlated than with separable shadowing.
 
     See Heitz 2014, section 5.3.
     """
@@ -51,18 +54,23 @@ def overshadowed_energy(alpha: float) -> float:
 
 
 def _lobe_albedo(view: Floats, alpha: float, *, correlated: bool) -> float:
+    """Return the directional albedo of Disney's specular lobe for a direction `view` (3,), with a Fresnel term of 1.
+
+    `correlated` replaces the lobe's separable shadowing by the height-correlated one.
+    """
     lobe = disney_lobe("specular", view, metallic=1.0, baseColor=WHITE, roughness=np.sqrt(alpha))
     wi, weight = half_vector_grid(view, max(alpha, 0.001), _CELLS)
     energy = np.asarray(lobe.evaluate(DirectionPair.from_directions(view, wi)))[:, 0] * wi[:, 2]
     if correlated:
-        # G1 = 2 / (1 + root), and G2 = 2 / (root_i + root_o).
+        # With root = sqrt(1 + alpha^2 tan^2 theta), here `i` for the light and `o` for the view, G1 is 2 / (1 + root).
+        # The separable product of both G1 is replaced by G2 = 2 / (root_i + root_o).
         i, o = (np.sqrt(1.0 + alpha * alpha * (1.0 / cosine**2 - 1.0)) for cosine in (wi[:, 2], view[2]))
         energy = energy * 0.5 * (1.0 + i) * (1.0 + o) / (i + o)
     return float(energy @ weight)
 
 
 def sheen_albedo(roughness: float) -> float:
-    """Return the albedo of Estevez and Kulla's distribution over MaterialX's denominator."""
+    """Return the mean albedo of MaterialX's ``conty_kulla`` sheen, which has Estevez and Kulla's distribution."""
     inverse = 1.0 / max(roughness, 0.005)
 
     def f(d: DirectionPair) -> Floats:
@@ -76,7 +84,11 @@ def sheen_albedo(roughness: float) -> float:
 
 
 def fuzz_albedo(roughness: float) -> float:
-    """Return the albedo of Zeltner's Gaussian, which is a fit to a table of directional albedos."""
+    """Return the mean albedo of MaterialX's ``zeltner`` sheen.
+
+    MaterialX fits Zeltner's table of directional albedos by a Gaussian in the view's cosine.
+    """
+    # `s` is the width, `m` the mean and `o` the offset of the Gaussian, functions of the roughness `y`.
     y = max(roughness, 0.01)
     s = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y))
     m = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y)
@@ -87,7 +99,8 @@ def fuzz_albedo(roughness: float) -> float:
 
 
 def oren_nayar_albedo(roughness: float) -> float:
-    """Return the albedo of Oren and Nayar's diffuse reflection of white."""
+    """Return the mean albedo of Oren and Nayar's diffuse reflection of a white surface."""
+    # `a`, `b` and `s` are A, B and the cosine term of Oren and Nayar 1994, with the roughness as their sigma.
     variance = roughness * roughness
     a, b = 1.0 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
 
@@ -100,12 +113,17 @@ def oren_nayar_albedo(roughness: float) -> float:
 
 
 def grazing_reflectance(share: float) -> float:
-    """Return f90 of the Schlick term for a dielectric; `share` is sqrt(f0) / `MIN_SQRT_F0_OF_UNIT_F90`."""
+    """Return f90 of the Schlick term that is closest to the Fresnel term of a dielectric, in least squares.
+
+    `share` is sqrt(f0) / `MIN_SQRT_F0_OF_UNIT_F90`.
+    """
     root = MIN_SQRT_F0_OF_UNIT_F90 * share
     ior = (1.0 + root) / (1.0 - root)
+    # The exact Fresnel equations, with the cosine c of the view and g^2 = ior^2 + c^2 - 1.
     c = np.cos(np.radians(np.linspace(0.0, 80.0, 81)))
     g = np.sqrt(ior * ior + c * c - 1.0)
     exact = 0.5 * ((g - c) / (g + c)) ** 2 * (1.0 + (((g + c) * c - 1.0) / ((g - c) * c + 1.0)) ** 2)
+    # Schlick's term is f0 + (f90 - f0) weight, where f0 is the square of `root`.
     weight = np.asarray(schlick_weight(c))
     return min(float(((exact - root * root) * weight).sum() / (weight * weight).sum() + root * root), 1.0)
 
@@ -118,11 +136,11 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
     "rough": oren_nayar_albedo,
     "edge": grazing_reflectance,
 }
-"""The fitted functions by the name of the fit."""
+"""The functions to be fitted, by the name of the fit."""
 
 
 def make_table() -> dict[str, dict[str, object]]:
-    """Return the numerator, the denominator and the residual of every fit."""
+    """Compute all fits; return ``"numerator"``, ``"denominator"`` and ``"residual"`` of each by its name."""
     table = {}
     for name, function in FUNCTIONS.items():
         target = np.array([function(float(x)) for x in _POINTS])
@@ -138,6 +156,8 @@ def make_table() -> dict[str, dict[str, object]]:
 
 
 def _mean_over_views(albedo: Callable[[Floats], float]) -> float:
+    """Return the mean of a directional albedo over all views, weighted by the square of the view's cosine."""
+    # Gauss's rule over the cosine from 0 to 1. The weights are normalised: the integral of 3 c^2 is 1.
     x, weight = np.polynomial.legendre.leggauss(16)  # type: ignore[no-untyped-call]
     cosines = 0.5 * (x + 1.0)
     views = np.stack([np.sqrt(1.0 - cosines**2), np.zeros(16), cosines], axis=-1)
@@ -145,6 +165,7 @@ def _mean_over_views(albedo: Callable[[Floats], float]) -> float:
 
 
 def _albedo_of(f: Callable[[DirectionPair], Floats]) -> Callable[[Floats], float]:
+    """Return the function from a direction (3,) to the viewer to the directional albedo of a BRDF `f`."""
     wi, weight = hemisphere_grid(64)
     return lambda view: float((f(DirectionPair.from_directions(view, wi)) * wi[:, 2]) @ weight)
 

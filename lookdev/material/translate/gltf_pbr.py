@@ -1,4 +1,4 @@
-"""glTF's metallic-roughness model, as the MaterialX node `gltf_pbr`.
+"""The translation of glTF's metallic-roughness model, as the MaterialX node `gltf_pbr`, to layers of our models.
 
 - glTF 2.0 Specification, appendix B, and its material extensions. Khronos Group.
 """
@@ -14,12 +14,14 @@ from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
+    """Return the layers of our models for parameters of the node: a base, its specular coat and the clearcoat."""
     color, metallic, base_roughness = p["base_color"], p["metallic"], p["roughness"]
     presence = _presence(p)
     f0 = scale(np.minimum(scale(p["specular_color"], lobes.f0_of_ior(p["ior"])), 1.0), p["specular"])
     emerging_light, interface = lobes.mix_with_metal(
         color, lobes.Interface(f0, p["specular"], base_roughness), lobes.Interface(color, 1.0, base_roughness), metallic
     )
+    # glTF has no weight of sheen beside its colour: it is the largest channel, and `hue` the colour divided by it.
     weight = lobes.max_channel(p["sheen_color"])
     hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
     emerging_light = lobes.color_under_sheen(
@@ -44,6 +46,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
 
 
 def _presence(p: Parameters) -> Real:
+    """Return the presence of the surface, (...), for the alpha modes ``"0"`` opaque, ``"1"`` mask and ``"2"`` blend."""
     if p["alpha_mode"] == "0":
         return np.asarray(1.0)
     alpha: Array = p["alpha"]
@@ -51,15 +54,15 @@ def _presence(p: Parameters) -> Real:
 
 
 def _disney_roughness(p: Parameters) -> tuple[Real, Real]:
-    """Return the `roughness` and `anisotropic` of Disney's lobe.
+    """Return the parameters `roughness` and `anisotropic` with which Disney's lobe has the alphas of glTF's.
 
-    Its alphas are ``mix(roughness^2, 1, strength^2)`` and ``roughness^2``.
+    These are alpha_x = ``mix(roughness^2, 1, strength^2)`` and alpha_y = ``roughness^2``.
     """
     roughness, strength = p["roughness"], p["anisotropy_strength"]
     alpha_y = np.maximum(roughness * roughness, 1e-5)
     alpha_x = mix(alpha_y, 1.0, strength * strength)
     quotient = alpha_y / alpha_x
-    # The ratio of the alphas is at most ten; beyond, the narrower alpha stays.
+    # In Disney's lobe, the quotient is 1 - 0.9 anisotropic, so at least 0.1. Where glTF's is smaller, alpha_y is kept.
     aspect2 = np.maximum(quotient, 0.1)
     return np.sqrt(alpha_y / np.sqrt(aspect2)), (1.0 - aspect2) * (1.0 / 0.9)
 

@@ -1,4 +1,4 @@
-"""OpenPBR Surface 1.1, as the MaterialX node `open_pbr_surface`.
+"""The translation of OpenPBR Surface 1.1, as the MaterialX node `open_pbr_surface`, to layers of our models.
 
 - Andersson, Z. et al. 2024. OpenPBR Surface Specification. Academy Software Foundation.
 """
@@ -16,13 +16,14 @@ from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
+    """Return the layers of our models for parameters of the node: a base, its specular coat and the clear coat."""
     metalness, coat_weight, base_roughness = p["base_metalness"], p["coat_weight"], _coated_roughness(p)
     weight = np.minimum(p["specular_weight"], 1.0)
     presence, thin = p["geometry_opacity"], p["geometry_thin_walled"] == "1"
     dielectric = lobes.Interface.from_ior(_ior(p), base_roughness, p["specular_color"])
     metal = lobes.Interface(scale(p["base_color"], p["base_weight"]), 1.0, base_roughness)
-    # `emerging_light`, (..., 3), is the light that leaves the base, at first through the specular interface alone. The
-    # coat tints it, and the fuzz covers it.
+    # `emerging_light`, (..., 3), is the diffuse light that leaves the base. At first it is the light that passes the
+    # specular interface. Then the coat tints it, and fuzz covers it.
     emerging_light, interface = lobes.mix_with_metal(_diffuse(p), dielectric, metal, metalness, weight)
     tint = _tint(p)
     emerging_light = lobes.color_under_sheen(
@@ -49,10 +50,11 @@ def _layers(p: Parameters) -> list[StackLayer]:
 
 
 def _diffuse(p: Parameters) -> Array:
-    """Return the diffuse colour, (..., 3), under the specular lobe."""
+    """Return the diffuse colour, (..., 3), under the specular interface."""
     color = p["base_color"]
     if not are_equal(p["base_diffuse_roughness"], 0.0):
-        # Portsmouth et al. 2024, EON: the mean albedo of single scattering, and of all further scattering.
+        # The mean albedo of EON, energy-preserving Oren-Nayar (Portsmouth et al. 2024): first of single scattering for
+        # white, then of all scattering for the colour.
         single = 1.0 / (1.0 + (0.5 - 2.0 / (3.0 * pi)) * p["base_diffuse_roughness"])
         albedo = np.expand_dims(single * (1.0 + (2.0 / 3.0 - 28.0 / (15.0 * pi)) * p["base_diffuse_roughness"]), -1)
         color = color * albedo + color * color * albedo * (1.0 - albedo) / (1.0 - color * (1.0 - albedo))
@@ -61,7 +63,8 @@ def _diffuse(p: Parameters) -> Array:
 
 
 def _ior(p: Parameters) -> Real:
-    """Return the effective index of refraction of the dielectric, with the specular weight and under the coat."""
+    """Return the effective index of refraction of the dielectric, under the coat and scaled by the specular weight."""
+    # Beneath a coat, the relative index counts; if it is below 1, its inverse. The weight scales f0, not the index.
     quotient = p["specular_ior"] / np.maximum(p["coat_ior"], 1e-3)
     coated_ior = np.maximum(quotient, 1.0 / np.maximum(quotient, 1e-3))
     f0 = p["specular_weight"] * lobes.f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
@@ -70,16 +73,16 @@ def _ior(p: Parameters) -> Real:
 
 
 def _coated_roughness(p: Parameters) -> Real:
-    """Return the roughness of the base as it appears through the coat."""
+    """Return the roughness of the base's interface as it appears through a rough coat, which blurs the highlight."""
     base_alpha, coat_alpha = (p[name] * p[name] for name in ("specular_roughness", "coat_roughness"))
     coated = np.sqrt(np.sqrt(np.minimum(2.0 * coat_alpha * coat_alpha + base_alpha * base_alpha, 1.0)))
     return mix(p["specular_roughness"], coated, p["coat_weight"])
 
 
 def _tint(p: Parameters) -> Array:
-    """Return the factor (..., 3) on the base's colour: the coat's colour, times the darkening by the coat.
+    """Return the factor (..., 3) of the coat on the base's colour: the coat's colour, times a darkening.
 
-    Light that the coat's surface reflects back to the base is absorbed there in part. This darkens the base.
+    The base appears darker under a coat, because it absorbs a part of the light that the coat's surface reflects back.
     """
     # `internal` approximates the reflectance of the coat's surface for diffuse light from below.
     internal = 1.0 - (1.0 - lobes.f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
@@ -92,13 +95,13 @@ def _tint(p: Parameters) -> Array:
 
 
 def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
-    """Return the `roughness` and `anisotropic` of Disney's lobe.
+    """Return the parameters `roughness` and `anisotropic` with which Disney's lobe has the alphas of OpenPBR's.
 
-    Its alphas are ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
+    For an anisotropy a, they are ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
     """
     aspect = 1.0 - anisotropy
     squared_scale = 2.0 / (1.0 + aspect * aspect)
-    # The fourth root of the product of the alphas, whose ratio is at most ten.
+    # Disney's roughness is the fourth root of the product of the alphas. Its alphas have a ratio of at most ten.
     return roughness * np.sqrt(np.sqrt(squared_scale * np.maximum(aspect, 0.1))), lobes.disney_anisotropy(anisotropy)
 
 

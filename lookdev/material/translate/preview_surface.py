@@ -1,4 +1,4 @@
-"""UsdPreviewSurface.
+"""The translation of UsdPreviewSurface, as a node of USD or MaterialX, to layers of our models.
 
 - UsdPreviewSurface Specification, Pixar. https://openusd.org/release/spec_usdpreviewsurface.html
 """
@@ -16,6 +16,10 @@ from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
+    """Return the layers of our models for parameters of the node: a base, its specular coat and the clearcoat.
+
+    Comments quote the specification in quotation marks.
+    """
     color, roughness, normal = p["diffuseColor"], p["roughness"], p["normal"]
     presence, coat_presence = _presence(p)
     if p["useSpecularWorkflow"] == "1":
@@ -34,8 +38,12 @@ def _layers(p: Parameters) -> list[StackLayer]:
 
 
 def _presence(p: Parameters) -> tuple[Real, Real]:
-    """Return the presence of the diffuse part, and that of the reflecting coats."""
+    """Return two presences (...) of the surface: that of the diffuse base, and that of the reflecting coats.
+
+    With an opacity threshold, points are either opaque or absent.
+    """
     opacity = p["opacity"]
+    # Adding np.zeros(()) turns a number into an array.
     cut = np.where(opacity + np.zeros(()) >= p["opacityThreshold"], 1.0, 0.0)
     masked = np.where(p["opacityThreshold"] > 0.0, cut, opacity)
     if p["opacityMode"] in ("presence", "1"):
@@ -52,12 +60,13 @@ MATERIALX_PREVIEW_SURFACE = Translation(
     _layers,
     {"emissiveColor": Loss(Reason.EMISSION), "occlusion": Loss("the light that reaches a point is traced")},
 )
-"""The MaterialX node of the same name."""
+"""UsdPreviewSurface as a node of MaterialX, where the opacity modes are numbers."""
 
-_MODES = ("transparent", "presence")
+_MODES = ("transparent", "presence")  # of opacity
 PREVIEW_SURFACE = replace(
     MATERIALX_PREVIEW_SURFACE,
     name="preview_surface",
     identifier="UsdPreviewSurface",
     overrides={"opacityMode": Parameter("opacityMode", "token", _MODES[0], choices=_MODES)},
 )
+"""UsdPreviewSurface as a node of USD, where the opacity modes are words."""

@@ -1,4 +1,4 @@
-"""Autodesk Standard Surface, as the MaterialX node `standard_surface`.
+"""The translation of Autodesk Standard Surface, as the MaterialX node `standard_surface`, to layers of our models.
 
 - Georgiev, I. et al. 2019. Autodesk Standard Surface, version 1.0.1.
 """
@@ -16,6 +16,7 @@ from lookdev.material.translate.translation import Loss, Reason, Translation
 
 
 def _layers(p: Parameters) -> list[StackLayer]:
+    """Return the layers of our models for parameters of the node: a base, its specular coat and the clear coat."""
     metalness, coat_weight, normal = p["metalness"], p["coat"], p["normal"]
     presence = mean(p["opacity"])
     tint = mix_color(lobes.WHITE, p["coat_color"], coat_weight)
@@ -42,7 +43,8 @@ def _layers(p: Parameters) -> list[StackLayer]:
 
 
 def _diffuse(p: Parameters) -> Array:
-    """Return the diffuse colour, (..., 3), under the specular lobe."""
+    """Return the diffuse colour, (..., 3), under the specular interface."""
+    # The exponent with which the coat changes the colours beneath.
     gamma = np.expand_dims(1.0 + p["coat"] * p["coat_affect_color"], -1)
     rough = 1.0 if are_equal(p["diffuse_roughness"], 0.0) else lobes.load_fit("rough")(p["diffuse_roughness"])
     diffuse = scale(np.power(p["base_color"], gamma), p["base"] * rough)
@@ -83,4 +85,4 @@ STANDARD_SURFACE = Translation(
 STANDARD_SURFACE_100 = replace(
     STANDARD_SURFACE, name="standard_surface_100", identifier=f"{STANDARD_SURFACE.identifier}_100"
 )
-"""Version 1.0.0, whose defaults differ."""
+"""Version 1.0.0 of Standard Surface, which has other defaults."""

@@ -1,4 +1,4 @@
-"""The record of a translation: a foreign shading model as layers of our models."""
+"""The class `Translation`: how a foreign shading model is translated to layers of our models, and what is lost."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from lookdev.brdf.vectors import Parameters
 from lookdev.material import Input
 
 _NORMALS = {"Tworld": (1.0, 0.0, 0.0)}
-"""The default of a vector by the input's ``defaultgeomprop``; without an entry here, it is the shading normal."""
+"""Defaults of inputs that are vectors, by the ``defaultgeomprop`` of MaterialX's definition.
+
+They are in the frame of tangent, bitangent and shading normal. The default of any other vector is the shading normal.
+"""
 
 
 class Reason(StrEnum):
-    """Reasons of losses that several models share."""
+    """Why an input is lost in a translation: the reasons that several models share, as texts for users."""
 
     EMISSION = "surfaces emit no light"
     TANGENT = "the tangent is that of the UVs"
@@ -34,10 +37,11 @@ class Reason(StrEnum):
 
 @dataclass(frozen=True)
 class Loss:
-    """The reason why an input that differs from its default is lost, wholly or in part.
+    """Why and when an input of a foreign model is lost, wholly or in part, in its translation.
 
-    Nothing is lost where another input, which the input `needs`, is constantly 0 or black. With `unless_gray`, nothing
-    is lost where the input is a constant colour without hue.
+    An input with its default is not lost. `needs` names another input without which this one has no effect: nothing is
+    lost where the other input is constantly 0 or black. With `unless_gray`, nothing is lost where this input is a
+    constant grey.
     """
 
     reason: str
@@ -49,20 +53,22 @@ class Loss:
 class Translation:
     """A foreign shading model, and its translation to layers of our models.
 
-    name, title
-        The `Layer.model` of layers of this model, and a short name for messages.
+    name
+        The name of the foreign model, as `Layer.model` has it.
+    title
+        A short name for messages.
     identifier
         The `info:id` of its shader node, of USD or of MaterialX.
     library
-        The file of its definition among those of MaterialX's library of surface shaders.
+        The name of the file, in MaterialX's library of surface shaders, that defines the node.
     layers
-        The function from all foreign parameters to layers, base first. A layer has the parameters that differ from its
-        model's defaults, within their hard ranges. The base lies ``"over"`` the layers beneath; the others lie on the
-        base. Code generation traces the function, which is plain NumPy.
+        The function from all foreign parameters to layers of our models, base first. The layers have those parameters
+        that differ from their models' defaults, within their hard ranges. The base has mode ``"over"``; the others are
+        coats on the base. The function is plain NumPy, which code generation traces.
     loss_reasons
-        Why inputs are lost, by their names.
+        The losses of the translation, by the name of the input that is lost.
     overrides
-        The parameters that differ from those of the definition, by name.
+        The parameters, by name, that differ from MaterialX's definition of the node.
     """
 
     name: str
@@ -75,19 +81,20 @@ class Translation:
 
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
-        """The foreign inputs by name, from the definition of the node.
+        """The parameters of the foreign model by name, read from MaterialX's definition of the node.
 
-        Integers and booleans are tokens of their digits. A range without a limit is infinite. Normals are in the frame
-        of tangent, bitangent and shading normal. Tangents are not read.
+        An integer or a boolean is a token, such as ``"0"`` or ``"1"``. A range without a limit is infinite. Normals are
+        in the frame of tangent, bitangent and shading normal. Tangents are not read.
         """
         definition = self.identifier if self.identifier.startswith("ND_") else f"ND_{self.identifier}_surfaceshader"
-        from lookdev.mtlx import library_inputs  # not at the top: it imports USD, and a job's worker starts first
+        # Not at the top: this imports USD, and a job starts its worker first.
+        from lookdev.mtlx import library_inputs
 
         ports = library_inputs(self.library, definition)
         return {name: _read_parameter(name, port) for name, port in ports.items()} | dict(self.overrides)
 
     def losses(self, inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
-        """Yield each input that is set and is lost, wholly or in part, with the reason; `inputs` are those set."""
+        """Yield pairs (name, reason) for the inputs that are lost, wholly or in part; `inputs` are all that are set."""
         for name, value in inputs.items():
             loss = self.loss_reasons.get(name)
             if loss is None or value == self.parameters[name].default:
@@ -99,7 +106,7 @@ class Translation:
 
 
 def _read_parameter(name: str, port: Any) -> Parameter:
-    """Return the record of an input of a definition of MaterialX."""
+    """Return the parameter for an input of a node definition of MaterialX, an object of MaterialX's API."""
     kind, text = port.getType(), port.getValueString()
     if kind == "vector3":
         default = _NORMALS.get(port.getAttribute("defaultgeomprop"), (0.0, 0.0, 1.0))

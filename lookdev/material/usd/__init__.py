@@ -1,7 +1,8 @@
-"""Readers of looks: a UsdShade.Material whose outputs:lookdev:surface is a stack of layers, and its displacement.
+"""Reads looks from USD: materials whose `outputs:lookdev:surface` is connected to a stack of layers or to one layer.
 
-USD composes references, variants, sublayers and inherits; this module reads the composed network. A lookdev shader has
-one result, so the name of the connected output does not matter.
+USD composes references, variants, sublayers and inherits. This module reads the composed network of shaders, and finds
+all faults of a look before it raises them in one error. Materials of other shading models are read by
+`lookdev.material.usd.bound`.
 """
 
 from __future__ import annotations
@@ -33,14 +34,15 @@ from lookdev.material.variants import expand_wildcards
 from lookdev.stage import clean_usd_message, lights_hint, open_stage, usd_errors_as_faults
 
 VariantChoice: TypeAlias = Mapping[str, str] | None
-"""The selected variant of each set of a material, or of prims above it; other sets keep the file's selections."""
+"""The variants to select, by set: sets of a material or of prims above it. Other sets keep the file's selections."""
 
-_MAX_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
+_MAX_PROPERTIES = 4096  # of a LookdevLayers shader: enough for a thousand layers
 _DISPLACEMENT = "outputs:lookdev:displacement"
+# The height of a displacement as a parameter: a float without limits.
 _HEIGHT = Parameter("height", "float", 0.0, (-inf, inf), (-inf, inf))
 _DISPLACEMENT_INPUTS = ("height", "scale", "midlevel", "units")
 MODES: tuple[Mode, ...] = ("over", "transmit")
-"""The modes of the layers of a stack."""
+"""The modes that a layer of a stack in USD can have; see `lookdev.material.Layer`."""
 
 
 def read_look(
@@ -51,25 +53,27 @@ def read_look(
     *,
     open_images: bool = True,
 ) -> Look:
-    """Read a look.
+    """Read a look from a file.
 
     Parameters
     ----------
     file
         A file that USD opens.
     prim
-        Path of the material. By default the default prim if it is a material, else the only material of the file.
+        The path of the material. By default, it is the file's default prim if that is a material, else the only
+        material of the file.
     variants
-        The variant of each set, for sets of the material or of prims above it. Other sets keep the file's selections.
+        The variants to select, by set. Other sets keep the file's selections.
     name
-        The name of the look; the material's by default.
+        The name of the look, by default that of the material.
     open_images
-        Whether to read the header of every image now. Otherwise an unreadable image is an error when it is needed.
+        Whether to read the header of every image now. Otherwise, an unreadable image is an error only when it is
+        needed.
 
     Raises
     ------
     LookError
-        Every fault of the look, each with its place.
+        The look has faults. The error lists all of them, each with the path of its prim or property.
     """
     stage = open_stage(file)
     network = Network(file, open_images)
@@ -79,13 +83,13 @@ def read_look(
 
 
 def read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Look:
-    """Read the look of a composed material of an open stage; raises as `read_look`, with `file` in the faults."""
+    """Read the look of a material of an open stage; raises as `read_look`, with `file` as the file of the faults."""
     with usd_errors_as_faults(file):
         return read_look_at(Network(file), stage, path, None)
 
 
 def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
-    """Return the faults of a layer that is not part of a look, such as a preset, as faults of `file`."""
+    """Return the faults of the shader of a layer that is not part of a look, such as a preset, in the file `file`."""
     network = Network(file)
     with usd_errors_as_faults(file):
         _read_layer(network, layer.GetIdAttr(), OutputSource(layer, "layer"), 1.0, "over")
@@ -94,7 +98,10 @@ def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
 
 @contextmanager
 def open_material(file: Path, prim: str | None, variants: VariantChoice = None) -> Iterator[UsdShade.Material]:
-    """Yield a material of a file with variants selected; LookError where there is none, or USD reports errors."""
+    """Within this context, open a file and select variants; yield the material.
+
+    `prim` is as in `read_look`. Raises LookError where there is no such material or variant, or USD reports errors.
+    """
     stage, network = open_stage(file), Network(file)
     with usd_errors_as_faults(file):
         path = find_material(network, stage, prim, variants or {})
@@ -109,11 +116,12 @@ def material_paths(stage: Usd.Stage) -> list[Sdf.Path]:
 
 
 def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
-    """Return all selections in which a variant of its set replaces each ``"*"``; raises as `read_look`."""
+    """Return all selections that result if each ``"*"`` is replaced by a variant of its set; raises as `read_look`."""
     return expand_wildcards(variants, partial(_variant_names, file, prim), str(file), prim or "")
 
 
 def _variant_names(file: Path, prim: str | None, selection: Mapping[str, str], set_name: str) -> list[str]:
+    """Return the variants that a set has if `selection` is selected, where ``"*"`` selects nothing."""
     network, stage = Network(file), open_stage(file)
     path = find_material(network, stage, prim, {name: choice for name, choice in selection.items() if choice != "*"})
     sets = {} if path is None else variant_sets(stage, path)
@@ -125,18 +133,25 @@ def _variant_names(file: Path, prim: str | None, selection: Mapping[str, str], s
 
 
 def variant_sets(stage: Usd.Stage, path: Sdf.Path) -> dict[str, Usd.VariantSet]:
-    """Return the variant sets by name of the prims at and above a path; the nearest prim's where names are equal."""
+    """Return the variant sets, by name, of the prim at a path and of all prims above it.
+
+    Where several prims have a set of the same name, that of the lowest prim is returned.
+    """
     prims = [prim for prefix in path.GetPrefixes() if (prim := stage.GetPrimAtPath(prefix))]
     return {name: prim.GetVariantSet(name) for prim in prims for name in prim.GetVariantSets().GetNames()}
 
 
 def _add_unknown_set_fault(network: Network, path: Sdf.Path, name: str, set_names: Collection[str]) -> None:
+    """Add the fault that the material at a path has no variant set `name`, but the sets `set_names`."""
     hint = nearest_hint(name, sorted(set_names)) if set_names else "it has none"
     network.add_fault(path, f"has no variant set '{name}'", hint)
 
 
 def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
-    """Read the look at a path from `find_material`; raises LookError with all faults of the network."""
+    """Read the look of the material at a path, or None, that `find_material` has returned.
+
+    `name` is the name of the look, by default the material's. Raises LookError with all faults of the network.
+    """
     check_composition(network, stage, path)
     if path is None:
         raise LookError(network.faults)
@@ -148,16 +163,19 @@ def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name
 
 
 def check_composition(network: Network, stage: Usd.Stage, path: Sdf.Path | None) -> None:
-    """Add errors of the composition as faults: those above, at and below `path`, or all where it is None."""
+    """Add USD's composition errors as faults: those at prims above, at and below `path`, or all where it is None."""
     for error in stage.GetCompositionErrors():
         site = error.rootSite.path
-        # The site is empty for a path that is an expression which USD cannot evaluate.
+        # USD states no site for an asset path with a variable expression that it cannot evaluate.
         if path is None or not site or path.HasPrefix(site) or site.HasPrefix(path):
             network.add_fault(site, clean_usd_message(str(error)))
 
 
 def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]) -> Sdf.Path | None:
-    """Select the variants and return the material's path; None, with a fault added, where there is no material."""
+    """Select the variants, and return the path of the material that `prim` or the file's default names.
+
+    Returns None, with a fault added, where there is no such material.
+    """
     if prim is None:
         path = _only_material(network, stage)
         if path is None:
@@ -178,6 +196,7 @@ def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants
 
 
 def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
+    """Return the path of the default prim if it is a material, else of the only material; else add a fault."""
     default = stage.GetDefaultPrim()
     if default and default.IsA(UsdShade.Material):
         return default.GetPath()
@@ -196,7 +215,8 @@ def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
 
 
 def _select_variants(network: Network, stage: Usd.Stage, path: Sdf.Path, variants: Mapping[str, str]) -> None:
-    """Select variants on the session layer, those of sets inside other variants last."""
+    """Select variants on the session layer; add a fault for each set or variant that does not exist."""
+    # A set inside a variant exists only when this variant is selected: select those sets first that exist.
     pending = dict(variants)
     while ready := pending.keys() & (sets := variant_sets(stage, path)).keys():
         name = min(ready)
@@ -211,14 +231,17 @@ def _select_variants(network: Network, stage: Usd.Stage, path: Sdf.Path, variant
 
 
 def _layer_shader_names() -> str:
+    """Return the identifiers of the shaders of layers as text for a hint."""
     return " or ".join(layer_shaders())
 
 
 def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer, ...]:
+    """Return the layers of a material, base first; with faults added, some may be missing."""
     terminal = material.GetPath().AppendProperty(TERMINAL)
     attribute = material.GetPrim().GetAttribute(TERMINAL)
     source = network.follow(attribute) if attribute else None
     if isinstance(source, OutputSource):
+        # A LookdevLayers has a single output, so its name does not matter.
         if shader_id(source.shader) == "LookdevLayers":
             return _read_stack(network, source.shader)
         layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers",))
@@ -242,7 +265,7 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
             network.add_fault(attribute, "unknown input", nearest_hint(name, valid_names))
         elif is_authored(attribute):
             attributes[name] = attribute
-    # Each layer, after the input that it is connected to: faults of the layer name this input.
+    # Pairs of an input of the stack and the layer that is connected to it: faults of the layer name the input.
     layers: list[tuple[Usd.Attribute, Layer]] = []
 
     def add(attribute: Usd.Attribute, mask: Mask, mode: Mode) -> None:
@@ -271,7 +294,10 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
 
 
 def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) -> None:
-    """Add faults of modes that the layers beneath rule out, and of tokens that layers of one model must share."""
+    """Add the faults of layers that cannot be combined.
+
+    A mode may be impossible over the layers beneath, or layers of one model may differ in a token that they must share.
+    """
     for number, (attribute, layer) in enumerate(layers):
         beneath = [layer_below for _, layer_below in layers[:number]]
         conflict = find_mode_conflict(layer.mode, [stack_layer.model for stack_layer in (*beneath, layer)])
@@ -285,6 +311,7 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
 
 
 def _check_tokens(network: Network, attribute: Usd.Attribute, layer: Layer, base: Layer) -> None:
+    """Add a fault for each token that a layer must share with the base, which has the same model, but does not."""
     for name, parameter in MODELS[layer.model].parameters.items():
         token, base_token = (stack_layer.inputs.get(name, parameter.default) for stack_layer in (layer, base))
         if parameter.kind == "token" and parameter.agreement == "alike" and token != base_token:
@@ -293,11 +320,13 @@ def _check_tokens(network: Network, attribute: Usd.Attribute, layer: Layer, base
 
 
 def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
+    """Return the mask of a layer, 1 where it is unset or wrong."""
     mask = None if attribute is None else read_input(network, attribute, MASK)
     return mask if isinstance(mask, Mask) else 1.0
 
 
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
+    """Return the layer to which an input of the stack is connected; None, with a fault added, where it is not."""
     source = network.follow(attribute)
     if isinstance(source, OutputSource):
         return _read_layer(network, attribute, source, mask, mode)
@@ -314,7 +343,10 @@ def _read_layer(
     mode: Mode,
     others: tuple[str, ...] = (),
 ) -> Layer | None:
-    """Read the layer of a shader; `others` are identifiers that would be right too."""
+    """Read the layer of a shader, to whose output `attribute` is connected; None for another kind of shader.
+
+    `others` are identifiers of shaders, besides those of layers, for the hint of the fault.
+    """
     model = layer_shaders().get(identifier := shader_id(source.shader))
     if model is None:
         message = f"<{source.path}> has the unknown info:id '{identifier}'"
@@ -342,7 +374,7 @@ def _read_layer(
 
 
 def _read_displacement(network: Network, material: UsdShade.Material) -> Displacement | None:
-    """Return the displacement of a material; None where it has none or, with a fault added, where it is wrong."""
+    """Return the displacement of a material; None where it has none or, with a fault added, a wrong one."""
     terminal = material.GetPrim().GetAttribute(_DISPLACEMENT)
     if not terminal:
         return None

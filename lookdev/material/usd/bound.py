@@ -1,7 +1,8 @@
-"""Readers of materials of any shading model as looks: those that an asset binds, and those that a job names.
+"""Reads materials of any shading model as looks: those that the file of an asset binds, and those that a job names.
 
-Faults of a material of `lookdev` are errors. The surface shader of any other material becomes a layer of a foreign
-model (see `lookdev.material.translate`); faults list the inputs that cannot be carried over.
+A material of `lookdev` is read strictly: its faults are errors. A *foreign* material, of another shading model, is read
+as far as possible. Its surface shader becomes a layer of a foreign model (see `lookdev.material.translate`). An input,
+node or connection that cannot be carried over to the look is a *loss*, and is listed.
 """
 
 from __future__ import annotations
@@ -27,24 +28,25 @@ from lookdev.mtlx import NOTES_KEY
 from lookdev.stage import Composed, open_stage, usd_errors_as_faults
 
 GREY_LAYER = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
-"""The layer of a part whose material cannot be read."""
+"""The layer of a look that replaces a material which cannot be read."""
 
+# The outputs of a material for each purpose, in the order of preference: those for MaterialX before those for all.
 _SURFACE_TERMINALS = ("outputs:mtlx:surface", "outputs:surface")
 _DISPLACEMENT_TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")
 _VOLUME_TERMINALS = ("outputs:mtlx:volume", "outputs:volume")
-_MAX_SHADERS = 64
+_MAX_SHADERS = 64  # surface shaders connected in a row
 
 
 @dataclass(frozen=True)
 class BoundLook:
-    """A material as a look; `losses` lists each input, node and connection that is not carried over, and why."""
+    """The look of a material. `losses` lists each input, node and connection that is not carried over, and why."""
 
     look: Look
     losses: tuple[Fault, ...] = ()
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """The model of each layer, and that which renders a translated layer; "neutral grey" for `GREY_LAYER`."""
+        """The title of each layer's model for messages, such as "OpenPBR Surface as Disney" for a foreign one."""
         if self.look.layers[0] is GREY_LAYER:
             return ("neutral grey",)
         return tuple(_model_title(layer.model) for layer in self.look.layers)
@@ -56,15 +58,15 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
     Parameters
     ----------
     composed
-        The asset. Missing or unreadable images without a fallback are errors, unless `missing` of its composition is
-        "warn"; then `BoundLook.losses` lists them.
+        The asset. Images that are missing or unreadable and have no fallback are errors if the `missing` of its
+        composition is "error". Otherwise `BoundLook.losses` lists them.
     paths
         Paths of materials. A material that cannot be read becomes `GREY_LAYER`, and `BoundLook.losses` has the reason.
 
     Returns
     -------
     dict
-        The looks by path.
+        The looks by the path of the material.
 
     Raises
     ------
@@ -96,7 +98,7 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
 def read_any_look(
     file: Path, prim: str | None = None, variants: VariantChoice = None, name: str | None = None
 ) -> BoundLook:
-    """Read a material of a file, of `lookdev` or of another model; parameters as `read_look`.
+    """Read a material of a file, whether it is of `lookdev` or foreign; parameters as `read_look`.
 
     Images of a material of `lookdev` are not opened. Raises LookError as `read_look` and `read_foreign`.
     """
@@ -112,13 +114,13 @@ def read_any_look(
 
 
 def is_foreign(material: Usd.Prim) -> bool:
-    """Return whether a material has no outputs of `lookdev` and a connected surface of another model."""
+    """Return whether a material is foreign: it has a connected surface, but no outputs of `lookdev`."""
     lookdev_properties = material.GetAuthoredPropertiesInNamespace("outputs:lookdev")
     return not lookdev_properties and any(_is_connected(material, name) for name in _SURFACE_TERMINALS)
 
 
 def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
-    """Read a material of another model, which the user names, from an open stage.
+    """Read a foreign material that a user names, from an open stage. Missing images are errors.
 
     Raises
     ------
@@ -139,11 +141,12 @@ def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
 
 
 def _model_title(model: str) -> str:
+    """Return the title of a model for messages; for a foreign one, such as "OpenPBR Surface as Disney"."""
     return MODELS[model].title if model in MODELS else f"{TRANSLATIONS[model].title} as {MODELS['disney'].title}"
 
 
 class _Material:
-    """Reads one material of a foreign model, and collects its faults."""
+    """Reads one foreign material, and collects its losses as faults of its network."""
 
     def __init__(self, file: Path, path: str) -> None:
         self.path = path
@@ -153,11 +156,11 @@ class _Material:
 
     @property
     def losses(self) -> tuple[Fault, ...]:
-        """The faults of what is not carried over, missing images last."""
+        """The losses so far, with missing images last."""
         return (*self.network.faults, *dict.fromkeys(self.reader.missing))
 
     def grey_look(self, reason: str) -> Look:
-        """Return a grey look for a material that cannot be read, and add the reason as a fault."""
+        """Return a grey look for a material that cannot be read, and add the reason as a loss."""
         self.add_fault(self.path, reason, "its parts are grey")
         return Look(self.path.rpartition("/")[2], (GREY_LAYER,), f"{self.network.file}<{self.path}>")
 
@@ -181,13 +184,17 @@ class _Material:
         raise NotCarriedError(f"has no surface shader{' that can be read' if terminals else ''}")
 
     def _add_document_faults(self, prim: Usd.Prim) -> None:
-        """Add the faults of converting MaterialX documents, which the layers made from these store."""
+        """Add the losses that arose when a MaterialX document was converted to USD: its USD layer stores them."""
         for layer in dict.fromkeys(spec.layer for spec in prim.GetPrimStack()):
             for line in str(layer.customLayerData.get(NOTES_KEY, "")).splitlines():
                 self.network.add_external_fault(Fault(*line.split("\t")))
 
     def _read_surface(self, attribute: Usd.Attribute, depth: int) -> list[Layer]:
-        """Return the layers of the shader that an input or a terminal is connected to; NotCarriedError for others."""
+        """Return the layers of the surface shader to which an input or an output of the material is connected.
+
+        `depth` counts the shaders before it in a row of connected ones. Raises NotCarriedError where the shader cannot
+        be read.
+        """
         source = self.network.follow(attribute)
         if not isinstance(source, OutputSource):
             raise NotCarriedError("" if source is None else "is not connected to a shader")
@@ -209,17 +216,18 @@ class _Material:
 
     @staticmethod
     def _input_attribute(source: OutputSource, name: str) -> Usd.Attribute:
+        """Return the attribute of a shader's input; NotCarriedError where there is none."""
         attribute = source.shader.GetPrim().GetAttribute(f"inputs:{name}")
         if not attribute:
             raise NotCarriedError(f"<{source.path}> has no inputs:{name}")
         return attribute
 
     def _read_mix(self, source: OutputSource, depth: int) -> list[Layer]:
-        """Return the layers of a mix of two surface shaders, one over the other by a mask."""
+        """Return the layers of a mix of two surface shaders: those of one, and over them the other with a mask."""
         beneath = self._read_surface(self._input_attribute(source, "bg"), depth + 1)
         above = self._read_surface(self._input_attribute(source, "fg"), depth + 1)
         mask = self.reader.read_term(source.shader.GetPrim().GetAttribute("inputs:mix"), 1) or _ZERO
-        if len(above) > 1:  # a mixture cannot lie over others as one layer, so it lies beneath
+        if len(above) > 1:  # several layers cannot lie over others with one mask: put them beneath, and invert the mask
             beneath, above = above, beneath
             mask = self.reader.terms.apply("1 - {mask}", {"mask": mask}, ("mask",))
         if len(above) > 1:
@@ -227,6 +235,7 @@ class _Material:
         return [*beneath, replace(above[0], mask=_mask_source(mask))]
 
     def _read_layer(self, source: OutputSource, model: str, defaults: Mapping[str, Input]) -> Layer:
+        """Return the layer of a surface shader; `defaults` are the shader's defaults that differ from the model's."""
         inputs: dict[str, Input] = {}
         parameters = layer_parameters(model)
         for shader_input in source.shader.GetInputs():
@@ -263,6 +272,7 @@ class _Material:
             return None
 
     def _read_token(self, attribute: Usd.Attribute, parameter: Parameter) -> str | None:
+        """Return the choice of a constant input, where a number counts as its digits; None where it is unset."""
         value = self.reader.read_constant(attribute)
         if value is None:
             return None
@@ -272,6 +282,7 @@ class _Material:
         return text
 
     def _clip_to_range(self, attribute: Usd.Attribute, value: FormulaSource | Bump, parameter: Parameter) -> Input:
+        """Return the value of an input. A constant outside the parameter's range is clipped, with a fault added."""
         if isinstance(value, Bump) and parameter.kind != "normal":
             raise NotCarriedError("cannot be a normal")
         if not isinstance(value, float | tuple):
@@ -288,7 +299,10 @@ class _Material:
         return (clipped[0], clipped[1], clipped[2]) if isinstance(value, tuple) else clipped[0]
 
     def _check_normal(self, source: OutputSource, attribute: Usd.Attribute, term: NodeValue) -> None:
-        """Add faults of normal maps that are decoded as colours or biased; NotCarriedError for world space."""
+        """Add faults of a normal map that is decoded as a colour or has no negative components.
+
+        Raises NotCarriedError for a normal in world space.
+        """
         if node_category(source.shader) not in _TANGENT_SPACE_SHADERS and not term.tangent:
             hint = "only one of a normalmap or a bump, in tangent space, is supported"
             raise NotCarriedError(f"is a normal in world space; {hint}")
@@ -306,6 +320,7 @@ class _Material:
             raise NotCarriedError(str(error)) from error
 
     def _check_displacement(self, attribute: Usd.Attribute, source: OutputSource) -> None:
+        """Add a fault where a UsdPreviewSurface states a displacement that the material's outputs do not use."""
         prim = source.shader.GetPrim()
         while prim and not prim.IsA(UsdShade.Material):
             prim = prim.GetParent()
@@ -320,7 +335,10 @@ class _Material:
         return isinstance(holder, OutputSource) or bool(holder and holder.HasAuthoredValue())
 
     def _read_displacement(self, prim: Usd.Prim) -> Displacement | None:
-        """Return the displacement of a material along the normal, in units of the file; None where it has none."""
+        """Return the displacement of a material along the normal, in units of the file; None if it displaces nothing.
+
+        Where a displacement cannot be carried over, a fault is added.
+        """
         terminal = next(
             (prim.GetAttribute(name) for name in _DISPLACEMENT_TERMINALS if _is_connected(prim, name)), None
         )
@@ -347,18 +365,22 @@ class _Material:
             return None
 
 
+# The categories of surface shaders whose normals are in tangent space. UsdPreviewSurface has a displacement, too.
 _TANGENT_SPACE_SHADERS = ("UsdPreviewSurface", "UsdPreviewSurface_surfaceshader")
 _PREVIEW_MODELS = ("preview_surface", "materialx_preview_surface")
+# The default of MaterialX's disney_principled that differs from that of our model.
 _PRINCIPLED_DEFAULTS: Mapping[str, Input] = {"baseColor": (0.16, 0.16, 0.16)}
 _ZERO = NodeValue("0", 1, numbers=(0.0,))
 
 
 def _is_connected(prim: Usd.Prim, name: str) -> bool:
+    """Return whether a prim has an attribute of this name that is connected."""
     attribute = prim.GetAttribute(name)
     return bool(attribute and attribute.HasAuthoredConnections())
 
 
 def _mask_source(term: NodeValue) -> Mask:
+    """Return a value as a mask or a height, which must be a float; raises NotCarriedError for a bump map."""
     source = term.source()
     if not isinstance(source, Mask):
         raise NotCarriedError("is not a float")

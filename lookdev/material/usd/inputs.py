@@ -1,4 +1,8 @@
-"""Reader of an input of a layer: a constant, or a texture, primvar or expression node."""
+"""Reads the inputs of layers of `lookdev` in USD: constants, and nodes for textures, bumps, primvars and expressions.
+
+The functions return None where an input is unset. They also return None where it is wrong: then they add a fault to the
+network. Materials of other shading models are read by `lookdev.material.usd.bound`.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +37,9 @@ from lookdev.material.usd.network import Network, OutputSource, asset_file, imag
 from lookdev.space import Color
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
+# The channels of a texture that an input can be connected to, by the kind of its parameter.
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
-# The node that can be the source of each kind of value, besides UsdUVTexture and LookdevExpression.
+# The node that can be the source of an input of each kind. UsdUVTexture and LookdevExpression are sources of all kinds.
 _SOURCE_NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
 _MAX_DEPTH = 32  # nested expressions
 _IMAGE_HINT = "a path to an image, relative to the file that names it"
@@ -44,9 +49,9 @@ _ST_HINT = "connect inputs:st to a UsdPrimvarReader_float2, or to a UsdTransform
 def read_input(
     network: Network, attribute: Usd.Attribute, parameter: Parameter, enclosing: tuple[Sdf.Path, ...] = ()
 ) -> Input | None:
-    """Return the value of an input of a layer; None where it is unset or, with a fault added, where it is wrong.
+    """Return the value of an input of a layer or an expression; None where it is unset or, with a fault added, wrong.
 
-    `enclosing` are the expressions that read this input, the outermost first.
+    `enclosing` has the paths of the nested expressions that read this input, the outermost first.
     """
     expected = Sdf.ValueTypeNames.Asset if parameter.file else _TYPES[parameter.kind]
     if not network.check_type(attribute, attribute, expected):
@@ -61,7 +66,7 @@ def read_input(
 
 
 def _read_file(network: Network, attribute: Usd.Attribute, parameter: Parameter, asset: Sdf.AssetPath) -> str | None:
-    """Return the path of a file that a model reads; None, with a fault added, where it is missing or wrong."""
+    """Return the value of a parameter that names a file: the file's path, or one of the parameter's choices."""
     assert parameter.file is not None, "only such a parameter is an asset"
     try:
         file = asset.path if asset.path in parameter.choices else str(asset_file(asset))
@@ -76,14 +81,14 @@ def _read_file(network: Network, attribute: Usd.Attribute, parameter: Parameter,
 def _check_range(
     network: Network, where: object, parameter: Parameter, value: float | str | Gf.Vec3f
 ) -> float | Color | str | None:
-    """Return a constant as plain Python; None, with a fault added, where it is outside the parameter's range."""
+    """Return a constant as a float, a colour or text; None, with a fault added, where it is out of range."""
     if isinstance(value, str):
         if value not in parameter.choices:
             network.add_fault(where, f"unknown value '{value}'", nearest_hint(value, parameter.choices))
             return None
         return value
     low, high = parameter.hard
-    # USD stores float32, and rounds a constant at an end of the range to it.
+    # USD rounds constants to float32. One that is rounded from an end of the range becomes this end again.
     ends = {np.float32(end): end for end in parameter.hard}
     channels = (value,) if isinstance(value, float) else tuple(value)
     numbers = tuple(ends.get(np.float32(number), number) for number in channels)
@@ -104,6 +109,7 @@ def _read_varying(
     source: OutputSource,
     enclosing: tuple[Sdf.Path, ...],
 ) -> Input | None:
+    """Return the value of an input that is connected to the output of a node."""
     kind = parameter.kind
     if kind == "token":
         hint = "name a file" if parameter.file else f"choose one of {', '.join(parameter.choices)}"
@@ -127,7 +133,10 @@ def _read_varying(
 def _read_formula(
     network: Network, attribute: Usd.Attribute, kind: str, source: OutputSource, enclosing: tuple[Sdf.Path, ...]
 ) -> Formula | None:
-    """Read an expression node and its sources; a node that several inputs share is read once."""
+    """Read an expression node and its sources. A node that several inputs of a kind share is read once.
+
+    `kind` is that of the parameter that the expression sets.
+    """
     if source.path in enclosing:
         network.add_fault(attribute, f"<{source.path}> reads its own result", "expressions must not run in a cycle")
         return None
@@ -149,6 +158,7 @@ def _read_formula(
 def _read_new_formula(
     network: Network, kind: str, source: OutputSource, enclosing: tuple[Sdf.Path, ...]
 ) -> Formula | None:
+    """Read an expression node that has not been read yet; parameters as `_read_formula`."""
     where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
     text = network.read_constant(attribute, Sdf.ValueTypeNames.String)
@@ -185,6 +195,7 @@ def _read_new_formula(
 def _read_formula_input(
     network: Network, node: OutputSource, name: str, enclosing: tuple[Sdf.Path, ...]
 ) -> tuple[ExpressionKind, FormulaInput] | None:
+    """Return the type and the source of the input `name` of an expression node."""
     attribute = node.shader.GetPrim().GetAttribute(f"inputs:{name}")
     where = f"{node.path}.inputs:{name}"
     if name == VIEW and not (attribute and is_authored(attribute)):
@@ -212,6 +223,7 @@ def _read_formula_input(
 
 
 def _check_normal_map(network: Network, source: OutputSource, texture: Texture) -> None:
+    """Add faults of a normal map that is decoded as sRGB, or that is not scaled to -1 to 1."""
     if texture.colorspace == "sRGB":
         message = f"{texture.file} would be decoded as sRGB, but a normal map is data"
         network.add_fault(f"{source.path}.inputs:sourceColorSpace", message, "set it to 'raw'")
@@ -222,6 +234,7 @@ def _check_normal_map(network: Network, source: OutputSource, texture: Texture) 
 
 
 def _read_bump(network: Network, source: OutputSource) -> Bump | None:
+    """Read a LookdevBump node."""
     shader = source.shader
     network.check_inputs(shader, ("height", "scale"))
     attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
@@ -231,6 +244,7 @@ def _read_bump(network: Network, source: OutputSource) -> Bump | None:
 
 
 def _read_height(network: Network, bump: OutputSource, attribute: Usd.Attribute) -> Texture | None:
+    """Return the height map of a LookdevBump node; `attribute` is its input ``height``."""
     if attribute and not network.check_type(attribute, attribute, _TYPES["float"]):
         return None
     source = network.follow(attribute) if attribute else attribute
@@ -246,6 +260,7 @@ def _read_height(network: Network, bump: OutputSource, attribute: Usd.Attribute)
 def _read_primvar(
     network: Network, attribute: Usd.Attribute, parameter: Parameter, source: OutputSource
 ) -> Primvar | None:
+    """Read a UsdPrimvarReader. Its fallback must be within the parameter's range."""
     shader = source.shader
     network.check_node(attribute, source)
     name = _read_varname(network, shader)
@@ -256,6 +271,7 @@ def _read_primvar(
 
 
 def _read_varname(network: Network, shader: UsdShade.Shader) -> str:
+    """Return the name of the primvar that a UsdPrimvarReader reads; "", with a fault added, where it names none."""
     name = network.read_node_value(shader, "varname", str)
     if name == "":
         network.add_fault(f"{shader.GetPath()}.inputs:varname", "names no primvar", "for instance 'st'")
@@ -265,6 +281,7 @@ def _read_varname(network: Network, shader: UsdShade.Shader) -> str:
 def _read_texture(
     network: Network, attribute: Usd.Attribute, channels: tuple[Channel, ...], source: OutputSource
 ) -> Texture | None:
+    """Read a UsdUVTexture whose output must be one of `channels`."""
     shader = source.shader
     network.check_node(attribute, source, channels)
     file = _read_image(network, shader)
@@ -303,7 +320,10 @@ def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
 
 
 def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> Coordinates | None:
-    """Return the UV set of an input, and the product of the transforms between the input and the UV set's reader."""
+    """Return the texture coordinates of the input `name` of a node: a UV set and a transform.
+
+    The transform is the product of those of all UsdTransform2d nodes between the input and the UV set's reader.
+    """
     matrix = np.eye(3)
     path, seen = f"{shader.GetPath()}.inputs:{name}", set()
     while True:

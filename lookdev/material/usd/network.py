@@ -1,4 +1,7 @@
-"""Reader of a UsdShade network: follows connections, checks types of constants, finds files, collects all faults."""
+"""Reads networks of UsdShade shaders: follows connections, checks types of constants, finds files, collects faults.
+
+All readers of materials use a `Network`.
+"""
 
 from __future__ import annotations
 
@@ -19,19 +22,19 @@ from lookdev.stage.packages import unpack
 V = TypeVar("V")
 
 TERMINAL = "outputs:lookdev:surface"
-"""The output of a material to which its stack of layers, or its only layer, is connected."""
+"""The output of a material that is connected to its stack of layers, or to its only layer."""
 
 LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
-"""Matches the inputs of a LookdevLayers other than its base."""
+"""Matches the names of the inputs of a LookdevLayers shader except ``base``: the number of a layer, and a part."""
 
-_MAX_FAULTS = 1000
-_MAX_UNKNOWN_INPUTS = 100  # inputs of a shader, reported one by one
+_MAX_FAULTS = 1000  # that are listed one by one
+_MAX_UNKNOWN_INPUTS = 100  # of one shader, that are reported one by one
 _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 
 
 @dataclass(frozen=True)
 class OutputSource:
-    """The shader output that computes the value of an input."""
+    """The shader and the name of its output that compute the value of an input."""
 
     shader: UsdShade.Shader
     output: str
@@ -43,22 +46,23 @@ class OutputSource:
 
 
 class Network:
-    """The shader network of a look. Reading continues after a fault, and `faults` collects all of them.
+    """The shader network of a material in `file`. Reading continues after a fault, and `faults` collects all of them.
 
-    With `opens_images`, readers open every image's header, and an unreadable image is a fault.
+    With `opens_images`, readers read the header of every image, and an unreadable image is a fault.
     """
 
     def __init__(self, file: Path, opens_images: bool = True) -> None:
         self.file = file
         self.opens_images = opens_images
-        # Expressions by node and the requested kind; the depth of nesting of each, by its identity.
+        # The expressions that have been read, by the path of the node and the kind of the parameter: several inputs may
+        # share one. `depths` has the depth of nesting of each, by its id().
         self.formulas: dict[tuple[Sdf.Path, str], Formula | None] = {}
         self.depths: dict[int, int] = {}
         self._faults: list[Fault] = []
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """All faults so far, in order. A fault of a node that several inputs share is there once."""
+        """All faults so far, in the order in which they were found, without duplicates."""
         unique = list(dict.fromkeys(self._faults))
         if more := len(unique[_MAX_FAULTS:]):
             unique[_MAX_FAULTS:] = [Fault(str(self.file), "", f"{more} more faults", "mend those above first")]
@@ -78,16 +82,16 @@ class Network:
         self._faults.append(fault)
 
     def surface_source(self, material: UsdShade.Material) -> OutputSource | None:
-        """Return the shader of the stack, or of the only layer, of a material; None where none is connected."""
+        """Return the output of the stack, or of the only layer, of a material; None where none is connected."""
         attribute = material.GetPrim().GetAttribute(TERMINAL)
         source = self.follow(attribute) if attribute else None
         return source if isinstance(source, OutputSource) else None
 
     def follow(self, attribute: Usd.Attribute) -> Usd.Attribute | OutputSource | None:
-        """Return the attribute that holds the value of an input, or the shader output that computes it.
+        """Return the attribute that holds the value of an input, or the shader output that computes the value.
 
-        The search follows connections through interface inputs and node graphs. None, with a fault added, where a
-        connection is broken.
+        The search follows connections through interface inputs and node graphs. It returns None, with a fault added,
+        where a connection is broken.
         """
         seen: set[Sdf.Path] = set()
         while paths := attribute.GetConnections():
@@ -111,9 +115,9 @@ class Network:
         return attribute
 
     def check_type(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> bool:
-        """Return whether `holder`, which has the value of `attribute`, has the expected type; adds a fault if not."""
+        """Return whether `holder`, which has the value of `attribute`, has the type `expected`; if not, add a fault."""
         actual = holder.GetTypeName()
-        texts = (Sdf.ValueTypeNames.String, Sdf.ValueTypeNames.Token)  # varname has been either
+        texts = (Sdf.ValueTypeNames.String, Sdf.ValueTypeNames.Token)  # varname has had both types in versions of USD
         if actual.type == expected.type or (expected == Sdf.ValueTypeNames.String and actual in texts):
             return True
         elsewhere = "" if holder == attribute else f" at <{holder.GetPath()}>"
@@ -121,7 +125,10 @@ class Network:
         return False
 
     def read_value(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
-        """Return the constant in `holder`, the value of `attribute`; None where unset or, with a fault added, wrong."""
+        """Return the constant that `holder`, the result of `follow`, has for `attribute`.
+
+        None where it is unset or, with a fault added, of another type, animated or not finite.
+        """
         if not self.check_type(attribute, holder, expected):
             return None
         if holder.GetNumTimeSamples():
@@ -138,7 +145,7 @@ class Network:
         return value
 
     def read_constant(self, attribute: Usd.Attribute | None, expected: Sdf.ValueTypeName) -> object:
-        """Return the value of an input that must be constant; None where unset or, with a fault added, wrong."""
+        """Return the value of an input that must be constant; None where it is unset or, with a fault added, wrong."""
         if not attribute or not self.check_type(attribute, attribute, expected):
             return None
         holder = self.follow(attribute)
@@ -148,19 +155,22 @@ class Network:
         return None if holder is None else self.read_value(attribute, holder, expected)
 
     def read_float(self, attribute: Usd.Attribute | None, default: float) -> float:
-        """Return a constant float; the default where it is unset or, with a fault added, wrong."""
+        """Return the value of an input that must be a constant float, or the default where it is unset or wrong."""
         value = self.read_constant(attribute, Sdf.ValueTypeNames.Float)
         return value if isinstance(value, float) else default
 
     def read_choice(self, attribute: Usd.Attribute | None, choices: Sequence[V]) -> V:
-        """Return a constant token among `choices`; the first where it is unset or, with a fault added, wrong."""
+        """Return the value of an input that must be one of `choices`; the first of them where it is unset or wrong."""
         token = self.read_constant(attribute, Sdf.ValueTypeNames.Token)
         if token is not None and token not in choices:
             self.add_fault(attribute, f"unknown value '{token}'", nearest_hint(str(token), [*map(str, choices)]))
         return next((choice for choice in choices if choice == token), choices[0])
 
     def read_node_value(self, shader: UsdShade.Shader, name: str, kind: type[V]) -> V | None:
-        """Return a constant input of one of USD's own nodes, or its default; None, with a fault added, where wrong."""
+        """Return the constant input `name`, or its default, of a node that USD defines.
+
+        `kind` is the Python type of the value. Returns None, with a fault added, where the value is wrong.
+        """
         definition = _sdr_node(shader).GetShaderInput(name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
         fault_count = len(self._faults)
@@ -174,7 +184,10 @@ class Network:
         return value if isinstance(value, kind) else None
 
     def check_node(self, attribute: object, source: OutputSource, outputs: Sequence[str] = ("result",)) -> None:
-        """Add faults of inputs that a node of USD's does not have, and of an output that `attribute` cannot use."""
+        """Add faults of a node that USD defines: its unknown inputs, and an output that `attribute` cannot use.
+
+        `outputs` are the names of those that it can use.
+        """
         self.check_inputs(source.shader, _sdr_node(source.shader).GetShaderInputNames())
         if source.output not in outputs:
             message = f"cannot use <{source.path}.outputs:{source.output}>"
@@ -201,16 +214,19 @@ def is_authored(attribute: Usd.Attribute) -> bool:
 
 
 def authored_property_count(prim: Usd.Prim) -> int:
-    """Return the number of property specs of a prim in all its layers, without the slow composition of their names."""
+    """Return the number of property specs of a prim in all USD layers, without composing them, which would be slow."""
     return sum(len(spec.properties) for spec in prim.GetPrimStack())
 
 
 def _sdr_node(shader: UsdShade.Shader) -> Sdr.ShaderNode:
+    """Return the definition of a shader's node from USD's registry of shaders."""
     return Sdr.Registry().GetShaderNodeByIdentifier(shader_id(shader))
 
 
 def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath) -> Path:
-    """Return the image file, or the set of tiles, that the value `asset` of an input names, without opening it.
+    """Return the image file that `asset`, the value of an input, names, without opening it.
+
+    For a set of tiles, this is the path with ``<UDIM>``.
 
     Raises
     ------
@@ -229,7 +245,10 @@ def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath)
 
 
 def asset_file(asset: Sdf.AssetPath, kind: str = "file") -> Path:
-    """Return the file that a value names; raises TextureError where it names none or no such file exists."""
+    """Return the file that a value of USD names, which may be inside an archive; TextureError where there is none.
+
+    `kind` is the word for the file in messages.
+    """
     if not asset.path:
         raise TextureError(f"names no {kind}")
     if not asset.resolvedPath:
@@ -240,7 +259,7 @@ def asset_file(asset: Sdf.AssetPath, kind: str = "file") -> Path:
 
 
 def _value_layer(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
-    """Return the layer that states an attribute's value; relative paths in the value are relative to it."""
+    """Return the USD layer that states an attribute's value, to which relative paths in the value are relative."""
     holder = network.follow(attribute)
     stack = holder.GetPropertyStack() if isinstance(holder, Usd.Attribute) else []
     return next((spec.layer for spec in stack if spec.default is not None), None)

@@ -1,4 +1,7 @@
-"""Readers of the nodes of foreign networks: those of MaterialX's standard library that expressions can compute.
+"""Reads nodes in materials of foreign shading models: MaterialX's standard nodes that expressions can compute.
+
+`NODES` lists the readers. A reader maps a `UsdNode` to its value, a constant, a texture or an expression. It raises
+NotCarriedError where a look cannot have this value.
 
 - MaterialX Specification 1.39: Math, Adjustment, Compositing, Conditional and Channel nodes.
 """
@@ -15,17 +18,22 @@ from lookdev.material.usd.reader import UsdNode
 from lookdev.material.usd.terms import NodeValue, NotCarriedError, constant, convert_channels
 
 SOBEL_SCALE = 1.0 / 16.0
-"""The factor of heighttonormal for slopes: mx_heighttonormal of the MaterialX library."""
+"""The factor from a height map's slopes to those of heighttonormal, from mx_heighttonormal of MaterialX's library."""
 
 
 class _Formula(NamedTuple):
-    """An expression of inputs with their defaults; linear in each of the inputs `linear` while the others are fixed."""
+    """The formula of a node: an expression with the names of the node's inputs in braces.
+
+    `defaults` has the defaults of the inputs. The expression is a linear function (with a constant term) of each of the
+    inputs named in `linear` if the others are fixed.
+    """
 
     text: str
     defaults: dict[str, float]
     linear: tuple[str, ...] = ()
 
 
+# Inputs and their defaults that several nodes have.
 _PAIR = {"in1": 0.0, "in2": 0.0}
 _FACTORS = {"in1": 0.0, "in2": 1.0}
 _IN = {"in": 0.0}
@@ -33,6 +41,7 @@ _BLEND = {"fg": 0.0, "bg": 0.0, "mix": 1.0}
 _RANGE = {"in": 0.0, "inlow": 0.0, "inhigh": 1.0, "outlow": 0.0, "outhigh": 1.0}
 _CHOICE = {"value1": 1.0, "value2": 0.0, **_PAIR}
 
+# The formulas of nodes by their category.
 _FORMULAS = {
     "add": _Formula("{in1} + {in2}", _PAIR, ("in1", "in2")),
     "subtract": _Formula("{in1} - {in2}", _PAIR, ("in1", "in2")),
@@ -67,6 +76,8 @@ _FORMULAS = {
 
 
 def _formula_reader(entry: _Formula) -> Callable[[UsdNode], NodeValue]:
+    """Return the reader of a node with this formula."""
+
     def read(node: UsdNode) -> NodeValue:
         operands = {name: node.read_any_term(name, default) for name, default in entry.defaults.items()}
         return node.terms.apply(entry.text, operands, entry.linear)
@@ -75,23 +86,27 @@ def _formula_reader(entry: _Formula) -> Callable[[UsdNode], NodeValue]:
 
 
 def _read_dot(node: UsdNode) -> NodeValue:
+    """Read a dot, which passes its input on."""
     node.mark_read("note")
     return node.read_any_term("in", 0.0)
 
 
 def _read_convert(node: UsdNode) -> NodeValue:
+    """Read a convert, which changes the number of channels."""
     term = node.read_any_term("in", 0.0)
     return replace(convert_channels(term, node.width), tangent=term.tangent)
 
 
 def _read_extract(node: UsdNode) -> NodeValue:
+    """Read an extract: one channel of its input."""
     return node.terms.channel(node.read_any_term("in", 0.0), int(node.read_numbers("index", 0.0)[0]))
 
 
 def _read_channels(node: UsdNode) -> NodeValue:
-    """Read separate2 to separate4, by the output, or swizzle, by the letters of its input ``channels``.
+    """Read a separate2, separate3, separate4 or swizzle: channels of its input.
 
-    Letters are ``rgba`` or ``xyzw``; the digits 0 and 1 are constants.
+    The name of a separate's output has the letter of the channel. The input ``channels`` of a swizzle has several
+    letters, ``rgba`` or ``xyzw``, where the digits 0 and 1 are constants.
     """
     term = node.read_any_term("in", 0.0)
     letters = node.output.removeprefix("out") if "separate" in node.identifier else node.read_text("channels", "")
@@ -100,6 +115,7 @@ def _read_channels(node: UsdNode) -> NodeValue:
     if letters in ("rgb", "xyz", "xy") and len(letters) == term.width:
         return convert_channels(term, term.width)
     channels = [
+        # The index modulo 4 is the channel: r and x are 0, g and y are 1, ...
         constant(float(letter)) if letter in "01" else node.terms.channel(term, "rgbaxyzw".index(letter) % 4)
         for letter in letters
     ]
@@ -107,6 +123,7 @@ def _read_channels(node: UsdNode) -> NodeValue:
 
 
 def _read_combine(node: UsdNode) -> NodeValue:
+    """Read a combine2, combine3 or combine4: the channels of its inputs, joined."""
     count = int(node.identifier.removeprefix("ND_combine")[0])
     parts = [node.read_any_term(f"in{number}", 0.0) for number in range(1, count + 1)]
     channels = [node.terms.channel(part, index) for part in parts for index in range(4 if part.alpha else part.width)]
@@ -116,12 +133,14 @@ def _read_combine(node: UsdNode) -> NodeValue:
 
 
 def _read_switch(node: UsdNode) -> NodeValue:
+    """Read a switch: one of ten inputs, which the constant ``which`` selects."""
     index = int(node.read_numbers("which", 0.0)[0])
     node.mark_read(*(f"in{number}" for number in range(1, 11)))
     return node.read_any_term(f"in{index + 1}", 0.0) if 0 <= index < 10 else constant(0.0)
 
 
 def _read_range(node: UsdNode) -> NodeValue:
+    """Read a range: a remap with a gamma and, if ``doclamp`` is set, limits."""
     (gamma,), (is_clamped,) = node.read_numbers("gamma", 1.0), node.read_numbers("doclamp", 0.0)
     terms = {name: node.read_any_term(name, default) for name, default in _RANGE.items()}
     if gamma == 1.0:
@@ -133,16 +152,17 @@ def _read_range(node: UsdNode) -> NodeValue:
     return node.terms.apply("clamp({a}, {low}, {high})", bounds) if is_clamped else value
 
 
-_LUMA = (0.2722287, 0.6740818, 0.0536895)  # of ACEScg: MaterialX's default
+_LUMA = (0.2722287, 0.6740818, 0.0536895)  # MaterialX's default of lumacoeffs: the weights of r, g, b in ACEScg
 
 
 def _luma(node: UsdNode, color: NodeValue) -> NodeValue:
+    """Return the luminance of a colour with the weights of the node's input ``lumacoeffs``."""
     weights = node.read_numbers("lumacoeffs", *_LUMA)
     return _weighted_sum(node, color, *map(constant, weights))
 
 
 def _weighted_sum(node: UsdNode, color: NodeValue, *weights: NodeValue) -> NodeValue:
-    """Return the weighted sum of the channels of a colour."""
+    """Return the sum of the channels of a colour or vector, each times its weight."""
     total = constant(0.0)
     for index, weight in enumerate(weights):
         channel = node.terms.channel(color, index)
@@ -152,36 +172,46 @@ def _weighted_sum(node: UsdNode, color: NodeValue, *weights: NodeValue) -> NodeV
 
 
 def _read_luminance(node: UsdNode) -> NodeValue:
+    """Read a luminance: a grey of the colour's luminance, with the colour's alpha."""
     color = node.read_any_term("in", 0.0, 0.0, 0.0)
     gray = convert_channels(_luma(node, color), 3)
     return replace(gray, alpha=color.alpha)
 
 
 def _read_saturate(node: UsdNode) -> NodeValue:
+    """Read a saturate, which scales the distance of a colour from its luminance."""
     color, amount = node.read_any_term("in", 0.0, 0.0, 0.0), node.read_term("amount", 1, 1.0)
     gray = _luma(node, color)
     return node.terms.apply("mix({gray}, {color}, {amount})", {"color": color, "gray": gray, "amount": amount})
 
 
 def _read_dot_product(node: UsdNode) -> NodeValue:
+    """Read a dotproduct of two vectors."""
     a, b = node.read_any_term("in1", 0.0, 0.0), node.read_any_term("in2", 0.0, 0.0)
     return _weighted_sum(node, a, *(node.terms.channel(b, index) for index in range(min(a.width, b.width))))
 
 
 def _read_magnitude(node: UsdNode) -> NodeValue:
+    """Read a magnitude: the length of a vector."""
     vector = node.read_any_term("in", 0.0, 0.0)
     squares = _weighted_sum(node, vector, *(node.terms.channel(vector, index) for index in range(vector.width)))
     return node.terms.apply("sqrt({a})", {"a": squares})
 
 
 def _read_normalize(node: UsdNode) -> NodeValue:
+    """Read a normalize: a vector divided by its length."""
     vector = node.read_any_term("in", 0.0, 0.0)
-    if vector.tangent:  # a normal may have any length
+    if vector.tangent:  # a normal, which inputs of layers accept with any length
         return vector
     return node.terms.apply("{a} / {b}", {"a": vector, "b": _read_magnitude(node)})
 
 
 def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> Callable[[UsdNode], NodeValue]:
+    """Return the reader of a ramp along a texture coordinate, or, if `is_split`, of a step.
+
+    `low` and `high` name the inputs for the values at 0 and 1. `axis` is 0 for s and 1 for t.
+    """
+
     def read(node: UsdNode) -> NodeValue:
         coordinate = node.terms.channel(sampling.read_coordinates(node, "texcoord"), axis)
         terms = {"t": coordinate, "low": node.read_any_term(low, 0.0), "high": node.read_any_term(high, 0.0)}
@@ -194,7 +224,7 @@ def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> C
 
 
 def _read_noise(node: UsdNode) -> NodeValue:
-    """Read a noise as the noise of expressions, which has the same scale and range, and another pattern."""
+    """Read a noise2d or cellnoise2d as the noise of expressions: of the same scale and range, with another pattern."""
     uv = sampling.read_coordinates(node, "texcoord")
     x, y = (node.terms.channel(uv, index) for index in (0, 1))
     node.reader.network.add_fault(node.path, f"{node.identifier} has another pattern here, of the same scale")
@@ -208,26 +238,30 @@ def _read_noise(node: UsdNode) -> NodeValue:
 
 
 def _read_normal_map(node: UsdNode) -> NodeValue:
+    """Read a normalmap in tangent space. Its input can also be a heighttonormal, whose value is a bump map."""
     if (space := node.read_text("space", "tangent")) != "tangent":
         raise NotCarriedError(f"a normal map in {space:.40} space is not supported, only one in tangent space")
     scale = node.read_any_term("scale", 1.0)
-    if isinstance((encoded := node.read_any_term("in", 0.5, 0.5, 1.0)).leaf, Bump):  # heighttonormal
+    if isinstance((encoded := node.read_any_term("in", 0.5, 0.5, 1.0)).leaf, Bump):  # of a heighttonormal
         return _scale_bump(node, encoded, scale)
     return sampling.tangent_normal(node, encoded, scale)
 
 
 def _read_bump(node: UsdNode) -> NodeValue:
+    """Read a bump: the normal of a height map."""
     bump = _height_bump(node, node.read_term("height", 1, 0.0), 1.0)
     return _scale_bump(node, bump, node.read_any_term("scale", 1.0))
 
 
 def _read_height_to_normal(node: UsdNode) -> NodeValue:
+    """Read a heighttonormal, as a bump map."""
     node.mark_read("texcoord")
     (scale,) = node.read_numbers("scale", 1.0)
     return _height_bump(node, node.read_term("in", 1, 0.0), scale)
 
 
 def _height_bump(node: UsdNode, height: NodeValue, scale: float) -> NodeValue:
+    """Return the bump map of heights, which must be a channel of an image; for a constant, the shading normal."""
     if height.numbers is not None:
         return replace(constant(0.0, 0.0, 1.0), tangent=True)
     if not isinstance(height.leaf, Texture):
@@ -236,6 +270,7 @@ def _height_bump(node: UsdNode, height: NodeValue, scale: float) -> NodeValue:
 
 
 def _scale_bump(node: UsdNode, bump: NodeValue, scale: NodeValue) -> NodeValue:
+    """Return a bump map with its scale multiplied by a constant; another value of `bump` is returned unchanged."""
     if not isinstance(bump.leaf, Bump):
         return bump
     if scale.numbers is None or len(set(scale.numbers)) != 1:
@@ -281,4 +316,4 @@ NODES: dict[str, Callable[[UsdNode], NodeValue]] = {
     "texcoord": sampling.read_texcoord,
     "tiledimage": sampling.read_tiled_image,
 }
-"""The reader of each node, by its category."""
+"""The readers of nodes by the node's category; see `lookdev.material.usd.reader.node_category`."""

@@ -1,7 +1,8 @@
-"""Reader of the networks of foreign shading models: the values of inputs, constant or from nodes.
+"""Reads the networks of materials of foreign shading models: the values of inputs, be they constants or from nodes.
 
-Reading is lenient: where a value cannot be carried over, the network gets a fault, and the input has its default. The
-modules `nodes` and `sampling` read the nodes.
+A value is *carried over* if a look can have it. Otherwise NotCarriedError is raised. Its reason becomes a fault of the
+network; the material is still read, and the input has its default. The modules `nodes` and `sampling` read the single
+kinds of nodes.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ from lookdev.space import Color
 from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 
 ConstantValue: TypeAlias = "tuple[float, ...] | str | Sdf.AssetPath"
-"""The value of an attribute: numbers, text or a file."""
+"""The constant of an attribute: numbers, text or a file."""
 
 _MAX_DEPTH = 64  # nodes connected in a row
-# The number of channels by the type at the end of an identifier. A name comes before names that are its beginning.
+# The number of channels by the type that ends a node's identifier. "float2" comes before "float", which it begins with.
 _WIDTHS = {"float2": 2, "float3": 3, "float4": 4, "float": 1, "integer": 1, "boolean": 1}
 _WIDTHS |= {"vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
+# How the words of an identifier begin that are types. Surface shaders keep theirs in their category.
 _TYPES = (*_WIDTHS, "multioutput", "displacementshader")
 _NUMBERS = (bool, int, float, Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2h, Gf.Vec3h, Gf.Vec4h)
 
@@ -33,17 +35,19 @@ _NUMBERS = (bool, int, float, Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, 
 class Reader:
     """Reads values of inputs in the network of one material.
 
-    `missing` lists images that are missing or unreadable and have no fallback; they are not faults of the network.
+    `node_readers` has the function that reads a node by the node's category. `terms` makes the values. `missing` lists
+    images that are missing or unreadable and have no fallback; they are not among the faults of the network.
     """
 
     def __init__(self, network: Network, node_readers: Mapping[str, Callable[[UsdNode], NodeValue]]) -> None:
         self.network = network
         self.terms = Terms()
         self.missing: list[Fault] = []
-        self.fallbacks: dict[str, float | Color] = {}  # of primvars
+        self.fallbacks: dict[str, float | Color] = {}  # of primvars, by name
         self._node_readers = node_readers
+        # Keys are pairs (path of the node, name of the output). The value is None where it cannot be carried over.
         self._terms_by_output: dict[tuple[Sdf.Path, str], NodeValue | None] = {}
-        self._open_nodes: list[tuple[Sdf.Path, str]] = []
+        self._open_nodes: list[tuple[Sdf.Path, str]] = []  # those that are being read, each an input of the one before
 
     def read_term(self, attribute: Usd.Attribute | None, width: int) -> NodeValue | None:
         """Return the value of an input, converted to `width` channels; None where the input is missing or not set.
@@ -68,7 +72,10 @@ class Reader:
         return self._fit_channels(attribute, constant(*value), width)
 
     def read_node(self, attribute: Usd.Attribute, source: OutputSource) -> NodeValue:
-        """Return the value of an output of a node; raises NotCarriedError where it cannot be carried over."""
+        """Return the value of an output of a node, to which `attribute` is connected. Each output is read once.
+
+        Raises NotCarriedError where the value cannot be carried over. The reason is then a fault of the network.
+        """
         key = source.path, source.output
         if key in self._open_nodes:
             self.network.add_fault(attribute, "its connections run in a cycle")
@@ -91,6 +98,7 @@ class Reader:
         return term
 
     def _compute(self, source: OutputSource) -> NodeValue:
+        """Return the value of a node by the reader of its category, and add faults of inputs that are not read."""
         kind = node_category(source.shader)
         if kind not in self._node_readers:
             identifier = shader_id(source.shader) or "no info:id"
@@ -125,7 +133,7 @@ class Reader:
         raise NotCarriedError
 
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
-        """Return the `Texture.colorspace` of a colour space; for an unknown name a substitute, with a fault added."""
+        """Return a colour space of USD as a `Texture.colorspace`; for an unknown one, add a fault and substitute it."""
         colorspace = colorspace_named(name)
         if colorspace is None:
             colorspace = "sRGB" if "srgb" in name.lower() else "raw"
@@ -134,6 +142,7 @@ class Reader:
         return colorspace
 
     def _fit_channels(self, attribute: Usd.Attribute, term: NodeValue, width: int) -> NodeValue:
+        """Convert a value to `width` channels, with a fault of `attribute` where channels are dropped or missing."""
         channels = 4 if term.alpha else term.width
         if width == 1 and channels > 1:
             self.network.add_fault(attribute, f"is a float, connected to {channels} channels", "the first is taken")
@@ -144,7 +153,7 @@ class Reader:
 
 
 class UsdNode:
-    """A node, with typed access to its inputs, that records the inputs that are read."""
+    """A node of a network: reads its inputs by name and type, and remembers which inputs have been read."""
 
     def __init__(self, reader: Reader, source: OutputSource) -> None:
         self.reader = reader
@@ -162,19 +171,19 @@ class UsdNode:
 
     @property
     def width(self) -> int:
-        """The number of channels of the result, from the end of the identifier."""
+        """The number of channels of the result, from the type at the end of the identifier."""
         words = self.identifier.removesuffix("_1_0").split("_")
         widths = (_WIDTHS[kind] for word in reversed(words) for kind in _WIDTHS if word.startswith(kind))
         return next(widths, 1)
 
     def attribute(self, name: str) -> Usd.Attribute | None:
-        """Return an input, or None where it has neither a connection nor a value; it counts as read."""
+        """Return the attribute of an input; None where it has neither a connection nor a value. It counts as read."""
         self._used.add(name)
         attribute = self.shader.GetPrim().GetAttribute(f"inputs:{name}")
         return attribute if attribute and is_authored(attribute) else None
 
     def mark_read(self, *names: str) -> None:
-        """Count inputs that do not affect the result as read."""
+        """Count inputs as read, for instance because they have no effect on the result."""
         self._used.update(names)
 
     def read_term(self, name: str, width: int, *default: float) -> NodeValue:
@@ -197,7 +206,7 @@ class UsdNode:
         return constant(*default) if term is None else term
 
     def read_numbers(self, name: str, *default: float) -> tuple[float, ...]:
-        """Return the channels of a constant input, as many as its default has; NotCarriedError where it is computed."""
+        """Return the numbers of a constant input, as many as `default` has; NotCarriedError where it is computed."""
         term = self.reader.read_term(self.attribute(name), len(default))
         if term is None:
             return default
@@ -206,7 +215,7 @@ class UsdNode:
         return (*term.numbers, *(term.alpha.numbers or ())) if term.alpha else term.numbers
 
     def read_text(self, name: str, default: str, choices: Sequence[str] = ()) -> str:
-        """Return a constant input as text; where `choices` are given, the default for other texts."""
+        """Return a constant input as text. With `choices`, any other text is a fault, and the default is returned."""
         attribute = self.attribute(name)
         value = self.reader.read_constant(attribute) if attribute else None
         if value is None:
@@ -218,7 +227,7 @@ class UsdNode:
         return text
 
     def read_word(self, name: str) -> str:
-        """Return a constant input of text, "" where it is unset; raises NotCarriedError for a number or a file."""
+        """Return a constant input that must be text, "" where it is unset; NotCarriedError for a number or a file."""
         attribute = self.attribute(name)
         value = self.reader.read_constant(attribute) if attribute else None
         if value is not None and not isinstance(value, str):
@@ -238,7 +247,10 @@ class UsdNode:
 
 
 def node_category(shader: UsdShade.Shader) -> str:
-    """Return the category of a node: its identifier without the prefix and the types of MaterialX."""
+    """Return the category of a node, for instance ``multiply`` for ``ND_multiply_color3``.
+
+    This is the identifier without MaterialX's prefix, types and version.
+    """
     identifier = shader_id(shader)
     words = identifier.removeprefix("ND_").split("_")
     while len(words) > 1 and (words[-1].isdigit() or words[-1].startswith(_TYPES)):

@@ -1,4 +1,6 @@
-"""Readers of nodes for images, primvars and texture coordinates, of USD and of MaterialX.
+"""Reads nodes in materials of foreign shading models: images, primvars and texture coordinates of USD and MaterialX.
+
+Each reader ``read_...`` maps a `UsdNode` to its value. It raises NotCarriedError where a look cannot have this value.
 
 - UsdPreviewSurface Specification 2.6, Pixar: UsdUVTexture, UsdPrimvarReader, UsdTransform2d.
 - MaterialX Specification 1.39: Texture, Geometric and 2D placement nodes.
@@ -24,6 +26,7 @@ from lookdev.stage.colorspaces import colorspace_of
 
 _WrapMode = Wrap | Literal["useMetadata"]
 
+# The wrap modes of textures by the words of UsdUVTexture, of MaterialX's images, and of UsdUVTexture in MaterialX.
 _USD_WRAPS: dict[str, _WrapMode] = {"useMetadata": "useMetadata", **WRAPS}
 _ADDRESS_MODES: dict[str, _WrapMode] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 _MATERIALX_WRAPS: dict[str, _WrapMode] = _ADDRESS_MODES | {"black": "black", "repeat": "repeat"}
@@ -31,7 +34,7 @@ _DEFAULT_UV_HINT = "the UV set st is taken"
 
 
 def read_uv_texture(node: UsdNode) -> NodeValue:
-    """Read UsdUVTexture, also as a node of MaterialX."""
+    """Read a UsdUVTexture, also as a node of MaterialX."""
     file = _read_file(node, "fallback", 4)
     if isinstance(file, NodeValue):
         node.mark_read("st", "wrapS", "wrapT", "scale", "bias", "sourceColorSpace", "isSRGB")
@@ -41,7 +44,7 @@ def read_uv_texture(node: UsdNode) -> NodeValue:
         space, modes, default = _read_file_colorspace(node) or "raw", _MATERIALX_WRAPS, "periodic"
     else:
         space = node.read_text("sourceColorSpace", _read_file_colorspace(node) or "auto", ("raw", "sRGB", "auto"))
-        if node.read_text("isSRGB", "auto") != "auto":  # its name before version 2.1
+        if node.read_text("isSRGB", "auto") != "auto":  # the name of sourceColorSpace before version 2.1
             node.add_fault("isSRGB", "is not carried", "inputs:sourceColorSpace counts")
         modes, default = _USD_WRAPS, "useMetadata"
     wraps = [modes[node.read_text(name, default, list(modes))] for name in ("wrapS", "wrapT")]
@@ -52,7 +55,7 @@ def read_uv_texture(node: UsdNode) -> NodeValue:
 
 
 def _select_output(node: UsdNode, rgba: NodeValue) -> NodeValue:
-    """Return the channels of a texture that the connected output of the node has."""
+    """Return those channels of a texture's value `rgba` that the connected output of the node has."""
     if node.output in ("r", "g", "b", "a"):
         return node.terms.channel(rgba, "rgba".index(node.output))
     if node.output in ("rgb", "rgba"):
@@ -61,12 +64,12 @@ def _select_output(node: UsdNode, rgba: NodeValue) -> NodeValue:
 
 
 def read_image(node: UsdNode) -> NodeValue:
-    """Read MaterialX's image."""
+    """Read an image node of MaterialX."""
     return _read_image_node(node, np.eye(3), _read_address_modes(node))
 
 
 def read_tiled_image(node: UsdNode) -> NodeValue:
-    """Read tiledimage: NG_tiledimage of the MaterialX library."""
+    """Read a tiledimage, which MaterialX's library defines by NG_tiledimage."""
     tiling = np.array(node.read_numbers("uvtiling", 1.0, 1.0))
     offset = np.array(node.read_numbers("uvoffset", 0.0, 0.0))
     size, tile = (np.array(node.read_numbers(name, 1.0, 1.0)) for name in ("realworldimagesize", "realworldtilesize"))
@@ -78,12 +81,13 @@ def read_tiled_image(node: UsdNode) -> NodeValue:
 
 
 def read_gltf_image(node: UsdNode) -> NodeValue:
-    """Read gltf_image, gltf_colorimage and gltf_normalmap, with the transform of glTF's textures."""
+    """Read a gltf_image, gltf_colorimage or gltf_normalmap, with the transform of glTF's textures."""
     scale = np.array(node.read_numbers("scale", 1.0, 1.0))
     (x, y), (rotation,) = node.read_numbers("offset", 0.0, 0.0), node.read_numbers("rotate", 0.0)
     color = node.identifier.startswith("ND_gltf_colorimage")
     order = node.read_text("operationorder", "1" if color else "0", ("0", "1"))
     pivot = np.array(node.read_numbers("pivot", 0.0, 1.0))
+    # As in MaterialX's node graph of gltf_image: a place2d with the inverse scale, -rotation and the offset (-x, y).
     matrix = _placement_matrix(pivot, 1.0 / _check_nonzero(node, scale), -rotation, np.array([-x, y]), order)
     texels = _read_image_node(node, matrix, _read_address_modes(node), 4 if color else 0)
     if color:
@@ -97,7 +101,10 @@ def read_gltf_image(node: UsdNode) -> NodeValue:
 
 
 def tangent_normal(node: UsdNode, encoded: NodeValue, scale: NodeValue) -> NodeValue:
-    """Return the normal of a normal map, which encodes -1 to 1 as 0 to 1: mx_normalmap of the MaterialX library."""
+    """Return the normal that a normal map encodes, where 0 to 1 stand for -1 to 1; as mx_normalmap of MaterialX.
+
+    `scale` multiplies x and y of the normal.
+    """
     centred = node.terms.apply("{a} * 2 - 1", {"a": convert_channels(encoded, 3)}, ("a",))
     if scale.numbers == (1.0,) * len(scale.numbers or ()) and scale.numbers:
         return replace(centred, tangent=True)
@@ -107,18 +114,18 @@ def tangent_normal(node: UsdNode, encoded: NodeValue, scale: NodeValue) -> NodeV
 
 
 def read_texcoord(node: UsdNode) -> NodeValue:
-    """Read texcoord: UV set st, st1, ..."""
+    """Read a texcoord: its index selects the UV set ``st``, ``st1``, ``st2``, ..."""
     (index,) = node.read_numbers("index", 0.0)
     return _uv_term(node, "st" if index == 0.0 else f"st{index:.0f}")
 
 
 def read_primvar(node: UsdNode) -> NodeValue:
-    """Read UsdPrimvarReader or geompropvalue."""
+    """Read a UsdPrimvarReader or a geompropvalue. Two channels are taken as the coordinates of a UV set."""
     name = node.read_word("geomprop" if "geomprop" in node.identifier else "varname")
     if not name:
         raise NotCarriedError("names no primvar")
     if node.width == 2:
-        node.mark_read("default", "fallback")  # a mesh has UVs, or is refused
+        node.mark_read("default", "fallback")  # without effect: a mesh without these UVs is an error
         return _uv_term(node, name)
     width = 3 if node.identifier.endswith(("_normal", "_point", "_vector")) else node.width
     if width == 4 or node.identifier.endswith(("string", "filename", "matrix", "matrix33", "matrix44")):
@@ -127,7 +134,7 @@ def read_primvar(node: UsdNode) -> NodeValue:
     if default.numbers is None:
         raise NotCarriedError("its fallback is not constant")
     fallback = default.numbers[0] if width == 1 else (default.numbers[0], default.numbers[1], default.numbers[2])
-    # Generated code reads a primvar as one type, with one fallback.
+    # Generated code reads a primvar once: as one type, with one fallback. The first node that reads it decides.
     first_fallback = node.reader.fallbacks.setdefault(name, fallback)
     if isinstance(first_fallback, tuple) != isinstance(fallback, tuple):
         raise NotCarriedError(f"the primvar '{name}' is read as a float and as a colour; only the first is carried")
@@ -138,14 +145,14 @@ def read_primvar(node: UsdNode) -> NodeValue:
 
 
 def read_transform2d(node: UsdNode) -> NodeValue:
-    """Read UsdTransform2d: ``in * scale * rotate + translation``, counter-clockwise degrees."""
+    """Read a UsdTransform2d: scale, then rotate counter-clockwise in degrees, then translate."""
     scale, translation = node.read_numbers("scale", 1.0, 1.0), node.read_numbers("translation", 0.0, 0.0)
     (rotation,) = node.read_numbers("rotation", 0.0)
     return _transform_coordinates(node, "in", transform2d(scale, rotation, translation))
 
 
 def read_place2d(node: UsdNode) -> NodeValue:
-    """Read place2d: NG_place2d_vector2 of the MaterialX library, whose rotation is clockwise."""
+    """Read a place2d, which MaterialX's library defines by NG_place2d_vector2. It rotates clockwise."""
     defaults = {"pivot": 0.0, "scale": 1.0, "offset": 0.0}
     pivot, scale, offset = (np.array(node.read_numbers(name, number, number)) for name, number in defaults.items())
     order = node.read_text("operationorder", "0", ("0", "1"))
@@ -155,28 +162,33 @@ def read_place2d(node: UsdNode) -> NodeValue:
 
 
 def read_rotate2d(node: UsdNode) -> NodeValue:
-    """Read rotate2d, in clockwise degrees."""
+    """Read a rotate2d, which rotates texture coordinates clockwise, in degrees."""
     (amount,) = node.read_numbers("amount", 0.0)
     return _transform_coordinates(node, "in", transform2d((1.0, 1.0), -amount, (0.0, 0.0)))
 
 
 def read_coordinates(node: UsdNode, name: str) -> NodeValue:
-    """Return the value of an input of texture coordinates; the UV set st where it is unset."""
+    """Return the value of an input that takes texture coordinates; if it is unset, the coordinates of the UV set st."""
     return node.reader.read_term(node.attribute(name), 2) or _uv_term(node, "st")
 
 
 def _uv_term(node: UsdNode, name: str) -> NodeValue:
+    """Return the coordinates of a UV set."""
     return node.terms.leaf_term(Coordinates(name), 2, name)
 
 
 def _check_nonzero(node: UsdNode, scale: Floats) -> Floats:
+    """Return `scale`, (2,); raises NotCarriedError where it is 0."""
     if not np.all(np.abs(scale) > 1e-18):
         raise NotCarriedError("has a scale of 0, which divides the texture coordinates")
     return scale
 
 
 def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floats, order: str) -> Floats:
-    """Return the matrix (3, 3) of place2d."""
+    """Return the matrix (3, 3) of a place2d with these inputs, applied to column vectors (s, t, 1).
+
+    `order` is its operationorder: ``"0"`` scales, then rotates, then translates; ``"1"`` does so in the reverse order.
+    """
 
     def shift(translation: Floats) -> Floats:
         return np.array([[1.0, 0.0, translation[0]], [0.0, 1.0, translation[1]], [0.0, 0.0, 1.0]])
@@ -188,6 +200,10 @@ def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floa
 
 
 def _transform_coordinates(node: UsdNode, name: str, matrix: Floats) -> NodeValue:
+    """Return the texture coordinates of the input `name`, transformed by a matrix (3, 3).
+
+    The result is the UV set with a transform, or an expression where the coordinates are computed.
+    """
     term = node.reader.read_term(node.attribute(name), 2)
     if term is None:
         node.add_fault(name, "texture coordinates are not connected", _DEFAULT_UV_HINT)
@@ -202,15 +218,20 @@ def _transform_coordinates(node: UsdNode, name: str, matrix: Floats) -> NodeValu
 
 
 def _to_square_matrix(transform: Transform) -> Floats:
+    """Return a transform as a matrix (3, 3)."""
     return np.vstack([np.reshape(transform, (2, 3)), [0.0, 0.0, 1.0]])
 
 
 def _read_image_coordinates(node: UsdNode, name: str) -> tuple[str, Transform]:
-    """Return the UV set and the transform of the texture coordinates of an image node."""
+    """Return the UV set and the transform of the texture coordinates that an image node takes as its input `name`.
+
+    Constant coordinates are a transform whose linear part is 0. Where the coordinates are computed, the network gets a
+    fault, and the UV set st is taken.
+    """
     try:
         term = read_coordinates(node, name)
         if node.attribute(name) is None and not node.identifier.startswith("ND_"):
-            # Unlike a node of MaterialX, whose geometric default is a UV set, UsdUVTexture has the constant (0, 0).
+            # The default of UsdUVTexture is the constant (0, 0). That of MaterialX's nodes is a UV set.
             node.add_fault(name, "texture coordinates are not connected", "the texture's value at (0, 0) is everywhere")
             term = constant(0.0, 0.0)
     except NotCarriedError as error:
@@ -226,12 +247,16 @@ def _read_image_coordinates(node: UsdNode, name: str) -> tuple[str, Transform]:
 
 
 def _read_address_modes(node: UsdNode) -> list[_WrapMode]:
+    """Return the wrap modes along s and t of an image node of MaterialX."""
     modes = [node.read_text(f"{axis}addressmode", "periodic", list(_ADDRESS_MODES)) for axis in "uv"]
     return [_ADDRESS_MODES[mode] for mode in modes]
 
 
 def _read_image_node(node: UsdNode, matrix: Floats, wraps: list[_WrapMode], width: int = 0) -> NodeValue:
-    """Return the value of an image node of MaterialX; `matrix` transforms its texture coordinates."""
+    """Return the value of an image node of MaterialX, or of its default where it has no file.
+
+    `matrix` (3, 3) transforms the texture coordinates. `width` is the number of channels, by default that of the node.
+    """
     width = width or node.width
     file = _read_file(node, "default", width)
     if node.read_text("filtertype", "linear") != "linear":
@@ -240,7 +265,7 @@ def _read_image_node(node: UsdNode, matrix: Floats, wraps: list[_WrapMode], widt
         node.mark_read("texcoord")
         return file
     st, transform = _read_image_coordinates(node, "texcoord")
-    # MaterialX converts the colour space only of images that are read as colours.
+    # MaterialX converts colour spaces only of images that a node reads as colours.
     space = _read_file_colorspace(node) if "color" in node.identifier else ""
     placed = to_transform(matrix @ _to_square_matrix(transform))
     texture = Texture(file, "rgb", space or "raw", wraps[0], wraps[1], st, placed)
@@ -248,6 +273,7 @@ def _read_image_node(node: UsdNode, matrix: Floats, wraps: list[_WrapMode], widt
 
 
 def _texel_term(node: UsdNode, texture: Texture, width: int) -> NodeValue:
+    """Return the first `width` channels of a texture."""
     if node.reader.network.opens_images:
         texture = resolve_texture(texture)
     if width == 1:
@@ -259,7 +285,7 @@ def _texel_term(node: UsdNode, texture: Texture, width: int) -> NodeValue:
 
 
 def _read_file_colorspace(node: UsdNode) -> str:
-    """Return the authored colour space of the file of a node; "" where none is authored."""
+    """Return the colour space that the USD file states for the image of a node; "" where it states none."""
     attribute = node.attribute("file")
     holder = node.reader.network.follow(attribute) if attribute else None
     name = colorspace_of(holder) if holder is not None and hasattr(holder, "GetColorSpace") else ""
@@ -267,7 +293,10 @@ def _read_file_colorspace(node: UsdNode) -> str:
 
 
 def _read_file(node: UsdNode, fallback: str, width: int) -> Path | NodeValue:
-    """Return the image file of a node, or its fallback where it names no file or the file cannot be read."""
+    """Return the image file of a node, or the value of its input `fallback` where there is no file that can be read.
+
+    Raises NotCarriedError where there is no such value either; the image is then one of `Reader.missing`.
+    """
     node.mark_read(fallback, "note")
     attribute = node.attribute("file")
     asset = node.reader.read_constant(attribute) if attribute else None

@@ -1,8 +1,9 @@
-"""Values of shading networks as text of the expression language: built bottom up, with constants folded.
+"""The values of nodes in materials of foreign shading models, as terms of which a look's expressions are composed.
 
-The value of a node is a `NodeValue`, a term of the expressions of further nodes. Linear arithmetic on a single texture
-or UV set is folded too: it becomes the scale and bias of the texture, or the transform of the coordinates, and costs
-nothing at rendering.
+The value of a node is a `NodeValue`: a constant, a texture or other source, or a text of the expression language. The
+text for a node contains the texts of its inputs. Operations on constants are evaluated at once. Linear arithmetic on a
+single texture or UV set costs nothing either: it becomes the scale and bias of the texture, or the transform of the
+coordinates.
 """
 
 from __future__ import annotations
@@ -21,34 +22,40 @@ from lookdev.material.expression.syntax import MAX_LENGTH
 from lookdev.space import Color
 
 Leaf = Texture | Primvar | Coordinates | Bump
+"""A source that varies over the surface and is not an expression."""
 
 _CHANNELS: tuple[Channel, ...] = ("r", "g", "b", "a")
-_ATOM = re.compile(r"[A-Za-z0-9_.]+")
+_ATOM = re.compile(r"[A-Za-z0-9_.]+")  # a text that needs no parentheses
 
 
 class NotCarriedError(Exception):
-    """A value cannot be carried over. The message is the reason; it is empty where the network has the fault."""
+    """A value cannot be carried over to a look.
+
+    The message is the reason. It is empty where the reason is already a fault of the network.
+    """
 
     @property
     def fault(self) -> str:
-        """What is wrong with the input that has the value."""
+        """The message of the fault for the input whose value it is."""
         return f"is not carried: {self}" if str(self) else "is not carried"
 
 
 @dataclass(frozen=True)
 class NodeValue:
-    """The value of a node.
+    """The value of a node, also called a term.
 
     text
-        An expression of `width` channels, 1, 2 or 3. Two channels are a colour whose third channel is unused.
+        The value as an expression.
+    width
+        The number of channels of the text: 1, 2 or 3. Two channels are a colour whose third channel is unused.
     inputs
-        The sources that the text names.
+        The sources of the names in the text.
     numbers
-        The channels of a constant.
+        The channels of a constant; else None.
     leaf
-        The source, where the value is a single source.
+        The source, where the value is a single source; else None.
     alpha
-        The fourth channel, beside a width of 3.
+        The fourth channel of a value of four channels, whose width is 3; else None.
     tangent
         Whether the value is a normal in the frame of tangent, bitangent and shading normal.
     """
@@ -63,11 +70,11 @@ class NodeValue:
 
     @property
     def kind(self) -> ExpressionKind:
-        """The type of the text."""
+        """The type of the text as an expression."""
         return "float" if self.width == 1 else "color"
 
     def source(self) -> InputSource | Bump:
-        """Return the term as the input of a layer; raises NotCarriedError where the expression is too large."""
+        """Return the value as the source of an input of a layer; raises NotCarriedError where a text is too large."""
         if self.numbers is not None:
             return self.numbers[0] if self.width == 1 else _to_color(self.numbers)
         if self.leaf is not None:
@@ -96,7 +103,10 @@ def constant(*numbers: float) -> NodeValue:
 
 
 def convert_channels(term: NodeValue, width: int) -> NodeValue:
-    """Return a term with `width` channels: one is repeated, extra ones are dropped, missing ones are 0 (alpha 1)."""
+    """Return a term converted to `width` channels, 1 to 4.
+
+    A single channel is repeated, extra channels are dropped, and missing ones are 0, but alpha 1.
+    """
     channels = 4 if term.alpha else term.width
     if width == channels:
         return term
@@ -106,7 +116,7 @@ def convert_channels(term: NodeValue, width: int) -> NodeValue:
         numbers = term.numbers * width if term.width == 1 else (*term.numbers, 0.0)[:width]
         return constant(*numbers)
     if channels == 1:
-        # The leaf stays valid: as a colour, a float is three equal channels.
+        # The leaf is kept: a float as the source of a colour is three equal channels.
         return replace(term, text=f"{_parenthesize(term.text)} + [0, 0, 0]", width=width)
     if width == 3 and term.width == 2:
         return replace(term, text=f"{_parenthesize(term.text)} * [1, 1, 0]", width=3, leaf=None)
@@ -114,13 +124,13 @@ def convert_channels(term: NodeValue, width: int) -> NodeValue:
 
 
 class Terms:
-    """Makes the terms of one look, and names the inputs of its expressions."""
+    """Makes the terms of one material, and gives each leaf one name in all its expressions."""
 
     def __init__(self) -> None:
         self._names: dict[Leaf, str] = {}
 
     def leaf_term(self, leaf: Leaf, width: int, hint: str) -> NodeValue:
-        """Return the term of a source. Its name in expressions derives from `hint`, such as the node's name."""
+        """Return the term for a source of `width` channels. Its name in expressions derives from the text `hint`."""
         if leaf not in self._names:
             stem = re.sub(r"[^A-Za-z0-9_]", "_", hint)[:24].lstrip("0123456789") or "value"
             used_names = {*self._names.values(), *CONSTANTS}
@@ -132,10 +142,10 @@ class Terms:
         return NodeValue(name, width, {name: leaf}, leaf=leaf)
 
     def apply(self, template: str, operands: Mapping[str, NodeValue], linear: Sequence[str] = ()) -> NodeValue:
-        """Return the value of a template, an expression with the names of operands in braces, for each channel.
+        """Return the term for a template: an expression with the names of operands in braces, applied to each channel.
 
-        The template is linear in each of the operands `linear` if the others are fixed. Raises NotCarriedError where
-        the expression is too large, or an operand is a bump.
+        The template is a linear function (with a constant term) of each of the operands named in `linear` if the others
+        are fixed. Raises NotCarriedError where the expression is too large, or an operand is a bump map.
         """
         if any(operand.alpha for operand in operands.values()):
             colors = {name: replace(operand, alpha=None) for name, operand in operands.items()}
@@ -160,15 +170,20 @@ class Terms:
         return NodeValue(text, max(operand.width for operand in operands.values()), inputs, tangent=tangent)
 
     def _fold(self, template: str, operands: Mapping[str, NodeValue], name: str) -> NodeValue | None:
-        """Return a texture or coordinates with the scale and bias of a template that is linear in it, else None."""
+        """Fold a template into its only operand `name` that is not constant, in which it is linear.
+
+        If the operand is a texture or coordinates, return it with the scale and bias of the template, else None.
+        """
         term = operands[name]
         leaf, width = term.leaf, term.width
         if not isinstance(leaf, Texture | Coordinates) or width != max(operand.width for operand in operands.values()):
             return None
         if isinstance(leaf, Texture) and (leaf.channel == "rgb") != (width > 1):
             return None
+        # The values of the template at 0 and 1 determine the linear function.
         ends = [constant(*(value,) * width) for value in (0.0, 1.0)]
         at_zero, at_one = (np.array(_evaluate(template, {**operands, name: end}).numbers) for end in ends)
+        # np.resize repeats the number of a single channel for r, g, b and a.
         scale, bias = (np.resize(numbers, 3 if width > 1 else 4) for numbers in (at_one - at_zero, at_zero))
         hint = self._names[leaf]
         if isinstance(leaf, Coordinates):
@@ -201,7 +216,7 @@ class Terms:
         return NodeValue(f"{_parenthesize(term.text)}[{index}]", 1, term.inputs)
 
     def join_channels(self, *channels: NodeValue) -> NodeValue:
-        """Return two to four terms of one channel as one term."""
+        """Join two to four terms of one channel each to one term of as many channels."""
         if len(channels) == 4:
             return replace(self.join_channels(*channels[:3]), alpha=channels[3])
         if all(channel.numbers is not None for channel in channels):
@@ -212,6 +227,7 @@ class Terms:
 
 
 def _evaluate(template: str, operands: Mapping[str, NodeValue]) -> NodeValue:
+    """Return the value of a template whose operands are all constant."""
     text = template.format_map({name: _parenthesize(operand.text) for name, operand in operands.items()})
     try:
         value = np.atleast_1d(parse(text).evaluate({}, {}))
@@ -221,14 +237,17 @@ def _evaluate(template: str, operands: Mapping[str, NodeValue]) -> NodeValue:
 
 
 def _parenthesize(text: str) -> str:
+    """Return a text that can be an operand: in parentheses unless it is a name or a number."""
     return text if _ATOM.fullmatch(text) else f"({text})"
 
 
 def _format_number(number: float) -> str:
+    """Return a number as text of the expression language, with all its digits."""
     return f"{number:.17g}" if number >= 0.0 else f"(-{-number:.17g})"
 
 
 def _leaf_kind(leaf: InputSource) -> ExpressionKind:
+    """Return the type of a leaf as the input of an expression; coordinates are a colour."""
     match leaf:
         case Texture(channel=channel):
             return "color" if channel == "rgb" else "float"
@@ -238,10 +257,12 @@ def _leaf_kind(leaf: InputSource) -> ExpressionKind:
 
 
 def _to_color(numbers: Sequence[float]) -> Color:
+    """Return one to three numbers as a colour; missing ones are 0."""
     a, b, c = (*numbers, 0.0, 0.0)[:3]
     return a, b, c
 
 
 def _to_rgba(values: Iterable[float]) -> tuple[float, float, float, float]:
+    """Return four numbers as a tuple of floats."""
     a, b, c, d = (float(value) for value in values)
     return a, b, c, d

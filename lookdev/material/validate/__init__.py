@@ -1,1 +1,1 @@
-"""`lookdev validate`: all faults of the looks of a file, and notes on elements without effect."""
+"""The command `lookdev validate`: lists all faults of the looks of a file, and elements without effect."""

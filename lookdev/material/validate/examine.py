@@ -1,7 +1,7 @@
-"""Finds all faults of the looks of a file, in every combination of variants.
+"""Examines the looks of a file for `lookdev validate`: finds all faults, in every combination of variants.
 
-Findings are the faults of `read_look`, those of USD's validators, and notes on elements without effect. For a material
-of another shading model, notes state the models that it is read as, and what is not carried over.
+Findings are the faults that `read_look` and USD's validators report, and notes on elements without effect. For a
+foreign material, of another shading model, notes state the models that it is read as, and the inputs that are lost.
 """
 
 from __future__ import annotations
@@ -29,26 +29,30 @@ from lookdev.material.values import presence
 from lookdev.stage import clean_usd_message, lights_hint, open_stage, usd_errors_as_faults
 
 Selection: TypeAlias = Mapping[str, str]
-"""A variant of each of some sets."""
+"""Selected variants by set."""
 
 MAX_COMBINATIONS = 64
-"""The most combinations of variants to examine; beyond, each variant is examined once, with the file's selections."""
+"""The largest number of combinations of variants that are all examined.
+
+If a material has more combinations, each variant is examined once, with the file's selections of the other sets.
+"""
 
 MAX_FINDINGS = 1000
 """The largest number of findings in a report."""
 
-_MAX_VARIANTS = 256  # examined once
-_MAX_PROPERTIES = 10_000  # and prims; larger materials are examined only for faults of the reader
+_MAX_VARIANTS = 256  # of a material with more than `MAX_COMBINATIONS`, that are examined once each
+_MAX_PROPERTIES = 10_000  # properties and prims of a material; in larger ones, only the reader's faults are found
 
-# USD's validators for a look, which has no geometry, thus neither axis nor unit.
+# The validators of USD that suit a look. It has no geometry, so others that ask for an up axis and units do not.
 _VALIDATOR_KEYWORDS = {"UsdCoreValidators", "UsdShadeValidators"}
 _REFERENCE_VALIDATOR = "usdUtilsValidators:MissingReferenceValidator"
 _USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "Info": "note"}
-# USD's error for an unknown shader: nodes of other renderers may be beside ours.
+# USD's error for an unknown shader. It is only a warning: nodes of other renderers may be beside ours.
 _UNKNOWN_SHADER = "MissingShaderIdInRegistry"
-# A file of several looks needs no default prim: a job names its look.
+# Errors of USD with another severity here. A file of several looks needs no default prim, because a job names its look.
 _SEVERITIES: dict[str, Severity] = {_UNKNOWN_SHADER: "warning", "MissingDefaultPrim": "note"}
-# The reader reads nodes of MaterialX or adds notes; USD's wheels lack their definitions.
+# The beginning of USD's message for an unknown node of MaterialX. These messages are ignored: USD's wheels lack the
+# definitions of the nodes, and our reader reads them or adds notes itself.
 _MATERIALX_SHADER = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED_REFERENCE = "UnresolvableDependency"
@@ -60,8 +64,8 @@ _Unused: TypeAlias = tuple[str, str, str]
 def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> ValidationReport:
     """Examine every material of a file, or the one at `prim`, in every combination of variants.
 
-    `variants` fixes the variants of some sets. In a file without materials, such as a preset, the layers are examined.
-    Raises nothing: a file that cannot be read is a finding too.
+    `variants` selects variants by set; only combinations with these are examined. In a file without materials, such as
+    a preset, the layers are examined. A file that cannot be read is a finding, not an error.
     """
     findings: list[ValidationFinding] = []
     looks: list[int] = []
@@ -92,7 +96,10 @@ def examine_file(file: Path, prim: str | None = None, variants: Mapping[str, str
 def _examine_material(
     file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[str, str]
 ) -> tuple[list[ValidationFinding], int]:
-    """Return the findings of a material, and the number of combinations of variants that were examined."""
+    """Return the findings of a material, and the number of combinations of variants that were examined.
+
+    `fixed` has the variants that all combinations have.
+    """
     network, session = Network(file), stage.GetSessionLayer()
     path = find_material(network, stage, prim, fixed)
     if path is None or network.faults:
@@ -116,6 +123,7 @@ def _examine_material(
 
 
 def _examine_layers(file: Path, stage: Usd.Stage) -> list[ValidationFinding]:
+    """Return the findings of all shaders of layers in a file without materials."""
     shaders = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Shader)]
     layers = [shader for shader in shaders if shader_id(shader) in layer_shaders()]
     if not layers:
@@ -125,16 +133,19 @@ def _examine_layers(file: Path, stage: Usd.Stage) -> list[ValidationFinding]:
 
 
 def _combination_label(selection: Mapping[str, str]) -> str:
+    """Return a combination of variants as text, such as ``"wear=dusty, metal=copper"``."""
     return ", ".join(f"{name}={choice or '(none)'}" for name, choice in selection.items())
 
 
 def _merge_findings(
     looks: Mapping[str, tuple[ValidationFinding, ...]], foreign: set[str]
 ) -> Iterator[ValidationFinding]:
-    """Yield findings that all combinations share, and errors and warnings of some combinations with their labels.
+    """Merge the findings of all combinations of variants: each finding is yielded once.
 
-    Notes on some combinations are omitted, as another variant may use an element that one does not. Notes on `foreign`
-    combinations are not omitted: they are on losses.
+    `looks` has the findings of each combination by its label. An error or warning that only some combinations have is
+    yielded with their labels. A note that only some have is omitted, because another variant may use the element that
+    has no effect in these. Notes of the combinations in `foreign`, whose materials are foreign, are kept: they state
+    losses.
     """
     labelled: dict[ValidationFinding, list[str]] = {}
     for label, findings in looks.items():
@@ -148,7 +159,10 @@ def _merge_findings(
 
 
 def _combinations(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
-    """Select and yield all combinations of variants that extend a selection; a variant may add further sets."""
+    """Yield all combinations of variants that extend a selection, each while it is selected on the stage.
+
+    A variant may add further sets.
+    """
     free_sets = variant_sets(stage, path).keys() - selection.keys()
     if not free_sets:
         yield selection
@@ -158,12 +172,16 @@ def _combinations(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, str]
 
 
 def _single_variants(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+    """Yield a selection extended by a single variant, for each variant of each other set, while it is selected."""
     for name in sorted(variant_sets(stage, path).keys() - selection.keys()):
         yield from _select_variants(stage, path, name, selection)
 
 
 def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Selection) -> Iterator[Selection]:
-    """Select each variant of a set in turn, and yield the extended selection; also "", where the file selects none."""
+    """Yield a selection extended by each variant of the set `name` in turn, while it is selected on the stage.
+
+    Where the file selects no variant of the set, the first extension is "", which is none.
+    """
     variant_set, session = variant_sets(stage, path)[name], stage.GetSessionLayer()
     names: list[str] = variant_set.GetVariantNames()
     for choice in names if variant_set.GetVariantSelection() in names else ["", *names]:
@@ -177,7 +195,7 @@ def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Sel
 
 
 def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[ValidationFinding]:
-    """Yield the findings of a material in its present composition."""
+    """Yield the findings of a material with the variants that are selected now."""
     prim = stage.GetPrimAtPath(path)
     reader_findings, layers = _read_material(file, stage, path)
     yield from reader_findings
@@ -187,7 +205,7 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Vali
         )
         return
     usd_findings = _usd_findings(list(Usd.PrimRange(prim)), reader_findings)
-    if is_foreign(prim):  # read leniently: the material renders in spite of errors that USD finds
+    if is_foreign(prim):  # USD's errors are warnings here: the material is read as far as possible, and rendered
         for finding in usd_findings:
             yield replace(finding, severity="warning") if finding.severity == "error" else finding
         return
@@ -196,7 +214,7 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Vali
     for where, message, hint in (*(_ineffective_layers(stack, layers) if stack else ()), *_unread_shaders(prim)):
         yield ValidationFinding("note", *_split_path(where), message, hint)
     if stack and (switches := _disabled_switches(stack)):
-        # Faults of a disabled layer are warnings: enable all layers for a moment to find them.
+        # Faults of disabled layers are warnings. To find them, all layers are enabled for a moment.
         session = stage.GetSessionLayer()
         session_text = session.ExportToString()
         with Usd.EditContext(stage, session):
@@ -210,17 +228,21 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Vali
 
 
 def _disabled_switches(stack: Stack) -> list[Usd.Attribute]:
-    """Return the inputs that disable layers."""
+    """Return the inputs of a stack that disable layers."""
     return [stack.attribute(number, "Enabled") for number in stack.layers if not stack.is_enabled(number)]
 
 
 def _ineffective_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
-    """Yield the layers that are never visible, and those that hide all beneath; `layers` are the enabled layers."""
+    """Yield the layers of a stack that are never visible, and those without a mask that hide all layers beneath.
+
+    `layers` are the enabled layers, base first.
+    """
     for attribute in _disabled_switches(stack):
         yield str(attribute.GetPath()), "the layer is not enabled", ""
+    # The indices, among the enabled layers, of layers that cover everything beneath.
     covers = [index for index, layer in enumerate(layers) if index and _covers_everything(layer)]
     numbers = [number for number in (0, *stack.layers) if stack.is_enabled(number)]
-    if len(layers) != len(numbers):  # a stack with faults
+    if len(layers) != len(numbers):  # the reader has found faults, and layers are missing
         return
     for index, (number, layer) in enumerate(zip(numbers, layers, strict=True)):
         where, mask = f"{stack.prim.GetPath()}.{stack.input_name(number, '')}", stack.attribute(number, "Mask")
@@ -236,7 +258,7 @@ def _ineffective_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unus
 
 
 def _unread_shaders(material: Usd.Prim) -> Iterator[_Unused]:
-    """Yield the shaders of a material that none of its outputs depends on."""
+    """Yield the shaders of a material on which none of its outputs depends."""
     outputs = [output.GetAttr() for output in UsdShade.Material(material).GetOutputs()]
     read_paths = find_upstream(UsdShade.Material(material), outputs)
     for prim in Usd.PrimRange(material):
@@ -246,10 +268,12 @@ def _unread_shaders(material: Usd.Prim) -> Iterator[_Unused]:
 
 
 def _covers_everything(layer: Layer) -> bool:
+    """Return whether a layer hides all layers beneath it."""
     return layer.mode == "over" and layer.mask == 1.0 and presence(layer) == 1.0
 
 
 def _is_huge(prim: Usd.Prim) -> bool:
+    """Return whether a material has more than `_MAX_PROPERTIES` properties and prims."""
     counts = accumulate(1 + authored_property_count(descendant) for descendant in Usd.PrimRange(prim))
     return any(count > _MAX_PROPERTIES for count in counts)
 
@@ -257,7 +281,10 @@ def _is_huge(prim: Usd.Prim) -> bool:
 def _read_material(
     file: Path, stage: Usd.Stage, path: Sdf.Path
 ) -> tuple[tuple[ValidationFinding, ...], tuple[Layer, ...]]:
-    """Return the reader's findings in a material, and its layers; only notes for a material of another model."""
+    """Return the reader's findings in a material, and its layers.
+
+    For a foreign material, there are only notes and no layers.
+    """
     try:
         if is_foreign(stage.GetPrimAtPath(path)):
             bound = read_foreign(file, stage, path)
@@ -271,11 +298,12 @@ def _read_material(
 
 
 def _to_finding(fault: Fault) -> ValidationFinding:
+    """Return a fault as a finding of severity error."""
     return ValidationFinding("error", *_split_path(fault.where), fault.what, fault.hint)
 
 
 def _split_path(where: str) -> tuple[str, str]:
-    """Split a path into prim and property."""
+    """Split the path of a property into the path of its prim and the property's name, which is "" for a prim."""
     prim, _, name = shorten(where).partition(".")
     return prim, name
 
@@ -283,7 +311,7 @@ def _split_path(where: str) -> tuple[str, str]:
 def _usd_findings(
     target: Usd.Stage | list[Usd.Prim], reader_findings: Iterable[ValidationFinding]
 ) -> Iterator[ValidationFinding]:
-    """Yield the findings of USD's validators that are not among `reader_findings`."""
+    """Yield the findings of USD's validators in a stage or in prims, except those that `reader_findings` state too."""
     reported = tuple(reader_findings)
     for error in UsdValidation.ValidationContext(_validators()).Validate(target)[:MAX_FINDINGS]:
         message = clean_usd_message(error.GetMessage())
@@ -291,7 +319,8 @@ def _usd_findings(
             continue
         where = (site.GetProperty() if site.IsProperty() else site.GetPrim() for site in error.GetSites())
         prim, name = next((_split_path(str(site.GetPath())) for site in where if site), ("", ""))
-        # The reader already reports a missing file, with the input or the reference that names it.
+        # The reader already reports a missing file, with the input or the reference that names it. USD's message has
+        # the file in quotes.
         file_name = (
             Path(message.split("'")[1]).name if error.GetName() == _UNRESOLVED_REFERENCE and "'" in message else message
         )
@@ -304,7 +333,7 @@ def _usd_findings(
 
 @cache
 def _validators() -> tuple[UsdValidation.Validator, ...]:
-    """Register our nodes, and return USD's validators for a look."""
+    """Return USD's validators for a look, after registering our nodes, which a validator looks up."""
     definitions = Usd.Stage.Open(str(DEFINITIONS))
     for prim in definitions.Traverse():
         for node in UsdShade.ShaderDefUtils.GetDiscoveryResults(UsdShade.Shader(prim), str(DEFINITIONS)):

@@ -1,4 +1,4 @@
-"""Reports of the findings in the looks of a file, as data and as text."""
+"""The report of `lookdev validate` on the looks of a file, as data and as text."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from typing import Literal
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+"""The severities of findings, the worst first."""
 
-_MAX_LISTED_COMBINATIONS = 4  # of variants that the text lists for one finding; the data has all
+_MAX_LISTED_COMBINATIONS = 4  # combinations of variants that the text lists for one finding; the data has all
 
 
 @dataclass(frozen=True)
 class ValidationFinding:
     """A fault of a look, or a note on it.
 
-    `prim` and `input` are its place; both may be empty. `hint` is what would be right. `variants` has the combinations
-    of variants with the finding; it is empty where all combinations have it.
+    `prim` is the path of the prim that it is about, and `input` the name of a property of that prim; both may be empty.
+    `what` states the fault, and `hint` what would be right. `variants` has the combinations of variants that have the
+    fault; it is empty where all have it.
     """
 
     severity: Severity
@@ -30,7 +32,7 @@ class ValidationFinding:
 
 @dataclass(frozen=True)
 class ValidationReport:
-    """The findings in a file."""
+    """The findings in a file, and the numbers of its materials and of the combinations of variants examined."""
 
     file: str
     findings: tuple[ValidationFinding, ...]
@@ -47,7 +49,7 @@ class ValidationReport:
         return asdict(self)
 
     def text(self) -> str:
-        """Return a summary, then the findings by prim."""
+        """Return the report as text: a line of summary, then the findings by prim."""
         counts = [(severity, sum(finding.severity == severity for finding in self.findings)) for severity in SEVERITIES]
         summary = ", ".join(_count_text(count, severity) for severity, count in counts if count) or "nothing wrong"
         materials, combinations = _count_text(self.materials, "material"), _count_text(self.combinations, "combination")
@@ -61,7 +63,8 @@ class ValidationReport:
 
 
 def _finding_lines(finding: ValidationFinding) -> list[str]:
-    first_line, *more = finding.what.split("\n")  # an expression and a caret are on further lines
+    """Return the lines of text for a finding."""
+    first_line, *more = finding.what.split("\n")  # a faulty expression and its caret are on further lines
     head = f"  {finding.severity:<7}  "
     margin = " " * len(head)
     lines = [head + (f"{finding.input}: " if finding.input else "") + first_line, *(margin + line for line in more)]
@@ -75,4 +78,5 @@ def _finding_lines(finding: ValidationFinding) -> list[str]:
 
 
 def _count_text(count: int, name: str) -> str:
+    """Return a number with a noun in singular or plural."""
     return f"{count} {name}" + ("" if count == 1 else "s")
