@@ -236,7 +236,7 @@ class CellRun:
             self._pictures.clear()
 
     def _attempt(self, candidate: Candidate, step: Callable[..., object], *arguments: float) -> None:
-        """Call `step` with a backend and arguments, unless the backend has failed before; an error becomes its failure."""
+        """Call `step` with a backend, unless that has failed before; an error becomes the reason of its failure."""
         if candidate.backend in self.failures:
             return
         try:

@@ -184,8 +184,8 @@ class Reference:
     def needs_part(self, samples: int, enough: float) -> bool:
         """Return whether the reference needs another part.
 
-        Its parts suffice if they have `samples` samples in all, or if its own relMSE is at most `enough`. In any case it
-        needs four parts. The relMSE counts from eight parts on, because the spread of fewer parts is too uncertain.
+        Its parts suffice if they have `samples` samples in all, or if its own relMSE is at most `enough`. In any case
+        it needs four parts. The relMSE counts from eight parts on: the spread of fewer parts is too uncertain.
         """
         if self.parts < 4:
             return True
