@@ -42,8 +42,8 @@ class PictureFitRequest:
         Names of constants of the look. ``Layer.`` precedes a name that several layers have. ``=low..high`` after a name
         sets the bounds of the search.
     frame
-        The name of the job's frame that the picture shows, ``look/light/turntable.0001``, or the beginning of it. Empty:
-        the first frame.
+        The name of the job's frame that the picture shows, ``look/light/turntable.0001``, or the beginning of it.
+        Empty: the first frame.
     look, page
         The files to write: the look with the result, and the report. None: not written. If the look cannot be written,
         this is an error if the user named the file (`look_named`), else a note.

@@ -47,8 +47,9 @@ class JobFrame:
 
     @classmethod
     def from_name(cls, name: str, job: Job, scenes: Mapping[tuple[str, str], Scene]) -> JobFrame:
-        """Return the frame with the name ``look/light/turntable.0001``; parts that are missing at the end are the first.
+        """Return the frame with a name like ``look/light/turntable.0001``.
 
+        If parts are missing at the end of the name, the first look, light, turntable or frame of the job is taken.
         `scenes` has the scene of each pair of look and light. Raises LookdevError if there is no such frame.
         """
         look, light, last = (*name.split("/"), "", "")[:3] if name.count("/") < 3 else ("", "", "")
