@@ -121,6 +121,7 @@ def is_alive(pid: int) -> bool:
 
 
 def wait_until(condition, seconds: float = 60.0) -> None:  # type: ignore[no-untyped-def]
+    """Wait until a function returns a true value; fail if that takes too long."""
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "the condition does not become true"

@@ -46,6 +46,7 @@ def look_text(model: str, **inputs: float | tuple[float, float, float]) -> str:
 
 
 def write_look(folder: Path, name: str, color: tuple[float, float, float], **inputs: float) -> None:
+    """Write a look of one Disney layer to a folder; it is diffuse unless `inputs` change that."""
     text = look_text("Disney", baseColor=color, **{"roughness": 1, "specular": 0} | inputs)
     (folder / f"{name}.usda").write_text(text)
 

@@ -43,6 +43,7 @@ def lend_workers(request: pytest.FixtureRequest, patch: pytest.MonkeyPatch) -> N
     """
 
     def worker_of(command: Sequence[str], *options: Any) -> Worker | LentWorker:
+        """Replace the constructor of `Worker`, whose arguments these are."""
         if len(options) == 5 and options[-1] is not None:  # it has cores of its own, so it is one of several workers
             return Worker(command, *options)
         name = "cycles_worker" if command == BACKENDS["exact"].command else "mitsuba_worker"

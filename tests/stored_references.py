@@ -109,6 +109,7 @@ def renew_command(item: pytest.Item) -> str:
 
 @lru_cache(64)
 def load_reference(file: Path) -> Arrays:
+    """Return the arrays in a file by their names."""
     with np.load(file, allow_pickle=False) as stored:
         return dict(stored)
 

@@ -70,6 +70,7 @@ class BlenderProcess:
 
 @pytest.fixture(scope="session")
 def blender() -> Iterator[BlenderProcess]:
+    """The process with Blender for the whole run."""
     process = BlenderProcess()
     yield process
     process.close()

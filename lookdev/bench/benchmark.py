@@ -32,7 +32,7 @@ from lookdev.rendering.threads import usable_cores
 from lookdev.rendering.worker import open_renderer
 from lookdev.safe_text import read_text
 
-Subject = TypeVar("Subject")
+Subject = TypeVar("Subject")  # what `render_in_turn` renders
 
 ANSWER_TIMEOUT = 3600.0
 """Seconds that a worker may be silent before it counts as failed.
@@ -44,7 +44,10 @@ MEGABYTE = 1e6  # bytes
 SECTION_END = "<!-- end -->"
 
 OpenRenderer = Callable[[], AbstractContextManager[RenderFrame]]
-"""Opens a function that renders frames in a process of its own; the process ends with the context."""
+"""A function that returns a context, which has a function to render frames in a process of its own.
+
+The process ends with the context.
+"""
 
 open_process: OpenRenderer = partial(open_renderer, ANSWER_TIMEOUT)
 
@@ -243,7 +246,7 @@ class Benchmark:
 
     @property
     def restricting_options(self) -> tuple[str, ...]:
-        """The names of the options that differ from the defaults of the benchmark, so that it is measured in part."""
+        """The names of the options that differ from the benchmark's defaults: with them, only a part is measured."""
         return restrictions(self.options, self.DEFAULTS)
 
     @property
@@ -252,6 +255,7 @@ class Benchmark:
         return 130 if not self.complete else int(bool(self.failures))
 
     def _write(self, folder: Path, document: Path | None) -> None:
+        """Write the files and, if anything is measured and a document is given, its section."""
         self.write(folder)
         if document and self.rows:
             write_section(document, self.NAME, self.section())

@@ -45,7 +45,7 @@ TRIANGLES = (MILLION // 100, MILLION // 10, MILLION)
 _SCENE, _LOOK, _IBL = "shaderball", "plastic", "studio"
 _SIDE = 96  # pixels
 _SAMPLES = 16  # per pixel
-_REPEATS = 3
+_REPEATS = 3  # of each frame, except those of "frames"
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,7 @@ def _task(scene: SceneTask, seed: int, pose: Pose = POSE) -> FrameTask:
 
 
 def _row(size: int, seconds: Sequence[float], last: WorkerFrame) -> GrowthRow:
+    """Return the row of a size from the seconds of its frames and, for the peak memory, the last frame."""
     return GrowthRow(size, statistics.median(seconds), min(seconds), max(seconds), last.memory)
 
 

@@ -26,7 +26,7 @@ from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
 OpenCandidates = Callable[[Cell, BenchOptions], AbstractContextManager[list[Candidate]]]
-"""Opens the backends that can render a cell; they end with the context."""
+"""A function that returns a context, which has the backends that can render a cell; they end with the context."""
 
 BACKEND_CHECKS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
 """By name of a backend that not every machine has: a function that raises RenderError if this machine lacks it."""
@@ -100,6 +100,7 @@ class MatrixBenchmark(Benchmark):
             yield
 
     def _measure_cell(self, cell: CellRun) -> None:
+        """Measure a cell; its measurements and failures are kept even if an error ends it."""
         try:
             cell.run()
         finally:

@@ -26,7 +26,7 @@ from lookdev.bench.reference import (
 from lookdev.errors import LookdevError
 
 EXACT = "exact"
-"""The backend that the others are compared with. Only this backend can render until it estimates a target error."""
+"""The backend that the others are compared with. Only this backend also renders aimed pictures (`PictureKind`)."""
 
 PictureKind = Literal["raw", "denoised", "aimed", "aimed, denoised"]
 """How a picture is made. An aimed picture gets samples until its estimated relMSE is at most `BenchOptions.aim`."""
@@ -38,7 +38,7 @@ MAX_EXTRAPOLATION = 4.0
 """The largest effort (seconds or samples) to which a curve is extrapolated, over the effort of its last point."""
 
 _MAX_EXTRAPOLATION_DENOISED = 64.0  # the same for denoised curves, with `BenchOptions.independent`
-_SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MAX_REPEATS)
+_SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MAX_REPEATS)  # seeds that are reserved for the renders of one repeat
 # If a reference may end early, each of its parts is divided into this number of smaller parts.
 _ENOUGH_PARTS = 4
 
@@ -149,7 +149,7 @@ def effort_to_error(
     `effort` and `error` are the coordinates of the curve's points, by increasing samples; all are positive. Between the
     points the logarithm of the error is linear in that of the effort. Beyond the last point it falls by the slope
     between the last two points, clamped to the range `slopes`; independent samples have the slope 1. The function
-    returns None if the curve does not fall there, or would exceed `limit` times its last effort.
+    returns None if the curve does not fall there, or if the effort would be more than `limit` times the last one.
     """
     if not error:
         return None
@@ -246,8 +246,10 @@ class CellRun:
             self.report(f"{self.cell}: {candidate.backend} fails and is left out: {error}")
 
     def _obtain_reference(self, candidate: Candidate) -> None:
+        """Read the reference of a backend from the cache, or render it."""
         options = self.options
         finer = _ENOUGH_PARTS if options.enough else 1
+        # The samples of a part, and the number of parts.
         amount = max(options.samples[-1] // finer, 2), options.reference * finer
 
         def report(text: str) -> None:
@@ -258,6 +260,7 @@ class CellRun:
         )
 
     def _render(self, candidate: Candidate, samples: int, seed: int) -> TimedPicture:
+        """Render once, and denoise if the options request it and the backend can."""
         sampling = {"denoise": "measured"} if self.options.denoise and candidate.denoises else {}
         return candidate.render(samples, seed, **sampling)
 
@@ -296,6 +299,7 @@ class CellRun:
                 self._out_of_reach.add(way)
 
     def _record_picture(self, series: Series, repeat: int, seed: int, picture: TimedPicture) -> Measurement:
+        """Measure the error of a picture, and append the measurement."""
         measured = self.references[series.backend].measure_error(picture)
         figures = {name: getattr(picture, name) for name in ("samples", "seconds", "estimate", "memory", "renderer")}
         row = Measurement(
@@ -307,6 +311,7 @@ class CellRun:
         return row
 
     def _curve(self, series: Series) -> tuple[CurvePoint, ...]:
+        """Return the points of a series' curve, by increasing samples, each from the pictures of all repeats."""
         points = []
         for samples in self.options.samples:
             if pictures := self._pictures.get((series, samples)):

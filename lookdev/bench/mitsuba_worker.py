@@ -182,6 +182,7 @@ def corner_meshes(asset: Asset) -> Iterator[tuple[Floats32, Floats32, Floats32]]
 
 
 def _make_mesh(mi: Any, bsdf: Any, positions: Floats32, normals: Floats32, uvs: Floats32) -> Any:
+    """Return Mitsuba's mesh of the corners that `corner_meshes` yields; triangles share no vertices."""
     properties = mi.Properties()
     properties["bsdf"] = bsdf
     counts = len(positions), len(positions) // 3

@@ -141,6 +141,7 @@ class ProfileBenchmark(Benchmark):
         for frames in render_in_turn(stages, task, options.repeats, self.open_process):
             repeats.append([frame.seconds for frame in frames])
             self.report(f"{cell}: {repeats[-1][0]:.2f} s, repeat {len(repeats)} of {options.repeats}")
+        # The seconds of each stage, (repeats,) each. The last two stages are those with the empty shader.
         *seconds, empty, few = np.transpose(repeats)
         film = (empty - few) * samples / (samples - FEW_SAMPLES)
         parts = [*(before - after for before, after in pairwise([*seconds, empty])), film, empty - film]

@@ -115,7 +115,7 @@ class Reference:
         self.parts = 0
         self.mean: Floats = np.zeros(())
         self.alpha: Floats = np.zeros(())
-        self._squares: Floats = np.zeros(())
+        self._squares: Floats = np.zeros(())  # sums of squared deviations from the mean, (H, W, 3)
 
     def add(self, part: TimedPicture) -> None:
         """Add a part to the mean and the sum of squared deviations, without cancellation (Welford 1962)."""

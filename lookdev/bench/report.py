@@ -108,6 +108,7 @@ def _time_rows(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind
 
 
 def _mean_text(values: Sequence[CurveEffort | None]) -> str:
+    """Return the geometric mean of ratios as text, without missing ratios and bounds, whose number is stated."""
     ratios = [value.value for value in values if value is not None and value.mark in ("", "~")]
     if not ratios:
         return "-"
@@ -116,6 +117,7 @@ def _mean_text(values: Sequence[CurveEffort | None]) -> str:
 
 
 def _seconds_text(cell: CellRun, series: Series, target: float) -> str:
+    """Return the seconds of a series to the relMSE `target`, with the spread of the repeats, as text."""
     times = cell.times(series, target)
     if times.value is None:
         return "-"
@@ -123,6 +125,7 @@ def _seconds_text(cell: CellRun, series: Series, target: float) -> str:
 
 
 def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
+    """Return the texts of a ratio by times, with its spread, and by samples."""
     if ratio is None or ratio.value is None:
         return "-", "-"
     by_samples = "-" if ratio.by_samples is None else f"{ratio.by_samples.mark}{ratio.by_samples.value:.2f}"
@@ -131,6 +134,7 @@ def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
 
 
 def _point_text(curve: Sequence[CurvePoint] | None) -> str:
+    """Return the samples, seconds and relMSE of the last point of a curve as text."""
     if not curve:
         return "-"
     error = "uncertain" if curve[-1].relmse is None else f"{curve[-1].relmse:.2e}"
@@ -159,6 +163,7 @@ def _estimate_rows(cells: Sequence[CellRun]) -> Iterator[list[str]]:
 
 
 def _estimate_ratio_text(rows: Sequence[Measurement]) -> str:
+    """Return the median ratio of estimated to true relMSE, with its extremes, as text."""
     ratios = [row.estimate / row.relmse for row in rows if row.estimate is not None and row.relmse]
     return Spread.of(ratios).text() if ratios else "-"
 
@@ -248,6 +253,7 @@ def draw_curves(cells: Sequence[CellRun], targets: Sequence[float], folder: Path
 
 
 def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
+    """Draw the curves of a cell and horizontal lines at the target errors; curves of denoised pictures are dashed."""
     for series, curve in result.curves.items():
         if points := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
             style = {"markersize": 3.0, "color": COLORS.get(series.backend, "black"), "label": str(series)}

@@ -246,10 +246,11 @@ def match_error(target: float, guess: int, error: Callable[[int], float]) -> int
         count = min(errors, key=lambda count: abs(math.log(errors[count] / target)))
         if abs(math.log(errors[count] / target)) < math.log(1.1):
             break
+        # From a single measurement, the error is assumed to fall as 1 / samples.
         better = count * errors[count] / target
-        falling = sorted(errors.items())
-        if len(errors) > 1 and all(one > other for (_, one), (_, other) in pairwise(falling)):
-            better = error_at([(value, samples) for samples, value in reversed(falling)], target)
+        by_samples = sorted(errors.items())
+        if len(errors) > 1 and all(one > other for (_, one), (_, other) in pairwise(by_samples)):
+            better = error_at([(value, samples) for samples, value in reversed(by_samples)], target)
         guess = max(1, round(min(max(better, count / _MAX_STEP), count * _MAX_STEP)))
     return count
 
@@ -275,6 +276,7 @@ def _mean_relmse(subject: SequenceSubject, folder: Path, probes: Path, frames: i
     """
     errors = []
     for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(_PROBES)):
+        # The probes are evenly spaced over the turntable.
         frame = FrameName(subject.look, ibl, kind, 1 + number * (frames // _PROBES))
         a, alpha = read_frame(frame.file(folder))
         b, _ = read_frame(replace(frame, number=1 + number).file(probes))

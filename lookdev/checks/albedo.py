@@ -153,6 +153,7 @@ def _measure_curves(
     backend: str,
     alter: AlterShader,
 ) -> _Curves:
+    """Compute the albedo of a constant look in all three ways, at a random azimuth of the views."""
     azimuth = float(rng.uniform(0.0, 360.0))
     # Directions to the viewer, (views, 3), in the card's frame: x right, y up, z towards its front.
     views = spherical_direction(np.radians(angles), np.radians(azimuth))

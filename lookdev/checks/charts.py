@@ -71,10 +71,12 @@ class Reading:
 
     @property
     def _relative(self) -> Floats:
+        """The differences relative to the predictions, (3,)."""
         return np.asarray((self.measured - self.predicted) / np.maximum(self.predicted, 1e-30))
 
     @property
     def _ratios(self) -> Floats:
+        """The ratios of the differences to their limits, (3,)."""
         explained = _quantile(self.freedom) * self.error + SYSTEMATIC * self.predicted
         return np.asarray(np.abs(self.measured - self.predicted) / np.maximum(explained, 1e-30))
 

@@ -75,6 +75,7 @@ def round_to_float32(values: Floats) -> Floats:
 
 
 def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[Mapping[str, Floats]], wo: Array) -> Bsdf:
+    """Return the BSDF of layers with the given numbers of each, for directions `wo` (..., 3) to the viewer."""
     # If the viewer is behind the surface, the normal is flipped to face the viewer: hence the absolute cosine.
     view = np.abs(wo[..., 2])
     return stack_bsdf([layer.stack_layer(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
@@ -227,6 +228,7 @@ def _parse_case(number: int, line: str, backend: Evaluator) -> _Case | _Reflecta
 
 
 def _parse_fresnel(case: dict[str, object], backend: Evaluator) -> _Reflectance:
+    """Evaluate Fresnel's equations for a line of ``fresnel``."""
     if backend != "numpy":
         raise ModelError(f"'{_FRESNEL}' is not a surface, so Cycles cannot render it; --backend numpy would be right")
     values: Parameters = complete(_FRESNEL, INTERFACE, _parse_object(case["params"]))

@@ -215,6 +215,7 @@ def _describe_pixel(agreement: Agreement, pixels: Ints, reference: Estimate, ind
 
 
 def _plot_differences(agreement: Agreement, reference: Estimate) -> FindingPlot:
+    """Return a plot of relative differences over the values of the reference, with two standard errors as bars."""
     x = reference.value.mean(axis=-1)
     scale = np.sqrt(x**2 + EPSILON)
     y, error = agreement.difference.mean(axis=-1) / scale, 2.0 * agreement.error.mean(axis=-1) / scale

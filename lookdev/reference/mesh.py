@@ -250,6 +250,7 @@ class _Occluder:
 
     @classmethod
     def build(cls, positions: Floats32, numbers: Ints) -> _Occluder:
+        """Return the scene of triangles with the positions (T, 3, 3) of their corners and the numbers (T,)."""
         embree = EmbreeScene(robust=True)
         if len(positions):
             TriangleMesh(embree, positions)

@@ -109,7 +109,7 @@ def frame_pixels(
     bounces
         Largest number of hits on a path after the first; 0 means only direct light.
     samples, scrambles, seed
-        Each of `scrambles` independent sets, at least two, has `samples` points, a power of two.
+        A pixel has `scrambles` independent sets, at least two, of `samples` points each, a power of two.
 
     Raises
     ------
@@ -123,6 +123,8 @@ def frame_pixels(
     visible_lamps = [lamp for lamp, light in zip(lamps, lights, strict=True) if light.emission.camera]
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
+        # Numbers in [0, 1) for each ray: for the lens, if there is one (2), for the position in the pixel (2), then for
+        # each depth of the path.
         u = _sobol_points(
             numbers, lens_dimensions + 2 + _depth_dimensions(lights) * (bounces + 1), samples, scrambles, seed
         )
@@ -169,6 +171,7 @@ class _Lamp:
 
     @classmethod
     def in_pose(cls, number: int, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
+        """Return a light turned relative to the asset, which does not turn, about the vertical line at `axis` (x, y)."""
         emission = light.emission
         posed = PosedLight(light, (pose.lighting if emission.turns else 0.0) - pose.element, axis)
         return cls(number, posed, emission.shadow, emission.shadow_excluded, emission.diffuse, emission.specular)
@@ -207,6 +210,8 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
     for depth in range(u.shape[1] // dimensions):
         u_depth = u[path, dimensions * depth : dimensions * (depth + 1)]
         surface = _Surface.build(scene, hits, -ray)
+        # Direct light is estimated from a sample of the BSDF, along which the path may continue (`onward`), from the
+        # delta terms, and from a sample of each light.
         onward = surface.trace(lamps, surface.sample(u_depth[:, :2]))
         direct = onward.direct
         deltas = [surface.trace_delta(lamps, number) for number in range(surface.deltas)]
@@ -363,6 +368,7 @@ class _Surface:
         blocked, hits = np.zeros(len(wi), np.bool_), self.hits.copy()
         blocked[traced], hits[traced] = self.scene.trace_onward(self.hits[traced], direction[traced])
         point, towards = self.point[traced], direction[traced]
+        # By groups that cast no shadow: the distances of the next surface along the traced rays, inf if there is none.
         occluders: dict[tuple[int, ...], Floats] = {}
         for groups in {(), *(lamp.shadow_excluded for lamp in lamps)}:
             is_hit, next_hits = blocked[traced], hits[traced]
@@ -374,13 +380,13 @@ class _Surface:
         if diffuse is not None:
             diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
-            passed = lamp.transmittance(point, towards, occluders[lamp.shadow_excluded])
+            share = lamp.transmittance(point, towards, occluders[lamp.shadow_excluded])
             if (is_linked := self.scene.is_lit_by(self.hits[traced], lamp.number)) is not None:
-                passed[~is_linked] = 0.0
-            lit_rows = np.flatnonzero(passed.any(axis=-1))
-            arriving = passed[lit_rows] * lamp.light.radiance(point[lit_rows], towards[lit_rows])
-            rows = traced[lit_rows]
-            light_density = 0.0 if diffuse is None else lamp.light.pdf(point[lit_rows], towards[lit_rows])
+                share[~is_linked] = 0.0
+            reached = np.flatnonzero(share.any(axis=-1))
+            arriving = share[reached] * lamp.light.radiance(point[reached], towards[reached])
+            rows = traced[reached]
+            light_density = 0.0 if diffuse is None else lamp.light.pdf(point[reached], towards[reached])
             response = lamp.response(value[rows], 0.0 * value[rows] if diffuse is None else diffuse[rows])
             direct[rows] += _divide(response * arriving, density[rows] + light_density)
         return _TracedRays(direction, direct, blocked, hits, _divide(value, density))

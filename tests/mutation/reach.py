@@ -49,6 +49,7 @@ class Reach:
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(self, fixturedef, request):
+        """Record the functions that the setup of a shared fixture reaches for the fixture, not for the running test."""
         outer = self._recorder.reached
         if fixturedef.scope == "function":
             return (yield)

@@ -319,6 +319,7 @@ class Search:
         )  # fmt: skip
 
     def _render_halves(self, unit: Floats, samples: int, seeds: tuple[int, int]) -> tuple[Floats, Floats]:
+        """Return two independent renders (H, W, C) with given units."""
         halves = self._render_in_units(unit, False, samples, seeds)
         return halves[0, 0], halves[1, 0]
 
@@ -403,6 +404,7 @@ class Search:
             first += unknown.width
 
     def _clip(self, unit: Floats) -> Floats:
+        """Return units clipped to their bounds, less the margin `_BOUND_MARGIN`."""
         return np.asarray(np.clip(unit, *self._inner_bounds))
 
     def _snap_to_bounds(self, unit: Floats) -> Floats:
@@ -414,10 +416,12 @@ class Search:
         return next(self._seeds), next(self._seeds)
 
     def _record_best(self, unit: Floats, loss: float, halves: tuple[Floats, Floats]) -> None:
+        """Store units, their loss and their picture if no earlier loss is smaller."""
         if self._best is None or loss < self._best[1]:
             self._best = unit, loss, 0.5 * (halves[0] + halves[1])
 
     def _record_point(self, stage: str, start: int, loss: float, accepted: bool = True) -> None:
+        """Append a render to the curve of losses, and report it."""
         self._curve.append(LossPoint(stage, start, loss, accepted))
         self.report(self._curve[-1])
 
