@@ -110,7 +110,7 @@ def layered_look(layers: int) -> Look:
 
 
 def varied_look(number: int) -> Look:
-    """Return one of many looks of one Disney layer, with a color and roughness of its own.
+    """Return one of many looks of one Disney layer, with a colour and a roughness of its own.
 
     The bits of `number` choose the lobes, so that all looks together need eight different shader programs.
     """

@@ -82,6 +82,7 @@ def check_stability(
         else:
             for name, layers in model_stacks(subject).items():
                 yield check_stack(name, layers, rng, depth)
+            # An isotropic look of the model, in which all lobes have a share.
             probe = Look(subject, (Layer("Probe", subject, dict(MODELS[subject].probe)),))
             yield from check_scenes(probe, scene_cases(), render)
 

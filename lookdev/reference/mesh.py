@@ -90,10 +90,12 @@ class MeshScene:
         self._positions, self._facets = self._positions[has_area], normals[has_area] / area[has_area]
         self._corners, self._owners, self._slots = (array[has_area].astype(np.int64) for array in numbers_of_triangles)
         self._triangle_looks = slot_looks[self._slots]
+        # For each instance: the linear part of its matrix, the inverse of this part, and whether it is a reflection.
         self._linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
         self._inverse = np.linalg.inv(self._linear)
-        # A mirrored instance mirrors its bitangents.
+        # A reflection also mirrors bitangents.
         self._reflected = np.linalg.det(self._linear) < 0.0
+        # The attributes of the corners of all meshes.
         self._normals = np.concatenate([mesh.normals for mesh in asset.meshes]).astype(np.float64)
         self._tangents = np.concatenate(tangents_of(asset.meshes)).astype(np.float64)
         self._corner_values: dict[object, Floats] = {}

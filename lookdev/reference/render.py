@@ -171,7 +171,7 @@ class _Lamp:
 
     @classmethod
     def in_pose(cls, number: int, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
-        """Return a light turned relative to the asset, which does not turn, about the vertical line at `axis` (x, y)."""
+        """Return a light turned about the vertical line at `axis` (x, y), by its rotation relative to the asset."""
         emission = light.emission
         posed = PosedLight(light, (pose.lighting if emission.turns else 0.0) - pose.element, axis)
         return cls(number, posed, emission.shadow, emission.shadow_excluded, emission.diffuse, emission.specular)

@@ -20,7 +20,7 @@ from queue import SimpleQueue
 from mutant import ROOT, Mutant, mutated_source
 from reach import reach_map
 
-MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
+MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}  # option -m of pytest, by tier
 HANGS = "a test that does not end"
 # The fastest tests of a mutant run first, in stages that end at these sums of seconds. To collect all test files that
 # reach a function can take longer than to run these tests.

@@ -309,9 +309,11 @@ def _page_pictures(
         side = block_side(photo.size, _PAGE_PIXELS) if photo.size[0] * photo.size[1] > _PAGE_PIXELS else 1
         scene = live.scene_at(photo.size, side)
         width, height = scene.resolution
+        # Samples of each half: a power of two, with about `_PAGE_SAMPLES` samples in both halves of all pixels.
         samples = 1 << max(2, (_PAGE_SAMPLES // (2 * width * height)).bit_length() - 1)
         renders, errors = [], []
         for values in (before, result.values):
+            # The seeds are far above those of the search, which counts from 0.
             a, b = gain * live.render(scene, values, False, samples, (1000, 1001))[:, 0, ..., :3]
             exposure = 2.0 ** values["exposure"][0] if "exposure" in values else 1.0
             renders.append(exposure * 0.5 * (a + b))

@@ -168,10 +168,12 @@ class Search:
     def __post_init__(self) -> None:
         self._low = np.concatenate([unknown.units(unknown.low) for unknown in self.unknowns])
         self._high = np.concatenate([unknown.units(unknown.high) for unknown in self.unknowns])
-        inside = np.minimum(_BOUND_MARGIN, 0.25 * (self._high - self._low))
-        self._inner_bounds = self._low + inside, self._high - inside
+        # The bounds of renders, which are inside of the bounds of the unknowns.
+        margin = np.minimum(_BOUND_MARGIN, 0.25 * (self._high - self._low))
+        self._inner_bounds = self._low + margin, self._high - margin
         initial = [unknown.unit(np.array(unknown.constant.value)) for unknown in self.unknowns]
         self._initial = self._clip(np.concatenate(initial))
+        # The mask (H, W, C) of the compared values of the picture, and their weights in one dimension.
         self._is_compared = self.target.weight > 0.0
         self._weight = self.target.weight[self._is_compared]
 
@@ -225,8 +227,9 @@ class Search:
     def _follow(self, unit: Floats, number: int, earlier_ends: Sequence[Floats]) -> tuple[Floats, float]:
         """Take damped steps from the units of a start, all with the same seeds; return the last units, and their loss.
 
-        The steps end when a step is smaller than the error of the units, when no damping makes the loss smaller, or
-        near the units at which the steps from an earlier start ended.
+        `number` is the number of the start. The steps end when a step is smaller than the error of the units, when no
+        damping makes the loss smaller, or near `earlier_ends`, the last units of earlier starts. The damping is divided
+        by 8 after an accepted step, and multiplied by 8 after a rejected one.
         """
         settings, seeds = self.settings, self._next_seeds()
         halves = self._render_halves(unit, settings.samples, seeds)

@@ -71,6 +71,7 @@ class Target:
                     f"{photo.file}: the look can be seen through, and the picture has no alpha to compare with; an EXR "
                     "with channel A, premultiplied, would be right"
                 )
+            # The variance of alpha is unknown. The mean relative variance of the colours takes its place.
             alpha = block_means(photo.alpha[..., None], block)
             noise = np.full_like(alpha, max(float(np.mean(variance / np.maximum(color, 1e-3) ** 2)), 1e-6))
             color, variance = np.concatenate([color, alpha], -1), np.concatenate([variance, noise], -1)
