@@ -64,7 +64,7 @@ def start_browser() -> Any:
     service.command_line_args = lambda: lifeline
     started = webdriver.Chrome(options=options, service=service)
     started.set_script_timeout(TIMEOUT)
-    started.command_executor.client_config.timeout = 1000
+    started.command_executor.client_config.timeout = 1000  # seconds, longer than any script takes
     return started
 
 

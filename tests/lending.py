@@ -1,6 +1,6 @@
 """Lets jobs and checks in tests render with the workers of the whole test run, in place of workers of their own.
 
-Starting a worker takes seconds. The fixtures `cycles_worker` and `mitsuba_worker` are started once for all tests.
+The fixtures `cycles_worker` and `mitsuba_worker` are started once for all tests.
 """
 
 from collections.abc import Callable, Iterator, Sequence

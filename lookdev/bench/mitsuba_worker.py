@@ -140,7 +140,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     to_world = np.eye(4)
     to_world[:3] = np.stack([-right, up, -back, camera.position - asset.center], axis=1)
     width, height = scene.resolution
-    # Depth 1 is light seen directly, 2 is light reflected once.
+    # Depth 1 is light seen directly, 2 is light reflected once. Russian roulette would begin at depth 1000: never.
     depths = {"max_depth": scene.sampling.bounces + 2, "rr_depth": 1000}
     film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba", "rfilter": {"type": "box"}}
     bsdf = mi.load_dict(principled_bsdf(source.inputs))

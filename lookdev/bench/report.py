@@ -108,7 +108,10 @@ def _time_rows(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind
 
 
 def _mean_text(values: Sequence[CurveEffort | None]) -> str:
-    """Return the geometric mean of ratios as text, without missing ratios and bounds, whose number is stated."""
+    """Return the geometric mean of ratios as text.
+
+    Missing ratios and bounds are left out. If there are any, the text also has the number of ratios in the mean.
+    """
     ratios = [value.value for value in values if value is not None and value.mark in ("", "~")]
     if not ratios:
         return "-"

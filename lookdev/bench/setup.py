@@ -53,16 +53,16 @@ class SetupBenchmark(Benchmark):
 
     def measure(self) -> Iterator[None]:
         with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
-            for taken in measure_setup(Path(scratch), self.options.repeats):
-                self.report(f"{taken.step}: {Spread.of(taken.seconds).text()} s")
-                self.taken.append(taken)
+            for times in measure_setup(Path(scratch), self.options.repeats):
+                self.report(f"{times.step}: {Spread.of(times.seconds).text()} s")
+                self.taken.append(times)
                 yield
 
     def blocks(self) -> Iterator[str | TextTable]:
         yield from self.header()
         rows = [
-            (taken.step, *(Spread.of(seconds).text() if seconds else "" for seconds in (taken.seconds, taken.cpu)))
-            for taken in self.taken
+            (times.step, *(Spread.of(seconds).text() if seconds else "" for seconds in (times.seconds, times.cpu)))
+            for times in self.taken
         ]
         yield TextTable(("", "seconds", "CPU seconds"), rows)
 

@@ -43,7 +43,7 @@ ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
 _EXACT, _FITTED = (2e-4, 2e-5), (1e-2, 1e-3)
 _SIDE = 16  # pixels
 _SIZE = (_SIDE, _SIDE)
-_SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)
+_SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)  # directions are drawn from the BSDF only
 _SCRAMBLES, _POINTS = 32, 512  # independent sets of random numbers, and samples of each, for `sample_albedo`
 # The field of view in degrees, the narrowest of Blender's cameras: the albedo is nearly constant over it. The distance
 # of the camera in metres.

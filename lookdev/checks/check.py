@@ -60,6 +60,7 @@ DEPTHS: dict[DepthName, CheckDepth] = {
     "default": CheckDepth(40_000, 3, ANGLES, 100, 128, 32, 256, 0),
     "full": CheckDepth(100_000, 8, tuple(np.linspace(0.0, 85.0, 18).tolist()), 400, 512, 64, 1024, 1024),
 }
+"""The amounts of work that the option ``--depth`` selects."""
 
 _RENDERS = 4  # renders of a frame, two independent halves each
 _POSES = 8  # the most poses that are tried until the frame is not black

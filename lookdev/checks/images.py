@@ -84,9 +84,11 @@ def compare_pixels(halves: Reals, samples: int, reference: Estimate) -> Agreemen
         raise RenderError(f"{count} independent renders are too few to estimate noise; {MIN_HALVES} would be right")
     halves = halves.astype(np.float64)
     variance = halves.var(axis=0, ddof=1) / count
+    # The lower bound of the frame's variance, from that of the reference, for equally many directions.
     min_variance = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
     frame_variance, reference_variance = np.maximum(variance, min_variance), reference.error**2
     error = np.maximum(np.sqrt(frame_variance + reference_variance), _FLOOR)
+    # The degrees of freedom of Welch and Satterthwaite.
     spread = frame_variance**2 / (count - 1) + reference_variance**2 / (reference.scrambles - 1)
     freedom = np.where(
         spread > 0.0, (frame_variance + reference_variance) ** 2 / np.where(spread > 0.0, spread, 1.0), count - 1.0

@@ -52,6 +52,7 @@ class _RandomPoints(ImagePoints):
         return self._draw_once("handedness", lambda: self.rng.choice([-1.0, 1.0], self.count))
 
     def view(self) -> Floats:
+        """Return cosines in (0, 1]."""
         return self._draw_once("view", lambda: 1.0 - self.rng.random(self.count))
 
     def _draw_once(self, key: object, draw: Callable[[], Floats]) -> Floats:
@@ -148,6 +149,7 @@ class _RandomPoint:
         """Return the number of a source at this point or, if it depends on the view, an expression of just the view."""
         if depends_on_view(source):
             return self._fix_formula(source) if isinstance(source, Formula) else source
+        # The number of axes of the value at one point, too: none for a number, one for a colour.
         color = kind == "color"
         value = np.asarray(SourceValues(self.points).source_value(source, color))
         number = (value[self.index] if value.ndim > color else value).tolist()

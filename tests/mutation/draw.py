@@ -176,8 +176,9 @@ def draw_mutants(seed: int, counts: Mapping[str, int] = ROOMS, taken: Collection
     names = {mutant.name for mutant in taken}
     for room, count in counts.items():
         generator.shuffle(places[room])
-        made = (_make(room, sources[place.path], place, generator) for place in places[room])
-        new = (mutant for mutant in made if mutant and mutant.name not in names)
+        # Not every place gives a mutant, so mutants are made one by one until there are `count` new ones.
+        candidates = (_make(room, sources[place.path], place, generator) for place in places[room])
+        new = (mutant for mutant in candidates if mutant and mutant.name not in names)
         drawn += sorted(islice(new, count), key=lambda mutant: mutant.name)
     return drawn
 
@@ -194,15 +195,16 @@ class Place:
 
 def places_of_faults(path: str, source: str) -> list[Place]:
     """Return the places in the functions of a module at which a fault can be planted."""
-    found: dict[object, list[tuple[int, int]]] = defaultdict(list)
+    # By start and end of a place: its `Place.operators`.
+    operators_of: dict[object, list[tuple[int, int]]] = defaultdict(list)
     nodes, skipped, functions = list(ast_nodes(get_ast(source))), list(_skipped(source)), list(functions_of(source))
     for index, operator in enumerate(operators()):
         spans = (span for node in nodes for span in operator.mutation_positions(node))
         for occurrence, (start, end) in enumerate(spans):
             if not any(first <= start and end <= last for first, last in skipped):
-                found[start, end].append((index, occurrence))
+                operators_of[start, end].append((index, occurrence))
     places = []
-    for (start, _), changes in found.items():
+    for (start, _), changes in operators_of.items():
         if function := next((entry for entry in functions if entry[1] <= start[0] <= entry[2]), None):
             places.append(Place(path, function, tuple(changes)))
     return places

@@ -36,6 +36,8 @@ _PAGE_SAMPLES = 1 << 19
 class PictureFitRequest:
     """A request to fit a job's look to a picture.
 
+    Attributes
+    ----------
     picture, job
         The files of the picture and of the job.
     parameters
@@ -102,7 +104,7 @@ class PictureFit:
     notes: tuple[str, ...]
 
     def data(self) -> dict[str, object]:
-        """Return the fit as plain data."""
+        """Return the fit as plain data for JSON."""
         result = self.result
         return {
             "picture": str(self.request.picture), "job": str(self.request.job), "frame": self.frame,
@@ -182,6 +184,7 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
         scene = live.scene_at(photo.size, block)
         first_halves = live.render(scene, live.initial_values, False, request.settings.samples, (0, 1))
         see_through = any(source.see_through for source in scene.shaders)
+        # The asset covers a pixel if it does so in both halves: the last channel is alpha.
         target = Target.from_photo(
             photo, block, first_halves[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through
         )
