@@ -1,9 +1,9 @@
 """Run a program for as long as standard input is open: ``python lifeline.py PROGRAM ARGUMENTS``.
 
-`chromium` starts the browser by it. A test process that is killed cannot end the programs that it has started. But its
-end closes the standard input of this process, which then kills the program with all of its descendants, and removes
-their temporary files. A descendant whose own parent has ended becomes a child of this process (Linux calls it a
-"subreaper"), so none is missed.
+`chromium.py` starts the browser with it. A test process that is killed cannot end the programs that it has started. But
+its end closes the standard input of this process, which then kills the program with all of its descendants, and removes
+their temporary files. A descendant whose own parent has ended becomes a child of this process (Linux calls this process
+a "subreaper"), so none is missed.
 """
 
 import contextlib
@@ -20,7 +20,7 @@ _PR_SET_CHILD_SUBREAPER = 36  # <linux/prctl.h>
 
 
 def kill_descendants() -> None:
-    """Kill all children of this process, again and again: the children of a killed process become its children."""
+    """Kill all descendants of this process: the children of a killed child become its children, and are killed next."""
     with contextlib.suppress(ChildProcessError):
         while True:
             for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():

@@ -32,6 +32,7 @@ class Reach:
         self._file.write(json.dumps(values) + "\n")
 
     def pytest_runtest_protocol(self, item) -> None:
+        """Begin to record for a test."""
         os.environ[OWNER] = _plain(item.nodeid)
         forget_results()
         self._recorder.switch(set())
@@ -44,6 +45,7 @@ class Reach:
         self._write(owner=_plain(nodeid), reached=reached, seconds=seconds)
 
     def pytest_collection_finish(self, session) -> None:
+        """Record the fixtures of each test."""
         for item in session.items:
             self._write(test=_plain(item.nodeid), fixtures=sorted(item.fixturenames))
 

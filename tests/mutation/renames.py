@@ -84,17 +84,20 @@ def _find_renamed(mutant: Mutant, sources: Mapping[str, str], revision: str) -> 
         return None
     begin = places[mutant.occurrence]
     end = begin + mutant.before.count("\n")
+    # `before` are the tokens of the old function, `after` those of a present one; `k`, `a` and `b` are their indices.
     before = tokens_of(lines, first, last)
     for path, function, new_first, new_last in _candidates(mutant, name, sources):
         new_lines = sources[path].split("\n")
         after = tokens_of(new_lines, new_first, new_last)
         matcher = difflib.SequenceMatcher(None, [t.shape for t in before], [t.shape for t in after], autojunk=False)
         if matcher.ratio() < 0.9:
-            continue
+            continue  # too different to be the same function
+        # The present token of each old one, if there is one. All tokens of the mutant's lines must have one.
         pairs = {a + k: b + k for a, b, size in matcher.get_matching_blocks() for k in range(size)}
         inside = [k for k, token in enumerate(before) if begin <= token.line <= end]
         if not inside or any(k not in pairs for k in inside):
             continue
+        # The present lines of the mutant; they must not contain other tokens.
         rows = range(after[pairs[inside[0]]].line, after[pairs[inside[-1]]].line + 1)
         covered = [k for k, token in enumerate(after) if token.line in rows]
         if covered != [pairs[k] for k in inside]:
@@ -127,9 +130,10 @@ def _substitute(text: str, names: Mapping[tuple[str, bool], str], strings: Mappi
     for old, new in strings.items():
         text = text.replace(old, new)
 
-    def renamed(match: re.Match[str]) -> str:
+    def new_name(match: re.Match[str]) -> str:
         is_member = match.string[: match.start()].endswith(".") or bool(re.match(r"=[^=]", match.string[match.end() :]))
         return names.get((match[0], is_member), match[0])
 
+    # Every second part is a string literal, in which nothing is renamed.
     parts = re.split(r"""("[^"]*"|'[^']*')""", text)
-    return "".join(part if number % 2 else re.sub(r"[A-Za-z_]\w*", renamed, part) for number, part in enumerate(parts))
+    return "".join(part if number % 2 else re.sub(r"[A-Za-z_]\w*", new_name, part) for number, part in enumerate(parts))

@@ -100,7 +100,7 @@ class Target:
 
     @property
     def scale(self) -> float:
-        """The sum of the weighted squares of the picture, by which losses are divided."""
+        """The sum of the weighted squares of the picture; losses are divided by it."""
         return float((self.weight * self.value**2).sum())
 
     @property
