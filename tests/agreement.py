@@ -78,8 +78,13 @@ def coverage(scene: ReferenceScene, camera: Camera, pose: Pose, size: tuple[int,
 def _arrays(pixels: Ints, estimate: Estimate) -> Arrays:
     """Return pixels and an estimate of them as arrays by name."""
     samples, scrambles = np.array(estimate.samples), np.array(estimate.scrambles)
-    values = {"value": estimate.value, "error": estimate.error}
-    return {"pixels": pixels, **values, "samples": samples, "scrambles": scrambles}
+    return {
+        "pixels": pixels,
+        "value": estimate.value,
+        "error": estimate.error,
+        "samples": samples,
+        "scrambles": scrambles,
+    }
 
 
 def estimate_of(arrays: Arrays) -> Estimate:

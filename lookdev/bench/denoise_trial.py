@@ -119,8 +119,10 @@ class DenoiseTrial(Benchmark):
             for number in range(-(-options.frames // len(SAMPLES))):
                 cell, pose = draw_cell(options.seed, number)
                 scene, key = cell_scene(cell, pose, options.resolution)
-                part_samples = SAMPLES[-1] * options.reference // _PARTS
-                renderer = picture_renderer(render, scene, pose)
+                part_samples, renderer = (
+                    SAMPLES[-1] * options.reference // _PARTS,
+                    picture_renderer(render, scene, pose),
+                )
                 truth = obtain_reference(key, part_samples, _PARTS, renderer, self.report, fresh=options.fresh)
                 first = len(SAMPLES) * number
                 for seed, samples in enumerate(SAMPLES[: options.frames - first], start=first):

@@ -150,7 +150,7 @@ class DropKeyword(Operator):
 
 @cache
 def operators() -> list[Operator]:
-    """Return all operators by which mutants are made."""
+    """Return all operators that make mutants."""
     ours = [RemoveStatement(), DropOperand(), SwapArguments(), DropKeyword()]
     return [*(plugins.get_operator(name)() for name in NAMES), *ours]
 
