@@ -1,7 +1,8 @@
-"""Agreement of Cycles' frames with the float64 reference, within the noise that the frames themselves estimate.
+"""Asserts that rendered frames agree with the float64 reference, within the noise that the frames themselves estimate.
 
-Frames of different seeds are independent halves of every pixel, whose spread is their noise. Student's t of each pixel
-against the reference then has the distribution of noise alone.
+A frame is two independent halves. The halves of several frames with different seeds are independent values of each
+pixel, and their spread gives the noise. If a pixel agrees with the reference, its difference over its error follows
+Student's t.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,9 +34,10 @@ SHAPES = {"plane": (Plane(), 2.0**0.5), "sphere": (Sphere(), 1.0)}
 
 
 def scene_pixels(scene: Scene, pose: Pose, count: int, **options: int) -> Arrays:
-    """Estimate random pixels of a scene of meshes, silhouettes and their neighbours included.
+    """Compute random pixels of a scene of meshes by the reference; pixels beside silhouettes are included.
 
-    The arrays are `pixels` (P, 2), column and row, and those of `Estimate`; `options` are those of `frame_pixels`.
+    The returned arrays are `pixels` (P, 2), column and row, and the fields of `Estimate` by name. `options` are
+    arguments of `frame_pixels`.
     """
     meshes = MeshScene(scene.asset, scene.looks, scene.slot_lights, scene.slot_groups)
     camera, size = scene.camera, scene.film.resolution
@@ -46,9 +48,10 @@ def scene_pixels(scene: Scene, pose: Pose, count: int, **options: int) -> Arrays
 def shape_pixels(
     shape: str, layers: Sequence[Layer], light: Light, pose: Pose, side: int, count: int, least: float, **options: int
 ) -> Arrays:
-    """Estimate random pixels of a square frame of a shape of `SHAPES`, whose layers have constant inputs.
+    """Compute random pixels of a square frame of one of `SHAPES` by the reference; `layers` have constant inputs.
 
-    The shape covers more than `least` of each pixel; otherwise as `scene_pixels`.
+    Only pixels are chosen of which the shape covers a share of more than `least`. The returned arrays are those of
+    `scene_pixels`.
     """
     surface, radius = SHAPES[shape]
     stack = [
@@ -72,17 +75,25 @@ def coverage(scene: ReferenceScene, camera: Camera, pose: Pose, size: tuple[int,
     return np.asarray(hit.reshape(height, rays, width, rays).mean(axis=(1, 3)))
 
 
-def _arrays(pixels: Ints, found: Estimate) -> Arrays:
-    samples, scrambles = np.array(found.samples), np.array(found.scrambles)
-    return {"pixels": pixels, "value": found.value, "error": found.error, "samples": samples, "scrambles": scrambles}
+def _arrays(pixels: Ints, estimate: Estimate) -> Arrays:
+    """Return pixels and an estimate of them as arrays by name."""
+    samples, scrambles = np.array(estimate.samples), np.array(estimate.scrambles)
+    return {
+        "pixels": pixels,
+        "value": estimate.value,
+        "error": estimate.error,
+        "samples": samples,
+        "scrambles": scrambles,
+    }
 
 
 def estimate_of(arrays: Arrays) -> Estimate:
+    """Return the estimate in the arrays of `scene_pixels`."""
     return Estimate(arrays["value"], arrays["error"], int(arrays["samples"]), int(arrays["scrambles"]))
 
 
 def compute_live(name: str, compute: Callable[..., Arrays], **inputs: Any) -> Arrays:
-    """Compute a reference, as the fixture `stored_reference` does in tests of the tier `proof`."""
+    """Compute a reference without storing it. The fixture `stored_reference` does this in tests of the tier `proof`."""
     return compute(**inputs)
 
 
@@ -97,37 +108,43 @@ def assert_agreement(
     scrambles: int = 4,
     stored: StoredReference = compute_live,
 ) -> None:
-    """Compare random pixels of square frames of a shape of `SHAPES` with the reference."""
+    """Assert that random pixels of square frames of one of `SHAPES` agree with the reference.
+
+    `frames` are renders with different seeds, and `name` is the name of the shape. `stored` returns the reference.
+    """
     options = {"bounces": bounces, "samples": 1024, "scrambles": scrambles}
     case = {"shape": name, "layers": layers, "light": light, "pose": pose, "side": len(frames[0].alpha)}
-    found = stored(f"{name} {layers[0].name}", shape_pixels, **case, count=300, least=0.0, **options)
-    reference, chosen = estimate_of(found), found["pixels"][:, ::-1]
-    with comparison(_mean(frames), found["value"], found["pixels"]):
-        _assert_alike(frames, reference, chosen)
+    arrays = stored(f"{name} {layers[0].name}", shape_pixels, **case, count=300, least=0.0, **options)
+    reference, pixels = estimate_of(arrays), arrays["pixels"][:, ::-1]
+    with comparison(_mean(frames), arrays["value"], arrays["pixels"]):
+        _assert_alike(frames, reference, pixels)
 
 
-def _assert_alike(frames: Sequence[WorkerFrame], reference: Estimate, chosen: Ints) -> None:
-    halves = np.stack([half[tuple(chosen.T)] for frame in frames for half in (frame.a, frame.b)]).astype(np.float64)
-    # Channels share their samples: one number a pixel.
+def _assert_alike(frames: Sequence[WorkerFrame], reference: Estimate, pixels: Ints) -> None:
+    """Assert that frames agree with the reference at `pixels` (P, 2), which are row and column, by several tests."""
+    halves = np.stack([half[tuple(pixels.T)] for frame in frames for half in (frame.a, frame.b)]).astype(np.float64)
+    # The channels of a pixel share their samples, so their mean is compared: one number for each pixel.
     values, expected = halves.mean(axis=-1), reference.value.mean(axis=-1)
     error = np.sqrt(values.var(axis=0, ddof=1) / len(values) + reference.error.mean(axis=-1) ** 2)
     t = (values.mean(axis=0) - expected) / np.maximum(error, 1e-6)
     freedom = len(values) - 1
 
-    # No bias: pixels are scrambled independently, so the mean of their t is normal. Four sigma.
-    spread = np.sqrt(freedom / (freedom - 2) / len(chosen))
+    # There is no bias: the mean of t is 0 within four standard errors. Pixels are scrambled independently, so the mean
+    # is normal.
+    spread = np.sqrt(freedom / (freedom - 2) / len(pixels))
     assert abs(t.mean()) < 4.0 * spread
-    # No pixel is off by more than noise makes it, Sidak-corrected to 1e-3 over all pixels; coverage of a silhouette is
-    # a binary variable, whose tails a t-distribution underestimates: these get a quarter more.
-    limit = stats.t.ppf(1.0 - (1.0 - (1.0 - 1e-3) ** (1.0 / len(chosen))) / 2.0, freedom)
-    interior = binary_erosion(frames[0].alpha > 0.0, np.ones((3, 3)))[tuple(chosen.T)]
+    # No pixel differs by more than noise. By Sidak's correction, noise alone fails this with a probability of 1e-3 for
+    # all pixels together. At a silhouette, coverage is a binary variable, whose tails Student's t underestimates: the
+    # limit is a quarter larger there.
+    limit = stats.t.ppf(1.0 - (1.0 - (1.0 - 1e-3) ** (1.0 / len(pixels))) / 2.0, freedom)
+    interior = binary_erosion(frames[0].alpha > 0.0, np.ones((3, 3)))[tuple(pixels.T)]
     assert np.abs(t[interior]).max() < limit
     assert np.abs(t).max() < 1.25 * limit
-    # The expected number of pixels beyond 5 %, within four sigma of a binomial.
+    # Not more pixels than expected are beyond the quantiles of 5 %, within four standard errors of a binomial.
     beyond = (np.abs(t) > stats.t.ppf(0.975, freedom)).mean()
-    assert beyond < 0.05 + 4.0 * np.sqrt(0.05 * 0.95 / len(chosen))
+    assert beyond < 0.05 + 4.0 * np.sqrt(0.05 * 0.95 / len(pixels))
 
-    # The halves estimate a frame's error over these pixels.
+    # The error that the halves of a frame estimate is the true error over these pixels, within a factor of 2.
     a, b = halves[0::2], halves[1::2]
     scale = reference.value**2 + EPSILON
     true, claimed = ((((a + b) / 2.0 - reference.value) ** 2) / scale).mean(), (((a - b) / 2.0) ** 2 / scale).mean()
@@ -142,7 +159,10 @@ def check_scene(
     stored: StoredReference = compute_live,
     **options: Any,
 ) -> CheckFinding:
-    """Compare frames of a scene, `per_frame` samples of each pixel, with the reference; `options` of `scene_pixels`."""
+    """Compare frames of a scene with the reference by `check_frame`, and return its finding.
+
+    Each frame has `per_frame` samples of each pixel. `options` are arguments of `scene_pixels`.
+    """
     return _check_pixels(name, frames, per_frame, _scene_reference(name, scene, stored, options))
 
 
@@ -164,7 +184,7 @@ def assert_scene_agreement(
     stored: StoredReference = compute_live,
     **options: Any,
 ) -> CheckFinding:
-    """Assert that `check_scene` finds nothing."""
+    """Assert that frames of a scene pass `check_scene`, and return its finding."""
     reference = _scene_reference(name, scene, stored, options)
     finding = _check_pixels(name, frames, per_frame, reference)
     if not finding.passed:
@@ -176,13 +196,17 @@ def assert_scene_agreement(
 def relative_difference(
     frames: Sequence[WorkerFrame], layers: Sequence[Layer], light: Dome, stored: StoredReference = compute_live
 ) -> Floats:
-    """Return the relative difference of the mean of frames of a sphere to the reference, at 300 covered pixels."""
+    """Return the relative difference between the mean of frames of a sphere and the reference, (300, 3).
+
+    The 300 random pixels are completely covered by the sphere.
+    """
     case = {"shape": "sphere", "layers": layers, "light": light, "pose": POSE, "side": len(frames[0].alpha)}
     name, options = f"covered {layers[0].name}", {"samples": 4096, "scrambles": 4}
-    found = stored(name, shape_pixels, **case, count=300, least=1.0 - 1e-9, **options)
-    columns, rows = found["pixels"].T
-    return np.asarray(_mean(frames)[rows, columns] / found["value"] - 1.0)
+    arrays = stored(name, shape_pixels, **case, count=300, least=1.0 - 1e-9, **options)
+    columns, rows = arrays["pixels"].T
+    return np.asarray(_mean(frames)[rows, columns] / arrays["value"] - 1.0)
 
 
 def _mean(frames: Sequence[WorkerFrame]) -> Floats:
+    """Return the mean picture (H, W, 3) of frames."""
     return np.asarray(np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0))

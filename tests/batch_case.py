@@ -1,4 +1,7 @@
-"""A small job, its plan, and the fake worker. Run as a program, it is a batch that tests can kill."""
+"""A small job for tests of batch runs, its plan, and functions for the fake worker (`fake_worker.py`) that renders it.
+
+Run as a program, ``batch_case.py FOLDER`` runs this job, so that tests can kill the run.
+"""
 
 import json
 import os
@@ -49,7 +52,7 @@ background = [0.5, 0.25, 0.0]
 [outputs]
 view = "Raw"
 """
-# Ends when its input does.
+# A program that joins the runs of an output folder and claims a frame, until its standard input ends.
 HOLD = """
 import sys
 from pathlib import Path
@@ -63,12 +66,13 @@ with Run(Path(sys.argv[1])) as run:
 
 
 def make_job(folder: Path, turntables: str = TURNTABLES, render: str = RENDER) -> Job:
-    """Return a job of 4 + 3 files that show 6 poses."""
+    """Return a job with two turntables, of 4 and 3 frames; two of these 7 files show the same pose."""
     (folder / "gold.usda").touch()
     return parse_job(JOB + turntables + render, folder / "job.toml")
 
 
 def make_plan(job: Job) -> Plan:
+    """Return the plan of a job, whose tasks have files that do not exist: the fake worker does not read them."""
     size, sampling = (WIDTH, HEIGHT), job.render.sampling
     light = Dome(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
     camera = frame_camera((0.0, 0.0, 0.0), 1.0, size, elevation=job.camera.elevation)
@@ -86,6 +90,7 @@ def make_plan(job: Job) -> Plan:
 
 
 def command(folder: Path) -> tuple[str, ...]:
+    """Return the command that starts the fake worker with a folder."""
     return (sys.executable, str(Path(__file__).with_name("fake_worker.py")), str(folder))
 
 
@@ -96,11 +101,13 @@ def misbehave(folder: Path, **by_frame: list[str]) -> None:
 
 
 def requests(folder: Path) -> list[str]:
+    """Return the file names of the frames that the fake worker was asked for, in order."""
     file = folder / "requests.txt"
     return file.read_text().split() if file.exists() else []
 
 
 def worker_pids(folder: Path) -> list[int]:
+    """Return the process ids of all fake workers that were started."""
     file = folder / "pids.txt"
     return [int(pid) for pid in file.read_text().split()] if file.exists() else []
 
@@ -114,6 +121,7 @@ def is_alive(pid: int) -> bool:
 
 
 def wait_until(condition, seconds: float = 60.0) -> None:  # type: ignore[no-untyped-def]
+    """Wait until a function returns a true value; fail if that takes too long."""
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline, "the condition does not become true"
@@ -122,7 +130,7 @@ def wait_until(condition, seconds: float = 60.0) -> None:  # type: ignore[no-unt
 
 @contextmanager
 def hold_frame(out: Path, name: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Yield another process, which has joined the runs of an output folder and claimed a frame, until the end."""
+    """Yield another process that has joined the runs of an output folder and has claimed a frame; then kill it."""
     program = (sys.executable, "-c", HOLD, str(out), name)
     with subprocess.Popen(program, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
@@ -134,6 +142,7 @@ def hold_frame(out: Path, name: str) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def run(folder: Path, job: Job | None = None, **options: object) -> RunResult:
+    """Run a job with the fake worker; `options` are arguments of `run_plan`."""
     job = job or make_job(folder)
     options = {"worker_command": command(folder), **options}
     return run_plan(make_plan(job), job.outputs, job.render.background, **options)  # type: ignore[arg-type]
@@ -141,12 +150,13 @@ def run(folder: Path, job: Job | None = None, **options: object) -> RunResult:
 
 if __name__ == "__main__":
 
-    def tell(event: object) -> None:
+    def print_frame(event: object) -> None:
         if isinstance(event, FrameDone):
             print(event.name, flush=True)  # noqa: T201  a test waits for it
 
-    with end_at_signals():  # as in the command line: a signal just before a wait would be seen after it
-        result = run(Path(sys.argv[1]), report=tell)
+    # As on the command line: otherwise a signal that arrives just before a wait would be handled only after the wait.
+    with end_at_signals():
+        result = run(Path(sys.argv[1]), report=print_frame)
     sys.stdout.write(result.summary() + "\n")
     sys.stdout.flush()
     os._exit(result.exit_code)

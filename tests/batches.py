@@ -1,4 +1,4 @@
-"""Small jobs, rendered by the real program in a process of its own or in this one, and the files of their outputs."""
+"""Small jobs for tests that render them by the real program, usually in another process, and check their output."""
 
 import subprocess
 import sys
@@ -34,11 +34,11 @@ JOB = {
 }
 
 OF_THE_RUN = {"time", "seconds", "host"}
-"""What of a frame's header depends on who renders it, and when."""
+"""The entries of a frame's header that depend on the machine and on the time of its render."""
 
 
 def look_text(model: str, **inputs: float | tuple[float, float, float]) -> str:
-    """Return a look of one layer, whose inputs are numbers and colours."""
+    """Return the USD text of a look with one layer, whose inputs are numbers and colours."""
     lines = [
         f"{'color3f' if isinstance(value, tuple) else 'float'} inputs:{key} = {value}" for key, value in inputs.items()
     ]
@@ -46,12 +46,16 @@ def look_text(model: str, **inputs: float | tuple[float, float, float]) -> str:
 
 
 def write_look(folder: Path, name: str, color: tuple[float, float, float], **inputs: float) -> None:
+    """Write a look of one Disney layer to a folder; it is diffuse unless `inputs` change that."""
     text = look_text("Disney", baseColor=color, **{"roughness": 1, "specular": 0} | inputs)
     (folder / f"{name}.usda").write_text(text)
 
 
 def write_job(folder: Path, more: str = "", **keys: str) -> Path:
-    """Write a job of two looks, with other values of some keys, without those that are empty, and with more lines."""
+    """Write the job `JOB` and its two looks, and return the file of the job.
+
+    `keys` replace keys of the job; a key with an empty value is left out. `more` has further lines.
+    """
     write_look(folder, "red", (0.7, 0.1, 0.1))
     write_look(folder, "blue", (0.1, 0.1, 0.7))
     lines = [f"{key} = {value}\n" for key, value in (JOB | keys).items() if value]
@@ -60,30 +64,36 @@ def write_job(folder: Path, more: str = "", **keys: str) -> Path:
 
 
 def start(job: Path, *options: str) -> subprocess.Popen[str]:
-    """Start ``lookdev render`` with its output in one pipe; it ends with this process."""
+    """Start ``lookdev render``, which ends with this process; standard output and errors go to one pipe."""
     command = (sys.executable, "-m", "lookdev", "render", str(job), *options)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     return subprocess.Popen(command, **pipes, text=True, start_new_session=True, preexec_fn=end_with_parent)
 
 
 def finish(batch: subprocess.Popen[str], code: int, retries: int = 0) -> str:
-    """Wait for the end of a batch, which renders a frame again as often as expected; return its output."""
+    """Wait for the end of a batch, which is a running ``lookdev render``; check its exit code, and return its output.
+
+    `retries` is the expected number of frames that are rendered again after a failure.
+    """
     output, _ = batch.communicate(timeout=120)
     assert batch.returncode == code, output
-    # Each of them may be a worker that crashed, which the frames do not show.
+    # A retry can mean that a worker has crashed, which cannot be seen in the frames.
     assert output.count("retry ") == retries, output
     return output
 
 
 def files(job: Path) -> dict[str, tuple[int, int]]:
-    """Return inode and time of every frame, by its name in the output."""
+    """Return inode and modification time of every frame file, by its path in the output folder."""
     output = job.parent / "out"
     stats = {path.relative_to(output).as_posix(): path.stat() for path in output.rglob("[!.]*.exr")}
     return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in stats.items()}
 
 
 def contents(out: Path) -> dict[str, object]:
-    """Return all of each frame of an output but what is of the run: its header, and the bytes of each part."""
+    """Return the content of each frame by its path in an output folder: its header, and its parts.
+
+    A part has the names of its channels and the bytes of its pixels. The entries `OF_THE_RUN` of headers are left out.
+    """
     found: dict[str, object] = {}
     for path in sorted(out.glob("*/*/*.exr")):
         header = {key: value for key, value in read_header(path).items() if key not in OF_THE_RUN}
@@ -97,7 +107,7 @@ def contents(out: Path) -> dict[str, object]:
 
 
 def leftovers(job: Path) -> list[Path]:
-    """Return what a finished run leaves besides its results: nothing but its state."""
+    """Return hidden files in the output of a finished run that are not part of its state; there should be none."""
     output = job.parent / "out"
     known = {
         ".lookdev",
@@ -109,7 +119,7 @@ def leftovers(job: Path) -> list[Path]:
 
 
 def worker_of(batch: subprocess.Popen[str]) -> int:
-    """Return the process id of a batch's worker."""
+    """Return the process id of the worker of a batch. The worker is a grandchild of the process `batch`."""
     parents: dict[int, int] = {}
     workers = []
     for process in Path("/proc").glob("[0-9]*"):
@@ -118,5 +128,5 @@ def worker_of(batch: subprocess.Popen[str]) -> int:
             workers += [int(process.name)] * (b"lookdev.cycles" in (process / "cmdline").read_bytes())
         except (FileNotFoundError, ProcessLookupError):
             continue
-    (worker,) = (each for each in workers if parents.get(parents[each]) == batch.pid)
-    return worker
+    (batch_worker,) = (worker for worker in workers if parents.get(parents[worker]) == batch.pid)
+    return batch_worker

@@ -1,4 +1,7 @@
-"""What tests of several rooms share: warm render workers, and a small scene without anything on disk."""
+"""Fixtures and hooks that the tests of several packages share: render workers for the whole run, a small scene, a job.
+
+It also distributes the tests to the processes of pytest-xdist.
+"""
 
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -33,10 +36,11 @@ from lookdev.scene import Camera, Sampling, Scene
 
 pytest_plugins = ["home", "chromium", "stored_references", "failed_pictures", "warm_blender"]
 
-# Session fixtures that are worth a process of their own: files that use one run in the same process of xdist.
+# Session fixtures that are expensive to start. All test files that use one of them run in the same process of
+# pytest-xdist, so that it is started once.
 SHARED = ("cycles_worker", "mitsuba_worker", "browser")
-DURATIONS = Path(__file__).parent / "durations.json"
-LONGEST_ID = 100
+DURATIONS = Path(__file__).parent / "durations.json"  # written by tests/durations.py
+LONGEST_ID = 100  # characters of a text in the name of a test
 
 JOB = """
 output = "out"
@@ -52,13 +56,17 @@ frames = 3
 """
 
 
-@pytest.hookimpl(tryfirst=True)  # before what orders them at random
+@pytest.hookimpl(tryfirst=True)  # before plugins that order the tests at random
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep a file in one process, with others that share its renderer or browser; start with the longest."""
-    groups: dict[Path, str] = {}
+    """Group the tests for the processes of pytest-xdist, and start with the group that takes longest.
+
+    All tests of a file are in one group, together with the other files that use the same fixture of `SHARED`.
+    """
+    groups: dict[Path, str] = {}  # the name of the group of each file
     for item in items:
         groups.setdefault(item.path, item.path.name)
         groups[item.path] = next((name for name in SHARED if name in item.fixturenames), groups[item.path])  # type: ignore[attr-defined]
+    # `durations` maps a file to the number of its tests and their seconds; `seconds` are those of each group.
     durations, seconds = json.loads(DURATIONS.read_text())["3.11"]["files"], dict.fromkeys(groups.values(), 0.0)
     for path, group in groups.items():
         seconds[group] += durations.get(path.relative_to(DURATIONS.parent).as_posix(), (0, 0.0))[1]
@@ -68,7 +76,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:
-    """Name a case by the beginning of a long text: some tests take files of megabytes."""
+    """Shorten a long text in the name of a parametrized test: some parameters are files of megabytes."""
     if not isinstance(val, str | bytes) or len(val) <= LONGEST_ID:
         return None
     return f"{val[:LONGEST_ID]!r}..."
@@ -76,7 +84,7 @@ def pytest_make_parametrize_id(val: object) -> str | None:
 
 @pytest.fixture(scope="session")
 def cycles_worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
-    """A worker of Cycles for the whole run; `start` starts it again where a test ended it."""
+    """A worker of Cycles for the whole run; if a test has ended it, its method `start` starts it again."""
     folder = tmp_path_factory.mktemp("cycles")
     with Worker(BACKENDS["exact"].command, folder / "worker.log", folder, 300.0) as worker:
         yield worker
@@ -84,6 +92,7 @@ def cycles_worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
 
 @pytest.fixture(scope="session")
 def llvm() -> str:
+    """Return the path of an LLVM for Mitsuba and Dr.Jit; skip the test if there is none."""
     try:
         return find_llvm()
     except RenderError as error:
@@ -92,7 +101,7 @@ def llvm() -> str:
 
 @pytest.fixture(scope="session")
 def drjit(llvm: str):
-    """Return Dr.Jit, in this process."""
+    """The module `drjit` in this process, with the LLVM of the fixture `llvm`."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(LLVM_VARIABLE, llvm)
         yield pytest.importorskip("drjit")
@@ -100,7 +109,7 @@ def drjit(llvm: str):
 
 @pytest.fixture(scope="session")
 def mitsuba_worker(llvm: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
-    """A worker of Mitsuba for the whole run; skips where it, or an LLVM for its kernels, is not installed."""
+    """A worker of Mitsuba for the whole run; tests are skipped if there is no LLVM for its kernels."""
     folder = tmp_path_factory.mktemp("mitsuba")
     with Worker(BACKENDS["mitsuba"].command, folder / "worker.log", folder, 300.0) as worker:
         yield worker
@@ -108,12 +117,13 @@ def mitsuba_worker(llvm: str, tmp_path_factory: pytest.TempPathFactory) -> Itera
 
 @pytest.fixture(autouse=True)
 def _no_notes() -> None:
-    """Forget what the test before left of damaged files."""
+    """Discard the notes about damaged files of the cache that the test before has left."""
     take_notes()
 
 
 @pytest.fixture
 def scene() -> SceneTask:
+    """Return the task of a small scene, whose files do not exist."""
     osl = 'shader gold() {\n\t"quoted \u03b1"\r\n}\n'
     texture, attribute = TextureBinding("base_file", Content("7e87", ".exr")), AttributeBinding("st", "st", "uv")
     return SceneTask(
@@ -129,11 +139,15 @@ def scene() -> SceneTask:
 
 
 Tasks = Mapping[tuple[str, str], SceneTask]
+"""Tasks by look and light."""
 
 
 @pytest.fixture
 def make_setups(scene: SceneTask) -> Callable[..., list[Setup]]:
-    """Return a function that makes the setups of a job from tasks by look and light; all have the same look."""
+    """Return a function that makes a setup for each look and light of a job, from tasks by look and light.
+
+    All setups have the same scene. `around` has the pairs of look and light that look the same from all sides.
+    """
     asset = load_asset(builtin="plane")
 
     def make(job: Job, tasks: Tasks, around: Collection[tuple[str, str]] = (), look: Look | None = None) -> list[Setup]:
@@ -141,9 +155,9 @@ def make_setups(scene: SceneTask) -> Callable[..., list[Setup]]:
         sampling = job.render.sampling
         return [
             Setup(*key, shown, tasks[key], sampling, key in around, ibl.exposure, ibl.rotation)
-            for each in job.look
+            for job_look in job.look
             for ibl in job.ibl
-            if (key := (each.name, ibl.name))
+            if (key := (job_look.name, ibl.name))
         ]
 
     return make
@@ -151,7 +165,7 @@ def make_setups(scene: SceneTask) -> Callable[..., list[Setup]]:
 
 @pytest.fixture
 def node_source() -> NodeSource:
-    """Return native nodes with every kind of value."""
+    """Return a source of native shader nodes whose sockets and properties have every type of value."""
     group = NodeTree(
         "Lookdev Disney",
         (
@@ -175,10 +189,11 @@ def node_source() -> NodeSource:
 
 @pytest.fixture(scope="session")
 def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Dome]:
-    """Return a function that prepares a built-in light, or ``slopes``.
+    """Return a function that prepares a built-in light by its name, or the light ``slopes``.
 
-    The colour of ``slopes`` varies slowly, by a factor of three: unsampled, small lamps make noise that is not
-    Student's. Its first and last row are alike: at a pole Cycles' world interpolates between them.
+    The colour of ``slopes`` varies slowly, by a factor of three. Tests that do not sample the light need this: small
+    bright lamps would make noise that does not follow Student's t. The first and the last row of its map are alike,
+    because Cycles' world interpolates between them at a pole.
     """
     azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 129)[:-1], np.linspace(1.0, -1.0, 64))
     channels = (1.0 + 0.5 * np.sin(azimuth), 1.0 + 0.5 * np.cos(azimuth), 1.0 + 0.5 * np.cos(np.pi * height))
@@ -189,7 +204,7 @@ def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Dome]:
 
 @pytest.fixture
 def make_job(tmp_path: Path) -> Callable[..., Job]:
-    """Return a function that reads the job, with text appended."""
+    """Return a function that parses the text `JOB`, with more text appended."""
 
     def make(more: str = "") -> Job:
         (tmp_path / "gold.usda").touch()

@@ -1,8 +1,8 @@
-"""Measure how long the default tier takes, and write docs/testing.md.
+"""Measures how long the default tier of the tests takes, and writes the times into docs/testing.md.
 
-    python tests/durations.py        # on Python 3.11 all of it, on 3.13 what is marked `both_pythons`, in two processes
+    python tests/durations.py    # in two processes; on Python 3.13 only the tests marked `both_pythons`
 
-The times by file also go to tests/durations.json, by which a run starts with the longest.
+The times of the files are also written to tests/durations.json. By them, conftest.py starts the longest tests first.
 """
 
 import datetime
@@ -19,12 +19,15 @@ from testing_page import write_part
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "tests" / "durations.json"
-HEAVY = "not proof and not bench and not chaos"
-SHOWN = 30  # files and tests in the tables
+HEAVY = "not proof and not bench and not chaos"  # selects the default tier: all but the heavy tests
+SHOWN = 30  # rows of a table
 
 
 def measure(version: str) -> dict[str, object]:
-    """Run the default tier; return its minutes and the seconds of files and of the longest tests."""
+    """Run the default tier; return its date, its minutes, and the seconds of files and of the longest tests.
+
+    Files have the number of their tests and the seconds.
+    """
     marker = HEAVY if version == "3.11" else f"both_pythons and {HEAVY}"
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.xml"
@@ -52,7 +55,7 @@ def measure(version: str) -> dict[str, object]:
 
 
 def file_of(name: str) -> str:
-    """Return the file of a module with dots, and maybe a class, below tests/."""
+    """Return the path below tests/ of a test module; `name` has dots, and may end with the name of a class."""
     parts = name.split(".")
     while parts and not (ROOT / Path(*parts).with_suffix(".py")).exists():
         parts.pop()
@@ -60,7 +63,7 @@ def file_of(name: str) -> str:
 
 
 def tables(measured: dict[str, dict]) -> str:
-    """Return the tables of the page: totals, then files and tests, the longest first."""
+    """Return the tables of the page, in Markdown: the totals of each Python version, then files and tests by time."""
     versions = sorted(measured)
     lines = ["| Python | date | tests | minutes, two processes | seconds of tests |", "|---|---|---|---|---|"]
     for version in versions:
@@ -82,6 +85,7 @@ def tables(measured: dict[str, dict]) -> str:
 
 
 def main() -> None:
+    """Measure with this version of Python, and write the results; those of other versions are kept."""
     version = "{}.{}".format(*sys.version_info[:2])
     measured = json.loads(DATA.read_text()) | {version: measure(version)}
     DATA.write_text(json.dumps(measured, indent=1) + "\n")

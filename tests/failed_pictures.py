@@ -1,8 +1,7 @@
-"""Pictures of a comparison that fails: they are saved beside the test's temporary folder, and the failure names them.
+"""Saves the pictures of a failed comparison beside the test's temporary folder, and names them in the failure.
 
-Around the assertions that compare pictures stands ``with comparison(shown, expected):``. If one of them fails, both
-pictures and their difference are written as EXR, and side by side as PNG, into a folder that pytest keeps of its last
-three runs.
+A test puts ``with comparison(shown, expected):`` around its assertions. If one of them fails, both pictures and their
+difference are written as EXR, and side by side as PNG. pytest keeps the folders of its last three runs.
 """
 
 import re
@@ -19,14 +18,14 @@ from stored_references import renew_command
 
 from lookdev.arrays import Reals
 
-_LEAST = 256  # pixels of the longer side of a PNG
+_LEAST = 256  # pixels: small pictures are enlarged for the PNG, by a whole factor, up to a longer side of this length
 
 
 @contextmanager
 def comparison(shown: Reals, expected: Reals, pixels: NDArray[Any] | None = None) -> Iterator[None]:
-    """Save pictures (H, W, 3) or (H, W) if what the block asserts fails.
+    """Save pictures (H, W, 3) or (H, W) if an assertion in the block fails.
 
-    With `pixels` (P, 2), column and row, `expected` (P, 3) is of these alone.
+    With `pixels` (P, 2), which are columns and rows, `expected` (P, 3) has the values of these pixels only.
     """
     try:
         yield
@@ -37,6 +36,7 @@ def comparison(shown: Reals, expected: Reals, pixels: NDArray[Any] | None = None
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Any:
+    """Save the pictures of a failed test, and add notes to its failure: their files, and how to renew references."""
     try:
         return (yield)
     except AssertionError as error:
@@ -55,6 +55,7 @@ def pytest_runtest_call(item: pytest.Item) -> Any:
 
 
 def _pictures(shown: Reals, expected: Reals, pixels: NDArray[Any] | None) -> dict[str, Reals]:
+    """Return the pictures to save, by name; pixels that are not compared become 0."""
     shown = np.asarray(shown, np.float64)
     if pixels is not None:
         columns, rows = np.asarray(pixels).T
@@ -67,6 +68,7 @@ def _pictures(shown: Reals, expected: Reals, pixels: NDArray[Any] | None) -> dic
 
 
 def _save(folder: Path, prefix: str, pictures: dict[str, Reals]) -> None:
+    """Write each picture as EXR, and all side by side as PNG, in which a difference of 0 is grey."""
     colors = [np.atleast_3d(picture) * np.ones(3) for picture in pictures.values()]
     for name, color in zip(pictures, colors, strict=True):
         oiio.ImageBuf(np.ascontiguousarray(color, np.float32)).write(str(folder / f"{prefix}{name}.exr"))

@@ -1,8 +1,9 @@
-"""A render worker of the real protocol without a renderer, with faults that tests choose.
+"""A render worker for tests that speaks the real protocol, but does not render, and has faults that a test chooses.
 
-Usage: fake_worker.py FOLDER. FOLDER/behaviour.json maps a frame's first file name to the behaviour at each try; the
-last is that of all further tries, and other frames are rendered. FOLDER/requests.txt lists every request,
-FOLDER/pids.txt every start, and FOLDER/hangs.txt has the process that hangs.
+Usage: fake_worker.py FOLDER. FOLDER/behaviour.json maps the name of a frame's first file to a list of behaviours, one
+for each try to render the frame; the last behaviour holds for all further tries. Other frames succeed. The worker
+writes the name of every requested frame to FOLDER/requests.txt, and its process id to FOLDER/pids.txt when it starts,
+and to FOLDER/hangs.txt when it hangs.
 """
 
 import json
@@ -32,14 +33,16 @@ def write(text: str) -> None:
 
 
 def behaviour(name: str) -> str:
+    """Return the behaviour for this try to render the frame with a file name."""
     file = folder / "behaviour.json"
     plan = json.loads(file.read_text()) if file.exists() else {}
-    tries = requests.read_text().split().count(name)  # this one included
+    tries = requests.read_text().split().count(name)  # with this try
     behaviours = plan.get(name, ["ok"])
     return behaviours[min(tries, len(behaviours)) - 1]
 
 
 def result(task: dict, how: str) -> None:
+    """Send a frame of constant values; `how` is "ok", or a fault of its arrays or of their file."""
     digest = task["digest"]
     width, height = task["scene"]["resolution"]
     frame = (height, width)
@@ -69,13 +72,17 @@ def result(task: dict, how: str) -> None:
 
 
 def npy(value: float, *shape: int) -> bytes:
-    """Return an array of one value as NumPy's format 1.0; an import of NumPy takes longer than all else here."""
+    """Return the bytes of an .npy file (format 1.0) with an array of one value.
+
+    NumPy is not used, because to import it takes longer than everything else here.
+    """
     header = repr({"descr": "<f4", "fortran_order": False, "shape": shape}).ljust(117) + "\n"
     magic = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header))
     return magic + header.encode() + struct.pack("<f", value) * math.prod(shape)
 
 
 def act(task: dict, how: str) -> None:
+    """Answer a task with the behaviour `how`."""
     digest = task["digest"]
     match how:
         case "die":
@@ -116,12 +123,13 @@ def act(task: dict, how: str) -> None:
 
 
 def main() -> None:
+    """Answer tasks from standard input; end as soon as the input ends, even during an answer."""
     lines: queue.Queue[str] = queue.Queue()
 
     def read() -> None:
         for line in sys.stdin:
             lines.put(line)
-        os._exit(0)  # the parent has gone
+        os._exit(0)  # the parent has ended
 
     threading.Thread(target=read, daemon=True).start()
     with (folder / "pids.txt").open("a") as pids:

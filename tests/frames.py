@@ -1,4 +1,4 @@
-"""How frames of simple scenes are seen in these tests."""
+"""Renders frames of simple scenes for tests, by a render worker: one asset, one look, a standard pose and camera."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ POSE = Pose(30.0, 75.0)
 
 
 def orbit_camera(center: tuple[float, float, float], radius: float) -> Camera:
-    """Return a camera that sees a bounding sphere whole."""
+    """Return a camera that sees all of a bounding sphere."""
     return Camera(30.0, 20.0, center, 4.2 * radius)
 
 
@@ -40,7 +40,10 @@ def render_seeds(
     alter: Callable[[str], str] | None = None,
     **sampling: Any,
 ) -> list[WorkerFrame]:
-    """Render a frame with each seed; `alter` returns the text of a shader to run in place of the generated one."""
+    """Render a frame with each seed; `sampling` are fields of `Sampling`.
+
+    `alter` gets the text of a generated shader, and returns the text to run in its place.
+    """
     task = scene_task(scene, Sampling(**sampling), backend)
     if alter is not None:
         shaders = [
@@ -55,7 +58,7 @@ def render_seeds(
 
 
 def replaced(given: str, planted: str) -> Callable[[str], str]:
-    """Return a function that plants a fault into the text of a shader."""
+    """Return a function that replaces `given` by `planted`, a fault, in the text of a shader."""
 
     def alter(osl: str) -> str:
         assert given in osl
@@ -65,14 +68,14 @@ def replaced(given: str, planted: str) -> Callable[[str], str]:
 
 
 def frames_of(worker: Worker, default: str = "exact") -> RenderScene:
-    """Return a function that renders layers, the same over all of an asset or of a built-in one."""
+    """Return a function that renders an asset, or the built-in asset with a name, with the same layers everywhere."""
 
     def render_one(
-        which: str | Asset, layers: Sequence[Layer], light: Light, *, pose=POSE, size=48, backend=default, **given: Any
+        shape: str | Asset, layers: Sequence[Layer], light: Light, *, pose=POSE, size=48, backend=default, **fields: Any
     ) -> WorkerFrame:
-        asset = load_asset(builtin=which) if isinstance(which, str) else which
+        asset = load_asset(builtin=shape) if isinstance(shape, str) else shape
         look, camera = Look("look", tuple(layers)), orbit_camera(asset.center, asset.radius)
-        sampling = Sampling(**{"brdf_samples": 2, "ibl_samples": 4} | given)
+        sampling = Sampling(**{"brdf_samples": 2, "ibl_samples": 4} | fields)
         scene = scene_task(Scene.of_look(asset, look, light, (size, size), camera), sampling, backend)
         worker.start()
         return worker.render(frame_task(scene, pose, asset.name), lambda progress: None)

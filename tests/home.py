@@ -1,4 +1,4 @@
-"""A home of its own for a run of the tests: nothing is read from the user's, and nothing stays behind."""
+"""Gives a run of the tests a temporary home folder: nothing of the user's is read, and nothing is left behind."""
 
 import os
 import re
@@ -11,19 +11,21 @@ import pytest
 
 from lookdev.processes import end_with_parent
 
-# What leads programs to folders outside of the home: each of them would be read, or written.
+# Environment variables that name folders or files outside of the home.
 ELSEWHERE = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "LOOKDEV_LIBRARY", "OCIO")
-# Without compiled modules each of the hundreds of processes of a run would compile the whole package, for a second.
+# With this environment variable, Python stores no compiled modules. Each of the hundreds of processes of a run would
+# then compile the whole package, for a second.
 SLOW = "PYTHONDONTWRITEBYTECODE"
-_NUMBERS = count()
+_NUMBERS = count()  # of temporary folders
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the home before anything is imported; processes of xdist and all that tests start inherit it.
+    """Make the home before anything is imported.
 
-    Cache and compiled kernels in it are shared by all tests but those that set ``$LOOKDEV_CACHE`` to a folder of
-    their own. ``$TMPDIR`` is in it too, for what a killed process leaves there; folders of ``tmp_path`` stay outside,
-    as they hold the pictures of what failed.
+    The processes of pytest-xdist and all processes that tests start inherit it. Its cache and compiled kernels are
+    shared by all tests, except those that set ``$LOOKDEV_CACHE`` to a folder of their own. ``$TMPDIR`` is in the home,
+    too, so that files of killed processes are removed. Folders of ``tmp_path`` are outside of it, because they keep the
+    pictures of failed tests.
     """
     if hasattr(config, "workerinput"):
         end_with_parent()
@@ -40,20 +42,21 @@ def pytest_configure(config: pytest.Config) -> None:
     patch.setenv("TMPDIR", str(home / "tmp"))
     patch.setattr(tempfile, "tempdir", str(home / "tmp"))
 
-    def leave() -> None:
+    def remove_home() -> None:
         patch.undo()
         if os.getpid() == owner:
             shutil.rmtree(home, ignore_errors=True)
 
     owner = os.getpid()
-    config.add_cleanup(leave)
+    config.add_cleanup(remove_home)
 
 
 @pytest.fixture
 def tmp_path(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
-    """Return a new folder. pytest's own fixture reads the names of all others first: 5 ms for each of thousands.
+    """Return a new folder, in place of pytest's own fixture of this name.
 
-    No name comes twice in a process: USD would hand the layer out that was there before.
+    pytest's fixture first reads the names of all other folders, which takes 5 ms for each of thousands of tests. No
+    name is used twice in a process: for a file with the path of an earlier one, USD would return the earlier layer.
     """
     name = re.sub(r"\W", "_", request.node.name)[:25]
     return tmp_path_factory.mktemp(f"{name}-{next(_NUMBERS)}", numbered=False)

@@ -1,4 +1,4 @@
-"""A contract of import-linter that the gate checks: which modules may import a package."""
+"""A type of contract for import-linter, which restricts the modules that may import a package."""
 
 from typing import Any
 
@@ -6,15 +6,16 @@ from importlinter import Contract, ContractCheck, fields, output
 
 
 class Importers(Contract):  # type: ignore[misc]
-    """Each line of `importers` is ``package: module ...``: these modules of `lookdev` import the package, no others.
+    """A contract that only some modules of `lookdev` import certain packages.
 
-    A module's name includes all modules below it.
+    A line of `importers` is ``package: module ...``: only these modules, and modules below them, may import the
+    package.
     """
 
     importers = fields.ListField(subfield=fields.StringField())
 
     def check(self, graph: Any, verbose: bool) -> ContractCheck:
-        """Return the imports of each package by modules that its line does not name."""
+        """Return the imports of each package by modules that are not in its line."""
         wrong = []
         for line in self.importers:
             package, _, names = line.partition(":")

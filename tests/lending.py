@@ -1,4 +1,7 @@
-"""Jobs and checks rendered by the warm workers of the run, in place of workers of their own."""
+"""Lets jobs and checks in tests render with the workers of the whole test run, in place of workers of their own.
+
+The fixtures `cycles_worker` and `mitsuba_worker` are started once for all tests.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -13,13 +16,13 @@ from lookdev.rendering.worker import Worker
 
 
 class LentWorker:
-    """A worker of the run as a job has one, which does not end it."""
+    """A worker of the test run in the form that a job expects. The job cannot end it."""
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        """Leave it to the run."""
+        """Do not end the worker."""
 
     def __init__(self, worker: Worker) -> None:
         self._worker = worker
@@ -28,20 +31,24 @@ class LentWorker:
         return getattr(self._worker, name)
 
     def stop(self) -> None:
-        """Leave it to the run."""
+        """Do not end the worker."""
 
     kill = stop
 
 
 def lend_workers(request: pytest.FixtureRequest, patch: pytest.MonkeyPatch) -> None:
-    """Let `render_job`, `run_plan` and `check_file` render in the warm workers, where a job has one worker."""
+    """Make `render_job`, `run_plan`, `check_file` and `live_frame` use the workers of the test run.
+
+    A job with several workers still starts its own.
+    """
 
     def worker_of(command: Sequence[str], *options: Any) -> Worker | LentWorker:
-        if len(options) == 5 and options[-1] is not None:  # cores of its own, as one of several has
+        """Replace the constructor of `Worker`, whose arguments these are."""
+        if len(options) == 5 and options[-1] is not None:  # it has cores of its own, so it is one of several workers
             return Worker(command, *options)
         name = "cycles_worker" if command == BACKENDS["exact"].command else "mitsuba_worker"
         worker: Worker = request.getfixturevalue(name)
-        worker.start()  # in this thread: the process ends with the one that starts it
+        worker.start()  # in this thread, because the worker's process ends with the thread that starts it
         return LentWorker(worker)
 
     @contextmanager

@@ -1,4 +1,4 @@
-"""Rigs of all kinds of lights, and looks to be lit by them, for the backends that show any light."""
+"""Rigs for tests of the backends that render any light: sets of lights of all kinds, and looks to be lit by them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -33,7 +33,7 @@ from lookdev.scene import Film, Scene
 from lookdev.scene.scene import link_lights
 
 FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
-"""Axes of a light that shines along +y."""
+"""The axes of a light that shines along +y: its x, its y, and the direction against its light."""
 
 RIG_LOOKS = {
     "diffuse": Layer("l", "disney", {"baseColor": (0.8, 0.5, 0.3), "roughness": 0.6, "specular": 0.0}),
@@ -42,6 +42,7 @@ RIG_LOOKS = {
     "wall-e": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4}),
     "leaf": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4, "back": 0.5}),
 }
+# An IES file: the intensity of a lamp, for 5 vertical and 4 horizontal angles.
 PROFILE = """IESNA:LM-63-2002
 TILT=NONE
 1 1000 1 5 4 1 2 0 0 0
@@ -55,12 +56,13 @@ TILT=NONE
 """
 
 
-def sent(**given: object) -> Emission:
-    return Emission((6.0, 4.0, 2.0), **given)  # type: ignore[arg-type]
+def sent(**fields: object) -> Emission:
+    """Return the emission of the lights of these rigs; `fields` are other fields of `Emission`."""
+    return Emission((6.0, 4.0, 2.0), **fields)  # type: ignore[arg-type]
 
 
 def textured() -> RectLight:
-    """Return a rectangle of a few bright spots, seen by the front of the asset."""
+    """Return a rectangle light in front of the asset, with a texture of a few bright spots."""
     radiance = np.zeros((24, 40, 3), np.float32)
     radiance[3:8, 5:9], radiance[12:20, 20:38], radiance[20:, :3] = (9.0, 3.0, 1.0), (0.2, 0.6, 2.0), (4.0, 8.0, 4.0)
     texture = prepare_texture(make_environment("spots", radiance))
@@ -68,6 +70,7 @@ def textured() -> RectLight:
 
 
 def profiled(folder: Path) -> tuple[Light, ...]:
+    """Return two lights with IES profiles, one of them with scaled angles; the profile is written to `folder`."""
     file = folder / "lamp.ies"
     file.write_text(PROFILE)
     plain, squeezed = load_profile(file), load_profile(file, angle_scale=0.5)
@@ -78,27 +81,29 @@ def profiled(folder: Path) -> tuple[Light, ...]:
 
 
 def near(kind: str) -> Light:
-    """Return a light of a kind in front of the asset."""
-    at = (0.6, -1.8, 0.8)
+    """Return a light of a kind in front of the asset, or the example of a kind without a position."""
+    position = (0.6, -1.8, 0.8)
     match kind:
         case "rect":
-            return RectLight(width=1.2, height=0.8, position=at, axes=FACING, emission=sent())
+            return RectLight(width=1.2, height=0.8, position=position, axes=FACING, emission=sent())
         case "disk":
-            return DiskLight(radii=(0.7, 0.4), position=at, axes=FACING, emission=sent())
+            return DiskLight(radii=(0.7, 0.4), position=position, axes=FACING, emission=sent())
         case "sphere":
-            return SphereLight(radius=0.4, position=at, emission=sent())
+            return SphereLight(radius=0.4, position=position, emission=sent())
         case "cylinder":
-            return CylinderLight(length=1.5, radius=0.2, position=at, emission=sent())
+            return CylinderLight(length=1.5, radius=0.2, position=position, emission=sent())
         case "distant":
             return DistantLight(angle=20.0, axes=((1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.0, -0.8, 0.6)), emission=sent())
     return LIGHT_KINDS[kind].example()
 
 
 def grey(*, local: bool = False) -> Dome:
+    """Return a dome of uniform grey; `local` is that of `prepare_light`."""
     return prepare_light(make_environment("grey", np.full((2, 4, 3), 0.2, np.float32)), local=local)
 
 
 KINDS = tuple(name for name, kind in LIGHT_KINDS.items() if kind.osl is None)
+# The lights of each rig by its name, as functions of a folder in which they may write files.
 RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
     **{kind: lambda folder, kind=kind: (near(kind),) for kind in KINDS},
     "local grey": lambda folder: (LocalDome(dome=grey(local=True), position=(0.3, 0.0, 0.5), radius=2.0, edge=0.5),),
@@ -135,7 +140,10 @@ RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
 
 
 def row_of(placed: Mapping[str, Floats], lights: tuple[Light, ...], size: int) -> Scene:
-    """Return instances of one mesh side by side under linked lights."""
+    """Return a scene with instances of one mesh side by side, under lights with links to parts.
+
+    `placed` has the matrix (4, 4) of each instance by the path of its parent; `size` is the side of the frame.
+    """
     ball = load_asset(builtin="suzanne")
     instances = []
     for number, (path, matrix) in enumerate(placed.items()):
@@ -150,19 +158,23 @@ def row_of(placed: Mapping[str, Floats], lights: tuple[Light, ...], size: int) -
 
 
 def row_of_three(size: int) -> Scene:
-    """Of three heads, one is mirrored and stretched; each light spares another, and a light in their row spares two."""
-    casting = [
+    """Return a scene of three heads in a row, in which some heads cast no shadow in some lights.
+
+    The head in the middle is mirrored and stretched. Of three lights, the first two each exclude one head from their
+    shadows. The third is in the row itself and excludes two heads.
+    """
+    shadow_links = [
         LightLink((("/", "expandPrims"), *((f"/{side}", "exclude") for side in sides)))
         for sides in (("Left",), ("Middle",), ("Left", "Right"))
     ]
     bright = (300.0, 200.0, 100.0)
     coloured = Shadow(True, (0.2, 0.1, 0.0), 2.0, 1.0)
     beside = RectLight(
-        width=1.0, height=1.0, emission=Emission(bright, shadow_link=casting[2]), position=(-3.5, 0.0, 0.5)
+        width=1.0, height=1.0, emission=Emission(bright, shadow_link=shadow_links[2]), position=(-3.5, 0.0, 0.5)
     )
     lights = (
-        replace(near("rect"), emission=Emission(bright, shadow_link=casting[0])),
-        replace(near("sphere"), emission=Emission(bright, shadow_link=casting[1], shadow=coloured)),
+        replace(near("rect"), emission=Emission(bright, shadow_link=shadow_links[0])),
+        replace(near("sphere"), emission=Emission(bright, shadow_link=shadow_links[1], shadow=coloured)),
         replace(beside, axes=((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))),
         grey(),
     )

@@ -1,4 +1,4 @@
-"""Looks that together use every lobe of every model, both kinds of layering, and a stack of both models."""
+"""Looks for tests: they use all lobes of the Disney and Pixar models, two layer modes, and a stack of both models."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from lookdev.material import Layer
 
 
 def quick_among(cases: Sequence[Any], quick: Sequence[Any]) -> list[Any]:
-    """Return cases as parameters of a test, marked as proof but for the quick ones."""
+    """Return cases as parameters of a test; all but the `quick` ones are marked `proof`, the slow tier of tests."""
     return [pytest.param(*case, marks=() if case in quick else pytest.mark.proof) for case in cases]
 
 

@@ -1,4 +1,4 @@
-"""Looks of textures, masks, normal maps and heights."""
+"""Looks for tests that read images: textures, masks, normal maps and height maps."""
 
 from pathlib import Path
 
@@ -10,7 +10,10 @@ from lookdev.material.expression import parse
 
 
 def image(file: Path, seed: int) -> Path:
-    """Write a noise of 8 x 8 blocks, so that no look-up depends on the last digit of a coordinate."""
+    """Write an image of 8 x 8 random blocks of 2 x 2 pixels.
+
+    Neighbouring pixels are equal, so that a look-up does not depend on the last digit of a coordinate.
+    """
     blocks = np.random.default_rng(seed).integers(0, 256, (8, 8, 3)).astype(np.uint8)
     pixels = np.kron(blocks, np.ones((2, 2, 1), np.uint8))
     assert oiio.ImageBuf(pixels).write(str(file))
@@ -18,7 +21,7 @@ def image(file: Path, seed: int) -> Path:
 
 
 def painted(folder: Path) -> tuple[Layer, ...]:
-    """Worn Disney paint with a normal map under dust that an expression places."""
+    """Return Disney paint with textures and a normal map, under dust whose mask is an expression of a texture."""
     color = Texture(image(folder / "color.png", 1), "rgb", "sRGB")
     grain = image(folder / "grain.png", 2)
     rough = Texture(
@@ -37,7 +40,10 @@ def painted(folder: Path) -> tuple[Layer, ...]:
 
 
 def sparkling(folder: Path) -> tuple[Layer, ...]:
-    """Flakes: the specular and the clearcoat lobe have normal maps of their own, under a film, with a longer tail."""
+    """Return flakes, a Disney layer with a thin film, the exponent `gamma` of GTR, and two normal maps.
+
+    The specular and the clearcoat lobe have different normal maps.
+    """
     grain = image(folder / "grain.png", 2)
 
     def flakes(repeat: float) -> Texture:
@@ -61,7 +67,7 @@ def sparkling(folder: Path) -> tuple[Layer, ...]:
 
 
 def embossed(folder: Path) -> tuple[Layer, ...]:
-    """Pixar's model, half metal, whose highlights follow a height map."""
+    """Return a Pixar layer, half metal, whose highlights have normals from a height map."""
     height = Texture(image(folder / "height.png", 3), "g", "raw", transform=(2.0, 1.0, 0.0, -1.0, 2.0, 0.0))
     color = Texture(image(folder / "color.png", 1), "rgb", "sRGB")
     inputs = {"surfaceColor": color, "roughness": 0.4, "metallic": 0.5, "highlightNormal": Bump(height, 0.01)}

@@ -1,4 +1,4 @@
-"""Whether samples follow their density: point by point, by a Jacobian, and all together, by chi-square."""
+"""Tools for tests that samples follow their density: at single points by a Jacobian, and together by chi-square."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,10 +11,11 @@ from lookdev.arrays import Floats
 
 
 def jacobian(sample: Callable[[Floats], Any], u: Floats, step: float = 1e-5) -> tuple[Floats, Floats]:
-    """Return the solid angle (n,) that a sampling gives to a unit square of random numbers about u (n, 2).
+    """Return the Jacobian (n,) of a sampling at random numbers u (n, 2), and a bound (n,) of its error.
 
-    One over it is the density with which the directions (n, 3) are drawn, if no other numbers lead there. Differences
-    are central; the second array bounds their error, by twice the step.
+    `sample` maps random numbers (n, 2) to directions (n, 3). The Jacobian is the solid angle for each unit area of
+    random numbers. The density of the samples is one over it, if no other random numbers lead to the same direction. It
+    is computed by central differences; the bound is the change of the result with twice the step.
     """
 
     def differences(step: float) -> Floats:
@@ -26,15 +27,16 @@ def jacobian(sample: Callable[[Floats], Any], u: Floats, step: float = 1e-5) -> 
 
 
 def p_value(counts: NDArray[Any], expected: Floats, error: Floats | float = 0.0, fewest: float = 5.0) -> float:
-    """Return the chi-square p-value of counts in bins (n,); `error` is that of what is expected.
+    """Return the chi-square p-value of counts (n,) in bins with expected counts (n,), whose standard error is `error`.
 
-    Bins that expect fewer than `fewest` are pooled, with the next ones where together they expect fewer.
+    Bins with expected counts below `fewest` are pooled into one. If its expected count is below `fewest`, too, the next
+    larger bins are added.
     """
     variance = expected + np.square(error)
     order = np.argsort(expected)
     counts, expected, variance = counts[order], expected[order], variance[order]
     pooled = max(np.count_nonzero(expected < fewest), 1 + np.searchsorted(np.cumsum(expected), fewest))
     counts, expected, variance = (
-        np.append(each[pooled:], each[:pooled].sum()) for each in (counts, expected, variance)
+        np.append(values[pooled:], values[:pooled].sum()) for values in (counts, expected, variance)
     )
     return float(stats.chi2.sf(((counts - expected) ** 2 / variance).sum(), expected.size - 1))

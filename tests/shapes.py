@@ -1,6 +1,7 @@
-"""Analytic shapes, the built-in assets of the same names, as scenes of the reference renderer, each of one BSDF.
+"""A sphere and a plane as analytic scenes of the reference renderer, each with one BSDF everywhere.
 
-A hit is a point of the surface, known exactly, so that no tolerance decides whether a surface shades itself.
+They have the shapes of the built-in assets of these names. A hit (3,) is the point of the surface. It is exact, so no
+tolerance is needed to decide whether a surface shades itself.
 """
 
 from collections.abc import Iterator
@@ -12,15 +13,16 @@ from lookdev.arrays import Bools, Floats, Ints
 from lookdev.brdf import Bsdf
 from lookdev.scene import Camera, Pose
 
+# A view of both shapes.
 POSE = Pose(30.0, 75.0)
 CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)
 SIZE = (64, 64)
-INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # pixels that both shapes cover whole in POSE
+INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # column and row of pixels that both shapes cover completely
 
 
 @dataclass(frozen=True)
 class Shape:
-    """The part of a `lookdev.reference.render.ReferenceScene` that shapes share."""
+    """The methods of a `lookdev.reference.render.ReferenceScene` that all shapes share; they are described there."""
 
     bsdf: Bsdf | None = field(default=None, kw_only=True)
 
@@ -31,7 +33,7 @@ class Shape:
         return np.asarray(_dot(self._outward(hits), wo)[:, 0] < 0.0)
 
     def is_lit_by(self, hits: Floats, light: int) -> None:
-        """All lights light all of it."""
+        """Return None: all lights light all of the shape."""
 
     def bsdfs(self, hits: Floats, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
         assert self.bsdf is not None
@@ -40,13 +42,16 @@ class Shape:
 
 @dataclass(frozen=True)
 class Sphere(Shape):
-    """The built-in ``sphere``, a closed thin shell: u runs around z, counter-clockwise from above."""
+    """The built-in ``sphere``, a closed thin shell.
+
+    The texture coordinate u runs around z, counter-clockwise from above.
+    """
 
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
     radius: float = 1.0
 
     def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Floats]:
-        """See `ReferenceScene.intersect`; `origin` is outside."""
+        """Return the rays that hit, and the hits; `origin` (3,) is outside of the sphere."""
         start = origin - np.array(self.center)
         b = ray @ start
         discriminant = b * b - (start @ start - self.radius**2)
@@ -66,16 +71,19 @@ class Sphere(Shape):
 
     def _outward(self, hits: Floats) -> Floats:
         normal = hits - np.array(self.center)
-        # Not divided by the radius: rounding would grow from bounce to bounce.
+        # Divided by its length: if it were divided by the radius, rounding errors would grow from bounce to bounce.
         return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True)
 class Plane(Shape):
-    """The built-in ``plane``: a thin square card about the origin, 2 m wide, front along -y, u along +x."""
+    """The built-in ``plane``: a thin square card about the origin, 2 m wide.
+
+    Its front faces -y, and the texture coordinate u runs along +x.
+    """
 
     def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Floats]:
-        """See `ReferenceScene.intersect`; a ray along the card misses it."""
+        """Return the rays that hit, and the hits; a ray parallel to the card misses it."""
         ahead = origin[1] * ray[:, 1] < 0.0
         distance = -origin[1] / np.where(ahead, ray[:, 1], 1.0)
         point = (origin + distance[:, None] * ray) * (1.0, 0.0, 1.0)
@@ -92,6 +100,7 @@ class Plane(Shape):
 
 
 def _facing(tangent: Floats, normal: Floats, wo: Floats) -> tuple[Floats, Floats]:
+    """Return frames (N, 3, 3) and normals (N, 3), flipped to the side of the viewer."""
     frame = np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
     frame = np.where(_dot(normal, wo)[..., None] < 0.0, -frame, frame)
     return frame, frame[:, 2]

@@ -1,12 +1,14 @@
-"""Float64 references as data: the fixture `stored_reference`, which recomputes them where an option asks for it.
+"""The fixture `stored_reference`: float64 references for tests, read from files because they take long to compute.
 
-``stored_reference(name, compute, **inputs)`` returns the arrays of ``compute(**inputs)``, a mapping, from the file
-``tests/references/<name>-<digest>.npz``. The digest is of the inputs, not of code: a fault of the code changes what a
-test compares, not what it compares with. A test without the file fails, and names the command that writes it.
+``stored_reference(name, compute, **inputs)`` returns the arrays that ``compute(**inputs)`` returns, by name, from the
+file ``tests/references/<name>-<digest>.npz``. The digest depends on the inputs, not on the code. A fault in the code
+therefore does not change the stored reference, and the test detects it. A test fails if its file is missing, and names
+the command that writes it.
 
-``python -m pytest -m "proof or not proof" --renew-references PATH`` writes the files of the tests of PATH; without a
-PATH it also deletes those that no test uses. In a run with ``-m proof`` the tests that use the fixture run too,
-whatever their tier, and recompute the data. Tests that are themselves marked `proof` store nothing.
+``python -m pytest -m "proof or not proof" --renew-references PATH`` writes the files for the tests in PATH; without a
+PATH it also deletes files that no test uses. A run with ``-m proof`` also runs the tests of other tiers that use the
+fixture, and recomputes their references to compare them with the files. Tests that are themselves marked `proof` always
+compute, and store nothing.
 """
 
 import hashlib
@@ -32,14 +34,17 @@ Arrays = Mapping[str, NDArray[Any]]
 StoredReference = Callable[..., Arrays]
 
 FOLDER = Path(__file__).parent / "references"
-EVERY = "proof or not proof"
+EVERY = "proof or not proof"  # the markers that select all tests
 RENEW, RECOMPUTE = "--renew-references", "--recompute-references"
 RTOL = 1e-9
-"""Of a recomputed value: NumPy's last digits differ between processors, errors of models and noise are above 1e-5."""
+"""The relative tolerance between a stored value and a recomputed one.
 
-_WHOLE = 64  # numbers of an array that is described by each of its values
-_IS_PROOF = pytest.StashKey[bool]()
-_USED = pytest.StashKey[set[Path]]()
+The last digits of NumPy's results differ between processors. Faults of models and noise are larger: above 1e-5.
+"""
+
+_WHOLE = 64  # an array with at most this number of numbers enters the digest with all of them
+_IS_PROOF = pytest.StashKey[bool]()  # whether a test is itself marked `proof`
+_USED = pytest.StashKey[set[Path]]()  # the files that tests of the run have used
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -52,8 +57,9 @@ def pytest_configure(config: pytest.Config) -> None:
     config.stash[_USED] = set()
 
 
-@pytest.hookimpl(tryfirst=True)  # before those of another tier are deselected
+@pytest.hookimpl(tryfirst=True)  # before pytest deselects the tests of other tiers
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """In a run with ``-m proof``, also mark the tests that use stored references."""
     proof = config.getoption("markexpr") == "proof"
     for item in items:
         item.stash[_IS_PROOF] = item.get_closest_marker("proof") is not None
@@ -63,9 +69,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture
 def stored_reference(request: pytest.FixtureRequest) -> StoredReference:
-    """Return a function (name, compute, **inputs) that returns arrays; see the module.
+    """Return a function (name, compute, **inputs) that returns the arrays of a reference; see the module.
 
-    With ``recompute=True`` it computes them in every run, and compares: for one cheap case of each `compute`.
+    With ``recompute=True`` the function computes them in every run, and compares them with the file. Tests request this
+    for one cheap case of each `compute`.
     """
     config, proof = request.config, request.node.stash[_IS_PROOF]
     renew = bool(config.getoption(RENEW))
@@ -80,7 +87,7 @@ def stored_reference(request: pytest.FixtureRequest) -> StoredReference:
             _renew(file, compute(**inputs))
         config.stash[_USED].add(file)
         if not file.exists():
-            others = ", ".join(sorted(found.name for found in FOLDER.glob(f"{stem}-*.npz"))) or "none"
+            others = ", ".join(sorted(other.name for other in FOLDER.glob(f"{stem}-*.npz"))) or "none"
             pytest.fail(
                 f"there is no reference {file.name}; of the same name, with other inputs: {others}. To write it:\n"
                 f"{renew_command(request.node)}",
@@ -96,17 +103,19 @@ def stored_reference(request: pytest.FixtureRequest) -> StoredReference:
 
 
 def renew_command(item: pytest.Item) -> str:
+    """Return the command that writes the references of a test."""
     return f'python -m pytest -m "{EVERY}" {RENEW} "{item.nodeid}"'
 
 
 @lru_cache(64)
 def load_reference(file: Path) -> Arrays:
+    """Return the arrays in a file by their names."""
     with np.load(file, allow_pickle=False) as stored:
         return dict(stored)
 
 
 def assert_same(name: str, stored: Arrays, computed: Arrays) -> None:
-    """Compare stored arrays with computed ones, of which the files have all."""
+    """Assert that the stored arrays have the names and, within `RTOL`, the values of the computed ones."""
     assert stored.keys() == computed.keys(), name
     for key, values in computed.items():
         scale = RTOL * np.abs(values).max(initial=0.0)
@@ -114,7 +123,7 @@ def assert_same(name: str, stored: Arrays, computed: Arrays) -> None:
 
 
 def _renew(file: Path, computed: Arrays) -> None:
-    """Write arrays, unless the file has them."""
+    """Write arrays to a file, unless it has exactly these."""
     arrays = {key: np.asarray(values) for key, values in computed.items()}
     FOLDER.mkdir(exist_ok=True)
     if not file.exists() or not _equal(load_reference(file), arrays):
@@ -123,7 +132,7 @@ def _renew(file: Path, computed: Arrays) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
-    """Delete what no test used, after a run that renewed all."""
+    """After a run of all tests that renewed the references, delete the files that no test has used."""
     config = session.config
     is_whole = config.args_source is not pytest.Config.ArgsSource.ARGS and not config.getoption("keyword")
     if config.getoption(RENEW) and is_whole and config.getoption("markexpr") == EVERY and exitstatus == 0:
@@ -137,15 +146,16 @@ def _equal(stored: Arrays, computed: Arrays) -> bool:
 
 
 def digest_of(name: str, inputs: Mapping[str, Any]) -> str:
-    """Return the digest of the inputs of a function; it is the same on every machine and in every folder."""
+    """Return a digest of the inputs of the function `name`; it is the same on every machine and in every folder."""
     return hashlib.sha256(json.dumps([name, describe(inputs)], sort_keys=True).encode()).hexdigest()[:12]
 
 
 def describe(value: Any) -> Any:
-    """Return plain data that define a value.
+    """Return plain data that identify a value, for a digest.
 
-    Numbers count by nine digits, large arrays and images by their moments, for other versions of a library compute
-    other last digits. Assets are described by name, size and placement, domes by their map.
+    Other versions of a library compute other last digits. Numbers are therefore rounded to nine digits, and large
+    arrays and images are described by moments of their values. Assets are described by names, sizes and placements,
+    domes by their map.
     """
     match value:
         case None | bool() | int() | str():
@@ -173,20 +183,23 @@ def describe(value: Any) -> Any:
         case Dome():
             return ["Dome", _array(value.table), describe(value.axes), describe(value.emission)]
     if is_dataclass(value) and not isinstance(value, type):
-        # Fields that differ from their defaults, by number: another name or another option changes no digest.
-        of_fields = [[number, describe(getattr(value, field.name))] for number, field in enumerate(fields(value))]
+        # The fields that differ from their defaults, with their numbers. So the digest stays the same if a field is
+        # renamed, or if a field with a default is appended.
+        field_values = [[number, describe(getattr(value, field.name))] for number, field in enumerate(fields(value))]
         defaults = [_default(field) for field in fields(value)]
-        return [getattr(value, "kind", ""), *(pair for pair in of_fields if pair[1] != defaults[pair[0]])]
+        return [getattr(value, "kind", ""), *(pair for pair in field_values if pair[1] != defaults[pair[0]])]
     raise TypeError(f"{type(value).__name__} is no input of a stored reference: plain data would be right")
 
 
 def _default(field: Field[Any]) -> Any:
+    """Return the description of a field's default, or MISSING."""
     if field.default is not MISSING:
         return describe(field.default)
     return MISSING if field.default_factory is MISSING else describe(field.default_factory())
 
 
 def _array(values: NDArray[Any]) -> Any:
+    """Return the description of an array: all its values, or its root mean square and two moments; and its shape."""
     if values.size <= _WHOLE:
         return [describe(number) for number in values.ravel().tolist()] + [list(values.shape)]
     flat = values.ravel().astype(np.float64)
@@ -201,6 +214,7 @@ def _array(values: NDArray[Any]) -> Any:
 
 
 def _file(file: Path) -> Any:
+    """Return the description of a file: that of the array or image in it, or a hash of its bytes."""
     match file.suffix:
         case ".npy":
             return _array(np.load(file))

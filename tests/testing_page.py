@@ -1,4 +1,4 @@
-"""The parts of docs/testing.md that commands write: each between two comments with its name."""
+"""Reads and writes the parts of docs/testing.md that commands write; a part is between two comments with its name."""
 
 from pathlib import Path
 
@@ -6,7 +6,10 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "testing.md"
 
 
 def _parts(name: str) -> tuple[str, str, str]:
-    """Return the page before a part, the part, and the page after it, with the comments outside of the part."""
+    """Return the text of the page before a part, the part, and the text after it.
+
+    The comments around the part belong to the first and the last text.
+    """
     begin, end = f"<!-- {name} -->\n", f"<!-- end of {name} -->"
     head, _, rest = PAGE.read_text().partition(begin)
     part, _, tail = rest.partition(end)
@@ -14,10 +17,11 @@ def _parts(name: str) -> tuple[str, str, str]:
 
 
 def read_part(name: str) -> str:
+    """Return the text of a part."""
     return _parts(name)[1]
 
 
 def write_part(name: str, text: str) -> None:
-    """Replace a part; the text ends with a line break."""
+    """Replace a part by a text, which ends with a line break."""
     head, _, tail = _parts(name)
     PAGE.write_text(head + text + tail)

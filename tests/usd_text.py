@@ -1,4 +1,4 @@
-"""Text of small files: jobs, and USD and MaterialX files of materials, plain or with an image, variants, and cards."""
+"""Texts of small files for tests: jobs, and USD and MaterialX files with materials, images, variants and meshes."""
 
 METRES = '#usda 1.0\n( upAxis = "Z"\n  metersPerUnit = 1 )\n'
 
@@ -13,7 +13,10 @@ JOB_KEYS = {
 
 
 def job_toml(look: str = "", **keys: str) -> str:
-    """Return a job of looks, as "gold = gold.usda, tin = tin.usda", with `JOB_KEYS` but for the keys that are given."""
+    """Return the text of a job with the keys `JOB_KEYS`, some of them replaced by `keys`.
+
+    `look` has names and files of looks, like "gold = gold.usda, tin = tin.usda".
+    """
     named = [pair.split(" = ") for pair in look.split(", ") if pair]
     looks = ", ".join(f'{{ name = "{name}", material = "{file}" }}' for name, file in named)
     keys = JOB_KEYS | ({"look": f"[{looks}]"} if looks else {}) | keys
@@ -21,25 +24,31 @@ def job_toml(look: str = "", **keys: str) -> str:
 
 
 def shader(name: str, kind: str, *lines: str) -> str:
-    """Return a shader of a kind, by its ``info:id``."""
+    """Return a shader prim with the ``info:id`` `kind` and further lines."""
     return "\n".join((f'def Shader "{name}"', "{", f'uniform token info:id = "{kind}"', *lines, "}\n"))
 
 
 def material(name: str = "Paint", *inputs: str, scope: str = "", more: str = "") -> str:
-    """Return a material with inputs of its layer; `scope` is the path above it, `more` further lines of it."""
+    """Return a material of one Disney layer, with lines for its inputs.
+
+    `scope` is the path of the prim above the material, and `more` has further lines of the material.
+    """
     surface = f"token outputs:lookdev:surface.connect = <{scope}/{name}/Base.outputs:layer>"
     base = shader("Base", "LookdevDisney", *inputs, "token outputs:layer")
     return f'def Material "{name}"\n{{\n{surface}\n{base}{more}}}\n'
 
 
 def textured(name: str = "Paint", *inputs: str, file: str = "map.png", st: str = "st", space: str = "raw") -> str:
-    """Return a material that reads an image, by default for its base colour, at a UV set."""
+    """Return a material that reads an image, by default for its base colour.
+
+    `inputs` are lines for the inputs of its layer, `st` is the name of the UV set, `space` the colour space.
+    """
     base_color = f"color3f inputs:baseColor.connect = </{name}/Map.outputs:rgb>"
     return material(name, *(inputs or (base_color,)), more=image(name, file, st, space))
 
 
 def image(name: str, file: str = "map.png", st: str = "st", space: str = "raw") -> str:
-    """Return the shaders Map and St of a material, which read an image."""
+    """Return the shaders Map and St, which read an image, for the material with a name."""
     texture = shader(
         "Map",
         "UsdUVTexture",
@@ -55,7 +64,7 @@ def image(name: str, file: str = "map.png", st: str = "st", space: str = "raw") 
 
 
 def card(name: str, *lines: str) -> str:
-    """Return a square mesh in the plane y = 0, from -1 to 1, with further lines."""
+    """Return a square mesh in the plane y = 0, with x and z from -1 to 1, and with further lines."""
     return "\n".join(
         (
             f'def Mesh "{name}"',
@@ -70,18 +79,18 @@ def card(name: str, *lines: str) -> str:
 
 
 def variant_set(name: str, **variants: str) -> str:
-    """Return a set of variants, each with its lines."""
+    """Return a variant set; `variants` has the lines of each variant by its name."""
     bodies = "".join(f'"{variant}" {{\n{lines}\n}}\n' for variant, lines in variants.items())
     return f'variantSet "{name}" = {{\n{bodies}}}\n'
 
 
 def translate(x: float, y: float, z: float) -> str:
-    """Return the lines of a prim that is moved."""
+    """Return the lines that move a prim."""
     return f'double3 xformOp:translate = ({x}, {y}, {z})\nuniform token[] xformOpOrder = ["xformOp:translate"]\n'
 
 
 def mtlx(image_file: str, space: str = "lin_rec709") -> str:
-    """Return a document of the material Paint, a standard surface whose colour is an image."""
+    """Return a MaterialX document with the material Paint, a standard surface whose colour is an image."""
     return f"""<?xml version="1.0"?>
 <materialx version="1.38">
   <image name="color" type="color3">

@@ -1,7 +1,8 @@
-"""A process with Blender for a whole run: starting it takes longer than most of what tests ask of it.
+"""A process with Blender for a whole test run, because starting one takes longer than most tests.
 
-``blender.call("module.function", *arguments)`` runs a function there, which may import bpy, and returns its result.
-With the fixture `warm_points`, `lookdev.checks.evaluate` uses that process in place of one for each stack.
+``blender.call("module.function", *arguments)`` runs a function in the process, where it may import bpy, and returns its
+result. With the fixture `warm_points`, `lookdev.checks.evaluate` uses this process in place of a new one for each stack
+of layers.
 """
 
 import importlib
@@ -18,21 +19,25 @@ from typing import Any
 
 import pytest
 
-_PATIENCE = 300.0  # seconds without an answer after which it is killed
+_PATIENCE = 300.0  # seconds without an answer after which the process is killed
 
 
 class BlenderCallError(Exception):
-    """A function raised in the other process: the type and the message, and the traceback as a note."""
+    """A function has raised an error in the other process. The traceback from there is a note of this error."""
 
 
 class BlenderProcess:
-    """The process, started when first needed and again after it ended."""
+    """The process with Blender. It is started by the first call, and again if it has ended."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
 
     def call(self, function: str, *arguments: Any) -> Any:
-        """Run a function of a module that is importable here or there; raises BlenderCallError where it raises."""
+        """Run a function in the process with Blender, and return its result.
+
+        `function` is like "module.function"; modules are found with the `sys.path` of this process. Raises
+        BlenderCallError if the function raises, or if the process ends.
+        """
         if self._process is None:
             program, pipe = [sys.executable, __file__], subprocess.PIPE
             self._process = subprocess.Popen(program, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
@@ -65,6 +70,7 @@ class BlenderProcess:
 
 @pytest.fixture(scope="session")
 def blender() -> Iterator[BlenderProcess]:
+    """The process with Blender for the whole run."""
     process = BlenderProcess()
     yield process
     process.close()
@@ -72,6 +78,8 @@ def blender() -> Iterator[BlenderProcess]:
 
 @pytest.fixture
 def warm_points(blender: BlenderProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evaluate points in the warm process: `lookdev.checks.evaluate` gets a `subprocess.run` that calls it."""
+
     def run(command: list[str], **options: Any) -> subprocess.CompletedProcess[str]:
         try:
             blender.call("lookdev.cycles.points.evaluate_file", Path(command[-1]))
@@ -83,7 +91,7 @@ def warm_points(blender: BlenderProcess, monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def main() -> None:
-    """Answer requests of standard input; what Blender prints goes where errors go."""
+    """Answer requests from standard input, in the process with Blender, whose output goes to standard error."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     while True:
@@ -94,7 +102,7 @@ def main() -> None:
         module, _, name = function.rpartition(".")
         try:
             answer = getattr(importlib.import_module(module), name)(*arguments), "", ""
-        except Exception as error:  # noqa: BLE001  (whatever it is, the test that asked is to see it)
+        except Exception as error:  # noqa: BLE001  (the test that has asked shall see any error)
             answer = None, f"{type(error).__name__}: {error}", traceback.format_exc()
         answers.write(pickle.dumps(answer))
         answers.flush()

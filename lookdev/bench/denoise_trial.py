@@ -1,7 +1,8 @@
-"""Compares random denoised frames with converged pictures: is the error as estimated, is none worse than its raw frame?
+"""Benchmark that renders random denoised frames, and compares their estimated error with their true one.
 
-A cell is an asset, a look, a light and a pose, drawn at random. Each cell has one reference, and a frame with each of
-`SAMPLES`. True errors are relMSE against the reference, minus the reference's own.
+It also counts the denoised frames that have a larger error than their raw frame. An asset, a look, a light and a pose
+are drawn at random. They have one reference, which is a converged picture, and one frame for each number in `SAMPLES`.
+The true error of a frame is its relMSE against the reference, minus the relMSE of the reference itself.
 """
 
 from __future__ import annotations
@@ -26,74 +27,83 @@ from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.scene import Pose
 from lookdev.shipped import shipped_folder
 
-SAMPLES = (8, 16, 32, 64, 256)
+SAMPLES = (8, 16, 32, 64, 256)  # per pixel
 USUAL_RATIO, MIN_RATIO = 1.3, 0.6
-"""Most frames shall have a ratio of estimate and truth, either way, of at most the first; all, at least the second."""
+"""Bounds of the ratio of estimated error to true error.
+
+The ratio should be within 1 / `USUAL_RATIO` and `USUAL_RATIO` for most frames, and at least `MIN_RATIO` for all.
+"""
 
 _ASSETS = ("sphere", "shaderball", "suzanne")
 _LIGHTS = (*IBLS, "studio+3", "lamp")
-_FOLDERS = ("", "classic")
-_PARTS = 4
-_ROUNDING_FACTOR = 1.001  # the raw picture is rounded once more than the mean of the halves
+_FOLDERS = ("", "classic")  # below the shipped materials
+_PARTS = 4  # independent renders of which a reference is the mean
+# A denoised frame is worse than its raw frame if its error is larger by more than this factor. The raw picture is
+# rounded once more than the mean of the halves, so that errors can differ a little without denoising.
+_ROUNDING_FACTOR = 1.001
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One frame: true and estimated errors, raw and denoised, and the mean FLIP of both."""
+    """One frame: true and estimated errors and mean FLIP, of the raw picture and of the denoised one."""
 
     asset: str
     look: str
     light: str
-    element: float  # degrees
-    lighting: float
-    samples: int
-    raw: float  # true relMSE
-    raw_estimate: float
-    denoised: float
-    estimate: float
+    element: float  # rotation of the asset, degrees
+    lighting: float  # rotation of the light, degrees
+    samples: int  # per pixel
+    raw: float  # true relMSE of the raw picture
+    raw_estimate: float  # estimated relMSE of the raw picture
+    denoised: float  # true relMSE of the denoised picture
+    estimate: float  # estimated relMSE of the denoised picture
     raw_flip: float
-    flip: float
-    reference: float  # the reference's own relMSE
-    seconds: float  # in the worker
+    flip: float  # of the denoised picture
+    reference: float  # relMSE of the reference itself
+    seconds: float  # measured in the worker
 
     @property
     def ratio(self) -> float:
-        """Return the estimate over the true error."""
+        """The estimated error over the true one, of the denoised picture."""
         return self.estimate / self.denoised
 
     @property
     def raw_ratio(self) -> float:
-        """Return the raw frame's own estimate over its true error."""
+        """The estimated error over the true one, of the raw picture."""
         return self.raw_estimate / self.raw
 
 
 def trial_looks() -> dict[str, Callable[[], Look]]:
-    """Return the looks of a trial by name: those of the benchmark, and the shipped ones with textures and flakes."""
+    """Return a function for each look of a trial, by name: the looks of the benchmark and the shipped materials.
+
+    The shipped materials add textures and flakes.
+    """
     files = [file for folder in _FOLDERS for file in sorted((shipped_folder() / "materials" / folder).glob("*.usda"))]
     return {name: look.make for name, look in LOOKS.items()} | {file.stem: partial(read_look, file) for file in files}
 
 
 def draw_cell(seed: int, number: int) -> tuple[Cell, Pose]:
-    """Return a cell and a pose of a trial, which depend on the seed and the number alone."""
+    """Return a random cell (asset, light and look) and a random pose, which depend on the seed and the number alone."""
     rng = np.random.default_rng((seed, number))
     asset, look, light = (str(rng.choice(names)) for names in (_ASSETS, list(trial_looks()), _LIGHTS))
     return Cell(asset, light, look), Pose(*rng.uniform(0.0, 360.0, 2).round(1).tolist())
 
 
 def cell_scene(cell: Cell, pose: Pose, resolution: int) -> tuple[SceneTask, str]:
-    """Return the scene of a cell, and the key of its picture."""
+    """Return the scene of a cell, and the key of its picture, which names its reference in the cache."""
     look, lights = trial_looks()[cell.look](), bench_lights(cell.ibl, bench_asset(cell.scene))
-    # References have the same shaders, which can show the features of a denoiser.
+    # `denoise` makes shaders that also render the features that guide a denoiser. References use the same shaders.
     scene = bench_scene(cell.scene, look, lights, resolution, denoise=True)
     return scene, picture_key(scene, look, cell.ibl, pose)
 
 
 @dataclass(kw_only=True)
 class DenoiseTrial(Benchmark):
-    """Random denoised frames: is their error as estimated?
+    """The benchmark that compares estimated and true errors of random denoised frames.
 
-    Options: `frames`; `seed` of the random cells (constants are tuned with one seed, and reported with another);
-    `resolution`; `reference`, the samples of each reference in multiples of the largest of `SAMPLES`; `fresh`.
+    It uses these options: `frames`, the number of frames; `seed`, which determines the random cells (the constants of
+    the denoiser are tuned with one seed and reported with another); `resolution`; `reference`, the samples of each
+    reference in multiples of the largest of `SAMPLES`; and `fresh`.
     """
 
     NAME = "denoise-trial"
@@ -109,8 +119,11 @@ class DenoiseTrial(Benchmark):
             for number in range(-(-options.frames // len(SAMPLES))):
                 cell, pose = draw_cell(options.seed, number)
                 scene, key = cell_scene(cell, pose, options.resolution)
-                part, shoot = SAMPLES[-1] * options.reference // _PARTS, picture_renderer(render, scene, pose)
-                truth = obtain_reference(key, part, _PARTS, shoot, self.report, fresh=options.fresh)
+                part_samples, renderer = (
+                    SAMPLES[-1] * options.reference // _PARTS,
+                    picture_renderer(render, scene, pose),
+                )
+                truth = obtain_reference(key, part_samples, _PARTS, renderer, self.report, fresh=options.fresh)
                 first = len(SAMPLES) * number
                 for seed, samples in enumerate(SAMPLES[: options.frames - first], start=first):
                     name = f"{samples}.{seed}.denoised"
@@ -121,7 +134,7 @@ class DenoiseTrial(Benchmark):
                     yield
 
     def write(self, folder: Path) -> None:
-        """Write a row for each frame."""
+        """Write a CSV file with a row for each frame."""
         write_csv(folder / self.FILE, Trial, self.trials)
 
     def blocks(self) -> Iterator[str | TextTable]:
@@ -130,7 +143,7 @@ class DenoiseTrial(Benchmark):
 
 
 def measure_trial(cell: Cell, pose: Pose, rendered: WorkerFrame, truth: Reference) -> Trial:
-    """Return the errors of a frame."""
+    """Return the errors of a denoised frame, and of its raw picture, against the reference `truth`."""
     assert rendered.raw is not None
     assert rendered.raw_relmse is not None
     covered = truth.alpha > 0.0
@@ -150,7 +163,10 @@ def _trial_text(trial: Trial) -> str:
 
 
 def summarize_trials(trials: Sequence[Trial]) -> str:
-    """Return a text on the ratios of estimates to true errors, and on the gain of denoising for each sample count."""
+    """Return a text with the ratios of estimated to true errors, and the gain of denoising for each sample count.
+
+    The gain is the geometric mean of the factors that denoising divides the true error by.
+    """
     if not trials:
         return "no frame was measured"
     reference = max(trial.reference for trial in trials)

@@ -1,4 +1,7 @@
-"""The cost of a frame over the frames before it, pixels, looks, lights, layers and triangles."""
+"""Measures how the time of a frame and the memory grow with the size of a scene, for the table of `lookdev bench`.
+
+The size is a number of pixels, looks, lights, layers or triangles, or the number of frames that one process renders.
+"""
 
 from __future__ import annotations
 
@@ -31,21 +34,26 @@ from lookdev.rendering.results import WorkerFrame
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Pose
 
-PIXELS = (64, 128, 256, 512)
+# The sizes that are measured.
+PIXELS = (64, 128, 256, 512)  # sides of the frame
 LOOK_COUNTS = (1, 2, 4, 8, 16, 32)
 LIGHTS = (1, 3, 10, 30, 100)
 LAYERS = (1, 2, 4, MAX_LAYERS)
 TRIANGLES = (MILLION // 100, MILLION // 10, MILLION)
 
+# The scene in which one of these sizes changes.
 _SCENE, _LOOK, _IBL = "shaderball", "plastic", "studio"
-_SIDE = 96
-_SAMPLES = 16
-_REPEATS = 3
+_SIDE = 96  # pixels
+_SAMPLES = 16  # per pixel
+_REPEATS = 3  # of each frame, except those of "frames"
 
 
 @dataclass(frozen=True)
 class GrowthRow:
-    """Seconds of a frame of one size: median, and extremes; the peak memory of its process in bytes."""
+    """The cost of a frame at one size: the median of its seconds, the least and the most, and the peak memory.
+
+    `size` is the value of the quantity that grows. `memory` is the peak of the render process, in bytes.
+    """
 
     size: int
     seconds: float
@@ -56,7 +64,11 @@ class GrowthRow:
 
 @dataclass(frozen=True)
 class Growth:
-    """Cost over one quantity; for frames, the size is the number of the last frame of a quarter of the sequence."""
+    """The cost of a frame for increasing sizes of one quantity, rendered by one backend.
+
+    `of` is the name of the quantity, a key of `QUANTITIES`. For the quantity "frames", the size of a row is the number
+    of frames that are rendered at the end of a quarter of the sequence.
+    """
 
     of: str
     backend: str
@@ -68,7 +80,11 @@ GrowthRows = Iterator[GrowthRow]
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity on which the cost of a frame may depend: its measurement, and the backends that can show it."""
+    """A quantity on which the cost of a frame may depend.
+
+    `measure` takes the name of a backend, the options, and a function that starts a render process; it yields a row for
+    each size. `can_show` returns whether the backend with a name can render the scenes.
+    """
 
     help: str
     measure: Callable[[str, BenchOptions, OpenRenderer], GrowthRows]
@@ -76,23 +92,28 @@ class Quantity:
 
 
 def _scene(backend: str, **changes: Any) -> SceneTask:
-    """Return the scene that grows; `changes` are arguments of `bench_scene`."""
+    """Return the usual scene, with arguments of `bench_scene` replaced by `changes`."""
     usual = {"look": LOOKS[_LOOK].make(), "lights": (bench_light(_IBL),), "resolution": _SIDE}
     return bench_scene(_SCENE, **{**usual, **changes}, backend=backend)
 
 
 def _task(scene: SceneTask, seed: int, pose: Pose = POSE) -> FrameTask:
+    """Return the task to render a scene with `_SAMPLES` samples a pixel."""
     return frame_task(scene, pose, f"{pose.element}.{seed}", samples=_SAMPLES, error=None, seed=seed)
 
 
 def _row(size: int, seconds: Sequence[float], last: WorkerFrame) -> GrowthRow:
+    """Return the row of a size from the seconds of its frames and, for the peak memory, the last frame."""
     return GrowthRow(size, statistics.median(seconds), min(seconds), max(seconds), last.memory)
 
 
 def _measure_sizes(
     changes: Callable[[], Mapping[int, Mapping[str, Any]]],
 ) -> Callable[[str, BenchOptions, OpenRenderer], GrowthRows]:
-    """Return a measurement of scenes by size, with arguments of `_scene`: interleaved, each in a separate process."""
+    """Return a measurement of one scene for each size; `changes` returns the arguments of `_scene`, by size.
+
+    Each scene is rendered in a process of its own. The frames of the scenes are interleaved.
+    """
 
     def measure(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
         scenes = {size: _scene(backend, **change) for size, change in changes().items()}
@@ -104,7 +125,10 @@ def _measure_sizes(
 
 
 def _measure_frames(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
-    """Measure a sequence of frames, by quarters: each is a whole turn, so that all have the same poses."""
+    """Measure a sequence of frames in one process, and yield a row for each quarter of it.
+
+    Each quarter turns the asset once by 360 degrees, so that all quarters have the same poses.
+    """
     scene, count = _scene(backend), options.frames
     poses = [Pose(360.0 * QUARTERS * number / count % 360.0, 0.0) for number in range(count)]
     with open_process() as render:
@@ -115,7 +139,10 @@ def _measure_frames(backend: str, options: BenchOptions, open_process: OpenRende
 
 
 def _measure_looks(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
-    """Measure a frame of each of many looks: the mean wall time of the first n, with the changes of scene."""
+    """Measure one frame in each of many looks, rendered one after the other in one process.
+
+    The seconds of a row are the mean wall time of the first frames, as many as its size, with the changes of scene.
+    """
     scenes = [_scene(backend, look=varied_look(number)) for number in range(max(LOOK_COUNTS))]
     means: dict[int, list[float]] = {count: [] for count in LOOK_COUNTS}
     last: dict[int, WorkerFrame] = {}
@@ -132,6 +159,7 @@ def _measure_looks(backend: str, options: BenchOptions, open_process: OpenRender
 
 
 def _lamps(count: int) -> tuple[Light, ...]:
+    """Return rectangle lights around the asset of the usual scene."""
     return scale_lights(rectangles(count), bench_asset(_SCENE))
 
 
@@ -144,7 +172,7 @@ def _can_render_layers(backend: str) -> bool:
 
 
 def _can_share_scene(backend: str) -> bool:
-    """Return whether poses share a scene: the bench's worker of Mitsuba builds one for each pose."""
+    """Return whether a backend renders all poses in one scene; `mitsuba_worker` builds a scene for each pose."""
     return BACKENDS[backend].command == WORKER_COMMAND
 
 

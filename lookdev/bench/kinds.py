@@ -1,4 +1,4 @@
-"""The kinds of benchmark of `lookdev bench`."""
+"""The registry of the benchmarks that `lookdev bench` can run."""
 
 from __future__ import annotations
 
@@ -14,4 +14,4 @@ _KINDS = (
     MatrixBenchmark, TableBenchmark, ProfileBenchmark, SetupBenchmark, SequenceBenchmark, DenoiseTrial, ScaleBenchmark
 )  # fmt: skip
 KINDS: dict[str, type[Benchmark]] = {kind.NAME: kind for kind in _KINDS}
-"""The kinds by the names of their options; the first is measured without an option."""
+"""The classes of benchmarks by the names of their command-line options; without such an option the first one runs."""

@@ -1,4 +1,7 @@
-"""Measures time against error of cells (scene, light, look) for interleaved backends; and the table of a document."""
+"""The benchmark of time against error: renders every cell (a scene, a light and a look) with several backends.
+
+A second benchmark, the table of docs/bench.md, adds the growth of cost with the size of a scene.
+"""
 
 from __future__ import annotations
 
@@ -23,27 +26,31 @@ from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
 OpenCandidates = Callable[[Cell, BenchOptions], AbstractContextManager[list[Candidate]]]
+"""A function that returns a context, which has the backends that can render a cell; they end with the context."""
 
 BACKEND_CHECKS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
-"""The check of each backend that is not on every machine; it raises RenderError where the backend is missing."""
+"""By name of a backend that not every machine has: a function that raises RenderError if this machine lacks it."""
 
 
 @contextmanager
 def open_candidates(cell: Cell, options: BenchOptions) -> Iterator[list[Candidate]]:
-    """Start a process for each backend that can render the cell, and end them all."""
+    """Start a process for each backend that can render the cell; yield the backends, and end their processes."""
     look, lights = LOOKS[cell.look].make(), bench_lights(cell.ibl, bench_asset(cell.scene))
     with ExitStack() as stack:
         candidates = []
         for backend in options.backends_of(cell):
             scene = bench_scene(cell.scene, look, lights, options.resolution, backend, denoise=options.denoise)
-            shoot = picture_renderer(stack.enter_context(open_process()), scene)
+            render = picture_renderer(stack.enter_context(open_process()), scene)
             key, denoises = picture_key(scene, look, cell.ibl), BACKENDS[backend].features
-            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene), denoises))
+            candidates.append(Candidate(backend, key, render, skips_of(cell, scene), denoises))
         yield candidates
 
 
 def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
-    """Return the skips of a scene, and why; none for backends that no job may name."""
+    """Return the work that a scene leaves out because it changes no pixel, each with the reason.
+
+    There is none for a backend that jobs cannot name.
+    """
     if not BACKENDS[scene.backend].in_jobs:
         return ()
     looks = [LOOKS[cell.look].make()] * len(scene.slot_shaders)
@@ -53,10 +60,10 @@ def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
 
 @dataclass(kw_only=True)
 class MatrixBenchmark(Benchmark):
-    """Time against error of any scenes, lights, looks and backends.
+    """The benchmark of time against error, for any scenes, lights, looks and backends.
 
-    A backend that fails is left out of its cell, and one that is not on this machine of all; both are in the results,
-    with the reason.
+    If a backend fails, the rest of its cell is measured without it. If the machine lacks a backend, all cells are
+    measured without it. The results state both, with the reason.
     """
 
     NAME = "matrix"
@@ -93,6 +100,7 @@ class MatrixBenchmark(Benchmark):
             yield
 
     def _measure_cell(self, cell: CellRun) -> None:
+        """Measure a cell; its measurements and failures are kept even if an error ends it."""
         try:
             cell.run()
         finally:
@@ -105,7 +113,7 @@ class MatrixBenchmark(Benchmark):
         return [*plots, report.draw_growth(self.growth, folder / f"{prefix}growth.svg")] if self.growth else plots
 
     def write(self, folder: Path) -> None:
-        """Write ``results.csv``, a row a measurement, and ``results.json``."""
+        """Write ``results.csv``, with a row for each measurement, and ``results.json``."""
         write_csv(folder / "results.csv", Measurement, [row for cell in self.cells for row in cell.measurements])
         super().write(folder)
 
@@ -146,7 +154,10 @@ class MatrixBenchmark(Benchmark):
 
 @dataclass(kw_only=True)
 class TableBenchmark(MatrixBenchmark):
-    """Time to an error, raw and denoised, beside Blender's and Mitsuba's principled; growth; plots."""
+    """The benchmark of the table in docs/bench.md: fixed cells and backends, and the growth of cost.
+
+    It measures the time to an error, raw and denoised, beside Blender's and Mitsuba's principled BSDFs.
+    """
 
     NAME = "table"
     DEFAULTS = {  # noqa: RUF012
@@ -172,7 +183,7 @@ class TableBenchmark(MatrixBenchmark):
         yield from self.measure_growth()
 
     def measure_growth(self) -> Iterator[None]:
-        """Measure all quantities, one after another, each for the backends that can show it."""
+        """Measure the growth of cost with each of `QUANTITIES`, for the backends that can render its scenes."""
         for name, quantity in QUANTITIES.items():
             self.report(f"growth: {name}: {quantity.help}")
             try:
@@ -185,6 +196,7 @@ class TableBenchmark(MatrixBenchmark):
 
 
 def _series_data(result: CellRun, series: Series) -> dict[str, Any]:
+    """Return the curve of a series in a cell, its times to the target errors, and its reference, for JSON."""
     rows, reference = result.measurements_of(series), result.references.get(series.backend)
     return {
         "curve": [asdict(point) for point in result.curves[series]],

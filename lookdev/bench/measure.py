@@ -1,4 +1,8 @@
-"""Renders a cell, measures each render, and derives times and ratios from the curves of error over time."""
+"""Renders a cell (a scene, a light and a look) with several backends, and measures time and error of each render.
+
+The renders of one backend with increasing samples are points of a curve of error over time. From the curves follow the
+times to a target error, and the ratios of these times between backends. Errors are relMSE against a reference.
+"""
 
 from __future__ import annotations
 
@@ -22,24 +26,25 @@ from lookdev.bench.reference import (
 from lookdev.errors import LookdevError
 
 EXACT = "exact"
-"""The backend that others are compared with, and whose frames end at a target error."""
+"""The backend that the others are compared with. Only this backend also renders aimed pictures (`PictureKind`)."""
 
 PictureKind = Literal["raw", "denoised", "aimed", "aimed, denoised"]
-"""How a picture is made; aimed: until its estimated relMSE is `BenchOptions.aim`."""
+"""How a picture is made. An aimed picture gets samples until its estimated relMSE is at most `BenchOptions.aim`."""
 
 PICTURES: tuple[PictureKind, ...] = ("raw", "denoised")
-"""The pictures with the requested number of samples."""
+"""The kinds of pictures that have a given number of samples."""
 
 MAX_EXTRAPOLATION = 4.0
-"""The limit of extrapolation, as a factor of the last effort."""
+"""The largest effort (seconds or samples) to which a curve is extrapolated, over the effort of its last point."""
 
-_MAX_EXTRAPOLATION_DENOISED = 64.0  # that of denoised curves whose points are of independent samples
-_SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MAX_REPEATS)
-_ENOUGH_PARTS = 4  # parts of a reference that may end early, for each part that it has otherwise
+_MAX_EXTRAPOLATION_DENOISED = 64.0  # the same for denoised curves, with `BenchOptions.independent`
+_SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MAX_REPEATS)  # seeds that are reserved for the renders of one repeat
+# If a reference may end early, each of its parts is divided into this number of smaller parts.
+_ENOUGH_PARTS = 4
 
 
 class Series(NamedTuple):
-    """The series of renders that a curve shows: a backend, and how its pictures are made."""
+    """The renders that one curve shows: those of a backend whose pictures are made in the same way."""
 
     backend: str
     way: PictureKind = "raw"
@@ -53,15 +58,15 @@ class Candidate:
     """A backend that is ready to render a cell."""
 
     backend: str
-    key: str  # of the picture, whatever its sampling
+    key: str  # identifies the converged picture in the cache of references
     render: RenderPicture
-    skips: tuple[str, ...] = ()  # work that is left out because it changes no pixel, and why
-    denoises: bool = False
+    skips: tuple[str, ...] = ()  # work that is left out because it changes no pixel, with the reasons
+    denoises: bool = False  # whether the backend can denoise
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One timed picture: its `TimedPicture` without the pixels, and its `MeasuredError`."""
+    """One timed picture: its cell, its series, the figures of its `TimedPicture`, and its `MeasuredError`."""
 
     scene: str
     ibl: str
@@ -86,7 +91,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class CurvePoint(MeasuredError):
-    """All renders of a series with one number of samples: median seconds; mean relMSE; the bias of their mean."""
+    """All renders of a series with one number of samples: their median seconds, mean relMSE, and the mean's bias."""
 
     samples: int
     seconds: float
@@ -96,8 +101,8 @@ class CurvePoint(MeasuredError):
 class CurveEffort:
     """The effort at which a curve reaches an error, or a ratio of two such efforts.
 
-    `mark` is "" within the measured range, "~" where the curve was extrapolated, "<" or ">" where the value is a bound,
-    because the first point of a curve is below the error.
+    `mark` is "" within the measured range, and "~" if the curve was extrapolated. It is "<" or ">" if the value is only
+    a bound because the first point of a curve is below the error already.
     """
 
     value: float
@@ -106,7 +111,11 @@ class CurveEffort:
 
 @dataclass(frozen=True)
 class Times:
-    """Seconds to a relMSE, or a ratio of those: of the curve, and the extremes of those of each repeat."""
+    """Seconds to a relMSE, or a ratio of two such times, with the spread over the repeats.
+
+    `value` is read from the curve of all repeats. `low` and `high` are the least and the most of the values that the
+    repeats give alone. A value is None if a curve does not reach the relMSE.
+    """
 
     value: CurveEffort | None
     low: float | None
@@ -115,12 +124,16 @@ class Times:
 
 @dataclass(frozen=True)
 class Ratio(Times):
-    """The time of ``exact`` over that of another backend to the same relMSE, made in the same way."""
+    """The time of ``exact`` to a relMSE over that of another backend, with pictures made in the same way.
 
-    backend: str
+    `by_samples` is another estimate of this ratio: the ratio of the samples that both need, times the ratio of the time
+    of one sample. The time of a sample is compared between renders that followed each other.
+    """
+
+    backend: str  # the other backend
     way: PictureKind
-    target: float
-    by_samples: CurveEffort | None  # of the samples, times what one costs more in renders that followed each other
+    target: float  # relMSE
+    by_samples: CurveEffort | None
 
 
 def effort_to_error(
@@ -131,11 +144,12 @@ def effort_to_error(
     limit: float | None = MAX_EXTRAPOLATION,
     slopes: tuple[float, float] = (0.0, math.inf),
 ) -> CurveEffort | None:
-    """Return the effort (seconds, or samples) at which a curve first reaches an error `target`.
+    """Return the effort (seconds or samples) at which a curve first reaches the error `target`.
 
-    `effort` and `error` are its points by increasing samples, positive. Beyond them the curve falls, in logarithms, by
-    the slope of its last two points, within `slopes`: 1 is that of independent samples. None where it does not fall, or
-    does not reach the target within `limit` times its last effort.
+    `effort` and `error` are the coordinates of the curve's points, by increasing samples; all are positive. Between the
+    points the logarithm of the error is linear in that of the effort. Beyond the last point it falls by the slope
+    between the last two points, clamped to the range `slopes`; independent samples have the slope 1. The function
+    returns None if the curve does not fall there, or if the effort would be more than `limit` times the last one.
     """
     if not error:
         return None
@@ -156,7 +170,7 @@ def effort_to_error(
 
 
 def effort_ratio(one: CurveEffort | None, other: CurveEffort | None) -> CurveEffort | None:
-    """Return one effort over another; None where one is missing or both are bounds."""
+    """Return the effort `one` over the effort `other`, or None if one of them is missing or both are bounds."""
     if one is None or other is None or one.mark == other.mark == "<":
         return None
     value = one.value / other.value
@@ -166,37 +180,42 @@ def effort_ratio(one: CurveEffort | None, other: CurveEffort | None) -> CurveEff
 
 
 def schedule(options: BenchOptions) -> Iterator[tuple[int, int, int]]:
-    """Yield the repeat, the samples and the seed of every render in order; no two have the same seed."""
+    """Yield the repeat, the samples and the seed of every render, in order. All seeds differ."""
     for repeat in range(options.repeats):
         for number, samples in enumerate(options.samples):
             yield repeat, samples, _seed(options, repeat) + number
 
 
 def _seed(options: BenchOptions, repeat: int) -> int:
-    """Return the first seed of a repeat, below those of references."""
+    """Return the first of the `_SEEDS_PER_REPEAT` seeds of a repeat; all of them are below the seeds of references."""
     return (options.seed * MAX_REPEATS + repeat) * _SEEDS_PER_REPEAT
 
 
 @dataclass
 class CellRun:
-    """A cell, and its measurements so far, with the times and ratios that follow from them."""
+    """A cell and its measurements so far, with the times and ratios that follow from them.
+
+    `references` and `failures` are by the name of the backend.
+    """
 
     cell: Cell
     candidates: Sequence[Candidate]
     options: BenchOptions
     report: ReportProgress
     measurements: list[Measurement] = field(default_factory=list)
-    curves: Mapping[Series, tuple[CurvePoint, ...]] = field(default_factory=dict)  # once `run` has ended
+    curves: Mapping[Series, tuple[CurvePoint, ...]] = field(default_factory=dict)  # set when `run` ends
     references: dict[str, Reference] = field(default_factory=dict)
-    failures: dict[str, str] = field(default_factory=dict)  # why a backend's measurements end
-    _pictures: dict[tuple[Series, int], list[TimedPicture]] = field(default_factory=dict)
-    _max_samples: dict[str, int] = field(default_factory=dict)  # samples after which a backend's error is small enough
-    _out_of_reach: set[PictureKind] = field(default_factory=set)  # not aimed at again
+    failures: dict[str, str] = field(default_factory=dict)  # the error that ended a backend's measurements
+    _pictures: dict[tuple[Series, int], list[TimedPicture]] = field(default_factory=dict)  # by series and samples
+    # By backend: the samples at which its error is at most `BenchOptions.until`. It is not rendered with more.
+    _max_samples: dict[str, int] = field(default_factory=dict)
+    # The kinds of aimed pictures that missed their error with the most samples; they are not rendered again.
+    _out_of_reach: set[PictureKind] = field(default_factory=set)
 
     def run(self) -> None:
-        """Render references, warm up, then measure; a backend that fails is left out from then on.
+        """Render references, warm up, then measure. A backend that fails is left out from then on.
 
-        Backends are interleaved, so that a slower machine affects all of them.
+        Renders of the backends are interleaved, so that a slowdown of the machine affects all of them.
         """
         try:
             for candidate in self.candidates:
@@ -217,7 +236,7 @@ class CellRun:
             self._pictures.clear()
 
     def _attempt(self, candidate: Candidate, step: Callable[..., object], *arguments: float) -> None:
-        """Run a step of a backend, unless it failed before; note an error."""
+        """Call `step` with a backend, unless that has failed before; an error becomes the reason of its failure."""
         if candidate.backend in self.failures:
             return
         try:
@@ -227,8 +246,10 @@ class CellRun:
             self.report(f"{self.cell}: {candidate.backend} fails and is left out: {error}")
 
     def _obtain_reference(self, candidate: Candidate) -> None:
+        """Read the reference of a backend from the cache, or render it."""
         options = self.options
         finer = _ENOUGH_PARTS if options.enough else 1
+        # The samples of a part, and the number of parts.
         amount = max(options.samples[-1] // finer, 2), options.reference * finer
 
         def report(text: str) -> None:
@@ -239,11 +260,15 @@ class CellRun:
         )
 
     def _render(self, candidate: Candidate, samples: int, seed: int) -> TimedPicture:
+        """Render once, and denoise if the options request it and the backend can."""
         sampling = {"denoise": "measured"} if self.options.denoise and candidate.denoises else {}
         return candidate.render(samples, seed, **sampling)
 
     def _measure(self, candidate: Candidate, repeat: int, samples: int, seed: int) -> None:
-        """Render once, which gives a measurement, or two of a picture that is denoised."""
+        """Render once, and record a measurement of the raw picture, and another one if the render is denoised.
+
+        The first repeat also decides whether these samples suffice (see `_max_samples`).
+        """
         rendered = self._render(candidate, samples, seed)
         pictures: dict[PictureKind, TimedPicture] = {"raw": rendered.raw or rendered}
         pictures |= {"denoised": rendered} if rendered.raw else {}
@@ -256,7 +281,10 @@ class CellRun:
             self._max_samples[candidate.backend] = samples
 
     def _render_to_aim(self, candidate: Candidate, repeat: int) -> None:
-        """Render until an error is estimated, raw and denoised; only once if the most samples do not suffice."""
+        """Render with ``exact`` until it estimates the error `BenchOptions.aim`, without denoising and with it.
+
+        A kind of picture that does not reach the error with the most samples is rendered only once.
+        """
         aim = self.options.aim
         if aim is None or candidate.backend != EXACT:
             return
@@ -271,28 +299,30 @@ class CellRun:
                 self._out_of_reach.add(way)
 
     def _record_picture(self, series: Series, repeat: int, seed: int, picture: TimedPicture) -> Measurement:
-        verdict = self.references[series.backend].measure_error(picture)
+        """Measure the error of a picture, and append the measurement."""
+        measured = self.references[series.backend].measure_error(picture)
         figures = {name: getattr(picture, name) for name in ("samples", "seconds", "estimate", "memory", "renderer")}
         row = Measurement(
-            **asdict(self.cell), **series._asdict(), repeat=repeat, seed=seed, **figures, **asdict(verdict)
+            **asdict(self.cell), **series._asdict(), repeat=repeat, seed=seed, **figures, **asdict(measured)
         )
         self.measurements.append(row)
-        error = "lost in the noise of its reference" if verdict.relmse is None else f"relMSE {verdict.relmse:.2e}"
+        error = "lost in the noise of its reference" if measured.relmse is None else f"relMSE {measured.relmse:.2e}"
         self.report(f"{self.cell}: {series}: {picture.samples} samples, {picture.seconds:.2f} s, {error}")
         return row
 
     def _curve(self, series: Series) -> tuple[CurvePoint, ...]:
+        """Return the points of a series' curve, by increasing samples, each from the pictures of all repeats."""
         points = []
         for samples in self.options.samples:
             if pictures := self._pictures.get((series, samples)):
-                verdict = self.references[series.backend].measure_error(*pictures)
+                measured = self.references[series.backend].measure_error(*pictures)
                 seconds = statistics.median(picture.seconds for picture in pictures)
-                points.append(CurvePoint(**asdict(verdict), samples=samples, seconds=seconds))
+                points.append(CurvePoint(**asdict(measured), samples=samples, seconds=seconds))
         return tuple(points)
 
     @property
     def skips(self) -> dict[str, tuple[str, ...]]:
-        """The skips of each backend."""
+        """The `Candidate.skips` of each backend, by its name."""
         return {candidate.backend: candidate.skips for candidate in self.candidates}
 
     def measurements_of(self, series: Series) -> list[Measurement]:
@@ -300,13 +330,13 @@ class CellRun:
         return [row for row in self.measurements if row.series == series]
 
     def times(self, series: Series, target: float) -> Times:
-        """Return the seconds of a series to a relMSE."""
+        """Return the seconds that a series takes to the relMSE `target`."""
         times = [reached.value for reached in self._efforts_of_repeats(series, target) if reached is not None]
         value = self._effort_to_error(series, self.curves.get(series, ()), target)
         return Times(value, min(times, default=None), max(times, default=None))
 
     def ratio(self, other: Series, target: float) -> Ratio | None:
-        """Return the time of ``exact`` over that of a series; None where one of them was not measured."""
+        """Return the time of ``exact`` to the relMSE `target` over that of a series; None if one was not measured."""
         pair = Series(EXACT, other.way), other
         if other.backend == EXACT or not all(series in self.curves for series in pair):
             return None
@@ -322,7 +352,7 @@ class CellRun:
         return Ratio(value, min(spread, default=None), max(spread, default=None), *other, target, by_samples)
 
     def _efforts_of_repeats(self, series: Series, target: float) -> list[CurveEffort | None]:
-        """Return the seconds to a relMSE of each repeat alone."""
+        """Return the seconds to the relMSE `target` on the curve of each repeat alone."""
         rows = [[row for row in self.measurements if (row.series, row.repeat) == (series, repeat)]
                 for repeat in range(self.options.repeats)]  # fmt: skip
         return [self._effort_to_error(series, points, target) for points in rows]
@@ -334,20 +364,22 @@ class CellRun:
         target: float,
         effort: str = "seconds",
     ) -> CurveEffort | None:
-        """Return the seconds, or samples, to a relMSE on the curve of points whose relMSE is known."""
+        """Return the effort, seconds or samples, to the relMSE `target` on the curve through points of known relMSE."""
         certain = [(getattr(point, effort), point.relmse) for point in points if point.relmse is not None]
         curve = [value for value, _ in certain], [relmse for _, relmse in certain]
         if not self.options.independent:
             return effort_to_error(*curve, target)
-        # What a denoiser leaves falls more slowly than noise.
+        # Raw noise is extrapolated without limit, with the slope of independent samples. The error of a denoised
+        # picture falls more slowly, so its slope may be smaller, and its extrapolation is limited.
         raw = series.way == "raw"
         limit = None if raw else _MAX_EXTRAPOLATION_DENOISED
         return effort_to_error(*curve, target, limit=limit, slopes=(float(raw), 1.0))
 
     def _cost_ratio(self, exact: Series, other: Series) -> float | None:
-        """Return the time of a sample of one over that of another: the median over renders that followed each other.
+        """Return the time of a sample of the series `exact` over that of `other`: the median over consecutive renders.
 
-        The renders are those of the most samples that both have, where the fixed cost of a frame matters least.
+        The renders are those with the most samples that both series have, because the fixed cost of a frame matters
+        least there.
         """
         ours, theirs = ({(row.samples, row.repeat): row.seconds for row in self.measurements if row.series == series}
                         for series in (exact, other))  # fmt: skip

@@ -1,8 +1,10 @@
 """A render worker for Mitsuba 3's own principled BSDF: ``python -m lookdev.bench.mitsuba_worker``.
 
-The protocol is that of `lookdev.cycles`: frame tasks on standard input, answers on standard output. Blender's sockets
-of a `PrincipledSource` are translated to Mitsuba's ``principled``; the models differ, so pictures are only similar.
-`samples`, `seed` and `bounces` are those of Cycles. The variant of Mitsuba compiles kernels with LLVM.
+The benchmark starts it for the backend `mitsuba-principled`. The protocol is that of the worker in `lookdev.cycles`:
+frame tasks on standard input, answers on standard output. A task contains a `PrincipledSource`, with values for the
+sockets of Blender's Principled BSDF. The worker translates them to Mitsuba's ``principled``. The models differ, so the
+pictures of the two renderers are only similar. `samples`, `seed` and `bounces` mean the same as for Cycles. The variant
+of Mitsuba compiles kernels with LLVM.
 """
 
 from __future__ import annotations
@@ -37,9 +39,9 @@ from lookdev.rendering.task import FrameTask
 VARIANT = "llvm_ad_rgb"
 
 _TRIAL_TIMEOUT = 300.0  # seconds
-_FEATURE_SAMPLES = 16  # of the albedo and the normal that guide the denoiser: the number that Cycles' features have
+_FEATURE_SAMPLES = 16  # samples of the albedo and normal that guide the denoiser: as many as the worker of Cycles takes
 
-# Mitsuba's local frame of an environment has y up: x, y, z there are the world's y, z, x.
+# Mitsuba's environment map has a local frame with y up. Its axes x, y, z are the axes y, z, x of the world.
 _Y_UP_TO_Z_UP = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 
 _TRIAL_SCENE = {
@@ -50,7 +52,7 @@ _TRIAL_SCENE = {
 
 
 def main() -> None:
-    """Serve until the input ends."""
+    """Render tasks from standard input until it ends; consecutive tasks with the same scene share it."""
     answers = AnswerStream()
     mi = load_mitsuba()
     answers.send_ready(f"mitsuba {mi.__version__} {VARIANT}")
@@ -67,7 +69,7 @@ def main() -> None:
 
 
 def load_mitsuba() -> Any:
-    """Import Mitsuba; raises RenderError where it, or an LLVM for it, is not installed."""
+    """Import Mitsuba and set its variant; raises RenderError if Mitsuba, or an LLVM for it, is not installed."""
     os.environ[LLVM_VARIABLE] = find_llvm()
     mi: Any = importlib.import_module("mitsuba")
     mi.set_variant(VARIANT)
@@ -75,7 +77,10 @@ def load_mitsuba() -> Any:
 
 
 def check_mitsuba() -> None:
-    """Raise RenderError if Mitsuba cannot render here; a child process tries it, because some LLVMs crash."""
+    """Raise RenderError if Mitsuba cannot render on this machine.
+
+    A child process renders a trial, because some versions of LLVM crash the process.
+    """
     llvm = find_llvm()
     command = (sys.executable, "-m", "lookdev.bench.mitsuba_worker", "--try")
     environment = os.environ | {LLVM_VARIABLE: llvm}
@@ -89,14 +94,18 @@ def check_mitsuba() -> None:
 
 
 def principled_bsdf(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
-    """Return Mitsuba's ``principled`` for Blender's sockets; raises RenderError for one without a counterpart."""
+    """Return Mitsuba's ``principled`` for values by the names of Blender's sockets.
+
+    Raises RenderError for a socket without a counterpart.
+    """
     bsdf: dict[str, Any] = {"type": "principled"}
     for name, value in inputs.items():
         match name, value:
             case "Base Color", tuple():
                 bsdf["base_color"] = {"type": "rgb", "value": list(value)}
             case "Coat Roughness", float():
-                # alpha is roughness squared in Blender, 0.1 - 0.099 gloss in Mitsuba (Burley 2012, 5.5).
+                # The alpha of the coat's microfacets is roughness squared in Blender. In Mitsuba, alpha is
+                # 0.1 - 0.099 gloss (Burley 2012, 5.5).
                 bsdf["clearcoat_gloss"] = min(1.0, max(0.0, (0.1 - value**2) / 0.099))
             case "Coat Weight", float():
                 # Mitsuba's clearcoat has a quarter of the strength of Blender's coat, as Burley's has.
@@ -109,7 +118,10 @@ def principled_bsdf(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str
 
 
 def build_scene(mi: Any, task: FrameTask) -> Any:
-    """Build a scene about the origin at the task's pose."""
+    """Build Mitsuba's scene of a task, with the centre of the asset at the origin.
+
+    The asset does not turn: the camera and the light turn the other way.
+    """
     scene, pose = task.scene, task.pose
     source, camera = scene.shaders[0], scene.camera.orbit(-pose.element)
     if not isinstance(source, PrincipledSource):
@@ -120,7 +132,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
         raise RenderError("the bench renders with Mitsuba through pinholes without lens shift only")
     asset, transform = read_asset(scene.asset.path), mi.ScalarTransform4f
     (image,) = native_images(scene.lights)
-    # Only the radiance: the file has other channels.
+    # The file has further channels; the conversion leaves the radiance only.
     radiance = mi.Bitmap(str(image.path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
     right, up, back = camera.frame
@@ -128,7 +140,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     to_world = np.eye(4)
     to_world[:3] = np.stack([-right, up, -back, camera.position - asset.center], axis=1)
     width, height = scene.resolution
-    # Depth 1 is light seen directly, 2 is light reflected once.
+    # Depth 1 is light seen directly, 2 is light reflected once. Russian roulette would begin at depth 1000: never.
     depths = {"max_depth": scene.sampling.bounces + 2, "rr_depth": 1000}
     film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba", "rfilter": {"type": "box"}}
     bsdf = mi.load_dict(principled_bsdf(source.inputs))
@@ -154,9 +166,10 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
 
 
 def corner_meshes(asset: Asset) -> Iterator[tuple[Floats32, Floats32, Floats32]]:
-    """Yield each instance as triangles about the centre: positions, normals and UVs of their corners (3 t, ...).
+    """Yield the positions (3 t, 3), normals (3 t, 3) and UVs (3 t, 2) of the corners of each instance's t triangles.
 
-    The UVs are those of the mesh's first set, or 0 if it has none: looks of constants do not read them.
+    Positions are relative to the centre of the asset. UVs are the first set of the mesh. They are 0 if it has none:
+    this backend renders looks of constants only, which do not read UVs.
     """
     triangles = [triangulate(mesh) for mesh in asset.meshes]
     for instance in asset.instances:
@@ -169,6 +182,7 @@ def corner_meshes(asset: Asset) -> Iterator[tuple[Floats32, Floats32, Floats32]]
 
 
 def _make_mesh(mi: Any, bsdf: Any, positions: Floats32, normals: Floats32, uvs: Floats32) -> Any:
+    """Return Mitsuba's mesh of the corners that `corner_meshes` yields; triangles share no vertices."""
     properties = mi.Properties()
     properties["bsdf"] = bsdf
     counts = len(positions), len(positions) // 3
@@ -183,15 +197,16 @@ def _make_mesh(mi: Any, bsdf: Any, positions: Floats32, normals: Floats32, uvs: 
 
 
 def _render_frame(mi: Any, scene: Any, task: FrameTask, answers: AnswerStream) -> None:
+    """Render a frame once, denoise it if the task requests that, and send it; both halves are the same picture."""
     sampling = task.scene.sampling
     start = time.perf_counter()
-    # The copy waits for the render.
+    # Mitsuba renders asynchronously. The copy waits for the pixels, so the time includes the whole render.
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     image, alpha = pixels[..., :3], pixels[..., 3]
     seconds = time.perf_counter() - start
     frame = RenderedFrame(image, image, alpha, sampling.samples, seconds, math.nan)
     if sampling.denoise != "off":
-        # Guided by albedos and normals, as Mitsuba shows them.
+        # Albedo and shading normal of each pixel guide the denoiser.
         aovs = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
         features = np.array(mi.render(scene, integrator=aovs, spp=_FEATURE_SAMPLES, seed=sampling.seed), np.float32)
         smooth = make_denoiser(np.clip(features[..., -6:-3], 0.0, 1.0), features[..., -3:])(image)
@@ -203,7 +218,7 @@ def _render_frame(mi: Any, scene: Any, task: FrameTask, answers: AnswerStream) -
 
 
 def _is_same_scene(task: FrameTask, other: FrameTask) -> bool:
-    """Return whether poses and scenes are equal except for samples and seed."""
+    """Return whether two tasks have the same pose, and the same scene except for samples, seed and denoising."""
     scene = replace(task.scene, sampling=replace(other.scene.sampling, bounces=task.scene.sampling.bounces))
     return (scene, task.pose) == (other.scene, other.pose)
 

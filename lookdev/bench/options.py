@@ -1,4 +1,7 @@
-"""Options of a benchmark: what is measured, from a command line and its defaults."""
+"""The options of the benchmarks: which scenes, lights, looks and backends are rendered, and with which numbers.
+
+`lookdev bench` parses them from its command line; each benchmark can have defaults of its own.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +16,13 @@ from lookdev.bench.subjects import IBLS, LOOKS, RIGS, SCENES
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.rendering.backends import BACKENDS
 
-MAX_SAMPLES = 1 << 14
+MAX_SAMPLES = 1 << 14  # per pixel
 MAX_REPEATS = 64
 SEEDS = 128
-"""The number of seeds of a benchmark; each contains `MAX_REPEATS` times 16 of a renderer's seeds."""
+"""The number of values of the option `seed`. Each stands for `MAX_REPEATS` times 16 seeds of a renderer."""
 
 QUARTERS = 4
-"""Parts of a sequence whose growth is measured."""
+"""The number of parts into which `growth` divides a sequence of frames, to compare their times."""
 
 _NAMES: dict[str, tuple[str, dict[str, str]]] = {
     "scenes": ("scene", {name: scene.help for name, scene in SCENES.items()}),
@@ -27,7 +30,7 @@ _NAMES: dict[str, tuple[str, dict[str, str]]] = {
     "looks": ("look", {name: look.help for name, look in LOOKS.items()}),
     "backends": ("backend", {name: backend.help for name, backend in BACKENDS.items()}),
 }
-"""Of each option of names: what a name is of, and all names with their descriptions."""
+"""For each option that is a list of names: the noun for such a name, and all valid names with their descriptions."""
 
 _RANGES: dict[str, tuple[int, float, str]] = {
     "resolution": (16, 4096, "resolution {}: it is from {} to {} pixels"),
@@ -36,11 +39,12 @@ _RANGES: dict[str, tuple[int, float, str]] = {
     "frames": (QUARTERS, math.inf, "{} frames: their first quarter needs at least {}"),
     "reference": (4, 1024, "a reference of {} times the largest count: from {} to {}"),
 }
+"""For each option that is a number: the least value, the largest, and the message if a value is out of this range."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One scene, one light, of `IBLS` or `RIGS`, and one look."""
+    """One scene, one light and one look, which are rendered together. `ibl` is a name in `IBLS` or in `RIGS`."""
 
     scene: str
     ibl: str
@@ -52,9 +56,9 @@ class Cell:
 
 @dataclass(frozen=True)
 class BenchOptions:
-    """A choice of what is measured; the defaults take about ten minutes on two cores.
+    """The choice of cells, backends and samples of a benchmark; the defaults take about ten minutes on two cores.
 
-    Raises LookdevError for unknown names, and numbers out of their ranges.
+    Raises LookdevError for unknown names, and for numbers out of their ranges.
     """
 
     scenes: tuple[str, ...] = ("sphere", "shaderball", "suzanne")
@@ -62,18 +66,19 @@ class BenchOptions:
     looks: tuple[str, ...] = ("plastic",)
     backends: tuple[str, ...] = ("exact", "principled")
     samples: tuple[int, ...] = (4, 16, 64)  # per pixel, increasing powers of two
-    resolution: int = 256  # the side of the frame
-    repeats: int = 3  # renders of each number of samples
+    resolution: int = 256  # the side of the square frame, pixels
+    repeats: int = 3  # renders with each number of samples
     seed: int = 0
-    reference: int = 8  # samples of a reference, at least, over the largest count
-    fresh: bool = field(default=False, compare=False)  # references are rendered again
-    frames: int = 100  # of the sequence whose growth is measured
-    targets: tuple[float, ...] = (1e-3, 1e-4)  # relMSE to which the time is measured
-    denoise: bool = False  # each render is denoised too
-    aim: float | None = None  # exact is also rendered until it estimates this relMSE
-    until: float = 0.0  # relMSE below which a backend is rendered with no more samples
-    enough: float = 0.0  # relMSE of a reference below which it takes no more samples
-    independent: bool = False  # curves are extrapolated far, as those of independent samples
+    reference: int = 8  # the least samples of a reference, in multiples of the largest of `samples`
+    fresh: bool = field(default=False, compare=False)  # references are rendered again, not read from the cache
+    frames: int = 100  # of the sequence that `growth` measures, or of the denoise trial
+    targets: tuple[float, ...] = (1e-3, 1e-4)  # the relMSEs to which the time is measured
+    denoise: bool = False  # each render is also denoised
+    aim: float | None = None  # the backend `exact` also renders until it estimates this relMSE
+    until: float = 0.0  # a backend that reaches this relMSE is not rendered with more samples
+    enough: float = 0.0  # a reference with this relMSE takes no more samples
+    # Curves are extrapolated as those of independent samples: relMSE times samples stays constant.
+    independent: bool = False
 
     def __post_init__(self) -> None:
         for option, (kind, names) in _NAMES.items():
@@ -88,7 +93,7 @@ class BenchOptions:
                 raise LookdevError(message.format(getattr(self, option), low, high))
 
     def cells(self) -> Iterator[Cell]:
-        """Yield the cells in order."""
+        """Yield every combination of a scene, a light and a look, in order."""
         return starmap(Cell, product(self.scenes, self.ibls, self.looks))
 
     def backends_of(self, cell: Cell) -> tuple[str, ...]:
@@ -106,8 +111,9 @@ def parse_options(
 ) -> BenchOptions:
     """Return the options of a command line; raises as `BenchOptions`.
 
-    `lists` are those of names and ``samples``, separated by commas, empty for the default; `numbers` are other fields,
-    None for the default. `defaults` are those of the kind of benchmark; `everything` makes all names the default.
+    `lists` maps an option to its text: names, or numbers of samples, with commas between. `numbers` maps other fields
+    to their values. An empty text or None stands for the default. `defaults` has the defaults of the benchmark; with
+    `everything`, all valid names are the default.
     """
     names = {option: tuple(valid) for option, (_, valid) in _NAMES.items()} if everything else {}
     texts = {option: tuple(map(str.strip, text.split(","))) for option, text in lists.items() if text.strip()}
@@ -121,9 +127,9 @@ def parse_options(
 
 
 def restrictions(options: BenchOptions, defaults: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of the fields that restrict a benchmark to a part of it.
+    """Return the names of the options that differ from the defaults, so that only a part of a benchmark is measured.
 
-    Another seed, and more samples of references, restrict nothing.
+    Another seed or another number of samples for references does not count.
     """
     whole = replace(BenchOptions(**defaults), seed=options.seed, reference=options.reference)
     compared = (option.name for option in fields(BenchOptions) if option.compare)
@@ -131,7 +137,7 @@ def restrictions(options: BenchOptions, defaults: Mapping[str, Any]) -> tuple[st
 
 
 def list_names() -> str:
-    """Return all names with their descriptions."""
+    """Return the text of `lookdev bench --list`: all valid names of each option, with their descriptions."""
     width = max(len(name) for _, names in _NAMES.values() for name in names)
     lines = []
     for option, (_, names) in _NAMES.items():
@@ -140,6 +146,7 @@ def list_names() -> str:
 
 
 def _check_names(kind: str, names: Sequence[str], valid: Sequence[str]) -> None:
+    """Raise LookdevError unless all names are valid and different; `kind` is the noun for such a name."""
     if not names:
         raise LookdevError(f"no {kind} is given; known: {', '.join(valid)}")
     for name in names:

@@ -1,10 +1,12 @@
-"""Measures where a second of rendering goes: parts of the shader of ``exact`` are switched off, one after another.
+"""Benchmark that shows where a second of rendering goes: it switches off parts of the ``exact`` shader step by step.
 
-Each stage leaves out one more part than the previous stage. The time of a part is the difference of the two in the same
-repeat, so the times of all parts add up to that of the frame. Sections of the shader are replaced by the cheapest lines
-that set the variables that other sections read; code that only a missing part needs is compiled away with it. Without
-rays no light is occluded, so that code after a ray runs more often. Each stage is rendered in a process of its own;
-stages are interleaved.
+A stage is the scene with some parts switched off: one part more than in the stage before it. The time of a part is the
+difference between these two stages in the same repeat, so the times of all parts add up to that of the frame.
+
+A part of the shader is switched off in this way: the cheapest lines replace its sections, and set the variables that
+other sections read. The compiler then removes code that only this part needs. One effect remains: without rays, no
+light is occluded, so code after a ray runs more often. Each stage is rendered in a process of its own. The renders of
+the stages are interleaved.
 """
 
 from __future__ import annotations
@@ -25,10 +27,11 @@ from lookdev.errors import LookdevError
 from lookdev.rendering.task import FrameTask, SceneTask, frame_task
 from lookdev.scene import Sampling
 
-FEW_SAMPLES = 2  # samples a pixel, to measure the fixed cost of a frame
+FEW_SAMPLES = 2  # samples a pixel of the stage that measures the fixed cost of a frame
 
-# In the order in which sections are left out, with the lines that replace them. Code that sets `wi` is left out after
-# code that reads it, because a loop with a constant direction computes everything only once.
+# Each stage replaces the sections of one more element; an element maps names of sections to the lines that replace
+# them. `wi` is a direction towards the light. Sections that read it are left out before those that set it, because a
+# loop over directions that are all the same computes everything only once.
 _SECTIONS: tuple[Mapping[str, tuple[str, ...]], ...] = (
     {"light_lookup": ("radiance = 1;",), "light_density": ("density += 1;",)},
     {
@@ -43,6 +46,7 @@ _SECTIONS: tuple[Mapping[str, tuple[str, ...]], ...] = (
     {"light_setup": (), "light_sample": ("wi = n;", "radiance = 1;")},
     {"sample": ("wi_x = 0;", "wi_y = 0;", "wi_z = 1;")},
 )
+# The shader of a surface that reflects nothing.
 _EMPTY = """#include "stdosl.h"
 shader lookdev_surface(LOOK_PARAMETERS vector shading_normal = 0, output closure color surface = 0)
 {
@@ -60,12 +64,15 @@ PARTS = (
     "camera rays and film",
     "Blender, whatever the samples",
 )
-"""By stage."""
+"""The parts of a frame, in the order in which stages leave them out. The last one is the cost that remains."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A scene that lacks a part that the stage before it has, the part's name, whether it has `FEW_SAMPLES` samples."""
+    """A scene without the part with a name, which the stage before it still has.
+
+    With `has_few_samples` it is rendered with `FEW_SAMPLES` samples, otherwise with those of the options.
+    """
 
     part: str
     scene: SceneTask
@@ -74,7 +81,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class CellProfile:
-    """Seconds of a frame, and the share of each part of it: medians, and extremes over the repeats."""
+    """The profile of a cell: the median seconds of a frame, and the share of each part, by its name in `PARTS`."""
 
     scene: str
     ibl: str
@@ -85,7 +92,7 @@ class CellProfile:
 
 @dataclass(kw_only=True)
 class ProfileBenchmark(Benchmark):
-    """Where a second of rendering goes, by parts of the shader that are switched off."""
+    """The benchmark that divides the time of a frame among parts of the shader, of Cycles and of Blender."""
 
     NAME = "profile"
     FILE = "profile.json"
@@ -103,7 +110,7 @@ class ProfileBenchmark(Benchmark):
     cells: list[CellProfile] = field(default_factory=list)
 
     def check(self) -> None:
-        """Raise LookdevError for rigs, for several counts of samples, and for a count of at most `FEW_SAMPLES`."""
+        """Raise LookdevError for rigs, for several numbers of samples, and for a number of at most `FEW_SAMPLES`."""
         if rigs := [ibl for ibl in self.options.ibls if ibl not in IBLS]:
             raise LookdevError(f"the profile is of maps, not of rigs: {', '.join(rigs)}; known: {', '.join(IBLS)}")
         if len(self.options.samples) != 1 or self.options.samples[0] <= FEW_SAMPLES:
@@ -119,7 +126,11 @@ class ProfileBenchmark(Benchmark):
             yield
 
     def _measure_cell(self, cell: Cell) -> CellProfile:
-        """Return the shares of a cell; Blender's fixed cost is extrapolated linearly to 0 samples."""
+        """Return the profile of a cell.
+
+        The last two stages have an empty shader, with all samples and with `FEW_SAMPLES`. From their times the fixed
+        cost of Blender is extrapolated linearly to 0 samples.
+        """
         options, stages = self.options, stages_of(cell, self.options.resolution)
         samples, repeats = options.samples[0], []
 
@@ -130,6 +141,7 @@ class ProfileBenchmark(Benchmark):
         for frames in render_in_turn(stages, task, options.repeats, self.open_process):
             repeats.append([frame.seconds for frame in frames])
             self.report(f"{cell}: {repeats[-1][0]:.2f} s, repeat {len(repeats)} of {options.repeats}")
+        # The seconds of each stage, (repeats,) each. The last two stages are those with the empty shader.
         *seconds, empty, few = np.transpose(repeats)
         film = (empty - few) * samples / (samples - FEW_SAMPLES)
         parts = [*(before - after for before, after in pairwise([*seconds, empty])), film, empty - film]
@@ -155,7 +167,7 @@ class ProfileBenchmark(Benchmark):
 
 
 def stages_of(cell: Cell, resolution: int) -> list[Stage]:
-    """Return the stages of a cell, the whole frame first; of parts that its shader lacks there is none."""
+    """Return the stages of a cell, the whole frame first; a part that its shader does not have has no stage."""
     look, lights = LOOKS[cell.look].make(), (bench_light(cell.ibl),)
     whole = bench_scene(cell.scene, look, lights, resolution)
     source = whole.shaders[0]
@@ -163,8 +175,9 @@ def stages_of(cell: Cell, resolution: int) -> list[Stage]:
     brdf_samples, ibl_samples = source.directions
 
     def without_bounces(shadows: bool, left_out: int = 0) -> SceneTask:
+        """Return the scene without indirect light, with or without shadow rays, and without some of `_SECTIONS`."""
         lines = {name: section for sections in _SECTIONS[:left_out] for name, section in sections.items()}
-        # Numbers of directions otherwise depend on the bounces.
+        # The numbers of directions are set because their defaults depend on the bounces.
         sampling = Sampling(brdf_samples=brdf_samples, ibl_samples=ibl_samples, bounces=0)
         shader = generate_surface(look, SourceSetting(lights, whole.resolution, sampling, shadows), lines)
         return replace(whole, shaders=(shader,), sampling=replace(whole.sampling, bounces=0))

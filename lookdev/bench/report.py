@@ -1,4 +1,7 @@
-"""Tables and plots of cells and of growth: times to an error, ratios, estimates, bias and memory; small SVGs."""
+"""Tables and SVG plots of the benchmarks of time against error (`matrix`) and of growth (`growth`).
+
+The tables show times to an error, their ratios, estimated errors, bias and memory.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ from lookdev.bench.options import BenchOptions
 from lookdev.cache import atomic_path
 
 BIAS_LIMIT = 5.0
-"""Standard errors of a bias beyond which it is reported."""
+"""A bias is reported if it is larger than this number of its standard errors."""
 
 COLORS = {
     "exact": "C0",
@@ -40,9 +43,9 @@ COLORS = {
     "nodes": "C4",
     "nodes-exact": "C5",
 }
-"""Of the backends' curves; another backend's are black."""
+"""The colour of each backend's curves; curves of other backends are black."""
 
-# Text stays text, which is small, and the same figures are the same file.
+# Letters are stored as text, which is small. With a fixed salt for ids, equal figures are equal files.
 _STYLE: Any = {"svg.hashsalt": "lookdev", "svg.fonttype": "none", "font.size": 8.0, "path.simplify": False}
 _TITLES = {"mitsuba": "`mitsuba`", "principled": "Blender's Principled", "mitsuba-principled": "Mitsuba's principled"}
 _LEGEND = (
@@ -54,7 +57,7 @@ _LEGEND = (
 
 
 def cell_blocks(cells: Sequence[CellRun], options: BenchOptions) -> Iterator[str | TextTable]:
-    """Yield the tables of times, of the most samples and of estimates, with their headings."""
+    """Yield tables of times to an error, of renders with the most samples and of estimated errors, with headings."""
     if not cells:
         return
     all_series = list(dict.fromkeys(series for cell in cells for series in cell.curves))
@@ -83,7 +86,10 @@ def cell_blocks(cells: Sequence[CellRun], options: BenchOptions) -> Iterator[str
 
 
 def _time_rows(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind, target: float) -> Iterator[list[str]]:
-    """Yield a row for each cell, then geometric means for each scene, and of all."""
+    """Yield a row for each cell, then rows with geometric means over the cells of each scene, and over all cells.
+
+    `others` are the backends beside ``exact``, `way` is the kind of picture, and `target` the relMSE.
+    """
     cells = [cell for cell in cells if any(series.way == way for series in cell.curves)]
     for cell in cells:
         row = [str(cell.cell), _seconds_text(cell, Series(EXACT, way), target)]
@@ -102,6 +108,10 @@ def _time_rows(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind
 
 
 def _mean_text(values: Sequence[CurveEffort | None]) -> str:
+    """Return the geometric mean of ratios as text.
+
+    Missing ratios and bounds are left out. If there are any, the text also has the number of ratios in the mean.
+    """
     ratios = [value.value for value in values if value is not None and value.mark in ("", "~")]
     if not ratios:
         return "-"
@@ -110,6 +120,7 @@ def _mean_text(values: Sequence[CurveEffort | None]) -> str:
 
 
 def _seconds_text(cell: CellRun, series: Series, target: float) -> str:
+    """Return the seconds of a series to the relMSE `target`, with the spread of the repeats, as text."""
     times = cell.times(series, target)
     if times.value is None:
         return "-"
@@ -117,6 +128,7 @@ def _seconds_text(cell: CellRun, series: Series, target: float) -> str:
 
 
 def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
+    """Return the texts of a ratio by times, with its spread, and by samples."""
     if ratio is None or ratio.value is None:
         return "-", "-"
     by_samples = "-" if ratio.by_samples is None else f"{ratio.by_samples.mark}{ratio.by_samples.value:.2f}"
@@ -125,6 +137,7 @@ def _ratio_texts(ratio: Ratio | None) -> tuple[str, str]:
 
 
 def _point_text(curve: Sequence[CurvePoint] | None) -> str:
+    """Return the samples, seconds and relMSE of the last point of a curve as text."""
     if not curve:
         return "-"
     error = "uncertain" if curve[-1].relmse is None else f"{curve[-1].relmse:.2e}"
@@ -132,7 +145,10 @@ def _point_text(curve: Sequence[CurvePoint] | None) -> str:
 
 
 def _estimate_rows(cells: Sequence[CellRun]) -> Iterator[list[str]]:
-    """Yield a row for each cell whose frames estimate their errors, then one of all."""
+    """Yield a row for each cell that ``exact`` has rendered, then a row for all cells.
+
+    A row has the ratios of estimated to true error, and the figures of aimed frames (see `PictureKind`).
+    """
     rows_of_all: Mapping[PictureKind, list[Measurement]] = {way: [] for way in PICTURES}
     for cell in cells:
         if cell.measurements_of(Series(EXACT)):
@@ -142,19 +158,21 @@ def _estimate_rows(cells: Sequence[CellRun]) -> Iterator[list[str]]:
                 rows_of_all[way].extend(cell.measurements_of(Series(EXACT, way)))
             yield [
                 *row,
-                *_aimed_cells(cell.measurements_of(Series(EXACT, "aimed"))),
-                *_aimed_cells(cell.measurements_of(Series(EXACT, "aimed, denoised"))),
+                *_aimed_texts(cell.measurements_of(Series(EXACT, "aimed"))),
+                *_aimed_texts(cell.measurements_of(Series(EXACT, "aimed, denoised"))),
             ]
     if any(rows_of_all.values()):
         yield ["all", *map(_estimate_ratio_text, rows_of_all.values()), *[""] * 6]
 
 
 def _estimate_ratio_text(rows: Sequence[Measurement]) -> str:
+    """Return the median ratio of estimated to true relMSE, with its extremes, as text."""
     ratios = [row.estimate / row.relmse for row in rows if row.estimate is not None and row.relmse]
     return Spread.of(ratios).text() if ratios else "-"
 
 
-def _aimed_cells(rows: Sequence[Measurement]) -> tuple[str, str, str]:
+def _aimed_texts(rows: Sequence[Measurement]) -> tuple[str, str, str]:
+    """Return the seconds, samples and true relMSE of aimed frames as texts."""
     if not rows:
         return "-", "-", "-"
     errors = [row.relmse for row in rows if row.relmse is not None]
@@ -164,7 +182,7 @@ def _aimed_cells(rows: Sequence[Measurement]) -> tuple[str, str, str]:
 
 
 def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | TextTable]:
-    """Yield a table for each quantity, a row for each size, with its heading."""
+    """Yield a heading and a table for each quantity; a table has a row for each size."""
     for name in dict.fromkeys(result.of for result in growth):
         group = [result for result in growth if result.of == name]
         rows: dict[int, list[str]] = {
@@ -182,7 +200,7 @@ def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | TextTable]:
 
 
 def bias_and_memory(cells: Sequence[CellRun]) -> TextTable:
-    """Return a table of the bias at the most samples, and the memory, of each series of each cell."""
+    """Return a table with the bias at the most samples and the peak memory, for each series of each cell."""
     rows = []
     for cell in cells:
         for series, curve in cell.curves.items():
@@ -194,21 +212,21 @@ def bias_and_memory(cells: Sequence[CellRun]) -> TextTable:
 
 
 def bias_warnings(cells: Sequence[CellRun]) -> list[str]:
-    """Return a line for each biased picture."""
+    """Return a message for each point of a raw curve whose bias exceeds `BIAS_LIMIT` standard errors."""
     return [
         f"{result.cell}: {series} with {point.samples} samples is off by {point.bias:+.2%}, "
         f"{abs(point.bias) / point.bias_error:.1f} standard errors: biased, or the cached reference is of another "
         "picture; --fresh makes a new one"
         for result in cells
         for series, curve in result.curves.items()
-        if series.way == "raw"  # what a denoiser smooths is biased
+        if series.way == "raw"  # denoised pictures are biased in any case
         for point in curve
         if abs(point.bias) > BIAS_LIMIT * point.bias_error
     ]
 
 
 def skip_lines(cells: Sequence[CellRun]) -> list[str]:
-    """Return the skips of backends, one line for all cells with the same skips."""
+    """Return lines with the `Candidate.skips` of each backend; cells with the same skips share a line."""
     names: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for result in cells:
         for key in result.skips.items():
@@ -219,13 +237,13 @@ def skip_lines(cells: Sequence[CellRun]) -> list[str]:
 
 
 def format_short(value: float) -> str:
-    """Return a number with three digits, not in powers of ten."""
+    """Return a number as text with about three significant digits and no exponent."""
     digits = max(0, 2 - math.floor(math.log10(value))) if value > 0.0 else 0
     return f"{value:.{min(digits, 4)}f}"
 
 
 def draw_curves(cells: Sequence[CellRun], targets: Sequence[float], folder: Path, prefix: str) -> list[Path]:
-    """Draw relMSE over seconds, an SVG for each look, a panel for each scene and light; return the files."""
+    """Draw relMSE over seconds, and return the files: an SVG for each look, with a panel for each scene and light."""
     files = []
     for look in dict.fromkeys(result.cell.look for result in cells):
         group = [result for result in cells if result.cell.look == look]
@@ -238,6 +256,7 @@ def draw_curves(cells: Sequence[CellRun], targets: Sequence[float], folder: Path
 
 
 def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
+    """Draw the curves of a cell and horizontal lines at the target errors; curves of denoised pictures are dashed."""
     for series, curve in result.curves.items():
         if points := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
             style = {"markersize": 3.0, "color": COLORS.get(series.backend, "black"), "label": str(series)}
@@ -251,7 +270,7 @@ def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
 
 
 def draw_growth(growth: Sequence[Growth], file: Path) -> Path:
-    """Draw seconds of a frame over what it grows with, a panel for each quantity; return the file."""
+    """Draw the seconds of a frame over its size, with a panel for each quantity; return `file`."""
     quantities = list(dict.fromkeys(result.of for result in growth))
     with _draw_panels(file, "seconds of a frame", len(quantities), 3) as panels:
         for axes, quantity in zip(panels, quantities, strict=True):
@@ -263,7 +282,7 @@ def draw_growth(growth: Sequence[Growth], file: Path) -> Path:
             axes.set(xlabel=quantity, ylabel="seconds", xscale="linear" if quantity == "frames" else "log")
             axes.set_xticks(sizes, [f"{size:,}" for size in sizes], minor=False)
             axes.xaxis.set_minor_locator(NullLocator())
-            if quantity == "pixels":  # in proportion to which seconds grow
+            if quantity == "pixels":  # seconds grow in proportion to pixels, a straight line in logarithms
                 axes.set_yscale("log")
                 _mark_round_numbers(axes.yaxis)
             else:
@@ -273,7 +292,7 @@ def draw_growth(growth: Sequence[Growth], file: Path) -> Path:
 
 @contextmanager
 def _draw_panels(file: Path, title: str, count: int, columns: int) -> Iterator[list[Any]]:
-    """Yield the panels of a figure, and write it with one legend for all, whose curves have the same names."""
+    """Yield `count` panels of a new figure, then write it to `file`, with one legend for the curves of all panels."""
     columns = min(columns, count)
     rows = math.ceil(count / columns)
     with mpl.rc_context(_STYLE):
@@ -292,7 +311,7 @@ def _draw_panels(file: Path, title: str, count: int, columns: int) -> Iterator[l
 
 
 def _mark_round_numbers(axis: Any) -> None:
-    """Mark few round numbers on a logarithmic axis."""
+    """Label a logarithmic axis at few round numbers: powers of ten, and on a short axis also their multiples."""
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -1,7 +1,8 @@
-"""Large assets: seconds and memory up to the first sample of a job, against Blender's own import of the same file.
+"""Benchmark of large assets: the seconds and the memory up to the first sample, of a job and of Blender's own import.
 
-The files have sizes of production. Each file is measured from the start of a fresh process. The processes run one after
-the other. The cache has only data of the light and the look, as after any earlier job; assets are derived anew.
+Both load the same USD files, which are as large as those of a production. Each load is timed from the start of a fresh
+process; the processes run one after the other. The cache has the data of the light and the look, as after any earlier
+job, but not those of the asset.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ IMPORT_MODULES: dict[ImportProgram, str] = {
 Elsewhere in this file, `way` is one of these keys: "lookdev", a job, or "blender", Blender's own import.
 """
 
-_SIDE, _LIGHT, _BOUNCES = 64, "studio", 2
+_SIDE, _LIGHT, _BOUNCES = 64, "studio", 2  # side of the frame in pixels, built-in light, bounces
 _LOOK = """#usda 1.0
 def Material "Grey"
 {
@@ -52,6 +53,7 @@ def Material "Grey"
 }
 """
 _ROOT = "/World"
+# A box of side 1: its corners (8, 3), the corners of each face (6, 4), and the UVs of the corners of all faces (24, 2).
 _CORNERS = np.array(list(product((-0.5, 0.5), repeat=3)), np.float32)
 _BOX = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]], np.int32)
 _UVS = np.tile(np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32), (len(_BOX), 1))
@@ -65,7 +67,7 @@ def write_quads(file: Path, side: int = 1000) -> None:
 
 
 def write_instances(file: Path, side: int = 100, faces: int = 100) -> None:
-    """Write a point instancer of ``side^2`` sheets, each of ``faces^2`` quads, side by side in a square of 2 m."""
+    """Write a point instancer of ``side^2`` wavy sheets, each of ``faces^2`` quads, side by side in a square of 2 m."""
     stage = _new_stage(file)
     instancer = UsdGeom.PointInstancer.Define(stage, f"{_ROOT}/many")
     _define_sheet(stage, f"{_ROOT}/many/sheet", faces)
@@ -77,7 +79,7 @@ def write_instances(file: Path, side: int = 100, faces: int = 100) -> None:
 
 
 def write_meshes(file: Path, count: int = 20_000) -> None:
-    """Write `count` boxes side by side in a square of 2 m. Each is a mesh; a hundred meshes make a group."""
+    """Write `count` boxes, each a mesh, side by side in a square of 2 m. Every hundred of them have a common parent."""
     stage = _new_stage(file)
     side = int(np.ceil(np.sqrt(count)))
     for number, center in enumerate(_cell_centers(side)[:count].tolist()):
@@ -90,7 +92,7 @@ def write_meshes(file: Path, count: int = 20_000) -> None:
 
 
 def _new_stage(file: Path) -> Any:
-    """Return a stage, z up, in metres, whose root binds a preview surface to all below it."""
+    """Create a stage with z up, in metres. Its root prim binds a UsdPreviewSurface material to all descendants."""
     stage = Usd.Stage.CreateNew(str(file))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
@@ -112,6 +114,7 @@ def _cell_centers(side: int) -> Floats:
 
 
 def _define_sheet(stage: Any, path: str, side: int) -> None:
+    """Add a wavy square of ``side^2`` quads, 2 m wide, to a stage."""
     u, v = np.meshgrid(*[np.linspace(0.0, 1.0, side + 1)] * 2)
     heights = 0.05 * np.sin(20.0 * u) * np.cos(17.0 * v)
     points = np.stack([2.0 * u - 1.0, 2.0 * v - 1.0, heights], axis=-1).reshape(-1, 3)
@@ -123,6 +126,10 @@ def _define_sheet(stage: Any, path: str, side: int) -> None:
 def _define_mesh(
     stage: Any, path: str, points: NDArray[Any], faces: NDArray[Any], uvs: NDArray[Any], uvs_of: str
 ) -> Any:
+    """Add a mesh to a stage: points (n, 3), corners of each face (faces, 4), and UVs of points or of corners of faces.
+
+    `uvs_of` is the interpolation of the UVs in USD: ``vertex`` or ``faceVarying``.
+    """
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points.astype(np.float32)))
@@ -134,14 +141,15 @@ def _define_mesh(
 
 
 CASES: dict[str, Callable[[Path], None]] = {"quads": write_quads, "instances": write_instances, "meshes": write_meshes}
+"""The functions that write the measured USD files, by the name of the file."""
 
 
 @dataclass(frozen=True)
 class StartTimes:
-    """The times of one process, in seconds from its start, until it has planned its frames and has its first sample.
+    """The times of one process in seconds from its start, and the peak memory of each of its processes in bytes.
 
-    With Blender's import, `planned` is the time when the import is done. `way` is the program, a key of
-    `IMPORT_MODULES`. `memory` has the peak of each of its processes in bytes.
+    `case` is a key of `CASES`. `planned` is the time when the frames are planned or, with Blender, when the import is
+    done. `sample` is the time of the first sample.
     """
 
     case: str
@@ -153,7 +161,10 @@ class StartTimes:
 
 @dataclass(kw_only=True)
 class ScaleBenchmark(Benchmark):
-    """Large assets up to the first sample, against Blender's own import."""
+    """The benchmark of large assets, from the start of a process to the first sample.
+
+    `cases` maps the name of a file to the function that writes it.
+    """
 
     NAME = "scale"
     FILE = "scale.json"
@@ -170,16 +181,16 @@ class ScaleBenchmark(Benchmark):
                 write(root / f"{case}.usdc")
             write_quads(root / "warm.usdc", side=2)
             (root / "grey.usda").write_text(_LOOK, encoding="utf-8")
-            _measure_start(root, "warm", "lookdev")  # tables of the light and compiled shaders
+            _measure_start(root, "warm", "lookdev")  # puts tables of the light and compiled shaders into the cache
             for repeat, case, way in product(range(repeats), self.cases, IMPORT_MODULES):
                 self.report(f"scale: {case}: {way}, {repeat + 1} of {repeats}")
                 self.starts.append(_measure_start(root, case, way))
                 yield
 
     def medians(self, case: str, way: ImportProgram) -> tuple[float, float, int]:
-        """Return the median seconds until frames are planned and until the first sample, and the largest memory.
+        """Return the median of `StartTimes.planned`, the median of `StartTimes.sample`, and the largest memory.
 
-        The memory, in bytes, is the sum over the processes of a run.
+        The memory of a run, in bytes, is the sum over its processes.
         """
         starts = [start for start in self.starts if (start.case, start.way) == (case, way)]
         planned, sample = (
@@ -202,6 +213,10 @@ class ScaleBenchmark(Benchmark):
 
 
 def _measure_start(root: Path, case: str, way: ImportProgram) -> StartTimes:
+    """Start a process that loads a file, with a cache without assets, and return its times up to the first sample.
+
+    The process prints lines of JSON. Each has the event ``reached``, "planned" or "sample", and maybe the ``memory``.
+    """
     cache, log = root / "cache", root / f"{way}.log"
     shutil.rmtree(cache / "assets", ignore_errors=True)
     for stored in cache.glob("content/*.asset"):
@@ -232,6 +247,7 @@ def _measure_start(root: Path, case: str, way: ImportProgram) -> StartTimes:
 
 
 def _write_job(root: Path, case: str) -> Path:
+    """Write the job file for `lookdev.bench.scale_job`."""
     shutil.rmtree(root / "out", ignore_errors=True)
     job = root / f"{case}.toml"
     job.write_text(
@@ -249,8 +265,9 @@ render = {{ resolution = [{_SIDE}, {_SIDE}], samples = 2, bounces = {_BOUNCES} }
 
 
 def _write_request(root: Path, case: str) -> Path:
+    """Write the file with the arguments of `lookdev.cycles.plain_import`."""
     request = root / f"{case}.json"
     fields = {"file": str(root / f"{case}.usdc"), "light": _LIGHT, "resolution": [_SIDE, _SIDE], "bounces": _BOUNCES}
-    # At this distance the square of 2 m fills the frame.
+    # At this distance of the camera, in metres, the square of 2 m fills the frame.
     request.write_text(json.dumps(fields | {"distance": 3.0}), encoding="utf-8")
     return request

@@ -1,7 +1,7 @@
-"""A job up to the first sample of its first frame: ``python -m lookdev.bench.scale_job JOB.toml``.
+"""Runs a job up to the first sample of its first frame: ``python -m lookdev.bench.scale_job JOB.toml``.
 
-Lines of JSON go to standard output: one when the frames are planned, and one at the first sample, with the peak memory
-of this process and of its worker in bytes.
+The benchmark `scale` starts this process and times its output. The process prints a line of JSON when the frames are
+planned, and one at the first sample. The second line has the peak memory of this process and of its worker in bytes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lookdev.run.render import render_job
 
 
 def main(job: Path) -> None:
-    """Run the job, and end it at the first sample."""
+    """Run a job, and end it at the first sample."""
     answers = AnswerStream()
 
     def report(event: object) -> None:
@@ -25,10 +25,11 @@ def main(job: Path) -> None:
             case RunStarted():
                 answers.send(reached="planned")
             case FrameProgressed(samples=samples) if samples:
-                # The processes that the main thread started; other threads can end while their lists are read.
+                # The worker is a child of the main thread. The lists of other threads are not read: such a thread
+                # can end while its list is read.
                 children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
                 answers.send(reached="sample", memory=[peak_memory(), *map(peak_memory, children)])
-                raise KeyboardInterrupt  # ends the run
+                raise KeyboardInterrupt  # ends the job
             case FrameFailed(reason=reason):
                 raise RenderError(reason)
 

@@ -1,8 +1,8 @@
-"""Compares turntables of the batch runner with the same frames of a plain Blender script, at equal error.
+"""Benchmark of turntables: the frames a minute of the batch runner and of a plain Blender script, at equal error.
 
-The plain script (`lookdev.cycles.plain_sequence`) uses the Principled BSDF, an environment texture turned by a Mapping
-node, a turned object, and ``bpy.ops.render.render`` for each frame, in one process. Both are timed from their start to
-their last file.
+The plain script (`lookdev.cycles.plain_sequence`) runs in one process. It uses the Principled BSDF, rotates the asset's
+object, rotates the environment texture by a Mapping node, and calls ``bpy.ops.render.render`` for each frame. Both
+programs are timed from their start to their last file.
 """
 
 from __future__ import annotations
@@ -45,20 +45,24 @@ from lookdev.run.render import render_setups
 from lookdev.scene import Sampling, Scene
 
 TARGET = 1e-3
-"""relMSE of the frames."""
+"""The mean relMSE that the frames of both programs shall have."""
 
-FRAMES = 24
-KINDS: tuple[Literal["element", "lighting"], ...] = ("element", "lighting")
+FRAMES = 24  # of each turntable
+KINDS: tuple[Literal["element", "lighting"], ...] = ("element", "lighting")  # of turntables
 PLAIN_COMMAND = (sys.executable, "-m", "lookdev.cycles.plain_sequence")
 
-_PROBES = 3  # frames of each turntable rendered again with other seeds, to estimate their error; a divisor of FRAMES
-_ROUNDS = 3  # corrections of the plain script's samples
-_MAX_STEP = 8.0  # the largest factor of one
+# A probe is a frame that is rendered again with another seed, to estimate the error of the frame from the difference.
+_PROBES = 3  # probes of each turntable; it divides FRAMES
+_ROUNDS = 3  # at most this number of times the samples of the plain script are corrected
+_MAX_STEP = 8.0  # the largest factor by which one correction changes the samples
 
 
 @dataclass(frozen=True)
 class SequenceSubject:
-    """A scene and a look under lights; the frame's side in pixels. Raises LookdevError without a plain script."""
+    """A scene and a look under several lights, and the side of the frame in pixels.
+
+    Raises LookdevError if the plain script cannot render the scene or the look.
+    """
 
     scene: str
     look: str
@@ -76,15 +80,16 @@ class SequenceSubject:
 
 
 ProduceFrames = Callable[[Path, int, int, int], tuple[float, tuple[str, ...]]]
-"""Renders all turntables with samples, frames a turntable and a seed, as ``<folder>/<look>/<ibl>/<kind>.####.exr``.
+"""Renders all turntables as files ``<folder>/<look>/<ibl>/<kind>.####.exr``.
 
-Returns the seconds, and the skips with their reasons.
+Its arguments are the folder, the samples per pixel, the frames of each turntable, and a seed. It returns the seconds,
+and descriptions of the work that it left out because that changes no pixel.
 """
 
 
 @dataclass(frozen=True)
 class SequenceRun:
-    """One timed run of all turntables."""
+    """One timed run of all turntables. `backend` is "exact", the batch runner, or "plain", the plain script."""
 
     backend: str
     repeat: int
@@ -94,20 +99,23 @@ class SequenceRun:
 
 @dataclass(frozen=True)
 class SequenceResult:
-    """Frames a minute of the batch runner ("exact") and the plain script ("plain") at equal mean relMSE."""
+    """Frames a minute of the batch runner and of the plain script at equal mean relMSE.
+
+    The keys of mappings are "exact", the batch runner, and "plain", the plain script.
+    """
 
     subject: SequenceSubject
-    frames: int  # of all turntables, rendered or not
-    samples: Mapping[str, int]
-    relmse: Mapping[str, float]  # of frames of the timed runs
+    frames: int  # of all turntables, including those that the batch runner does not need to render
+    samples: Mapping[str, int]  # per pixel
+    relmse: Mapping[str, float]  # mean over frames of the timed runs
     runs: tuple[SequenceRun, ...]
-    ratio: float  # of the medians, exact over plain
-    low: float  # of the repeats
-    high: float
-    skips: tuple[str, ...] = ()  # of the batch runner
+    ratio: float  # frames a minute of exact over those of plain, from the medians of the repeats
+    low: float  # the least ratio of a repeat
+    high: float  # the largest ratio of a repeat
+    skips: tuple[str, ...] = ()  # work that the batch runner leaves out because it changes no pixel
 
     def blocks(self) -> Iterator[str | TextTable]:
-        """Yield the ratio, a table of both, and the skips."""
+        """Yield the ratio, a table with a row for each program, and the skips."""
         subject = self.subject
         yield (
             f"{self.frames} frames of {subject.scene}, {subject.look}, under {', '.join(subject.ibls)}: exact makes "
@@ -124,20 +132,20 @@ class SequenceResult:
 
 @dataclass(kw_only=True)
 class SequenceBenchmark(MatrixBenchmark):
-    """Turntables against a plain Blender script.
+    """The benchmark that compares turntables of the batch runner with those of a plain Blender script.
 
-    The curves of ``exact`` and ``principled`` give the samples that make their errors equal. Raises LookdevError where
-    one of these backends fails.
+    It first measures the curves of the backends ``exact`` and ``principled``, which give the samples that make the
+    errors of the two programs equal. It raises LookdevError if one of these backends fails.
     """
 
     NAME = "sequence"
     DEFAULTS = {"scenes": ("shaderball",), "repeats": 1}  # noqa: RUF012
 
     result: SequenceResult | None = None
-    producers: Mapping[str, ProduceFrames] | None = None  # other than those of `producers_of`
+    producers: Mapping[str, ProduceFrames] | None = None  # replace those of `producers_of`
 
     def check(self) -> None:
-        """Raise LookdevError for more than one scene or look, or one without a plain script."""
+        """Raise LookdevError for more than one scene or look, or for one that the plain script cannot render."""
         options = self.options = replace(self.options, backends=("exact", "principled"))
         if len(options.scenes) != 1 or len(options.looks) != 1:
             raise LookdevError("the sequence is of one scene and one look: give --scenes and --looks one name each")
@@ -152,18 +160,20 @@ class SequenceBenchmark(MatrixBenchmark):
         yield
 
     def time_producers(self, samples: int, guess: int) -> None:
-        """Time the producers ``"exact"`` and ``"plain"``, interleaved.
+        """Time the batch runner and the plain script, whose runs are interleaved.
 
-        `samples` are those of ``exact``, `guess` those of the plain script, corrected by the error of a few frames.
+        `samples` is the number of samples of the batch runner. `guess` is that of the plain script: it is corrected
+        until the errors of a few frames of both programs are equal.
         """
         subject, seed, producers = self.subject, self.options.seed, self.producers or producers_of(self.subject)
         total = FRAMES * len(KINDS) * len(subject.ibls)
         runs: list[SequenceRun] = []
         with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
             folders = (Path(scratch, str(number)) for number in itertools.count())
-            probes: dict[tuple[str, int], Path] = {}
+            probes: dict[tuple[str, int], Path] = {}  # folders of probes, by program and samples
 
-            def probe(backend: str, count: int) -> float:
+            def measure_probes(backend: str, count: int) -> float:
+                """Render some frames of each turntable twice, with different seeds, and return their mean relMSE."""
                 self.report(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
                 pair = next(folders), next(folders)
                 for number, folder in enumerate(pair, start=1):
@@ -171,8 +181,8 @@ class SequenceBenchmark(MatrixBenchmark):
                 probes[backend, count] = pair[0]
                 return _mean_relmse(subject, *pair, _PROBES)
 
-            target = probe("exact", samples)
-            counts = {"exact": samples, "plain": match_error(target, guess, partial(probe, "plain"))}
+            target = measure_probes("exact", samples)
+            counts = {"exact": samples, "plain": match_error(target, guess, partial(measure_probes, "plain"))}
             relmse, skips = {}, {}
             for repeat, backend in itertools.product(range(self.options.repeats), counts):
                 self.report(f"sequence: {backend}: {total} frames, {counts[backend]} samples")
@@ -197,10 +207,11 @@ class SequenceBenchmark(MatrixBenchmark):
 def choose_samples(
     exact: Sequence[Sequence[CurvePoint]], plain: Sequence[Sequence[CurvePoint]], target: float
 ) -> tuple[int, int]:
-    """Return the samples with which both have the same mean error over the lights, with a curve each.
+    """Return the samples of the batch runner and of the plain script with which both have the same mean error.
 
-    For ``exact`` the smallest power of two at which it is at most `target`; for the plain script, the samples of the
-    same error. Raises LookdevError where a curve has less than two points, or does not reach the target.
+    `exact` and `plain` have a curve for each light; the mean is over the lights. The samples of the batch runner are
+    the smallest power of two with a mean error of at most `target`. Raises LookdevError if a curve has less than two
+    points or does not reach the target.
     """
     powers = [1 << exponent for exponent in range(1, MAX_SAMPLES.bit_length())]
     samples = _fewest_samples(powers, exact, target)
@@ -208,6 +219,7 @@ def choose_samples(
 
 
 def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]], target: float) -> int:
+    """Return the first of increasing numbers of samples with a mean error over the curves of at most `target`."""
     number = bisect_left(counts, True, key=lambda count: _mean_error(curves, count) <= target)
     if number == len(counts):
         raise LookdevError(f"relMSE {target:g} is out of reach of {counts[-1]} samples: nothing to compare")
@@ -215,15 +227,16 @@ def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]
 
 
 def _mean_error(curves: Sequence[Sequence[CurvePoint]], samples: int) -> float:
+    """Return the mean relMSE of curves at a number of samples."""
     certain = [[(point.samples, point.relmse) for point in curve if point.relmse is not None] for curve in curves]
     return statistics.fmean(error_at(points, samples) for points in certain)
 
 
 def match_error(target: float, guess: int, error: Callable[[int], float]) -> int:
-    """Return the samples whose measured error is nearest to a target, within a tenth if possible.
+    """Return the number of samples whose measured error is nearest to a target, within a tenth if possible.
 
-    The `guess` is corrected by interpolation, in logarithms, because the error of rare bright pixels does not fall as
-    1 / samples.
+    `error` measures the error with a number of samples. The number `guess` is measured first. It is corrected by
+    interpolation in logarithms, because the error of rare bright pixels does not fall as 1 / samples.
     """
     errors: dict[int, float] = {}
     for _ in range(1 + _ROUNDS):
@@ -233,18 +246,20 @@ def match_error(target: float, guess: int, error: Callable[[int], float]) -> int
         count = min(errors, key=lambda count: abs(math.log(errors[count] / target)))
         if abs(math.log(errors[count] / target)) < math.log(1.1):
             break
+        # From a single measurement, the error is assumed to fall as 1 / samples.
         better = count * errors[count] / target
-        falling = sorted(errors.items())
-        if len(errors) > 1 and all(one > other for (_, one), (_, other) in pairwise(falling)):
-            better = error_at([(value, samples) for samples, value in reversed(falling)], target)
+        by_samples = sorted(errors.items())
+        if len(errors) > 1 and all(one > other for (_, one), (_, other) in pairwise(by_samples)):
+            better = error_at([(value, samples) for samples, value in reversed(by_samples)], target)
         guess = max(1, round(min(max(better, count / _MAX_STEP), count * _MAX_STEP)))
     return count
 
 
 def error_at(curve: Sequence[tuple[float, float]], effort: float) -> float:
-    """Return the error at an effort on a curve of efforts and errors, interpolated in logarithms, or extrapolated.
+    """Return the error at an effort on a curve of pairs (effort, error), by increasing effort.
 
-    Raises LookdevError where the curve has less than two points.
+    The curve is interpolated, and extrapolated, linearly in the logarithms of both. Raises LookdevError if it has less
+    than two points.
     """
     if len(curve) < 2:
         raise LookdevError("a curve of two points or more is needed; give --samples more counts")
@@ -254,12 +269,14 @@ def error_at(curve: Sequence[tuple[float, float]], effort: float) -> float:
 
 
 def _mean_relmse(subject: SequenceSubject, folder: Path, probes: Path, frames: int) -> float:
-    """Return the mean relMSE of a folder's frames, from independent renders of some of them.
+    """Return the mean relMSE of a folder's turntables of `frames` frames, from the frames that have probes.
 
-    `relmse_of_halves` is the error of the mean of two renders, half of that of each.
+    `probes` is the folder with the independent renders of these frames. `relmse_of_halves` estimates the error of the
+    mean of two renders, which is half of the error of one.
     """
     errors = []
     for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(_PROBES)):
+        # The probes are evenly spaced over the turntable.
         frame = FrameName(subject.look, ibl, kind, 1 + number * (frames // _PROBES))
         a, alpha = read_frame(frame.file(folder))
         b, _ = read_frame(replace(frame, number=1 + number).file(probes))
@@ -268,14 +285,14 @@ def _mean_relmse(subject: SequenceSubject, folder: Path, probes: Path, frames: i
 
 
 def producers_of(subject: SequenceSubject) -> dict[str, ProduceFrames]:
-    """Return the batch runner and the plain script."""
+    """Return the functions that render a subject by the batch runner, "exact", and by the plain script, "plain"."""
     return {"exact": partial(_render_job, subject), "plain": partial(_render_plainly, subject)}
 
 
 def _render_job(
     subject: SequenceSubject, folder: Path, samples: int, frames: int, seed: int
 ) -> tuple[float, tuple[str, ...]]:
-    """Render by the batch runner; all is read and generated anew, without caches in memory, as by a job."""
+    """Render by the batch runner; asset, lights and sources are loaded and generated anew, as in a job's process."""
     turntables = tuple(JobTurntable(kind=kind, frames=frames) for kind in KINDS)
     started = time.perf_counter()
     asset, look = load_asset(builtin=subject.scene), LOOKS[subject.look].make()
@@ -312,7 +329,7 @@ def _render_plainly(
 
 
 def _request(subject: SequenceSubject, folder: Path, frames: int) -> dict[str, Any]:
-    """Write the maps, and return what the plain script shows."""
+    """Write the environment maps, and return the request for the plain script: scene, camera and frames."""
     look, maps = LOOKS[subject.look].make(), {}
     for ibl in subject.ibls:
         radiance = bench_environment(ibl).radiance

@@ -1,7 +1,7 @@
-"""Measures the time outside of sampling: commands in fresh processes, a worker's first frame, changes of scene.
+"""Benchmark of the time outside of sampling: commands in fresh processes, a worker's first frame, changes of scene.
 
-Jobs are copies of shipped ones in a folder of their own. Sources, maps and assets are in the cache, as after earlier
-runs.
+The jobs are copies of example jobs in a temporary folder. Shader sources, maps and assets are in the cache, as after
+earlier runs.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker
 
 JOBS = ("suzanne", "figure_16")
-"""One has few frames of a large mesh, the other many looks of a small one."""
-_TIMEOUT = 600.0
-_SAMPLES = 2  # of the frames whose set-up is measured
+"""The measured example jobs: the first has few frames of a large mesh, the second many looks of a small mesh."""
+
+_TIMEOUT = 600.0  # seconds that a worker may be silent
+_SAMPLES = 2  # per pixel, of the frames whose change of scene is measured
 
 
 @dataclass(frozen=True)
 class StepTimes:
-    """Wall seconds of a step, in the order of the repeats, and CPU seconds if the step is a command."""
+    """The wall seconds of each repeat of a step and, if the step is a command, the CPU seconds."""
 
     step: str
     seconds: tuple[float, ...]
@@ -41,7 +42,7 @@ class StepTimes:
 
 @dataclass(kw_only=True)
 class SetupBenchmark(Benchmark):
-    """Commands, a first frame, changes of scene."""
+    """The benchmark of commands, of a worker's first frame, and of changes of scene; `taken` are the measured steps."""
 
     NAME = "setup"
     FILE = "setup.json"
@@ -52,22 +53,22 @@ class SetupBenchmark(Benchmark):
 
     def measure(self) -> Iterator[None]:
         with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
-            for taken in measure_setup(Path(scratch), self.options.repeats):
-                self.report(f"{taken.step}: {Spread.of(taken.seconds).text()} s")
-                self.taken.append(taken)
+            for times in measure_setup(Path(scratch), self.options.repeats):
+                self.report(f"{times.step}: {Spread.of(times.seconds).text()} s")
+                self.taken.append(times)
                 yield
 
     def blocks(self) -> Iterator[str | TextTable]:
         yield from self.header()
         rows = [
-            (taken.step, *(Spread.of(seconds).text() if seconds else "" for seconds in (taken.seconds, taken.cpu)))
-            for taken in self.taken
+            (times.step, *(Spread.of(seconds).text() if seconds else "" for seconds in (times.seconds, times.cpu)))
+            for times in self.taken
         ]
         yield TextTable(("", "seconds", "CPU seconds"), rows)
 
 
 def measure_setup(scratch: Path, repeats: int) -> Iterator[StepTimes]:
-    """Yield the times of all commands and frames."""
+    """Yield the times of all steps: first the commands, then the first frame, then the changes of scene."""
     jobs = {name: copy_example(name, scratch / name).job for name in JOBS}
     for name, job in jobs.items():
         wall, cpu = _run_command("render", str(job))
@@ -88,7 +89,7 @@ def measure_setup(scratch: Path, repeats: int) -> Iterator[StepTimes]:
 
 
 def _run_command(*arguments: str) -> tuple[float, float]:
-    """Run a command of the program; return wall and CPU seconds of it and its workers."""
+    """Run a `lookdev` command; return the wall seconds, and the CPU seconds of the command and its workers."""
     before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     process = subprocess.run([sys.executable, "-m", "lookdev", *arguments], capture_output=True, text=True, check=False)
     wall, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -99,7 +100,7 @@ def _run_command(*arguments: str) -> tuple[float, float]:
 
 
 def _first_frames(job: Path) -> list[FrameTask]:
-    """Return a frame of each scene of a job."""
+    """Return the first frame of each scene of a job."""
     tasks: dict[int, FrameTask] = {}
     for frame in prepare_job(job).plan.frames:
         tasks.setdefault(id(frame.task.scene), frame.task)
@@ -107,7 +108,7 @@ def _first_frames(job: Path) -> list[FrameTask]:
 
 
 def _time_first_frame(scratch: Path, task: FrameTask) -> tuple[float, float]:
-    """Return the seconds of a worker's start and of its first frame, set-up included."""
+    """Return the seconds of a worker's start and the seconds of its first frame, which include the scene's set-up."""
     with Worker(WORKER_COMMAND, scratch / "worker.log", scratch, _TIMEOUT) as worker:
         started = time.perf_counter()
         worker.start()
@@ -117,7 +118,10 @@ def _time_first_frame(scratch: Path, task: FrameTask) -> tuple[float, float]:
 
 
 def _time_changes(scratch: Path, name: str, tasks: Sequence[FrameTask]) -> Iterator[StepTimes]:
-    """Yield the seconds of frames of few samples in new scenes: with new shaders, and with compiled ones."""
+    """Yield the seconds of frames with few samples, each in another scene than the frame before.
+
+    Scenes with shader programs that the worker has compiled before are one step, and other scenes another step.
+    """
     compiled: set[object] = set()
     seconds: dict[str, list[float]] = {"another program": [], "a known program": []}
     with Worker(WORKER_COMMAND, scratch / "worker.log", scratch, _TIMEOUT) as worker:
@@ -127,7 +131,7 @@ def _time_changes(scratch: Path, name: str, tasks: Sequence[FrameTask]) -> Itera
             programs = {source.program for source in scene.shaders if isinstance(source, ShaderSource)}
             started = time.perf_counter()
             worker.render(replace(task, scene=scene), lambda progress: None)
-            if number:
+            if number:  # the first frame is not a change of scene
                 program = "a known program" if programs <= compiled else "another program"
                 seconds[program].append(time.perf_counter() - started)
             compiled |= programs

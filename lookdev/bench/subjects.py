@@ -1,4 +1,4 @@
-"""Assets, looks and lights that are rendered, their scenes as tasks, and the keys of their pictures."""
+"""The assets, looks and lights that benchmarks render by name, their scenes, and the keys of their pictures."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ from lookdev.scene import Pose, Sampling, Scene
 
 T = TypeVar("T")
 
-POSE = Pose(0.0, 0.0)
-MILLION = 1_000_000
+POSE = Pose(0.0, 0.0)  # neither the asset nor the light is rotated
+MILLION = 1_000_000  # triangles
 MAX_LAYERS = 8
-_LOBES = {"metallic": 1.0, "clearcoat": 1.0, "anisotropic": 0.7}
-_MASK_SIZE = 256
-_MASK_VERSION = 1  # identifies the file: increase it with any change
+_LOBES = {"metallic": 1.0, "clearcoat": 1.0, "anisotropic": 0.7}  # parameters of a varied look, if it has them
+_MASK_SIZE = 256  # side of a mask texture, texels
+_MASK_VERSION = 1  # part of a mask file's key in the cache: increase it with any change of the mask
 
 
 @dataclass(frozen=True)
 class SubjectEntry(Generic[T]):
-    """A description for the list of names, and the function that makes the object."""
+    """A named subject: its description for `lookdev bench --list`, and the function that makes the object."""
 
     help: str
     make: Callable[[], T]
@@ -57,17 +57,18 @@ class SubjectEntry(Generic[T]):
 
 @dataclass(frozen=True)
 class BenchScene(SubjectEntry[Asset]):
-    """An asset, and the bounces of its indirect light; a convex asset has none."""
+    """An asset, and the number of bounces of its light; the renderer skips them for a convex asset."""
 
     bounces: int = Sampling.bounces
 
 
 def make_boulder(triangles: int) -> Asset:
-    """Return a sphere, radius about 1 m, with waves that occlude each other, of about `triangles` triangles.
+    """Return a wavy sphere of about `triangles` triangles, with a radius of about 1 m, whose waves occlude each other.
 
-    The surface does not depend on the number of triangles: it is displaced by a sum of plane waves.
+    The sphere is displaced by a sum of plane waves, so its shape does not depend on the number of triangles.
     """
-    # A mesh of s segments and r = s / 2 rings has s (r - 2) quads and 2 s triangles: s (s - 2) triangles in all.
+    # A sphere of s segments and r = s / 2 rings has s (r - 2) quads and 2 s triangles. Since a quad is two triangles,
+    # these are s (s - 2) triangles in all.
     segments = 2 * max(4, round(0.5 * (1.0 + np.sqrt(1.0 + triangles))))
     sphere = make_sphere(segments, segments // 2).meshes[0]
     directions = sphere.points.astype(np.float64)
@@ -93,7 +94,7 @@ SCENES: dict[str, BenchScene] = {
 
 
 def layered_look(layers: int) -> Look:
-    """Return a stack of Disney layers; masks above the base are textures, so that no layer folds away."""
+    """Return a stack of Disney layers. The masks above the base are textures, so no layer is optimized away."""
     stack = [Layer("layer0", "disney", {"baseColor": (0.35, 0.06, 0.04), "roughness": 0.35, "clearcoat": 0.5})]
     for number in range(1, layers):
         share = number / MAX_LAYERS
@@ -109,7 +110,10 @@ def layered_look(layers: int) -> Look:
 
 
 def varied_look(number: int) -> Look:
-    """Return one of many Disney layers: eight programs, each look in colours of its own."""
+    """Return one of many looks of one Disney layer, with a colour and a roughness of its own.
+
+    The bits of `number` choose the lobes, so that all looks together need eight different shader programs.
+    """
     share = number / (number + 4.0)
     color, roughness = (0.2 + 0.6 * share, 0.5, 0.7 - 0.5 * share), 0.25 + 0.5 * share
     lobes = {name: weight * (number >> bit & 1) for bit, (name, weight) in enumerate(_LOBES.items())}
@@ -117,7 +121,7 @@ def varied_look(number: int) -> Look:
 
 
 def cloudy_mask(number: int) -> Texture:
-    """Return a cloudy texture; the file is made if it does not exist."""
+    """Return a cloudy mask, random by `number`; its file is made unless the cache has it."""
 
     def write(file: Path) -> None:
         clouds = gaussian_filter(np.random.default_rng(number).random((_MASK_SIZE, _MASK_SIZE)), 8.0, mode="wrap")
@@ -129,10 +133,12 @@ def cloudy_mask(number: int) -> Texture:
 
 
 def _disney(name: str, layer: str, **inputs: Input) -> Callable[[], Look]:
+    """Return a function that makes a look of one Disney layer."""
     return lambda: Look(name, (Layer(layer, "disney", inputs),))
 
 
 def _transmitting_look() -> Look:
+    """Return a transmitting Pixar layer under a varnish, which lets the light of the layer below through."""
     body: dict[str, Input] = {"surfaceColor": (0.8, 0.55, 0.3), "roughness": 0.4, "clear": 0.5, "back": 0.4}
     varnish: dict[str, Input] = {"surfaceColor": (0.9, 0.95, 0.9), "roughness": 0.15, "clear": 0.9}
     return Look("pixar", (Layer("Body", "pixar", body), Layer("Varnish", "pixar", varnish, 1.0, "transmit")))
@@ -164,7 +170,7 @@ LOOKS: dict[str, SubjectEntry[Look]] = {
 
 
 def _facing_origin(x: float, y: float, z: float) -> dict[str, Any]:
-    """Return position and axes of a light that faces the origin."""
+    """Return the arguments `position` and `axes` of a light at (x, y, z) that faces the origin."""
     backward = np.array([x, y, z]) / np.linalg.norm([x, y, z])
     across = np.cross((0.0, 0.0, 1.0), backward)
     across /= np.linalg.norm(across)
@@ -175,7 +181,7 @@ def _facing_origin(x: float, y: float, z: float) -> dict[str, Any]:
 
 
 def _three_lamps(dome: str) -> tuple[Light, ...]:
-    """Return a dimmed dome, a key of a rectangle, a fill of a disk and a rim of a sphere."""
+    """Return a dimmed dome light with a rectangle as key light, a disk as fill light and a sphere as rim light."""
     return (
         prepare_light(load_environment(builtin=dome)).with_emission(Emission((0.3,) * 3)),
         RectLight(width=1.2, height=0.8, emission=Emission((18.0, 16.0, 14.0)), **_facing_origin(-2.2, -2.2, 1.8)),
@@ -185,7 +191,7 @@ def _three_lamps(dome: str) -> tuple[Light, ...]:
 
 
 def rectangles(count: int) -> tuple[Light, ...]:
-    """Return rectangles at random positions above the horizon; their sum is as bright for any count."""
+    """Return rectangle lights at random positions above the horizon, whose total power does not depend on `count`."""
     rng = np.random.default_rng(7)
     lights = []
     for _ in range(count):
@@ -202,6 +208,8 @@ IBLS: dict[str, str] = {
     "city": "a small and very bright sun",
     "forest": "light through leaves: many small bright spots",
 }
+"""The built-in environment maps, with their descriptions."""
+
 RIGS: dict[str, SubjectEntry[tuple[Light, ...]]] = {
     "studio+3": SubjectEntry(
         "the studio, dimmed, with a rectangle, a disk and a sphere", partial(_three_lamps, "studio")
@@ -210,34 +218,34 @@ RIGS: dict[str, SubjectEntry[tuple[Light, ...]]] = {
     "lamp": SubjectEntry("1 rectangles", partial(rectangles, 1)),
     "100lamps": SubjectEntry("100 rectangles", partial(rectangles, 100)),
 }
-"""Lights around an asset of radius 1 at the origin."""
+"""Rigs, which are sets of lights, around an asset of radius 1 at the origin; `scale_lights` fits them to an asset."""
 
 
 @cache
 def bench_asset(scene: str) -> Asset:
-    """Return the asset of a scene."""
+    """Return the asset of one of `SCENES`."""
     return SCENES[scene].make()
 
 
 @cache
 def bench_environment(ibl: str) -> EnvironmentMap:
-    """Return a built-in map."""
+    """Return one of the built-in environment maps `IBLS`."""
     return load_environment(builtin=ibl)
 
 
 @cache
 def bench_light(ibl: str) -> Dome:
-    """Return a built-in light."""
+    """Return the dome light with one of the built-in maps `IBLS`."""
     return prepare_light(bench_environment(ibl))
 
 
 def scale_lights(lights: Sequence[Light], asset: Asset) -> tuple[Light, ...]:
-    """Return lights around a unit ball as lights around an asset."""
+    """Scale and move lights around the unit ball, so that they stand around the bounding ball of an asset."""
     return tuple(light.rescale(asset.radius, asset.center) for light in lights)
 
 
 def bench_lights(name: str, asset: Asset) -> tuple[Light, ...]:
-    """Return the lights of a built-in map, or of a rig around an asset."""
+    """Return the lights with a name in `IBLS` or `RIGS`; those of a rig are placed around an asset."""
     return scale_lights(RIGS[name].make(), asset) if name in RIGS else (bench_light(name),)
 
 
@@ -251,9 +259,9 @@ def bench_scene(
     asset: Asset | None = None,
     denoise: bool = False,
 ) -> SceneTask:
-    """Return a scene of one look with the default sampling; with `denoise`, it is denoised if its backend can.
+    """Return a scene with one look and the default sampling; `name` is one of `SCENES`.
 
-    `asset` replaces that of the scene with this name.
+    With `denoise`, the scene is denoised if its backend can do so. `asset` replaces the asset of the named scene.
     """
     scene = Scene.of_look(asset or bench_asset(name), look, lights[0], (resolution, resolution))
     denoised = denoise and BACKENDS[backend].features
@@ -262,11 +270,12 @@ def bench_scene(
 
 
 def picture_key(scene: SceneTask, look: Look, ibl: str, pose: Pose = POSE) -> str:
-    """Return a text of all that a picture depends on, without its sampling and the code of its shader.
+    """Return a text of all that a converged picture depends on, without its sampling and the code of its shader.
 
-    A change of sampling or code is therefore measured against an earlier reference, and a changed picture is a bias.
+    After a change of sampling or code, renders are therefore measured against an earlier reference. If the change
+    alters the picture, it shows as a bias.
     """
-    # The tables by which a map is sampled are left out.
+    # The digest of a dome light includes the tables for sampling its map; the digest of the map does not.
     light = [light.digest for light in scene.lights] if ibl in RIGS else bench_environment(ibl).digest
     parts = {
         "asset": scene.asset.digest,

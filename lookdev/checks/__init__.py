@@ -1,1 +1,1 @@
-"""Checks that models and looks agree with the reference: at points, as albedos, as images, and in extreme cases."""
+"""The checks of `lookdev check`: models and looks in Cycles against float64 NumPy, and the commands' evaluations."""

@@ -1,8 +1,9 @@
-"""Directional albedo of a look over the angle of view, computed in three ways.
+"""The check "albedo" of `lookdev check`: compares the directional albedo of a look, computed in three ways.
 
-They are quadrature and importance sampling in NumPy (`lookdev.reference.albedo`), and Cycles, which renders a card with
-the look, first under light from its front, then from its back. A look that varies over a surface is evaluated at a few
-random points, as the constant look there: the same shader with numbers in place of textures.
+The albedo is computed in NumPy by quadrature and by importance sampling (`lookdev.reference.albedo`), and by Cycles.
+Cycles renders a card with the look, first under light from its front, which shows the reflected light, then from its
+back, which shows the transmitted light. A look that varies over a surface is checked at a few random points. At each
+point its textures are replaced by their values, so that the look is constant.
 """
 
 from __future__ import annotations
@@ -32,34 +33,40 @@ from lookdev.rendering.task import frame_task
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 FALSE_ALARM_PROBABILITY = 1e-3
-"""Probability that noise alone fails a look."""
+"""The probability that noise alone fails a look."""
 
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
 """Angles of view, degrees from the normal."""
 
-# Relative and absolute tolerance. Exact backends: float32 rounding, as at points, and the blurred edge of the light at
-# the card's horizon. Other backends: the error of their fits.
+# Relative and absolute tolerance of the albedo. For exact backends it allows for float32 rounding, as at points, and
+# for the blurred edge of the light at the card's horizon. Other backends approximate the models by fits.
 _EXACT, _FITTED = (2e-4, 2e-5), (1e-2, 1e-3)
-_SIDE = 16
+_SIDE = 16  # pixels
 _SIZE = (_SIDE, _SIDE)
-_SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)
-_SCRAMBLES, _POINTS = 32, 512
-# The narrowest field of view of Blender's cameras: the albedo is nearly constant over it.
+_SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)  # directions are drawn from the BSDF only
+_SCRAMBLES, _POINTS = 32, 512  # independent sets of random numbers, and samples of each, for `sample_albedo`
+# The field of view in degrees, the narrowest of Blender's cameras: the albedo is nearly constant over it. The distance
+# of the camera in metres.
 _FOV, _DISTANCE = 0.4, 6.0
-# Half of the sphere depends on longitude only; a fine edge keeps its light off the other side of the card.
+# Width and height of the map of a half-bright light, in texels. Two rows suffice, because the light depends on
+# longitude only. The fine columns keep the light of the bright half off the other side of the card.
 _LIGHT_SIZE = (16384, 2)
 _SIDES = ("reflected", "transmitted")
-_ESTIMATORS = ("NumPy's samples", "Cycles")
-_WORST = 5
+_ESTIMATORS = ("NumPy's samples", "Cycles")  # the two estimates that are compared with the quadrature
+_WORST = 5  # deviations that a finding lists
 
 
 @dataclass(frozen=True, eq=False)
 class _Curves:
-    """The albedo at a sample point by quadrature, sampling and Cycles; value and error have the shape (views, 2, 3)."""
+    """The albedo of a constant look over the angle of view, by quadrature, by sampling and by Cycles.
+
+    The arrays of each `Albedo` have the shape (views, 2, 3). The axes are the view, the side (reflected, transmitted)
+    and the channel.
+    """
 
     look: Look
-    azimuth: float
-    transmits: bool
+    azimuth: float  # of all views, degrees
+    transmits: bool  # whether light passes through the look
     quadrature: Albedo
     sampled: Albedo
     cycles: Albedo
@@ -75,19 +82,19 @@ def check_albedo(
     backend: str = "exact",
     alter: AlterShader = keep_shader,
 ) -> CheckFinding:
-    """Compare the albedo curves of a look: those by sampling and by Cycles with that by quadrature.
+    """Compare the albedo of a look over the angle of view, by sampling and by Cycles, with the quadrature.
 
     Parameters
     ----------
     look
-        The look, whose textures are read.
+        The look. Its textures are read.
     render
-        Renders it in Cycles.
+        Renders a frame in Cycles.
     points
-        The number of random points at which a look that varies over the surface is evaluated. Other looks have a single
-        curve.
+        The number of random points at which a look that varies over the surface is evaluated. Other looks are evaluated
+        once.
     angles
-        Views, degrees from the normal, below 90.
+        The angles of view, degrees from the normal, below 90.
     seed
         Seed of the points, the azimuths of the views and all samples.
     backend
@@ -146,10 +153,11 @@ def _measure_curves(
     backend: str,
     alter: AlterShader,
 ) -> _Curves:
+    """Compute the albedo of a constant look in all three ways, at a random azimuth of the views."""
     azimuth = float(rng.uniform(0.0, 360.0))
-    # In the card's frame: x right, y up, z towards its front.
+    # Directions to the viewer, (views, 3), in the card's frame: x right, y up, z towards its front.
     views = spherical_direction(np.radians(angles), np.radians(azimuth))
-    # Of a constant look, only the view is read.
+    # A constant look reads only the cosine of the view from its point.
     bsdfs = [look_bsdf(look, SinglePoint(wo[2])) for wo in views]
     surfaces = list(zip(bsdfs, views, strict=True))
     quadrature = _stack_albedos([integrate_albedo(bsdf, wo) for bsdf, wo in surfaces])
@@ -167,8 +175,11 @@ def _stack_albedos(albedos: list[Albedo]) -> Albedo:
 def _render_albedo(
     look: Look, render: RenderHalves, views: Floats, transmits: bool, seed: int, backend: str, alter: AlterShader
 ) -> Albedo:
-    """Render the views. Pixels are scrambled independently, so their spread gives the error of their mean."""
-    # Not marked as convex, so that the shader has bounces and shadow rays as for any asset.
+    """Render the card from each view, and return the mean of the pixels as albedo.
+
+    Each pixel has its own scramble of the samples, so the spread of the pixels gives the standard error of their mean.
+    """
+    # The card is not marked as convex, so its shader has bounces and shadow rays as for any asset.
     card = replace(load_asset(builtin="plane"), convex=False, digest="")
     value, error = np.zeros((2, len(views), 2, 3))
     white = prepare_light(load_environment(builtin="white"))
@@ -185,7 +196,11 @@ def _render_albedo(
 
 
 def _camera_and_pose(wo: Floats) -> tuple[Camera, Pose]:
-    """Return camera and pose for the view `wo`, whose x, y, z are the world's x, z, -y; the light stands still."""
+    """Return the camera and the pose that show the card from the direction `wo` (3,) in the card's frame.
+
+    The axes x, y, z of this frame are the world's x, z, -y. The pose turns the light by the same angle as the card, so
+    the light does not move relative to the card.
+    """
     x, y, z = wo
     element = -90.0 - float(np.degrees(np.arctan2(-z, x)))
     camera = Camera(_FOV, float(np.degrees(np.arcsin(y))), (0.0, 0.0, 0.0), _DISTANCE)
@@ -197,15 +212,18 @@ def _half_light(*, front: bool) -> Dome:
     width, height = _LIGHT_SIZE
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     is_bright = (uv_to_direction(np.stack([u, v], axis=-1))[..., 1] < 0.0) == front
-    # Its directions are not sampled: the tables for sampling would take seconds.
+    # The renders do not sample directions of the light, so the tables for that, which would take seconds, are left out.
     return prepare_light(make_environment("half", np.repeat(is_bright[..., None], 3, axis=-1)), sampled=False)
 
 
 def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -> Floats:
-    """Return deviations from the quadrature, relative to noise and rounding: (points, estimators, views, sides, 3)."""
+    """Return the deviations from the quadrature, divided by the deviations that noise and rounding may cause.
+
+    The axes are (points, estimators, views, sides, channels). `band` is the relative and absolute tolerance of Cycles.
+    """
     sides = 2 if transmits else 1
     count = len(curves) * 2 * curves[0].quadrature.value[:, :sides].size
-    # Šidák: the probability that any of all comparisons is beyond the limit is FALSE_ALARM.
+    # Šidák: with this quantile, noise puts any of all comparisons beyond its limit with FALSE_ALARM_PROBABILITY.
     quantile = 1.0 - (1.0 - (1.0 - FALSE_ALARM_PROBABILITY) ** (1.0 / count)) / 2.0
     limits = [float(stats.t.ppf(quantile, freedom)) for freedom in (_SCRAMBLES - 1, _SIDE * _SIDE - 1)]
     excess = []
@@ -220,7 +238,7 @@ def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -
 
 
 def _cycles_error(curves: list[_Curves]) -> float:
-    """Return the largest deviation of Cycles, divided by the value plus 0.1."""
+    """Return the largest deviation of Cycles from the quadrature, each divided by the quadrature's value plus 0.1."""
     return max(
         float((np.abs(curve.cycles.value - curve.quadrature.value) / (curve.quadrature.value + 0.1)).max())
         for curve in curves
@@ -228,6 +246,7 @@ def _cycles_error(curves: list[_Curves]) -> float:
 
 
 def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Floats, index: int) -> str:
+    """Return a line of JSON on one deviation; `index` is its position in the flattened `excess`."""
     point, estimator, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
     curve = curves[point]
     estimate = (curve.sampled, curve.cycles)[estimator]
@@ -251,7 +270,7 @@ def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Flo
 
 
 def _plot_curves(curves: _Curves, angles: tuple[float, ...], suffix: str) -> tuple[FindingPlot, FindingPlot]:
-    """Return a plot of the curves and one of their differences, which are too small to see in the first."""
+    """Return a plot of the curves, and a plot of their differences, which are too small to see in the first plot."""
     x = np.array(angles)
     albedos, differences = [], []
     for side, name in enumerate(_SIDES[: 1 + curves.transmits]):

@@ -1,8 +1,9 @@
-"""Checks reference props: the grey ball and the patches of a frame, measured and predicted.
+"""Checks the reference props in rendered frames: the grey ball and the patches of the colour chart.
 
-A reading is the mean over a square of whole pixels. Its prediction is the published reflectance times the radiance of a
-white surface in the same square, which the float64 reference computes under the lights and the exposure of the job. The
-prediction depends neither on the renderer's colours, nor on its light, nor on its exposure.
+Each rendered frame of props is checked, and doubts are reported. A reading is the mean of the frame over a square of
+whole pixels inside a prop. Its prediction is the published reflectance of the prop times the radiance of a white
+surface in the same square. The float64 reference computes this radiance under the lights and the exposure of the job.
+The prediction is therefore independent of the colours, the light and the exposure in the renderer.
 """
 
 from __future__ import annotations
@@ -25,22 +26,29 @@ from lookdev.scene.charts.props import Box, Strip, asset_of_props, crop_camera
 from lookdev.space import to_space
 
 _WHITE = Look("white", (Layer("White", "lambert", {"reflectance": (1.0, 1.0, 1.0)}),))
-_SCRAMBLES = 16
+_SCRAMBLES = 16  # independent sets of samples of a prediction
 _SAMPLES = 2048, 256
-"""Samples of each scramble. If all lights are infinitely far, one patch predicts all; otherwise each is predicted."""
+"""Samples of each set, if all lights are infinitely far, and otherwise.
+
+With lights that are infinitely far, the radiance of a white surface is predicted at one patch, and is the same at all
+patches. Otherwise it is predicted at each patch, with fewer samples.
+"""
 
 _FALSE_ALARM_PROBABILITY = 1e-3
-"""The probability that noise alone, of Student's distribution, makes any reading of a frame reported."""
+"""The probability that noise alone makes any reading of a frame reported; noise has Student's distribution."""
 
 SYSTEMATIC = 1e-3
-"""Relative error that both halves of a frame share: twice the error of a dome's points (docs/accuracy.md)."""
+"""The relative error that both halves of a frame may share: twice the error of a dome's points (docs/accuracy.md)."""
 
 _MAX_LISTED = 4  # readings in a message
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A square of a frame of props: measured and predicted means (3,), and the standard error of their difference."""
+    """A square of a frame of props: its measured and predicted mean, and the standard error of their difference.
+
+    The arrays have the shape (3,), the channels.
+    """
 
     name: str
     measured: Floats
@@ -50,20 +58,25 @@ class Reading:
 
     @property
     def deviation(self) -> float:
-        """The difference relative to the prediction, in the channel where its ratio to the error is largest."""
+        """The difference divided by the prediction, in the channel that determines `excess`."""
         return float(self._relative[self._channel])
 
     @property
     def excess(self) -> float:
-        """The largest ratio of a difference to what noise and `SYSTEMATIC` explain; above 1 it is reported."""
+        """The largest ratio, over the channels, of the difference to its limit; a reading above 1 is reported.
+
+        The limit is the difference that noise and the error `SYSTEMATIC` can cause.
+        """
         return float(self._ratios[self._channel])
 
     @property
     def _relative(self) -> Floats:
+        """The differences relative to the predictions, (3,)."""
         return np.asarray((self.measured - self.predicted) / np.maximum(self.predicted, 1e-30))
 
     @property
     def _ratios(self) -> Floats:
+        """The ratios of the differences to their limits, (3,)."""
         explained = _quantile(self.freedom) * self.error + SYSTEMATIC * self.predicted
         return np.asarray(np.abs(self.measured - self.predicted) / np.maximum(explained, 1e-30))
 
@@ -74,15 +87,16 @@ class Reading:
 
 @cache
 def _quantile(freedom: float) -> float:
+    """Return the limit of a difference in standard errors, for all channels of all readings of a frame together."""
     from scipy.stats import t as student
 
     return float(student.isf(0.5 * _FALSE_ALARM_PROBABILITY / (3 * (1 + len(PATCHES))), freedom))
 
 
 def check_charts(task: FrameTask, strip: Strip, rendered: WorkerFrame) -> tuple[Reading, ...]:
-    """Measure and predict the readings of a frame of props, in the order of `Strip.measured_boxes`.
+    """Return the readings of a rendered frame of props, in the order of `Strip.measured_boxes`.
 
-    Channels whose reflectance is 0, as the red of cyan, are not compared.
+    `strip` has the positions of the props. A channel with reflectance 0, like the red of cyan, is not compared.
     """
     halves = [np.asarray(half, np.float64) * 2.0**task.exposure for half in (rendered.a, rendered.b)]
     colors = {"grey ball": np.full(3, GREY_REFLECTANCE)} | dict(
@@ -101,14 +115,14 @@ def check_charts(task: FrameTask, strip: Strip, rendered: WorkerFrame) -> tuple[
         white, error = light[name]
         predicted = colors[name] * white
         prediction_variance = (colors[name] * error) ** 2
-        # A lower bound of Welch and Satterthwaite: that of the noisier side.
+        # The smaller number of degrees of freedom is a lower bound of the number by Welch and Satterthwaite.
         freedom = float(min(count, _SCRAMBLES - 1))
         readings.append(Reading(name, measured, predicted, np.sqrt(variance + prediction_variance), freedom))
     return tuple(readings)
 
 
 def charts_doubts(readings: Sequence[Reading]) -> Iterator[str]:
-    """Yield the doubts about a frame of props, each as a sentence without the frame's name."""
+    """Yield messages about readings with an excess above 1, each as a sentence without the frame's name."""
     off = sorted((reading for reading in readings if reading.excess > 1.0), key=lambda reading: -reading.excess)
     if not off:
         return
@@ -121,7 +135,7 @@ def charts_doubts(readings: Sequence[Reading]) -> Iterator[str]:
 
 
 def charts_header(readings: Sequence[Reading]) -> Mapping[str, str]:
-    """Return header entries for a frame of props: the largest deviation, its excess, and the first doubt if any."""
+    """Return entries for the header of a frame of props: the worst reading, its excess, and the first doubt if any."""
     worst = max(readings, key=lambda reading: reading.excess)
     header = {"charts.worst": f"{worst.name} {100.0 * worst.deviation:+.3f} %", "charts.excess": repr(worst.excess)}
     doubts = list(charts_doubts(readings))
@@ -129,6 +143,7 @@ def charts_header(readings: Sequence[Reading]) -> Mapping[str, str]:
 
 
 def _format_deviation(reading: Reading) -> str:
+    """Return the deviation as text, in percent, or as a factor if it is 100 % or more."""
     deviation = reading.deviation
     return f"x {1.0 + deviation:.2g}" if abs(deviation) >= 1.0 else f"{100.0 * deviation:+.2g} %"
 
@@ -138,14 +153,17 @@ _Square = tuple[int, int, int]
 
 
 def _inner_square(box: Box) -> _Square:
-    """Return a square of the whole pixels in a box, from its upper left."""
+    """Return the largest square of whole pixels in a box, from its upper left corner."""
     left, top = math.ceil(box.left - 1e-9), math.ceil(box.top - 1e-9)
     right, bottom = math.floor(box.left + box.width + 1e-9), math.floor(box.top + box.height + 1e-9)
     return left, top, min(right - left, bottom - top)
 
 
 def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]) -> dict[str, tuple[Floats, Floats]]:
-    """Return the exposed radiance (3,) of a white surface in place of each prop, and its standard error (3,)."""
+    """Return, by the name of a prop, the radiance (3,) of a white surface in its place and the standard error (3,).
+
+    The radiance includes the exposure of the frame.
+    """
     scene, gain = task.scene, 2.0**task.exposure
     lights = scene.lights_of_shader(scene.slot_shaders[-1])
     is_far = all(light.far for light in lights)

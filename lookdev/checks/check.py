@@ -1,4 +1,8 @@
-"""`lookdev check`: all checks of a job or of a look."""
+"""Runs the checks of `lookdev check` on the looks of a job, on one look, or on the models.
+
+The check "points" evaluates looks at points, "albedo" computes their directional albedos, "image" renders frames, and
+"stability" tries extreme cases. Each compares Cycles with the models in float64 NumPy.
+"""
 
 from __future__ import annotations
 
@@ -39,16 +43,16 @@ from lookdev.scene import Film, Pose, Sampling, Scene
 
 @dataclass(frozen=True)
 class CheckDepth:
-    """Numbers of cases, points, pixels and samples that checks compare."""
+    """The amount of work of the checks, except that of stability."""
 
-    cases: int  # of the check of points
-    points: int  # points at which the albedo of a varying look is computed
-    angles: tuple[float, ...]  # of the albedo
-    pixels: int  # of a frame, compared with the reference
-    side: int  # the largest number of pixels of a frame's longer side
-    samples: int  # of each render of a frame
-    reference: int  # of each of the reference's sets
-    converged: int  # samples for FLIP, or 0
+    cases: int  # points: the number of points and directions at which a look is evaluated
+    points: int  # albedo: the number of points at which a look that varies is checked
+    angles: tuple[float, ...]  # albedo: the angles of view, degrees
+    pixels: int  # image: the number of pixels that are compared with the reference
+    side: int  # image: the longer side of the frame in pixels, at most
+    samples: int  # image: samples per pixel of each render
+    reference: int  # image: samples of each independent set of the reference
+    converged: int  # image: samples of the converged frame with which FLIP is computed; 0: no FLIP
 
 
 DEPTHS: dict[DepthName, CheckDepth] = {
@@ -56,10 +60,11 @@ DEPTHS: dict[DepthName, CheckDepth] = {
     "default": CheckDepth(40_000, 3, ANGLES, 100, 128, 32, 256, 0),
     "full": CheckDepth(100_000, 8, tuple(np.linspace(0.0, 85.0, 18).tolist()), 400, 512, 64, 1024, 1024),
 }
+"""The amounts of work that the option ``--depth`` selects."""
 
-_RENDERS = 4  # renders of a frame, two halves each
-_POSES = 8  # poses that are tried until light arrives in one
-# For a look without a job.
+_RENDERS = 4  # renders of a frame, two independent halves each
+_POSES = 8  # the most poses that are tried until the frame is not black
+# Asset, light, frame and turntable for a look that is checked without a job.
 _ASSET, _LIGHT, _RESOLUTION = "shaderball", "city", (512, 512)
 _TURNTABLE = JobTurntable(kind="element", frames=8)
 
@@ -75,7 +80,7 @@ def check_file(
     backend: str | None = None,
     alter: AlterShader = keep_shader,
 ) -> Iterator[CheckFinding]:
-    """Check every look of a job, or one look.
+    """Check every look of a job, or the looks of one file, and yield the findings.
 
     Parameters
     ----------
@@ -83,15 +88,15 @@ def check_file(
         A job (.toml), or a USD file with a look, which is checked on the shaderball under ``city``. Without a file
         every model is checked, by ``"stability"`` only.
     only
-        Names of `CHECKS`. Empty: `DEFAULT_CHECKS`.
+        Names of `CHECKS` to run. Empty: those in `DEFAULT_CHECKS`.
     depth
         A name of `DEPTHS`.
     seed
         Seed of cases, points, pixels and samples.
     prim, variants
-        Material and variants of a look's file.
+        The material prim in a look's file, and its variants (variant set to variant).
     backend
-        Backend of a look's file; ``"exact"`` by default.
+        The backend that renders a look's file; ``"exact"`` by default.
     alter
         Alters the text of every shader.
 
@@ -120,7 +125,7 @@ def check_file(
 
 
 def parse_check_names(text: str) -> tuple[str, ...]:
-    """Return the names in a comma-separated text."""
+    """Return the names of checks in a comma-separated text."""
     return tuple(name for part in text.split(",") if (name := part.strip()))
 
 
@@ -147,7 +152,7 @@ def _read_setups(
 
 @dataclass(frozen=True)
 class _CheckArguments:
-    """The arguments of a check: the setups to check, and how."""
+    """The arguments that all checks get: the setups (a look and a light each) to check, and the options."""
 
     setups: tuple[Setup, ...]
     turns: TurntableFrames
@@ -193,7 +198,7 @@ def _check_albedo(subject: _CheckArguments) -> Iterator[CheckFinding]:
 
 
 def _check_images(subject: _CheckArguments) -> Iterator[CheckFinding]:
-    """Check one frame of each look under each light, at a random pose in which light arrives."""
+    """Check one frame of each look under each light, at a random pose whose frame is not black."""
     rng = np.random.default_rng(subject.seed)
     for setup in subject.setups:
         poses = subject.turns.poses(setup)
@@ -207,14 +212,18 @@ def _check_images(subject: _CheckArguments) -> Iterator[CheckFinding]:
 
 
 def _check_image(subject: _CheckArguments, setup: Setup, pose: Pose) -> CheckFinding | None:
-    """Check a frame; return None if it is black."""
+    """Check a frame of a setup at a pose; return None if it is black.
+
+    The frame of an exact backend is compared with the float64 reference, that of another backend with the backend
+    ``exact``.
+    """
     depth, task, name = DEPTHS[subject.depth], setup.task, f"{setup.look}, {setup.ibl}"
     shrink = min(1.0, depth.side / max(task.resolution))
     width, height = (max(1, round(shrink * pixels)) for pixels in task.resolution)
     small = replace(alter_shaders(task, subject.alter), resolution=(width, height))
 
     def render(number: int, samples: int, small: SceneTask = small) -> Halves:
-        # Seeds differ from those of the job's frames and of each other; a shader takes less than 2^18.
+        # Each render has another seed, below the limit 2^18 of a shader's seeds.
         seed = (subject.seed * 8 + number) % (1 << 18)
         return subject.render(frame_task(small, pose, f"{name} {number}", samples=samples, error=None, seed=seed))
 
@@ -247,6 +256,7 @@ def _check_image(subject: _CheckArguments, setup: Setup, pose: Pose) -> CheckFin
 
 
 def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
+    """Return the mean of the first halves of frames and the mean of their second halves, each (H, W, 3)."""
     return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 
@@ -261,7 +271,7 @@ CHECKS: dict[str, Callable[[_CheckArguments], Iterator[CheckFinding]]] = {
     "image": _check_images,
     "stability": _check_stability,
 }
-"""All checks by name, in the order in which they run."""
+"""The functions of all checks by name, in the order in which they run."""
 
 DEFAULT_CHECKS = ("points", "albedo", "image")
 """The checks that run by default. Stability takes minutes and depends mostly on the models."""

@@ -1,4 +1,8 @@
-"""`lookdev eval`: models evaluated at points, in NumPy or inside Cycles; JSON lines in and out."""
+"""Evaluates models, and stacks of them, for given directions, in NumPy or inside Cycles.
+
+`lookdev eval` uses this module, with lines of JSON as input and output. The checks at points and of stability use it
+with arrays. The results of a case are f, the value of the BSDF, and pdf, the density of its samples.
+"""
 
 from __future__ import annotations
 
@@ -29,18 +33,25 @@ from lookdev.safe_text import TextError, parse_json
 
 Evaluator = Literal["numpy", "cycles"]
 
-_UNIT_TOLERANCE = 1e-4
-_PROCESS_TIMEOUT = 600.0
+_UNIT_TOLERANCE = 1e-4  # of the length of a direction
+_PROCESS_TIMEOUT = 600.0  # seconds
 _LAYER_KEYS = ("model", "params", "mask", "mode")
-_FRESNEL = "fresnel"
+_FRESNEL = "fresnel"  # in place of a model: Fresnel's equations for a conductor
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases of stacks that differ in numbers only: wo, wi (n, 3); layers, base first.
+    """n cases of one stack of layers, which differ in their numbers and directions only.
 
-    `numbers` has a dictionary for each layer. Its values are parameters, (n,) or (n, 3), and the ``"mask"``, (n,), if
-    these are not constants of the layer.
+    Attributes
+    ----------
+    layers
+        The stack, the base first.
+    wo, wi : (n, 3)
+        Unit directions to the viewer and to the light, in the frame whose z is the normal.
+    numbers
+        A dictionary for each layer. It has the parameters, (n,) or (n, 3), and the ``"mask"``, (n,), that are not
+        constants of the layer.
     """
 
     layers: tuple[PointLayer, ...]
@@ -49,7 +60,7 @@ class Batch:
     numbers: tuple[dict[str, Floats], ...]
 
     def bsdf(self) -> Bsdf:
-        """Build the stacks."""
+        """Return the BSDF of the stack, with arrays over the cases as parameters."""
         return _build_stack(self.layers, self.numbers, self.wo)
 
     def round_to_float32(self) -> Batch:
@@ -64,20 +75,21 @@ def round_to_float32(values: Floats) -> Floats:
 
 
 def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[Mapping[str, Floats]], wo: Array) -> Bsdf:
-    # Seen from behind, the normal faces the viewer.
+    """Return the BSDF of layers with the given numbers of each, for directions `wo` (..., 3) to the viewer."""
+    # If the viewer is behind the surface, the normal is flipped to face the viewer: hence the absolute cosine.
     view = np.abs(wo[..., 2])
     return stack_bsdf([layer.stack_layer(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
 
 
 def evaluate_lines(lines: Iterable[str], backend: Evaluator) -> Iterator[str]:
-    """Evaluate JSON lines.
+    """Evaluate cases in lines of JSON, and yield the lines with the results.
 
     Parameters
     ----------
     lines
-        One case a line: ``{"model", "params", "wo", "wi"}``, or ``{"model": "stack", "layers", "wo", "wi"}`` with
+        One case in each line: ``{"model", "params", "wo", "wi"}``, or ``{"model": "stack", "layers", "wo", "wi"}`` with
         layers ``{"model", "params", "mask", "mode"}``, base first, or ``{"model": "fresnel", "params", "cosTheta"}``.
-        Other keys and blank lines are preserved. A number may be the text of an expression of the view.
+        Other keys and blank lines are preserved. The text of an expression of the view may replace a number.
     backend
         ``"numpy"``: the float64 reference; ``"cycles"``: the generated OSL inside Cycles, float32.
 
@@ -109,13 +121,13 @@ def evaluate_lines(lines: Iterable[str], backend: Evaluator) -> Iterator[str]:
 
 
 def parse_batches(lines: Iterable[str]) -> Iterator[Batch]:
-    """Parse lines of `evaluate_lines`, but not of ``fresnel``; yield groups of cases that differ in numbers only."""
+    """Parse lines as of `evaluate_lines`, without those of ``fresnel``; yield a batch for each stack of layers."""
     for _, batch in _group_cases([_parse_case(number, line, "numpy") for number, line in enumerate(lines, start=1)]):
         yield batch
 
 
 def evaluate_numpy(batch: Batch) -> tuple[Floats, Floats]:
-    """Evaluate in float64 NumPy: f (n, 3) and pdf (n,)."""
+    """Evaluate cases in float64 NumPy; return f (n, 3) and pdf (n,), both in 1/sr."""
     bsdf = batch.bsdf()
     return evaluate(bsdf, batch.wo, batch.wi), pdf(bsdf, batch.wo, batch.wi)
 
@@ -123,10 +135,10 @@ def evaluate_numpy(batch: Batch) -> tuple[Floats, Floats]:
 def evaluate_cycles(
     batch: Batch, lobes: Sequence[str] | None = None, alter: Callable[[str], str] = lambda osl: osl
 ) -> tuple[Floats, Floats]:
-    """Evaluate the generated OSL inside Cycles, in a separate process; values are float32.
+    """Evaluate cases by generated OSL inside Cycles, in a separate process; return f (n, 3) and pdf (n,), in 1/sr.
 
-    `lobes` restricts the stack to some of its lobes. `alter` takes the shader's text and returns the text to run. If
-    the process fails, a WorkerError has the last lines of its error stream.
+    The values are computed in float32. `lobes` restricts the stack to some of its lobes. `alter` takes the shader's
+    text and returns the text to run. If the process fails, a WorkerError has the last lines of its error stream.
     """
     table = point_table(batch)
     with tempfile.TemporaryDirectory(prefix="lookdev-eval-") as folder:
@@ -153,7 +165,7 @@ def join_columns(values: tuple[Floats, Floats]) -> Floats:
 
 
 def point_table(batch: Batch) -> Floats32:
-    """Return the numbers of a batch in the columns of `lookdev.codegen.points.point_columns`, (n, columns)."""
+    """Return the directions and numbers of a batch as a table (n, columns), with the columns of `point_columns`."""
     columns: dict[str, Floats] = {}
     for prefix, vectors in (("wo", batch.wo), ("wi", batch.wi)):
         columns |= {f"{prefix}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
@@ -166,6 +178,11 @@ def point_table(batch: Batch) -> Floats32:
 
 @dataclass(frozen=True)
 class _Case:
+    """A parsed line with a case: the object of the line, and the fields of a `Batch` for this case alone.
+
+    The arrays have no axis of cases.
+    """
+
     line: dict[str, object]
     layers: tuple[PointLayer, ...]
     numbers: tuple[dict[str, Floats], ...]
@@ -175,11 +192,14 @@ class _Case:
 
 @dataclass(frozen=True)
 class _Reflectance:
+    """A parsed line of ``fresnel``: the object of the line, and the reflectance."""
+
     line: dict[str, object]
     value: float
 
 
 def _parse_case(number: int, line: str, backend: Evaluator) -> _Case | _Reflectance | None:
+    """Parse the line with a number; return None if it is blank."""
     if not line.strip():
         return None
     try:
@@ -208,6 +228,7 @@ def _parse_case(number: int, line: str, backend: Evaluator) -> _Case | _Reflecta
 
 
 def _parse_fresnel(case: dict[str, object], backend: Evaluator) -> _Reflectance:
+    """Evaluate Fresnel's equations for a line of ``fresnel``."""
     if backend != "numpy":
         raise ModelError(f"'{_FRESNEL}' is not a surface, so Cycles cannot render it; --backend numpy would be right")
     values: Parameters = complete(_FRESNEL, INTERFACE, _parse_object(case["params"]))
@@ -219,6 +240,7 @@ def _parse_fresnel(case: dict[str, object], backend: Evaluator) -> _Reflectance:
 
 
 def _parse_stack(stack: object) -> tuple[tuple[PointLayer, ...], tuple[dict[str, Floats], ...]]:
+    """Return the layers of a stack, and the numbers of each layer including the mask."""
     if not isinstance(stack, list) or not stack:
         raise ModelError("layers must be a list of at least one layer, the base first")
     layers, numbers = [], []
@@ -248,7 +270,7 @@ def _parse_stack(stack: object) -> tuple[tuple[PointLayer, ...], tuple[dict[str,
 def _parse_layer(
     model: object, params: object, mode: Mode = "over", mask: float | str = 1.0
 ) -> tuple[PointLayer, dict[str, Floats]]:
-    """Return a layer, and its numbers including the mask."""
+    """Return a layer without its numbers, and these numbers by name, including the mask if it is a number."""
     if not isinstance(model, str) or model not in MODELS:
         raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack', _FRESNEL])})")
     params, declared = _parse_object(params), MODELS[model].parameters
@@ -257,18 +279,18 @@ def _parse_layer(
         for name, value in add_followers(declared, params).items()
         if isinstance(value, str) and name in declared and declared[name].kind != "token"
     }
-    expand_tokens(model, declared, params)  # so that an expression cannot replace a parameter that a token sets
+    expand_tokens(model, declared, params)  # raises ModelError if an expression replaces a parameter that a token sets
     parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
-    # An optional number folds at its default: the code is that of looks without it.
+    # An optional number with its default is a constant: the generated code then equals that of looks without it.
     defaults = MODELS[model].optional_defaults()
-    folds = {
+    constants = {
         name: default for name, default in defaults.items() if parameters[name] == default and name not in formulas
     }
     numbers = {
         name: value
         for name, value in parameters.items()
-        if not isinstance(value, str) and name not in {*folds, *formulas}
+        if not isinstance(value, str) and name not in {*constants, *formulas}
     }
     if isinstance(mask, str):
         formulas["mask"] = mask
@@ -281,7 +303,7 @@ def _parse_layer(
             raise ModelError(
                 f"{model}.{name} is {shorten(text, 40)!r}, which is not an expression of the view: {error}"
             ) from error
-    return PointLayer(model, tokens, mode, folds, formulas=formulas), numbers
+    return PointLayer(model, tokens, mode, constants, formulas=formulas), numbers
 
 
 def _parse_object(params: object) -> dict[str, object]:
@@ -298,7 +320,10 @@ def _parse_direction(name: str, value: object) -> Floats:
 
 
 def _group_cases(cases: Sequence[_Case | _Reflectance | None]) -> Iterator[tuple[list[int], Batch]]:
-    """Group cases that differ in numbers only: a group is evaluated as arrays at once, or by one shader."""
+    """Group the cases with equal layers; yield the indices of each group's cases, and the cases as one batch.
+
+    A batch is evaluated at once, by arrays or by one shader.
+    """
     groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
         if isinstance(case, _Case):

@@ -1,4 +1,4 @@
-"""The cases of the stress test: numbers at the ends of their ranges, grazing directions, degenerate scenes."""
+"""The cases of the check "stability": parameters at the ends of their ranges, grazing directions, degenerate scenes."""
 
 from __future__ import annotations
 
@@ -20,28 +20,33 @@ from lookdev.light import EnvironmentMap, make_environment
 
 Rng = np.random.Generator
 
-# Fractions of a range, from its lower end; then extreme ones, down to float32's denormal numbers.
+# The positions of parameters in their ranges: 0 is the lower end, 1 the upper. Extreme ones reach float32's denormal
+# numbers.
 _FRACTIONS = (0.0, 1e-4, 0.01, 0.5, 1.0 - 1e-4, 1.0)
 _EXTREME_FRACTIONS = (1e-7, 1e-12, 1e-20, 1e-30, 1e-40, 1.0 - 2.0**-24)
-# Cosines; below 1e-7 a direction is on the horizon in float32.
+# Cosines between directions and the normal. Below 1e-7 a direction is on the horizon in float32.
 _COSINES = (1.0, 0.9, 0.3, 1e-2, 1e-4, 1e-5, 1e-6, 1e-7)
 _EXTREME_COSINES = (0.0, 1e-12, 1e-18, 1e-20, 1e-30, 1e-37, 1e-40, 1e-45)
 
 
 @dataclass(frozen=True, eq=False)
 class ExtremeCases:
-    """Cases for NumPy and Cycles, exact in float32; `comparable` (n,) marks those that float32 can resolve."""
+    """Cases of a stack of layers, with numbers that float32 represents exactly.
+
+    `comparable` is a mask (n,) of the cases in which results in float32 can be compared with float64.
+    """
 
     batch: Batch
     comparable: Bools
 
 
 def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> ExtremeCases:
-    """Draw cases of a stack; the second half is extreme: tiny numbers, cosines far below 1e-7.
+    """Draw random cases of a stack of layers; the second half has extreme numbers and cosines far below 1e-7.
 
-    Pairs of directions are random, equal, mirrored, nearly mirrored, or opposite along the horizon. For a two-sided
-    surface some also pass through it, straight or not, or come from behind. Half of the cases have random normals.
-    Comparable cases with nearly opposite directions have none, because their half vector is only rounding error.
+    The directions wo and wi are independent, equal, mirrored, nearly mirrored, or opposite along the horizon. If the
+    surface is two-sided, wi is also behind it in some cases, or exactly opposite to wo, or both are behind it. About
+    half of the cases have random normals. Comparable cases with nearly opposite grazing directions do not, because
+    their half vector is only rounding error.
     """
     is_extreme = np.arange(count) >= count // 2
     wo, wi = _draw_directions(count, is_extreme, rng, two_sided=any(MODELS[layer.model].two_sided for layer in layers))
@@ -52,7 +57,10 @@ def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> Extreme
 
 
 def moderate_numbers(layers: Sequence[PointLayer], count: int, rng: Rng) -> tuple[dict[str, Floats], ...]:
-    """Draw numbers with bounded energy: scales are at most 1, normals are (0, 0, 1), options have their defaults."""
+    """Draw numbers that do not amplify light: scales are at most 1, normals are (0, 0, 1), options are the defaults.
+
+    Returns a dictionary for each layer, with arrays (count,) or (count, 3) by name.
+    """
     no_case, all_cases = np.zeros(count, np.bool_), np.ones(count, np.bool_)
     drawn = []
     for layer in layers:
@@ -64,17 +72,22 @@ def moderate_numbers(layers: Sequence[PointLayer], count: int, rng: Rng) -> tupl
 
 
 def _amplifies(model: str, name: str) -> bool:
+    """Return whether a parameter is a scale: a number with a default of at most 1, which can add energy above 1."""
     parameter = MODELS[model].parameters.get(name)
     return parameter is not None and isinstance(parameter.default, float) and parameter.default <= 1.0
 
 
 def _draw_directions(count: int, is_extreme: Bools, rng: Rng, *, two_sided: bool) -> tuple[Floats, Floats]:
-    def draw_cosines(lowest: int) -> Floats:
-        usual, extreme = rng.choice(_COSINES[lowest:], count), rng.choice(_EXTREME_COSINES, count)
+    """Draw the directions wo and wi (count, 3) of `extreme_cases`."""
+
+    def draw_cosines(first: int) -> Floats:
+        """Draw cosines from `_COSINES[first:]` or, in extreme cases, mostly from `_EXTREME_COSINES`."""
+        usual, extreme = rng.choice(_COSINES[first:], count), rng.choice(_EXTREME_COSINES, count)
         return np.where(is_extreme & (rng.random(count) < 0.7), extreme, usual)
 
     phi = rng.uniform(0.0, 2.0 * np.pi, count)
     wo = direction_at_cosine(draw_cosines(0), phi)
+    # The relation of wi to wo: 0 independent, 1 equal, 2 mirrored, 3 nearly mirrored, 4 opposite at the horizon.
     kind = rng.integers(5, size=count)[:, None]
     wo = np.where(kind == 4, direction_at_cosine(draw_cosines(3), phi), wo)
     opposed = direction_at_cosine(draw_cosines(3), phi + np.pi + rng.choice([0, 1e-7, 1e-4, 1e-3], count))
@@ -94,8 +107,9 @@ def _draw_directions(count: int, is_extreme: Bools, rng: Rng, *, two_sided: bool
 def _draw_numbers(
     layer: PointLayer, count: int, is_extreme: Bools, has_default_normal: Bools, rng: Rng
 ) -> dict[str, Floats]:
+    """Draw the numbers of a layer that are not constants, (count,) or (count, 3), by name."""
     declared = MODELS[layer.model].parameters
-    # All weights at their minimum at once: the surface is black.
+    # In a few cases all numbers have their minimum at once, so that the surface is black.
     is_minimal = rng.random(count) < 0.02
     numbers = {}
     for name in layer.shapes():
@@ -111,6 +125,7 @@ def _draw_numbers(
 
 
 def _draw_values(parameter: Parameter, count: int, is_extreme: Bools, rng: Rng) -> Floats:
+    """Draw values of a parameter in its hard range; about a third are the default."""
     shape = (count,) if parameter.kind == "float" else (count, 3)
     low, high = parameter.hard
     fraction = rng.choice(_FRACTIONS, shape)
@@ -120,6 +135,7 @@ def _draw_values(parameter: Parameter, count: int, is_extreme: Bools, rng: Rng) 
 
 
 def _draw_normals(count: int, has_default_normal: Bools, rng: Rng) -> Floats:
+    """Draw normals (count, 3) of any length but zero, some of them along axes or nearly so."""
     normals = rng.uniform(-1.0, 1.0, (count, 3))
     normals = np.where(rng.random((count, 1)) < 0.2, rng.choice([-1.0, 0.0, 1e-12, 1.0], (count, 3)), normals)
     normals[has_default_normal | ~normals.any(axis=-1)] = ZENITH
@@ -127,7 +143,7 @@ def _draw_normals(count: int, has_default_normal: Bools, rng: Rng) -> Floats:
 
 
 def _round_within(values: Floats, low: float, high: float) -> Floats:
-    """Round values to float32, but never beyond a range."""
+    """Round values to float32; a value that would leave the range is rounded into it."""
     rounded = round_to_float32(values)
     inwards = np.where(rounded < low, np.inf, np.where(rounded > high, -np.inf, rounded))
     return round_to_float32(np.nextafter(rounded.astype(np.float32), inwards.astype(np.float32)))
@@ -135,7 +151,10 @@ def _round_within(values: Floats, low: float, high: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SceneCase:
-    """A degenerate scene. If `base_case` names another case, the picture is `gain` times that of the other case."""
+    """A scene whose picture has a known property: an asset under an environment map.
+
+    If `base_case` is the name of another case, the picture must equal `gain` times the picture of that case.
+    """
 
     name: str
     asset: Asset
@@ -145,19 +164,19 @@ class SceneCase:
 
     @property
     def is_white(self) -> bool:
-        """Whether no pixel may be brighter than the surface's albedo."""
+        """Whether the light is white everywhere, so that no pixel may be brighter than the surface's albedo."""
         return bool((self.light.radiance == 1.0).all())
 
     @property
     def is_black(self) -> bool:
-        """Whether every pixel must be exactly 0."""
+        """Whether there is no light, so that every pixel must be exactly 0."""
         return not self.light.radiance.any()
 
 
 def scene_cases() -> tuple[SceneCase, ...]:
     """Return scenes whose pictures have known relations; each has one mesh, with UVs ``st`` and without primvars.
 
-    They are for looks without anisotropy or textures, because zero-area UVs do not define a tangent.
+    They suit looks without anisotropy and textures only, because UVs without area do not define a tangent.
     """
     pair, lamp, sun = _make_pair(), _lamp_light(), _sun_light()
     far = (1e5, -5e4, 2e4)
@@ -180,7 +199,7 @@ def scene_cases() -> tuple[SceneCase, ...]:
 
 
 def random_normal_scenes() -> tuple[SceneCase, ...]:
-    """Return scenes for every look: random shading normals and tangents, degenerate triangles, zero-area UVs."""
+    """Return scenes that suit every look: with random normals, degenerate triangles and UVs without area."""
     hostile = _make_pair(lambda mesh: _randomize_normals(_flatten_uvs(_add_degenerate_triangles(mesh))))
     return (
         SceneCase("normals anywhere", hostile, _white_light()),
@@ -191,7 +210,10 @@ def random_normal_scenes() -> tuple[SceneCase, ...]:
 def _make_pair(
     change: Callable[[Mesh], Mesh] = lambda mesh: mesh, scale: float = 1.0, offset: tuple[float, ...] = (0.0, 0.0, 0.0)
 ) -> Asset:
-    """Return an asset of two spheres that occlude and reflect each other."""
+    """Return an asset of two spheres that occlude and reflect each other; `change` alters the mesh of a sphere.
+
+    The asset is scaled by `scale` and moved by `offset`, in metres.
+    """
     ball = make_sphere(segments=64, rings=32)
     instances = []
     for size, position in ((1.0, (0.0, 0.0, 0.0)), (0.4, (1.2, -0.8, 0.5))):
@@ -202,35 +224,36 @@ def _make_pair(
 
 
 def _add_degenerate_triangles(mesh: Mesh) -> Mesh:
-    """Add triangles without area: one corner three times, and an edge back and forth."""
-    corners = np.arange(0, len(mesh.corner_points) - 3, 97)
-    added = np.concatenate([np.stack([corners, corners + k, corners], axis=-1) for k in (0, 1)]).ravel()
-    corner = np.concatenate([np.arange(len(mesh.corner_points)), added])
+    """Add triangles without area: some have one corner three times, some have an edge back and forth."""
+    starts = np.arange(0, len(mesh.corner_points) - 3, 97)  # at every 97th corner
+    added = np.concatenate([np.stack([starts, starts + offset, starts], axis=-1) for offset in (0, 1)]).ravel()
+    corners = np.concatenate([np.arange(len(mesh.corner_points)), added])
     faces = len(added) // 3
     return replace(
-        _select_corners(mesh, corner),
+        _select_corners(mesh, corners),
         face_sizes=np.concatenate([mesh.face_sizes, np.full(faces, 3, np.int32)]),
         face_slots=np.concatenate([mesh.face_slots, np.zeros(faces, np.int32)]),
     )
 
 
-def _select_corners(mesh: Mesh, corner: Indices) -> Mesh:
+def _select_corners(mesh: Mesh, corners: Indices) -> Mesh:
+    """Return a mesh with the attributes of the corners with these indices; its faces are those of `mesh`."""
     return replace(
         mesh,
-        corner_points=mesh.corner_points[corner],
-        normals=mesh.normals[corner],
-        tangents=None if mesh.tangents is None else mesh.tangents[corner],
-        uvs={name: uv[corner] for name, uv in mesh.uvs.items()},
+        corner_points=mesh.corner_points[corners],
+        normals=mesh.normals[corners],
+        tangents=None if mesh.tangents is None else mesh.tangents[corners],
+        uvs={name: uv[corners] for name, uv in mesh.uvs.items()},
     )
 
 
 def _flatten_uvs(mesh: Mesh) -> Mesh:
-    """Return a mesh with equal UVs everywhere, without tangents."""
+    """Return a mesh with the same UVs at all corners, and without tangents."""
     return replace(mesh, uvs={"st": np.full_like(mesh.uvs["st"], 0.5)}, tangents=None)
 
 
 def _randomize_normals(mesh: Mesh) -> Mesh:
-    """Return a mesh with random normals, in all directions."""
+    """Return a mesh with random normals, uniform over all directions."""
     normals = np.random.default_rng(0).normal(size=mesh.normals.shape)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     return replace(mesh, normals=normals.astype(np.float32))
@@ -249,6 +272,7 @@ def _lamp_light() -> EnvironmentMap:
 
 
 def _sun_light() -> EnvironmentMap:
+    """Return a map that is black except for one texel."""
     radiance = np.zeros((64, 128, 3))
     radiance[20, 40] = (1.0, 0.8, 0.6)
     return make_environment("stress", radiance)

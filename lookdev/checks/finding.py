@@ -1,4 +1,4 @@
-"""Findings of checks as plain data, which `lookdev.checks.report` prints and writes."""
+"""Findings, which are the results of checks: plain data that `lookdev.checks.report` prints, and writes as HTML."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from lookdev.arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class PlotCurve:
-    """One curve of a plot; arrays have the shape (N,), but x has the shape (N + 1,) for "bars"."""
+    """One curve of a plot. All arrays have the shape (N,); with the style "bars", x has the shape (N + 1,)."""
 
     name: str  # in the legend
     x: Floats
     y: Floats
-    low: Floats | None = None  # confidence band; with high
+    low: Floats | None = None  # the confidence band is from `low` to `high`; None: no band
     high: Floats | None = None
-    style: str = "line"  # or "points", with the band as error bars, or "bars", a histogram over the edges x
+    # "line"; "points" with the band as error bars; or "bars", a histogram of heights `y` whose bins have the edges `x`.
+    style: str = "line"
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,7 @@ class PlotImage:
 
     name: str  # the caption
     pixels: Floats
-    low: float | None = None  # at the lower end of the colour bar
+    low: float | None = None  # the values at the ends of the colour bar; None: from the pixels
     high: float | None = None
 
 
@@ -56,7 +57,7 @@ class CheckFinding:
 
     @property
     def result(self) -> str:
-        """Whether the two sides agree, in a word."""
+        """A word for the report: "agrees" if the check passed, else "DISAGREES"."""
         return "agrees" if self.passed else "DISAGREES"
 
     @property

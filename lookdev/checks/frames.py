@@ -1,4 +1,4 @@
-"""Types of the frames that checks render, and changes of their shaders."""
+"""The types of the frames that checks render, and functions that alter the shaders of a scene."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ AlterShader = Callable[[str], str]
 
 
 class Halves(Protocol):
-    """Independent halves (H, W, 3) of a frame, premultiplied, without exposure, and their coverage (H, W)."""
+    """A frame as two independent renders `a` and `b`, (H, W, 3), and their coverage `alpha`, (H, W).
+
+    The halves are premultiplied and have no exposure applied.
+    """
 
     @property
     def a(self) -> Floats32: ...
@@ -32,7 +35,7 @@ RenderHalves = Callable[[FrameTask], Halves]
 
 
 def keep_shader(osl: str) -> str:
-    """Return the text of a shader unchanged: the default of `AlterShader`."""
+    """Return the text of a shader unchanged; it is the default where an `AlterShader` is a parameter."""
     return osl
 
 

@@ -1,19 +1,23 @@
-"""Compares frames with the float64 reference by t-tests on a random subset of pixels.
+"""The check "image" of `lookdev check`: compares frames with the float64 reference at random pixels, by t-tests.
 
-The spread of a frame's independent halves is its noise; the reference has its own standard error. Both are estimated
-from few values, so a difference divided by its error follows Student's t, with the degrees of freedom of Welch (1947)
-and Satterthwaite (1946). Rare bright paths make heavy-tailed noise: a pixel whose halves all missed such a path has too
-low a value and too small a spread. So the reference, which has more samples, gives a lower bound of the noise.
+A frame is several independent renders, its halves. Their spread gives the noise of the frame; the reference has a
+standard error of its own. Both are estimated from few values. A difference divided by its error therefore follows
+Student's t, with the degrees of freedom of Welch (1947) and Satterthwaite (1946). Rare bright paths make heavy-tailed
+noise: if no half of a pixel has found such a path, its value is too low and its spread too small. The reference has
+more samples, so its standard error gives a lower bound of the frame's noise.
 
-Noise alone fails each of three tests once in `1 / LEVEL` frames:
+There are three tests. Noise alone fails each of them once in `1 / LEVEL` frames:
 
-- every channel of every pixel: no |t| is beyond the quantile for all tests (Šidák 1967); detects local errors;
-- the number of pixels beyond a quantile in the middle of the distribution; detects small errors at many pixels;
-- the mean relative difference of each channel; detects a bias far below the noise of a pixel.
+- No channel of any pixel has a |t| beyond the quantile for all comparisons together (Šidák 1967). This detects local
+  errors.
+- The number of pixels beyond a quantile in the middle of the distribution is not too large. This detects small errors
+  at many pixels.
+- The mean relative difference of each channel is not too large. This detects a bias far below the noise of a pixel.
 
-The picture of an approximation is compared with the exact picture instead, by relMSE and by FLIP. Both pictures are two
-independent halves. A product of differences of independent halves is unbiased, so relMSE needs no converged pictures.
-FLIP has no such estimator, so its value for two renders of the same picture is reported, too.
+The picture of a backend that approximates the models is not compared with the reference, but with the picture of the
+backend ``exact``, by relMSE and by FLIP. Each picture has two independent halves. Products of differences between
+different halves estimate relMSE without bias, so no converged pictures are needed. There is no such estimator of FLIP,
+so the FLIP of two renders of the same picture is reported for comparison.
 """
 
 from __future__ import annotations
@@ -38,12 +42,13 @@ MAX_FLIP = 0.05
 """The largest mean FLIP at which a check of an approximation passes."""
 
 MIN_HALVES = 8
-"""The least number of halves: with fewer, the quantiles of Student's t are too large for any failure."""
+"""The least number of halves. With fewer, the quantiles of Student's t are so large that no frame fails."""
 
-_MIDDLE = 0.2  # the share of pixels that noise alone puts beyond the middle quantile
-_DIRECTIONS = 4.0  # the most directions per shading point of a frame for each direction of the reference
-_FLOOR = 1e-6  # of an error: ten times the float32 rounding of 1
-_WORST = 5
+_MIDDLE = 0.2  # the share of pixels that noise alone puts beyond the quantile of the second test
+# At a shading point, a frame's sample draws at most this number of directions for each one of the reference's sample.
+_DIRECTIONS = 4.0
+_FLOOR = 1e-6  # the least standard error: ten times the float32 rounding of 1
+_WORST = 5  # pixels that a finding lists
 
 
 @dataclass(frozen=True)
@@ -51,16 +56,17 @@ class Agreement:
     """The difference of a frame from the reference at P pixels; all arrays have the shape (P, 3)."""
 
     difference: Floats  # frame minus reference
-    error: Floats  # its standard error
-    t: Floats  # difference over error
+    error: Floats  # standard error of the difference
+    t: Floats  # difference / error
     freedom: Floats  # degrees of freedom of the error
-    claimed: Floats  # the frame's own standard error
+    claimed: Floats  # the standard error of the frame, from the spread of its halves alone
 
 
 def choose_pixels(alpha: Reals, count: int, seed: int = 0) -> Ints:
-    """Choose at most `count` random pixels (P, 2), column and row, where `alpha` (H, W) or a neighbour's is above 0.
+    """Choose at most `count` random pixels (P, 2), column and row, at the asset or next to it.
 
-    Neighbours are included because pixels that a frame's samples happen to cover are brighter than average.
+    A pixel is at the asset if its coverage in `alpha` (H, W) is above 0. The neighbours are included because coverage
+    is random at the asset's edge: pixels that happen to be covered are brighter than average.
     """
     rows, columns = np.nonzero(binary_dilation(alpha > 0.0, np.ones((3, 3))))
     selection = np.random.default_rng(seed).permutation(len(rows))[:count]
@@ -70,17 +76,19 @@ def choose_pixels(alpha: Reals, count: int, seed: int = 0) -> Ints:
 def compare_pixels(halves: Reals, samples: int, reference: Estimate) -> Agreement:
     """Compare pixels of a frame with the reference.
 
-    `halves` (K, P, 3) are independent renders of equal cost, premultiplied, exposure 0; `samples` is the number per
-    pixel over all of them. A RenderError reports fewer than `MIN_HALVES`.
+    `halves` (K, P, 3) has the pixels of independent renders of equal cost, premultiplied, with exposure 0. `samples` is
+    the number of samples per pixel in all of them together. A RenderError reports fewer than `MIN_HALVES` halves.
     """
     count = len(halves)
     if count < MIN_HALVES:
         raise RenderError(f"{count} independent renders are too few to estimate noise; {MIN_HALVES} would be right")
     halves = halves.astype(np.float64)
     variance = halves.var(axis=0, ddof=1) / count
+    # The lower bound of the frame's variance, from that of the reference, for equally many directions.
     min_variance = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
     frame_variance, reference_variance = np.maximum(variance, min_variance), reference.error**2
     error = np.maximum(np.sqrt(frame_variance + reference_variance), _FLOOR)
+    # The degrees of freedom of Welch and Satterthwaite.
     spread = frame_variance**2 / (count - 1) + reference_variance**2 / (reference.scrambles - 1)
     freedom = np.where(
         spread > 0.0, (frame_variance + reference_variance) ** 2 / np.where(spread > 0.0, spread, 1.0), count - 1.0
@@ -98,7 +106,7 @@ def check_frame(
     reference: Estimate,
     converged: Reals | None = None,
 ) -> CheckFinding:
-    """Check a frame against the reference; errors are those of `compare_pixels`.
+    """Check a frame against the reference; it raises as `compare_pixels`.
 
     Parameters
     ----------
@@ -109,9 +117,11 @@ def check_frame(
     alpha : (H, W)
         Coverage.
     samples
-        Per pixel, over all halves.
+        Samples per pixel in all halves together.
     pixels : (P, 2)
-        Column and row of the pixels of `reference`, from `choose_pixels`.
+        Column and row of the compared pixels, from `choose_pixels`.
+    reference
+        The values of these pixels.
     converged : (H, W, 3)
         The same frame with many more samples, for FLIP.
     """
@@ -123,11 +133,11 @@ def check_frame(
         return CheckFinding("image", subject, False, summary, {"broken": float(len(broken))}, details)
     agreement = compare_pixels(halves[:, rows, columns], samples, reference)
     tests = agreement.t.size
-    # The probability of such a deviation by noise, for each channel, and the lowest that passes.
+    # The probability that noise causes such a deviation or a larger one, (P, 3), and the lowest that passes.
     p_values = 2.0 * stats.t.sf(np.abs(agreement.t), agreement.freedom)
     min_p_value = 1.0 - (1.0 - LEVEL) ** (1.0 / tests)
     suspicious = int((p_values < min_p_value).any(axis=-1).sum())
-    # Channels of a pixel share their samples, so a pixel has one number: the median of its channels.
+    # The channels of a pixel share their samples, so they count as one value, the median.
     beyond = int((np.median(p_values, axis=-1) < _MIDDLE).sum())
     beyond_limit = int(stats.binom.ppf(1.0 - LEVEL, len(pixels), _MIDDLE))
     scale = np.sqrt(reference.value**2 + EPSILON)
@@ -173,8 +183,8 @@ def check_frame(
 def flip(image: Reals, converged: Reals) -> tuple[float, Floats]:
     """Return the mean HDR-FLIP of an image (H, W, 3) against a converged one, and its map (H, W), both in [0, 1].
 
-    Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images": the visible difference of two
-    pictures over all exposures at which either shows anything.
+    HDR-FLIP is the visible difference of two pictures, over all exposures at which one of them shows anything
+    (Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images").
     """
     import flip_evaluator
 
@@ -184,7 +194,7 @@ def flip(image: Reals, converged: Reals) -> tuple[float, Floats]:
 
 
 def _mean_bias(agreement: Agreement, scale: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the mean relative difference of channels, its standard error, and the limit of its noise, (3,) each."""
+    """Return the mean relative difference, its standard error, and the largest that passes: (3,) each, by channel."""
     variance = (agreement.error / scale) ** 2
     bias, error = np.mean(agreement.difference / scale, axis=0), np.sqrt(variance.sum(axis=0)) / len(variance)
     freedom = variance.sum(axis=0) ** 2 / (variance**2 / agreement.freedom).sum(axis=0)
@@ -193,6 +203,8 @@ def _mean_bias(agreement: Agreement, scale: Floats) -> tuple[Floats, Floats, Flo
 
 
 def _describe_pixel(agreement: Agreement, pixels: Ints, reference: Estimate, index: int) -> str:
+    """Return a line with the position, the values and the deviation of the compared pixel with an index."""
+
     def format_numbers(values: Sequence[float] | Floats) -> str:
         return " ".join(f"{value:.4g}" for value in values)
 
@@ -205,6 +217,7 @@ def _describe_pixel(agreement: Agreement, pixels: Ints, reference: Estimate, ind
 
 
 def _plot_differences(agreement: Agreement, reference: Estimate) -> FindingPlot:
+    """Return a plot of relative differences over the values of the reference, with two standard errors as bars."""
     x = reference.value.mean(axis=-1)
     scale = np.sqrt(x**2 + EPSILON)
     y, error = agreement.difference.mean(axis=-1) / scale, 2.0 * agreement.error.mean(axis=-1) / scale
@@ -213,7 +226,10 @@ def _plot_differences(agreement: Agreement, reference: Estimate) -> FindingPlot:
 
 
 def _plot_histogram(agreement: Agreement) -> FindingPlot:
-    """Return a plot of t as normal deviates of equal probability, which do not depend on the degrees of freedom."""
+    """Return a histogram of t, converted to normal deviates of the same probability, beside the normal distribution.
+
+    Normal deviates do not depend on the degrees of freedom, which differ between pixels.
+    """
     deviates = np.sign(agreement.t) * stats.norm.isf(
         np.maximum(stats.t.sf(np.abs(agreement.t), agreement.freedom), 1e-300)
     )
@@ -228,11 +244,12 @@ def _plot_histogram(agreement: Agreement) -> FindingPlot:
 
 
 def frame_picture(name: str, image: Reals) -> PlotImage:
-    """Return a frame (H, W, 3) as a picture of the report."""
+    """Return a linear frame (H, W, 3) as a picture of the report, with a display gamma of 2.2."""
     return PlotImage(name, np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
 
 
 def _difference_picture(agreement: Agreement, shape: tuple[int, ...], pixels: Ints) -> PlotImage:
+    """Return a picture with the mean t of each compared pixel, and without values elsewhere."""
     canvas = np.full(shape, np.nan)
     canvas[pixels[:, 1], pixels[:, 0]] = agreement.t.mean(axis=-1)
     return PlotImage("t of the pixels compared", canvas, -6.0, 6.0)
@@ -240,23 +257,26 @@ def _difference_picture(agreement: Agreement, shape: tuple[int, ...], pixels: In
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """The difference of two pictures over the asset's pixels."""
+    """The difference between the picture of an approximation and the exact picture, over the asset's pixels."""
 
-    relmse: float  # of their expectations
-    relmse_error: float  # its standard error
-    flip: float  # mean HDR-FLIP
-    noise: float  # mean HDR-FLIP of two renders of the exact picture
-    flip_map: Floats  # the map of FLIP, (H, W)
+    relmse: float  # of the approximation's picture without noise, against the exact picture without noise
+    relmse_error: float  # standard error of `relmse`
+    flip: float  # mean HDR-FLIP between both
+    noise: float  # mean HDR-FLIP between two renders of the exact picture
+    flip_map: Floats  # HDR-FLIP of each pixel, (H, W)
 
 
 def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> Gap:
-    """Compare independent halves (H, W, 3) of two pictures, premultiplied, exposure 0; `alpha` (H, W) is coverage."""
+    """Compare the exact picture with another one, each given by two independent halves (H, W, 3).
+
+    The halves are premultiplied and have exposure 0. `alpha` (H, W) is the coverage.
+    """
     covered = alpha > 0.0
     a, b, c, d = (half.astype(np.float64)[covered] for half in (*exact, *other))
-    # The squared reference of relMSE is a product of independent halves too.
+    # The denominator of relMSE has the squared reference, which is replaced by a product of independent halves, too.
     squares = (a - c) * (b - d) / (np.maximum(a * b, 0.0) + EPSILON)
     pixels = squares.mean(axis=-1)
-    # One half against the other: four halves against four are less noisy by a factor of 2.
+    # The noise is that of one half against the other. `flip_map` compares means of two halves, which have less noise.
     _, noise_map = flip(exact[0], exact[1])
     _, flip_map = flip((other[0] + other[1]) / 2.0, (exact[0] + exact[1]) / 2.0)
     return Gap(
@@ -269,7 +289,7 @@ def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: R
 
 
 def check_gap(subject: str, exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> CheckFinding:
-    """Check that the mean FLIP is at most `MAX_FLIP`; the parameters are those of `measure_gap`."""
+    """Check that the mean FLIP of a picture against the exact one is at most `MAX_FLIP`; see `measure_gap`."""
     gap = measure_gap(exact, other, alpha)
     figures = {"flip": gap.flip, "flip_noise": gap.noise, "relmse": gap.relmse, "relmse_error": gap.relmse_error}
     summary = (

@@ -1,7 +1,8 @@
-"""Point values: the generated OSL of a look inside Cycles, in float32, against NumPy in float64.
+"""The check "points" of `lookdev check`: compares f and pdf of a look in Cycles (float32) and in NumPy (float64).
 
-Varying inputs are read from a table of their values at random points. Constants fold as in the shader that renders the
-look, so that the code of that shader is tested. Both sides start from the same float32 numbers.
+Cycles evaluates the generated OSL of the look. The inputs that vary over a surface are read from a table with their
+values at random points. Constants are compiled into the code as in the shader that renders the look, so that the code
+of that shader is tested. Both sides start from the same float32 numbers.
 """
 
 from __future__ import annotations
@@ -21,16 +22,16 @@ from lookdev.checks.samples import case_line, constant_numbers, point_layer, sam
 from lookdev.material import Look
 
 TOLERANCE = 2e-4
-"""Relative tolerance: for equal float32 inputs, formulas lose at most some hundred units in the last place (6e-8)."""
+"""Relative tolerance. For equal float32 inputs, the error of a formula is some hundred roundings (6e-8) at most."""
 
 VISIBLE = 1e-4
-"""In 1/sr: below this value the tolerance is absolute, and equal to that of this value."""
+"""The value of f or pdf, in 1/sr, below which the tolerance is absolute: it is then `TOLERANCE` times this value."""
 
-_WORST = 5
-# Rounding of a direction in the frame of a tilted normal or refracted by an averaged index, or of the angles with which
-# a table is looked up, in units in the last place.
+_WORST = 5  # cases that a finding lists
+# The relative rounding error of a direction (four roundings to float32) in three cases: it is expressed in the frame of
+# a tilted normal, it is refracted by an averaged index, or its angles are looked up in a table.
 _DIRECTION_ROUNDING = 4.0 * 2.0**-24
-_EDGES = np.linspace(-9.0, 0.0, 37)
+_EDGES = np.linspace(-9.0, 0.0, 37)  # of the bins of a histogram of relative errors, log10
 
 
 def check_points(
@@ -41,10 +42,10 @@ def check_points(
     tolerance: float = TOLERANCE,
     alter: Callable[[str], str] = lambda osl: osl,
 ) -> CheckFinding:
-    """Compare f and pdf of a look in `count` cases: random points and directions, drawn with `seed`.
+    """Compare f and pdf of a look in `count` random cases, which are points of a surface with two directions.
 
-    Textures are read. `tolerance` is the relative error allowed for values above `VISIBLE`; `alter` alters the text of
-    the shader. A WorkerError reports that Cycles failed.
+    Textures are read. `tolerance` is the relative error that is allowed for values above `VISIBLE`. `alter` alters the
+    text of the shader. A WorkerError reports that Cycles failed.
     """
     batch = look_batch(look, count, np.random.default_rng(seed))
     actual = join_columns(evaluate_cycles(batch, alter=alter))
@@ -56,7 +57,7 @@ def check_points(
     allowed += _option_rounding(batch, expected)
     is_sound = np.isfinite(actual) & (actual >= 0.0)
     error = np.abs(np.where(is_sound, actual, 0.0) - expected)
-    # Above 1 a case fails.
+    # The error of each value over the allowed error. A case fails if one of its values is above 1.
     excess = np.where(is_sound, error / allowed, np.inf)
     is_visible = expected > VISIBLE
     relative = error[is_visible] / expected[is_visible]
@@ -86,17 +87,20 @@ def check_points(
 
 
 def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
-    """Return random cases of a look, rounded to float32: half with inputs of one point, half with those of several."""
+    """Return random cases of a look, rounded to float32.
+
+    In half of the cases all inputs are those of one point. In the others, inputs of different points are combined.
+    """
     layers = sample_layers(look, count, rng)
     numbers = tuple(
         {name: round_to_float32(_recombine(value, rng)) for name, value in varying_numbers(layer).items()}
         for layer in layers
     )
-    kinds = tuple(point_layer(layer, constant_numbers(layer)) for layer in layers)
+    point_layers = tuple(point_layer(layer, constant_numbers(layer)) for layer in layers)
     zenith = np.tile(ZENITH, (count, 1))
-    bsdf = Batch(kinds, zenith, zenith, numbers).bsdf()
+    bsdf = Batch(point_layers, zenith, zenith, numbers).bsdf()
     wo, wi = (round_to_float32(w) for w in _draw_directions(bsdf, count, rng))
-    return Batch(kinds, wo, wi, numbers)
+    return Batch(point_layers, wo, wi, numbers)
 
 
 def _recombine(values: Floats, rng: np.random.Generator) -> Floats:
@@ -106,24 +110,26 @@ def _recombine(values: Floats, rng: np.random.Generator) -> Floats:
 
 
 def _draw_directions(bsdf: Bsdf, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Draw views, a quarter of them grazing down to 1e-4, and lights, half of them by sampling the BSDF.
+    """Draw directions wo to the viewer and wi to the light, (count, 3) each.
 
-    The other lights are near the mirror direction, nearly opposite to the view, on the horizon, or random. A two-sided
-    surface is also seen and lit from behind.
+    A quarter of the views are grazing, with cosines down to 1e-4. Half of the directions to the light are samples of
+    the BSDF. The others are near the mirror direction, nearly opposite to the view, on the horizon, or random. A
+    two-sided surface is also seen and lit from behind.
     """
     wo, wi = _draw_upper(rng, count), _draw_upper(rng, count)
-    part = count // 16
-    drawn = sample(bsdf, wo, rng.random((count, 2)))
-    half = 8 * part
-    wi[:half] = np.where(drawn[:half, 2:] != 0.0, drawn[:half], wi[:half])
-    mirror = slice(half, half + 3 * part)
-    spread = 10.0 ** rng.uniform(-5.0, 0.0, (3 * part, 1))
-    wi[mirror] = wo[mirror] * [-1.0, -1.0, 1.0] + rng.normal(size=(3 * part, 3)) * spread
-    opposite = slice(mirror.stop, mirror.stop + part)
+    sixteenth = count // 16
+    sampled = sample(bsdf, wo, rng.random((count, 2)))
+    half = 8 * sixteenth
+    # Where the BSDF draws no direction, z is 0.
+    wi[:half] = np.where(sampled[:half, 2:] != 0.0, sampled[:half], wi[:half])
+    mirror = slice(half, half + 3 * sixteenth)
+    spread = 10.0 ** rng.uniform(-5.0, 0.0, (3 * sixteenth, 1))
+    wi[mirror] = wo[mirror] * [-1.0, -1.0, 1.0] + rng.normal(size=(3 * sixteenth, 3)) * spread
+    opposite = slice(mirror.stop, mirror.stop + sixteenth)
     wo[opposite, 2] = wi[opposite, 2] = 1e-3
-    wi[opposite, :2] = -wo[opposite, :2] + rng.normal(size=(part, 2)) * 1e-3
-    horizon = slice(opposite.stop, opposite.stop + part)
-    wi[horizon, 2] *= rng.choice([0.0, -1.0], part)
+    wi[opposite, :2] = -wo[opposite, :2] + rng.normal(size=(sixteenth, 2)) * 1e-3
+    horizon = slice(opposite.stop, opposite.stop + sixteenth)
+    wi[horizon, 2] *= rng.choice([0.0, -1.0], sixteenth)
     if bsdf.two_sided:
         wi[horizon.stop :: 2, 2] *= -1.0
         behind = rng.random(count) < 1.0 / 16.0
@@ -144,7 +150,7 @@ def _normalize(w: Floats) -> Floats:
 
 
 def _rounds_directions(batch: Batch) -> bool:
-    """Return whether directions are rounded before evaluation: by tilted normals, averaged indices, look-ups."""
+    """Return whether code rounds directions before it evaluates a lobe: see `_DIRECTION_ROUNDING`."""
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         if any(parameter.file for parameter in MODELS[layer.model].parameters.values()):
             return True
@@ -156,7 +162,10 @@ def _rounds_directions(batch: Batch) -> bool:
 
 
 def _direction_rounding(batch: Batch, expected: Floats) -> Floats:
-    """Return the change of values when directions change by `_DIRECTION_ROUNDING`, e.g. over a step of a table."""
+    """Return the change of f and pdf, (n, 4), when the directions change by `_DIRECTION_ROUNDING`.
+
+    Each component of each direction is changed up and down; the larger changes of all components are added.
+    """
     total = np.zeros_like(expected)
     for axis in range(3):
         step = _DIRECTION_ROUNDING * np.eye(3)[axis]
@@ -167,7 +176,10 @@ def _direction_rounding(batch: Batch, expected: Floats) -> Floats:
 
 
 def _option_rounding(batch: Batch, expected: Floats) -> Floats:
-    """Return the change of values by a rounding of optional numbers: phases and exponents, which magnify it."""
+    """Return the change of f and pdf, (n, 4), when optional numbers change by `_DIRECTION_ROUNDING`.
+
+    Optional numbers are phases and exponents, which magnify a rounding error.
+    """
     change = np.zeros_like(expected)
     for number, layer in enumerate(batch.layers):
         for name, default in MODELS[layer.model].optional_defaults().items():
@@ -181,12 +193,13 @@ def _option_rounding(batch: Batch, expected: Floats) -> Floats:
 
 
 def _describe_case(batch: Batch, index: int, actual: Floats, expected: Floats, excess: Floats) -> str:
-    """Return one case as a line for `lookdev eval`."""
+    """Return one case as a line for `lookdev eval`, with the values of both sides."""
     values_of = {"numpy": expected[index].tolist(), "cycles": [float(value) for value in actual[index]]}
     return case_line(batch, index, excess=float(excess[index].max()), f_and_pdf=values_of)
 
 
 def _plot_histogram(error: Floats, expected: Floats, tolerance: float) -> FindingPlot:
+    """Return a histogram of the relative errors of visible values, for f and for pdf."""
     series = []
     for name, columns in (("f", slice(0, 3)), ("pdf", slice(3, 4))):
         visible = expected[:, columns] > VISIBLE

@@ -1,4 +1,4 @@
-"""Findings as a table in a terminal and as one self-contained HTML page."""
+"""Shows the findings of `lookdev check`: as a table in the terminal, and as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from lookdev.html_page import write_html_page
 
 
 def print_findings(findings: Sequence[CheckFinding], console: Console) -> None:
-    """Print findings as a table, then the worst cases of those that disagree, each as an unbroken line."""
+    """Print findings as a table, then the worst cases of each finding that disagrees, each case as an unbroken line."""
     table = Table(box=box.SIMPLE_HEAD)
     for column in ("check", "of", "", "figures"):
         table.add_column(column, overflow="fold")
@@ -50,6 +50,7 @@ def write_html(findings: Sequence[CheckFinding], file: Path, title: str) -> None
 
 
 def _summary(finding: CheckFinding) -> str:
+    """Return the summary of a finding, with the reason why the check or a part of it was skipped."""
     if not finding.skipped:
         return finding.summary
     return f"{finding.summary}; skipped: {finding.skipped}" if finding.summary else f"skipped: {finding.skipped}"
@@ -73,7 +74,7 @@ def draw_svg(plot: FindingPlot) -> bytes:
 
 
 def _escape_dollars(text: str) -> str:
-    # Matplotlib reads text after a dollar sign as mathematics.
+    """Return text for a plot, with escaped dollar signs: Matplotlib would read text after them as mathematics."""
     return replace_controls(text).replace("$", r"\$")
 
 

@@ -1,4 +1,8 @@
-"""The inputs of a look as numbers at random points of a surface."""
+"""Evaluates the inputs of a look, such as textures, at random points of a surface, for the checks.
+
+A check gets the layers of a look with numbers in place of textures and primvars. This module also writes such layers
+as lines for `lookdev eval`, to reproduce a case.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +25,10 @@ from lookdev.material.values import SourceValues, look_layers
 
 @dataclass(frozen=True)
 class _RandomPoints(ImagePoints):
-    """`count` random points of a surface, with views, and with values in [0, 1) of all UV sets and primvars.
+    """`count` random points of a surface, with random cosines of the view, UVs and primvars.
 
-    A primvar has its fallback at the first quarter of the points, which lack it. About half of the points have mirrored
-    UVs.
+    UVs and primvars are in [0, 1). At the first quarter of the points, primvars are missing and have their fallback.
+    About half of the points have mirrored UVs.
     """
 
     rng: np.random.Generator
@@ -48,58 +52,60 @@ class _RandomPoints(ImagePoints):
         return self._draw_once("handedness", lambda: self.rng.choice([-1.0, 1.0], self.count))
 
     def view(self) -> Floats:
+        """Return cosines in (0, 1]."""
         return self._draw_once("view", lambda: 1.0 - self.rng.random(self.count))
 
     def _draw_once(self, key: object, draw: Callable[[], Floats]) -> Floats:
+        """Return the values that `draw` returned for a key, so that all inputs of a look read the same values."""
         if key not in self._drawn_values:
             self._drawn_values[key] = draw()
         return self._drawn_values[key]
 
 
 def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
-    """Return the layers of a look, with its inputs as numbers at `count` random points.
+    """Return the layers of a look, with the values of its inputs at `count` random points.
 
-    Inputs that are constants remain single numbers. Raises the errors of `look_bsdf`.
+    An input that varies becomes an array with the points as first axis; a constant has no such axis. Raises as
+    `look_bsdf`.
     """
     return look_layers(look, _RandomPoints(rng, count))
 
 
 def varying_numbers(layer: StackLayer) -> dict[str, Floats]:
-    """Return the mask and the numbers of a layer that differ from point to point, by name."""
+    """Return the numbers of a layer that differ from point to point, by name; the mask is one of the numbers."""
     return {name: value for name, value in _all_numbers(layer).items() if value.ndim > len(_shape(layer, name))}
 
 
 def constant_numbers(layer: StackLayer) -> dict[str, float | list[float]]:
-    """Return the mask and the numbers of a layer that are the same everywhere, by name."""
+    """Return the numbers of a layer that are the same at all points, by name; the mask is one of the numbers."""
     return {
         name: value.tolist() for name, value in _all_numbers(layer).items() if value.ndim == len(_shape(layer, name))
     }
 
 
 def layer_tokens(layer: StackLayer) -> dict[str, str]:
-    """Return the tokens of a layer, by name."""
+    """Return the parameters of a layer whose values are tokens, by name."""
     return {name: value for name, value in layer.parameters.items() if isinstance(value, str)}
 
 
 def following_numbers(layer: StackLayer) -> frozenset[str]:
-    """Return the names of the numbers of a layer that are not authored, but follow another number."""
+    """Return the names of the numbers of a layer that are not authored, but have the value of another number."""
     parameters, values = MODELS[layer.model].parameters, layer.parameters
     return frozenset(name for name, p in parameters.items() if p.follows and values[name] is values[p.follows])
 
 
 def point_layer(layer: StackLayer, constants: Mapping[str, float | list[float]]) -> PointLayer:
-    """Return a layer without the numbers that vary from point to point, as the generator of its code takes it.
+    """Return the part of a layer on which its generated code depends, without the numbers that vary.
 
-    It has the model, the tokens and the mode of the layer, and the names of the numbers that follow others. `constants`
-    are the numbers that are constants in the code, by name.
+    `constants` has the numbers that are constants in the code, by name.
     """
     return PointLayer(layer.model, layer_tokens(layer), layer.mode, constants, following_numbers(layer))
 
 
 def constant_looks(look: Look, count: int, rng: np.random.Generator) -> list[Look]:
-    """Return a constant look for each of `count` random points of a look, or a single look if all are equal.
+    """Return constant looks that have the inputs of a look at `count` random points, or one look if all are equal.
 
-    Inputs that depend on the view remain expressions of the view.
+    Inputs that depend on the view become expressions of the view alone.
     """
     points = _RandomPoints(rng, count)
     looks = []
@@ -111,14 +117,15 @@ def constant_looks(look: Look, count: int, rng: np.random.Generator) -> list[Loo
 
 @dataclass(frozen=True)
 class _RandomPoint:
-    """One of several random points."""
+    """One of several random points, by its index."""
 
     points: _RandomPoints
     index: int
+    # Formulas at this point, by the id of the original: inputs that share a formula then share its copy.
     _formulas: dict[int, Formula] = field(default_factory=dict)
 
     def layers(self, layer: Layer) -> Iterator[Layer]:
-        """Yield the constant layers that equal a layer of a look at this point."""
+        """Yield constant layers that equal a layer of a look at this point: several if its model is translated."""
         view_inputs = {
             name: source
             for name, source in {**layer.inputs, "mask": layer.mask}.items()
@@ -142,12 +149,14 @@ class _RandomPoint:
         """Return the number of a source at this point or, if it depends on the view, an expression of just the view."""
         if depends_on_view(source):
             return self._fix_formula(source) if isinstance(source, Formula) else source
+        # The number of axes of the value at one point, too: none for a number, one for a colour.
         color = kind == "color"
         value = np.asarray(SourceValues(self.points).source_value(source, color))
         number = (value[self.index] if value.ndim > color else value).tolist()
         return tuple(number) if color else number
 
     def _fix_formula(self, source: Formula) -> Formula:
+        """Return a formula of the view whose other inputs have their values at this point."""
         if id(source) not in self._formulas:
             inputs = {name: self._fix_source(argument, source.kinds[name]) for name, argument in source.inputs.items()}
             self._formulas[id(source)] = replace(source, inputs=inputs)
@@ -155,7 +164,10 @@ class _RandomPoint:
 
 
 def case_layer(model: str, values: Mapping[str, object], mode: str) -> dict[str, object]:
-    """Return a layer as `lookdev eval` reads it, without inputs that have their default; `values` include the mask."""
+    """Return a layer as an object for `lookdev eval`, without parameters that have their default.
+
+    `values` has the parameters and the mask by name.
+    """
 
     def to_list(value: object) -> object:
         return list(value) if isinstance(value, tuple) else value
@@ -168,7 +180,7 @@ def case_layer(model: str, values: Mapping[str, object], mode: str) -> dict[str,
 
 
 def case_line(batch: Batch, index: int, **extra: object) -> str:
-    """Return a case as a line for `lookdev eval`, with the keys of `extra`."""
+    """Return the case of a batch with an index as a line for `lookdev eval`, with `extra` as further keys."""
     layers = []
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         values = {**layer.constants, **{name: value[index].tolist() for name, value in numbers.items()}}
@@ -178,10 +190,12 @@ def case_line(batch: Batch, index: int, **extra: object) -> str:
 
 
 def _all_numbers(layer: StackLayer) -> dict[str, Floats]:
+    """Return the mask and the numbers of a layer, by name, without numbers that follow others."""
     values = {"mask": layer.mask, **layer.parameters}
     left_out = {*layer_tokens(layer), *following_numbers(layer)}
     return {name: np.asarray(value, dtype=np.float64) for name, value in values.items() if name not in left_out}
 
 
 def _shape(layer: StackLayer, name: str) -> tuple[int, ...]:
+    """Return the shape of a number at one point."""
     return () if name == "mask" or MODELS[layer.model].parameters[name].kind == "float" else (3,)

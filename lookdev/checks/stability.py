@@ -1,13 +1,13 @@
-"""Stability of models in NumPy and inside Cycles under extreme parameters, directions, lights and geometry.
+"""The check "stability" of `lookdev check`: models and looks with extreme parameters, directions, lights and geometry.
 
-At points, the value of a model is f and its pdf. It must be finite and not negative in float64 (NumPy) and in float32
-(Cycles). The float32 value is judged by its backward error (Higham 2002, "Accuracy and Stability of Numerical
-Algorithms", 1.5). Its unit is a rounding: the relative change 2^-24 of every input. A value passes if its error is at
-most the change of the exact value under `MAX_BACKWARD_ERROR` roundings. For any formula, that change is large where a
-highlight of 0.25 degrees is at the horizon, and small elsewhere. A value also passes if its relative error is at most
-`MAX_RELATIVE_ERROR`. The relative error is reported, too.
+At points, the values of f and pdf must be finite and not negative, in float64 (NumPy) and in float32 (Cycles). A
+float32 value must also be accurate. It passes if its relative error is at most `MAX_RELATIVE_ERROR`, or if its backward
+error is at most `MAX_BACKWARD_ERROR` (Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5). The backward
+error is the error of the value, divided by the change of the exact value when every input is rounded: a rounding is a
+relative change of 2^-24. That change is large where a highlight of 0.25 degrees is at the horizon, for any formula, and
+small elsewhere.
 
-In scenes, the difference of two pictures that must be equal is compared with the noise of their halves.
+In scenes, pictures that must be equal are compared. The noise of their halves must explain their difference.
 """
 
 from __future__ import annotations
@@ -42,37 +42,37 @@ MAX_RELATIVE_ERROR = 2e-4
 """The relative error that a float32 value may have, whatever its backward error is."""
 
 VISIBLE = 1e-4
-"""The least f or pdf, in 1/sr, that an error is relative to: the errors of smaller values are divided by this."""
+"""An f or pdf in 1/sr. The relative error of a smaller value is its error divided by this number."""
 
 MAX_BACKWARD_ERROR = 64.0
 """The backward error, in roundings, that a float32 value may have: formulas have some ten operations, each rounded."""
 
 MAX_DIFFERENCE = 2.0
-"""The limit of the squared difference of two pictures, divided by the noise that their halves show.
+"""The limit of the squared difference of two pictures, divided by the noise variance that their halves show.
 
-Two pictures of equal scenes have 1 on average. The limit is larger because the noise has heavy tails.
+For two pictures of equal scenes this ratio is 1 on average. The limit is larger because the noise has heavy tails.
 """
 
 _ROUNDING = 2.0**-24  # the largest relative error of a number that is rounded to float32
-_PERTURBATIONS = 8  # random changes of all inputs by a rounding, of which the largest change of the value counts
+_PERTURBATIONS = 8  # the inputs are rounded at random this number of times; the largest change of a value counts
 _WORST = 5  # failed cases that a finding lists
-# Cases a stack.
-_COUNTS: dict[DepthName, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
-# For the albedo: the number of sets of parameters, and the samples for each view of a set.
+_COUNTS: dict[DepthName, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}  # cases of each stack
+# For the albedo: the number of random sets of parameters, and the samples for each view of a set.
 _ENERGY: dict[DepthName, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
-_VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)  # cosines of the views
-_SIZE = (32, 32)
+_VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)  # cosines of the views at which albedos are computed
+_SIZE = (32, 32)  # of the pictures, pixels
 _SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 
 
 def check_stability(
     subjects: Sequence[str | Look], render: RenderHalves, *, seed: int = 0, depth: DepthName = "default"
 ) -> Iterator[CheckFinding]:
-    """Check models and looks in extreme cases; yield a finding for each stack and scene.
+    """Check models and looks in extreme cases; yield a finding for each stack of layers and for each scene.
 
-    Models, by name, are checked alone, with every choice of their tokens, and in stacks. Looks keep their constants;
-    varying inputs take any value of their range. `depth` gives 4,000, 20,000 or 200,000 cases a stack, drawn with
-    `seed`. A WorkerError reports that Cycles cannot evaluate points; a failed picture is a finding.
+    `subjects` are names of models, and looks. A model is checked alone, with every choice of its tokens, and in stacks.
+    A look keeps its constants, and its other inputs take any value of their range. `depth` determines the number of
+    cases of each stack: 4,000, 20,000 or 200,000. They are drawn with `seed`. A WorkerError reports that Cycles cannot
+    evaluate points; a picture that cannot be rendered is a finding.
     """
     rng = np.random.default_rng(seed)
     for subject in subjects:
@@ -82,12 +82,17 @@ def check_stability(
         else:
             for name, layers in model_stacks(subject).items():
                 yield check_stack(name, layers, rng, depth)
+            # An isotropic look of the model, in which all lobes have a share.
             probe = Look(subject, (Layer("Probe", subject, dict(MODELS[subject].probe)),))
             yield from check_scenes(probe, scene_cases(), render)
 
 
 def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
-    """Return stacks of a model by name: with every choice of tokens, with options, over itself, over some others."""
+    """Return stacks to check for a model, by their names.
+
+    They are the model alone with every choice of its tokens, the model with its optional numbers, the model over itself
+    in each mode, and the model over each other model that has several modes.
+    """
 
     def default_layer(name: str) -> PointLayer:
         tokens = {p.name: p.choices[0] for p in MODELS[name].parameters.values() if p.choices}
@@ -109,7 +114,7 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
 
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:
-    """Return the layers of a look with their constants, rounded to float32."""
+    """Return the layers of a look with their constants, which are rounded to float32."""
 
     def round_constants(layer: StackLayer) -> dict[str, float | list[float]]:
         return {name: np.asarray(value, np.float32).tolist() for name, value in constant_numbers(layer).items()}
@@ -119,7 +124,7 @@ def look_stack(look: Look) -> tuple[PointLayer, ...]:
 
 
 def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: DepthName) -> CheckFinding:
-    """Evaluate extreme cases of a stack in NumPy and inside Cycles; estimate albedos of moderate cases in NumPy."""
+    """Evaluate extreme cases of a stack in NumPy and inside Cycles, and estimate its largest albedo in NumPy."""
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
         expected = join_columns(evaluate_numpy(cases.batch))
@@ -128,7 +133,8 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
         side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", expected), ("Cycles", actual))
     }
     is_broken = unsound["NumPy"] | unsound["Cycles"]
-    # Only visible f counts: the sampling weight divides by the same pdf, so an error of the pdf cancels.
+    # Values are compared where f is visible. The pdf alone does not matter: the sampling weight divides by the same
+    # pdf, so an error of the pdf cancels.
     is_compared = cases.comparable & ~is_broken & (expected[:, :3] > VISIBLE).any(axis=-1)
     error = _measure_error(_select_cases(cases.batch, is_compared), actual[is_compared], expected[is_compared], rng)
     excess = np.zeros(len(is_broken))
@@ -173,6 +179,8 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
 
 @dataclass(frozen=True, eq=False)
 class _Float32Error:
+    """The errors of the float32 values of n cases."""
+
     excess: Floats  # (n,): for each case, the largest error of a value over its limit; more than 1 fails
     median: float  # the median relative error of the visible values
     ill_conditioned: float  # the share of values whose relative error is above MAX_RELATIVE_ERROR
@@ -180,10 +188,11 @@ class _Float32Error:
 
 
 def _measure_error(batch: Batch, actual: Floats, expected: Floats, rng: np.random.Generator) -> _Float32Error:
+    """Compare the float32 values `actual` (n, 4) with the float64 values `expected` (n, 4): f and pdf of n cases."""
     if not len(actual):
         return _Float32Error(np.zeros(0), 0.0, 0.0, 0.0)
     size = np.maximum(expected, VISIBLE)
-    # The largest change of the exact value when all inputs change by a rounding, and the rounding of the value itself.
+    # The largest change of the exact value when all inputs change by a rounding, plus the rounding of the value itself.
     rounding_change = _ROUNDING * size
     for _ in range(_PERTURBATIONS):
         rounding_change = np.maximum(
@@ -203,12 +212,11 @@ def _measure_error(batch: Batch, actual: Floats, expected: Floats, rng: np.rando
 def _perturb(batch: Batch, rng: np.random.Generator) -> Batch:
     """Change all inputs by a relative rounding, up or down at random.
 
-    Of directions, only the z component (the cosine) is changed. The reason is the half vector of nearly opposite
-    directions: the sums of their x and y components are exact in float32, and a change of the components by a rounding
-    would turn it. In two cases, x and y are changed, too. If light is transmitted, they are changed by a relative
-    rounding, because the view is refracted. If the normal is tilted, all components are changed by a rounding of 1.
-
-    In the code, `moved` (n, 3) is the mask of the components that are changed by a relative rounding.
+    Usually only the z component of a direction (the cosine) is changed. The reason is the half vector of nearly
+    opposite directions: the sums of their x and y components are exact in float32, and a change of the components by a
+    rounding would turn it. In two cases, x and y are changed, too. If light is transmitted, they are changed by a
+    relative rounding, because the view is refracted. If the normal is tilted, all components are changed by an absolute
+    `_ROUNDING`.
     """
 
     def perturb_values(values: Floats, low: float = -np.inf, high: float = np.inf) -> Floats:
@@ -222,6 +230,7 @@ def _perturb(batch: Batch, rng: np.random.Generator) -> Batch:
         for layer, values in zip(batch.layers, batch.numbers, strict=True)
     )
     tilted = _has_tilted_normal(batch)[:, None]
+    # The mask (n, 3) of the components that are changed by a relative rounding.
     moved = (batch.wo * batch.wi < 0.0)[:, 2:] | np.array([False, False, True])
     wo, wi = (
         np.where(tilted, w + rng.choice([-_ROUNDING, _ROUNDING], w.shape), np.where(moved, perturb_values(w), w))
@@ -242,12 +251,13 @@ def _has_tilted_normal(batch: Batch) -> Bools:
 
 
 def _select_cases(batch: Batch, mask: Bools) -> Batch:
+    """Return the cases of a batch that are in a mask (n,)."""
     numbers = tuple({name: value[mask] for name, value in layer.items()} for layer in batch.numbers)
     return replace(batch, wo=batch.wo[mask], wi=batch.wi[mask], numbers=numbers)
 
 
 def _energy_limit(layers: Sequence[PointLayer]) -> float:
-    """Return the largest albedo that the models of a stack may have."""
+    """Return the largest albedo that a stack may have: the largest bound of the energy of its models."""
     return max(model.energy(model.tokens(layer.tokens)) for layer in layers for model in [MODELS[layer.model]])
 
 
@@ -291,10 +301,11 @@ def check_scenes(look: Look, cases: Sequence[SceneCase], render: RenderHalves) -
                 "stability", subject, passed=False, summary=f"nothing to compare with: no '{case.base_case}'"
             )
         else:
-            yield _judge_picture(look, case, subject, halves, pictures.get(case.base_case))
+            yield _check_picture(look, case, subject, halves, pictures.get(case.base_case))
 
 
-def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, reference: Halves | None) -> CheckFinding:
+def _check_picture(look: Look, case: SceneCase, subject: str, halves: Halves, reference: Halves | None) -> CheckFinding:
+    """Check the picture of a case; `reference` is the picture of its base case, if it has one."""
     a, b, alpha = (np.asarray(array, dtype=np.float64) for array in (halves.a, halves.b, halves.alpha))
     pixels = np.stack([a, b])
     covered = float(alpha.sum())
@@ -320,9 +331,9 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, re
 
 
 def _difference(gain: float, halves: Halves, reference: Halves) -> float:
-    """Return the squared difference of two pictures over the noise of their halves; inf if their coverage differs.
+    """Return the squared difference of two pictures over the variance of their noise; inf if their coverage differs.
 
-    The exact first picture is `gain` times the second, so it is divided by `gain` before.
+    The first picture should be `gain` times the second. It is divided by `gain` before the comparison.
     """
     a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
     c, d = np.float64(reference.a), np.float64(reference.b)
@@ -333,6 +344,7 @@ def _difference(gain: float, halves: Halves, reference: Halves) -> float:
 
 
 def _make_task(look: Look, case: SceneCase) -> FrameTask:
+    """Return the task to render a look in the scene of a case, with the UV sets that the look reads."""
     camera = Camera(30.0, 20.0, case.asset.center, 4.2 * case.asset.radius)
     task = scene_task(Scene.of_look(case.asset, look, prepare_light(case.light), _SIZE, camera), _SAMPLING)
     uv_sets = [

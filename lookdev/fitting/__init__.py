@@ -1,7 +1,9 @@
-"""The fit of a model's parameters to f of any subject of a plot: measured data, a look, another model.
+"""`lookdev fit`: fits the parameters of a reflectance model to measured data, to a look, or to another model.
 
-`data` has the pairs of directions and the losses, `parameters` the choice and scaling of the fitted parameters, `solve`
-the search.
+- `data`: the pairs of directions at which the BRDFs are compared, and the losses
+- `parameters`: the parameters that are fitted, and their scaling
+- `solve`: the search
+- `picture`: another fit, of a look's parameters to a picture of the look
 """
 
 from lookdev.fitting.solve import fit_model, format_fit

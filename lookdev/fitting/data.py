@@ -1,6 +1,8 @@
-"""The data of a fit: f at pairs of directions, the centres of cells of a MERL file, so that no f is interpolated.
+"""The data to which `lookdev fit` fits a model: the BRDF f of a surface at pairs of directions, and the losses.
 
-A loss is the root mean square of the difference of f cos theta_i of two surfaces, compressed or not.
+The pairs are centres of cells of the MERL file format, so that no f of a MERL file is interpolated. A loss is the root
+mean square of the difference between two surfaces. The compared value is f cos theta_i, where theta_i is the angle
+between the direction to the light and the normal. Some losses compress this value first:
 
 - Ngan, A., Durand, F., Matusik, W. 2005. Experimental Analysis of BRDF Models. EGSR, eq. 6: linear.
 - Löw, J. et al. 2012. BRDF Models for Accurate and Efficient Rendering of Glossy Surfaces. ACM TOG 31(1): log.
@@ -24,15 +26,19 @@ LOSSES: dict[str, Callable[[Floats], Floats]] = {"log": np.log1p, "cbrt": np.cbr
 """The function that compresses f cos theta_i, (...), by the name of the loss."""
 
 MAX_ANGLE = 80.0
-"""Degrees from the normal beyond which measured data are not used, as they are unreliable (Ngan et al. 2005)."""
+"""Degrees from the normal beyond which measured data are not used, because they are unreliable (Ngan et al. 2005)."""
 
-# Its multiples, modulo 1, are evenly spread in [0, 1).
+# The golden ratio minus 1. Its multiples, modulo 1, are evenly spread in [0, 1).
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class ReflectanceSamples:
-    """Pairs of unit directions `wo` and `wi`, (n, 3), and their f, (n, 3), in 1/sr."""
+    """n pairs of unit directions, and the BRDF f of a surface for each pair.
+
+    `wo` (n, 3) is the direction to the viewer, `wi` (n, 3) the direction to the light. `f` (n, 3) is in 1/sr, by
+    channel.
+    """
 
     wo: Floats
     wi: Floats
@@ -40,23 +46,25 @@ class ReflectanceSamples:
 
     @property
     def cosine(self) -> Floats:
-        """The cosine of the light, (n, 1)."""
+        """The cosine between `wi` and the normal, (n, 1)."""
         return self.wi[:, 2:]
 
     def thin(self, step: int) -> ReflectanceSamples:
-        """Return every `step`-th pair."""
+        """Return every `step`-th pair, starting with the first."""
         return ReflectanceSamples(self.wo[::step], self.wi[::step], self.f[::step])
 
 
 def evaluate_pairs(
     bsdf: Bsdf, label: str, counts: tuple[int, int, int] = (30, 10, 4), limit: float = MAX_ANGLE
 ) -> ReflectanceSamples:
-    """Evaluate a surface at counts of theta_h, theta_d and phi_d, up to `limit` degrees from the normal.
+    """Evaluate the BRDF of a surface on a grid of pairs of directions, up to `limit` degrees from the normal.
 
-    theta_h is in even steps of its square root. Each pair is rotated about the normal by a different azimuth, so that
-    an anisotropic model cannot fit a tangent direction that the data do not have. Raises LookdevError if f is 0
-    everywhere, or anywhere not finite.
+    The axes of the grid are Rusinkiewicz's half and difference angles theta_h, theta_d and phi_d, with `counts` values
+    each. theta_h is in even steps of its square root. Each pair is rotated about the normal by a different azimuth: an
+    anisotropic model could otherwise fit a tangent direction that the data do not have. `label` is the name of the
+    surface in messages. Raises LookdevError if f is 0 everywhere, or anywhere not finite.
     """
+    # Positions in [0, 1] on the axes of a MERL file: the square root of theta_h, theta_d, and phi_d.
     h, d, phi = (_cell_centres(count, size) for count, size in zip(counts, MERL_SIZE, strict=True))
     angles = np.meshgrid(h**2 * 0.5 * np.pi, d * 0.5 * np.pi, phi * np.pi, indexing="ij")
     wo, wi = (w.reshape(-1, 3) for w in half_difference(*angles))

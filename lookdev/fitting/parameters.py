@@ -1,4 +1,4 @@
-"""The parameters of a model that are fitted, and their scaling to numbers in [0, 1] for the search."""
+"""Chooses the parameters of a model that `lookdev fit` fits, and scales them to numbers in [0, 1] for the search."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from lookdev.brdf import Model, Parameter
 from lookdev.errors import LookdevError, nearest_hint
 
 _LOGARITHMIC_RATIO = 100.0
-"""The least quotient of the ends of a range that is searched in its logarithm."""
+"""A range from `low` to `high` is searched in its logarithm if high / low is at least this number."""
 
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A fitted parameter of `width` numbers, 1 or 3, between `low` and `high`."""
+    """A fitted parameter, whose numbers are between `low` and `high`.
+
+    The search varies units: numbers in [0, 1], where 0 stands for `low` and 1 for `high`.
+    """
 
     parameter: Parameter
     low: float
@@ -26,12 +29,12 @@ class FreeParameter:
 
     @property
     def name(self) -> str:
-        """Name of the parameter."""
+        """The name of the parameter."""
         return self.parameter.name
 
     @property
     def width(self) -> int:
-        """The number of its components, 1 or 3."""
+        """The number of components of its value: 1, or 3 for a colour."""
         return 3 if self.parameter.kind == "color" else 1
 
     @property
@@ -39,7 +42,7 @@ class FreeParameter:
         return self.low > 0.0 and self.high / self.low >= _LOGARITHMIC_RATIO
 
     def value(self, unit: Floats) -> Floats:
-        """Return the values, (...), or (..., 3) for a colour, of numbers (..., width) in [0, 1]."""
+        """Return the values, (...), or (..., 3) for a colour, that units (..., width) stand for."""
         if self._is_logarithmic:
             value = self.low * (self.high / self.low) ** unit
         else:
@@ -48,7 +51,7 @@ class FreeParameter:
         return np.asarray(value if self.width == 3 else value[..., 0])
 
     def unit(self, value: ArrayLike) -> Floats:
-        """Return the numbers (width,) in [0, 1] of a value."""
+        """Return the units (width,) of a value."""
         value = np.clip(np.atleast_1d(np.asarray(value, np.float64)), self.low, self.high)
         if self._is_logarithmic:
             return np.asarray(np.log(value / self.low) / np.log(self.high / self.low))
@@ -56,11 +59,11 @@ class FreeParameter:
 
 
 def free_parameters(model: Model, fixed: Mapping[str, object], names: Sequence[str] = ()) -> tuple[FreeParameter, ...]:
-    """Return the parameters to fit: those of `names`, by default all numbers and colours that are not optional.
+    """Return the parameters to fit: those with the given names, or by default all numbers and colours.
 
-    By default, fixed parameters and presence, which does not change f, are not fitted. The range of a parameter is its
-    soft range within its hard range. Raises LookdevError for a name that is unknown, fixed, or not of a number or
-    colour.
+    By default, optional parameters, parameters in `fixed` and presence, which does not change f, are left out. The
+    range of a parameter is its soft range, within its hard range. Raises LookdevError for a name that is unknown or in
+    `fixed`, or whose parameter is not a number or a colour.
     """
     numbers = {name: parameter for name, parameter in model.parameters.items() if parameter.kind in ("float", "color")}
     for name in names:

@@ -1,7 +1,7 @@
-"""The search: many random starts, then least squares within bounds from the best few.
+"""The search of `lookdev fit`: it compares many random starts, and runs least squares within bounds from the best few.
 
-Models broadcast over their parameters. One evaluation therefore gives all finite differences of the Jacobian: the
-parameters have an additional first axis, and each of its entries has one number changed.
+The models take arrays of parameters. One evaluation of a model therefore gives all finite differences of the Jacobian:
+the parameters get an additional first axis, and each entry along this axis has one number changed.
 """
 
 from __future__ import annotations
@@ -25,25 +25,31 @@ from lookdev.fitting.parameters import FreeParameter, free_parameters
 from lookdev.plotting import PlotSubject, model_subject
 
 _TRIALS = 128  # random starts
-_COARSE_STEP = 4  # the starts are compared, and followed, with every fourth pair of directions
-_SPARSE_STEP, _EFFECT_POINTS = 16, 4  # parameters without effect are found with every 16th pair, at 4 random points
-_DIFFERENCE_STEP = 1e-6  # of a number in [0, 1], for a derivative
+_COARSE_STEP = 4  # the starts are compared, and improved by least squares, with every fourth pair of directions
+# Parameters without effect are found with every 16th pair of directions, at 4 random sets of parameters.
+_SPARSE_STEP, _EFFECT_POINTS = 16, 4
+_DIFFERENCE_STEP = 1e-6  # the change of a unit (`FreeParameter`) for a derivative
 _NO_EFFECT = 1e-9
-"""The change of the loss, relative to the data, below which a parameter has no effect."""
+"""A parameter has no effect if the derivative of every compared value is smaller than this, relative to the data."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModelFit:
     """The result of a fit.
 
+    Attributes
+    ----------
+    subject
+        The fitted model, as a subject of plots.
     values
-        Values of all fitted and fixed parameters by name: numbers, colours (3,), tokens.
+        The values of all fitted and fixed parameters by name: numbers, colours (3,), tokens.
     without_effect
         Fitted parameters without an effect on f at the result; their values have no meaning.
     loss, per_channel
-        Root mean square of the differences of compressed f cos theta_i, in all and for each of red, green and blue.
+        The root mean square of the differences of compressed f cos theta_i, over all channels, and for each of red,
+        green and blue.
     starts
-        The final loss of each followed start, on every fourth pair of directions, best first.
+        The final loss of each start from which least squares ran, on every fourth pair of directions, best first.
     samples
         The number of pairs of directions.
     seconds
@@ -62,7 +68,7 @@ class ModelFit:
     seconds: float
 
     def parameters(self) -> dict[str, object]:
-        """Return the values as plain data."""
+        """Return the values of all parameters as plain data."""
         return {
             name: value if isinstance(value, str) else np.asarray(value).tolist() for name, value in self.values.items()
         }
@@ -77,7 +83,7 @@ class ModelFit:
 
 
 def format_fit(result: ModelFit) -> str:
-    """Return a fit as lines of text."""
+    """Return the text of a fit for the terminal."""
     channels = ", ".join(f"{loss:.3g}" for loss in result.per_channel)
     lines = [f"{result.model.title}: {result.loss_name} loss {result.loss:.3g} (red, green, blue: {channels})"]
     for name, value in result.parameters().items():
@@ -103,15 +109,19 @@ def fit_model(
     Parameters
     ----------
     data
-        The surface, of any origin; f is compared up to 80 degrees from the normal (`lookdev.fitting.data`).
+        The surface: measured data, a look or another model. f is compared up to 80 degrees from the normal
+        (`lookdev.fitting.data`).
     fixed
         Parameters, by name, that keep these values.
     names
-        Names of the parameters to fit; by default `lookdev.fitting.parameters.free_parameters`.
+        Names of the parameters to fit. Without names, `lookdev.fitting.parameters.free_parameters` chooses them.
     loss
-        One of `lookdev.fitting.data.LOSSES`.
+        The name of one of `lookdev.fitting.data.LOSSES`.
     starts
-        The number of starts from which least squares run: the best of 128 random starts and the default values.
+        The number of starts from which least squares run. They are the best of 128 random starts and the default
+        values.
+    seed
+        Seed of the random starts.
 
     Raises
     ------
@@ -155,19 +165,23 @@ def fit_model(
 def _select_effective(
     model: Model, constant: Parameters, free: Sequence[FreeParameter], data: ReflectanceSamples, loss: str
 ) -> Sequence[FreeParameter]:
-    """Return the parameters that change f at some random point.
+    """Return the parameters that change f for at least one of several random sets of parameters.
 
-    A parameter of a form of the model that is not selected changes nothing, and is left out.
+    A parameter that only another form of the model has (a form is selected by tokens) changes nothing and is left out.
     """
     problem = _Problem(model, constant, free, data.thin(_SPARSE_STEP), loss)
-    points = np.random.default_rng(0).random((_EFFECT_POINTS, problem.size))
-    effect = np.max([np.abs(problem.jacobian(point)).max(axis=0) for point in points], axis=0)
+    units = np.random.default_rng(0).random((_EFFECT_POINTS, problem.size))
+    effect = np.max([np.abs(problem.jacobian(unit)).max(axis=0) for unit in units], axis=0)
     limit = _NO_EFFECT * float(np.abs(problem.target).max())
     return tuple(parameter for parameter, part in problem.parts(effect) if part.max() > limit)
 
 
 class _Problem:
-    """The least squares problem of a fit, whose variables are `size` numbers in [0, 1] (`FreeParameter.unit`)."""
+    """The least squares problem of a fit.
+
+    Its variables are the units in [0, 1] of all free parameters, one after the other: `size` numbers. Its residuals are
+    differences of compressed f cos theta_i at n pairs of directions, in three channels.
+    """
 
     def __init__(
         self, model: Model, constant: Parameters, free: Sequence[FreeParameter], data: ReflectanceSamples, loss: str
@@ -178,14 +192,14 @@ class _Problem:
         self.size = sum(parameter.width for parameter in free)
 
     def parts(self, unit: Floats) -> list[tuple[FreeParameter, Floats]]:
-        """Return each parameter with its part (..., width) of the numbers (..., size)."""
+        """Return each parameter with its part (..., width) of an array (..., size) over all variables."""
         ends = np.cumsum([parameter.width for parameter in self.free])
         return [
             (parameter, unit[..., end - parameter.width : end]) for parameter, end in zip(self.free, ends, strict=True)
         ]
 
     def residual(self, units: Floats) -> Floats:
-        """Return the differences (k, 3 n) of compressed values for k sets of numbers (k, size)."""
+        """Return the residuals (k, 3 n) for k sets of units (k, size)."""
         values = {parameter.name: parameter.value(part[:, None, :]) for parameter, part in self.parts(units)}
         bsdf = self.model.bsdf({**self.constant, **add_followers(self.model.parameters, values)})
         f = evaluate(bsdf, self.data.wo[None], self.data.wi[None])
@@ -193,13 +207,16 @@ class _Problem:
         return np.broadcast_to(residual, (len(units), *self.target.shape)).reshape(len(units), -1)
 
     def jacobian(self, unit: Floats) -> Floats:
-        """Return the derivatives (3 n, size) by differences, each towards the middle of its range."""
+        """Return the derivatives (3 n, size) of the residuals by finite differences.
+
+        The step of each variable is towards the middle of its range, so that it stays within the bounds.
+        """
         step = np.where(unit > 0.5, -_DIFFERENCE_STEP, _DIFFERENCE_STEP)
         residuals = self.residual(np.vstack([unit, unit + np.diag(step)]))
         return np.asarray(((residuals[1:] - residuals[0]) / step[:, None]).T)
 
     def solve(self, starts: int, seed: int) -> tuple[Floats, tuple[float, ...]]:
-        """Return the best numbers (size,), and the losses of the followed starts."""
+        """Return the best units (size,), and the final losses of the starts from which least squares ran."""
         coarse = _Problem(self.model, self.constant, self.free, self.data.thin(_COARSE_STEP), self.loss)
         default = np.concatenate([parameter.unit(self.constant[parameter.name]) for parameter in self.free])
         trials = np.vstack([default, qmc.Sobol(self.size, rng=np.random.default_rng(seed)).random(_TRIALS)])
@@ -212,8 +229,8 @@ class _Problem:
         return self.follow(ends[0][0], 60)[0], tuple(loss for _, loss in ends)
 
     def follow(self, start: Floats, max_evaluations: int) -> tuple[Floats, float]:
-        """Return the numbers at which least squares from `start` ends, and their loss."""
-        # With threads, linear algebra takes ten times as long on matrices of ten columns, and more on a busy machine.
+        """Run least squares from the units `start`; return the units (size,) at which it ends, and their loss."""
+        # Threads make the linear algebra of matrices with ten columns ten times slower, and more on a busy machine.
         with threadpool_limits(1, "blas"):
             end = least_squares(
                 lambda unit: self.residual(unit[None])[0],

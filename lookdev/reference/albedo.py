@@ -1,7 +1,7 @@
-"""Directional albedo: the share of uniform light from each side that a surface scatters to a viewer.
+"""Directional albedo: the share of uniform light from each side of a surface that it scatters to a viewer.
 
-There are two estimators, which share only the values of the BSDF: importance sampling, and a quadrature that uses
-neither the BSDF's sampling nor its pdf. Neither includes light that passes where the surface is absent.
+There are two independent estimators. One is importance sampling by the BSDF. The other is a quadrature, which uses
+neither the BSDF's sampling nor its pdf, only its values. Light that passes where the surface is absent is not included.
 """
 
 from __future__ import annotations
@@ -16,36 +16,41 @@ from lookdev.brdf import Bsdf, Lobe, bsdf_for_views, evaluate_cosine, pdf, sampl
 from lookdev.brdf.frames import mirror_across_surface
 from lookdev.brdf.quadrature import half_vector_grid
 
-# The smallest alpha that the models allow.
+# The smallest alpha of a microfacet distribution that the models allow; the quadrature must resolve its highlight.
 _MIN_ALPHA = 0.001
 CELLS = (128, 96)
-"""Cells of the grid of half vectors, along slope and azimuth."""
+"""The numbers of cells of the quadrature's grid of half vectors, along slope and along azimuth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Albedo:
-    """Shares of light reflected and transmitted, (2, 3), and their errors, (2, 3): bounds, or standard errors."""
+    """The albedo of a surface for one view; `value` and `error` have the shape (2, 3).
+
+    The axes are the side (reflected, transmitted) and the channel. The errors are differences between two grids for the
+    quadrature, and standard errors for sampling.
+    """
 
     value: Floats
     error: Floats
 
 
 def integrate_albedo(bsdf: Bsdf, wo: Floats, cells: tuple[int, int] = CELLS) -> Albedo:
-    """Integrate f times the cosine over the sphere, for a surface of constant parameters.
+    """Integrate f times the cosine over all directions to the light by quadrature, for constant parameters.
 
     Parameters
     ----------
     wo : (3,)
         Unit direction to the viewer, above the horizon.
     cells
-        Cells of the grid of half vectors, along slope and azimuth, both even. Halving them gives the error.
+        The numbers of cells of the grid of half vectors, along slope and azimuth, both even. The error is the
+        difference from a grid with half of these numbers.
     """
-    fine, coarse = (_quadrature(bsdf, wo, (cells[0] // k, cells[1] // k)) for k in (1, 2))
+    fine, coarse = (_quadrature(bsdf, wo, (cells[0] // divisor, cells[1] // divisor)) for divisor in (1, 2))
     return Albedo(fine, np.abs(fine - coarse))
 
 
 def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.random.Generator) -> Albedo:
-    """Estimate the integral of `integrate_albedo` by the BSDF's own samples and pdf.
+    """Estimate the albedo for the view `wo` (3,) by the BSDF's own samples and pdf.
 
     Each of `scrambles` independent sets has `samples` Sobol points, a power of two. The spread of the sets gives the
     standard error.
@@ -72,12 +77,13 @@ def _delta_albedo(bsdf: Bsdf, wo: Floats) -> Floats:
 
 
 def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
+    """Return the albedo (2, 3) by quadrature, lobe by lobe, on a grid of half vectors with `cells` cells."""
     total = np.zeros((2, 3))
     for lobe in bsdf.lobes(wo):
         view = np.asarray(lobe.frame.to_local(wo))
         if view[2] > 0.0:
             wi, weight = half_vector_grid(_refract_view(lobe, view), _MIN_ALPHA, cells)
-            # In the lobe's frame, all directions reflect.
+            # In its own frame, a lobe scatters into the upper hemisphere. A transmitting lobe is mirrored afterwards.
             wi = np.asarray(lobe.frame.from_local(mirror_across_surface(wi) if lobe.transmits else wi))
             single_lobe = replace(bsdf, lobes=lambda _, lobe=lobe: (lobe,))  # type: ignore[misc]
             value, below = evaluate_cosine(single_lobe, wo, wi) * weight[:, None], wi[:, 2] < 0.0
@@ -87,9 +93,14 @@ def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
 
 
 def _refract_view(lobe: Lobe, view: Floats) -> Floats:
-    """Return the view refracted by a transmitting lobe: the grid of nodes is dense about its mirror direction."""
+    """Return the view (3,) whose mirror direction is the middle of a lobe; only transmitting lobes change it.
+
+    The grid of half vectors is dense about this mirror direction. The middle of a transmitting lobe is estimated from
+    256 samples of it: refraction bends it away from the mirror direction of the original view.
+    """
     if not lobe.transmits:
         return view
+    # The second coordinate has multiples of the golden ratio, which are evenly spread modulo 1.
     u = (np.arange(256) + 0.5) / 256
     directions = np.asarray(lobe.sample(u, (np.arange(256) * 0.6180339887498949) % 1.0))
     mean = np.broadcast_to(directions, (256, 3)).mean(axis=0) * (-1.0, -1.0, 1.0)

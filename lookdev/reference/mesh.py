@@ -1,8 +1,8 @@
-"""An asset as triangles for ray tracing: Embree finds a triangle in float32, the hit is computed in float64.
+"""An asset as triangles for the reference renderer, which traces rays against them.
 
-Polygons are split as in Cycles: a quad along the diagonal from its first corner, unless that lies outside the quad.
-Attributes of corners are interpolated linearly over a triangle. A ray that leaves a triangle never hits that triangle,
-whatever the rounding.
+Embree finds the triangle that a ray hits in float32; the point of the hit is computed in float64. Polygons are split as
+in Cycles: a quad along the diagonal from its first corner, unless that lies outside the quad. Attributes of corners are
+interpolated linearly over a triangle. A ray that leaves a triangle never hits the same triangle, whatever the rounding.
 """
 
 from __future__ import annotations
@@ -26,15 +26,18 @@ from lookdev.material.values import look_bsdf
 from lookdev.scene.shading import shading_frame
 
 MeshHits = Records
+"""Hits as an array (N,) of records: the number of the triangle, and the weights of its three corners."""
 
 _HIT = np.dtype([("triangle", np.int64), ("weights", np.float64, (3,))])
-_LIFT = 3e-7  # relative to the asset's size: above the rounding to float32 of a hit and of its triangle
+# The distance, relative to the asset's radius, by which the origin of a ray is lifted off a triangle. It is larger than
+# the errors of rounding the hit and the triangle to float32.
+_LIFT = 3e-7
 
 
 class MeshScene:
     """An asset and the looks of its slots, as a `lookdev.reference.render.ReferenceScene`.
 
-    A hit is a triangle and the weights of its corners.
+    The slot of a face selects its look. Methods without a docstring are described in `ReferenceScene`.
     """
 
     def __init__(
@@ -55,9 +58,9 @@ class MeshScene:
         looks
             The look of each slot.
         lit_by
-            The numbers of the lights that light each slot. None: all lights light all slots.
+            For each slot, the numbers of the lights that light it. None: all lights light all slots.
         groups
-            The group of each slot. Empty: all slots are of group 0.
+            For each slot, its group, by which a light's shadow can exclude parts. Empty: all slots are in group 0.
         shadows
             Without shadows, rays that leave a surface hit nothing: all light arrives, and none is interreflected.
         """
@@ -70,6 +73,8 @@ class MeshScene:
         slot_looks = np.array([numbers[id(look)] for look in looks])
         first_corner = np.cumsum([0, *(len(mesh.corner_points) for mesh in asset.meshes)])
         triangulations = [corner_triangles(mesh) for mesh in asset.meshes]
+        # For each instance, arrays over its triangles: the positions of the corners (3, 3), the numbers of the corners
+        # among those of all meshes (3,), the number of the instance, and the slot.
         parts = []
         for number, instance in enumerate(asset.instances):
             mesh, (triangles, faces) = asset.meshes[instance.mesh], triangulations[instance.mesh]
@@ -81,17 +86,20 @@ class MeshScene:
         normals = np.cross(edges[:, 0], edges[:, 1])
         area = np.linalg.norm(normals, axis=-1, keepdims=True)
         has_area = area[:, 0] > 0.0
+        # `_facets` are the geometric normals of the triangles, (T, 3); `_owners` are the numbers of their instances.
         self._positions, self._facets = self._positions[has_area], normals[has_area] / area[has_area]
         self._corners, self._owners, self._slots = (array[has_area].astype(np.int64) for array in numbers_of_triangles)
         self._triangle_looks = slot_looks[self._slots]
+        # For each instance: the linear part of its matrix, the inverse of this part, and whether it is a reflection.
         self._linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
         self._inverse = np.linalg.inv(self._linear)
-        # A mirrored instance mirrors its bitangents.
+        # A reflection also mirrors bitangents.
         self._reflected = np.linalg.det(self._linear) < 0.0
+        # The attributes of the corners of all meshes.
         self._normals = np.concatenate([mesh.normals for mesh in asset.meshes]).astype(np.float64)
         self._tangents = np.concatenate(tangents_of(asset.meshes)).astype(np.float64)
         self._corner_values: dict[object, Floats] = {}
-        # Embree computes in float32, so the asset is moved to the origin and scaled to unit size.
+        # By the groups that are left out. Embree computes in float32, so positions are moved to the origin and scaled.
         self._occluders: dict[tuple[int, ...], _Occluder] = {
             (): _Occluder.build(self._normalize(self._positions), np.arange(len(self._positions)))
         }
@@ -106,7 +114,8 @@ class MeshScene:
         if not self._shadows:
             return np.zeros(len(hits), np.bool_), hits.copy()
         origin, facet = self.points(hits), self._facets[hits["triangle"]]
-        # A rounded hit can lie behind the plane of its triangle, which neighbours may continue: so it is lifted off.
+        # By rounding, a hit can lie behind the plane of its triangle, and neighbours may continue this plane. The
+        # origin of the ray is therefore lifted off the plane.
         lifted = self._normalize(origin) + np.copysign(_LIFT, _dot(facet, direction)) * facet
         if excluded_groups not in self._occluders:
             included = np.flatnonzero(~np.isin(self._groups[self._slots], excluded_groups))
@@ -119,7 +128,7 @@ class MeshScene:
         return self._interpolate_corners(self._positions[hits["triangle"]], hits)
 
     def is_lit_by(self, hits: MeshHits, light: int) -> Bools | None:
-        """Return a mask (N,) of the hits that a light lights, by its number; None if it lights all."""
+        """Return a mask (N,) of the hits that the light with a number lights, or None if all lights light all slots."""
         if self._lit_by is None:
             return None
         is_slot_lit: Bools = np.array([light in lights for lights in self._lit_by])
@@ -148,7 +157,7 @@ class MeshScene:
         return np.stack([np.asarray(axis) for axis in axes], axis=1), np.asarray(frame.facet)
 
     def bsdfs(self, hits: MeshHits, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
-        """Yield the indices of the hits of each look, and its BSDF there; see `ReferenceScene`.
+        """Yield, for each look, the indices of its hits and its BSDF there; see `ReferenceScene`.
 
         Raises
         ------
@@ -165,10 +174,10 @@ class MeshScene:
     def interpolate(
         self, hits: MeshHits, key: object, label: str, read: Callable[[Mesh], Elements | None], width: int
     ) -> Floats:
-        """Interpolate an attribute of corners, (N, width).
+        """Return an attribute of corners, interpolated at hits, (N, width).
 
-        `read` returns the attribute of a mesh, or None if there is none, and is called once for each `key`. `label` is
-        the attribute's name in errors.
+        `read` returns the attribute of a mesh, or None if there is none. It is called only once for each mesh and
+        `key`; the key identifies the attribute. `label` is the attribute's name in errors.
         """
         if key not in self._corner_values:
             columns = []
@@ -187,19 +196,26 @@ class MeshScene:
         return value
 
     def _interpolate_corners(self, corners: Floats, hits: MeshHits) -> Floats:
+        """Return the weighted means (N, width) of values (N, 3, width) at the corners of the triangles that are hit."""
         return np.asarray(np.einsum("nk,nkj->nj", hits["weights"], corners))
 
     def _normalize(self, points: Floats) -> Floats32:
+        """Return points relative to the asset's centre, divided by its radius, in float32."""
         local = (points - np.array(self._asset.center)) / self._asset.radius
         return np.asarray(local, np.float32)
 
     def _trace(
         self, occluder: _Occluder, origin: Floats, start: Floats32, direction: Floats, leaving: Ints
     ) -> tuple[Bools, MeshHits]:
-        """Trace rays to the first triangle other than `leaving`, -1 for none; `start` is their origin in float32."""
+        """Trace rays to the first triangle other than the one that they leave.
+
+        `leaving` (N,) is the number of that triangle, or -1. `start` is the normalized origin of the rays in float32.
+        Returns a mask (N,) of the rays that hit, and the hits.
+        """
         along, step = direction.astype(np.float32), _LIFT
         triangle, distance = occluder.trace(start, along)
-        # A triangle is flat: any other hit is beyond an apparent hit on the triangle that a ray leaves.
+        # An apparent hit on the triangle that a ray leaves is a rounding error. As a triangle is flat, all other hits
+        # are farther along the ray, so the ray continues beyond the apparent hit.
         while len(again := np.flatnonzero((triangle >= 0) & (triangle == leaving))):
             start[again] += (distance[again, None] + np.float32(step)) * along[again]
             triangle[again], distance[again] = occluder.trace(start[again], along[again])
@@ -211,12 +227,16 @@ class MeshScene:
         return is_hit, hits
 
     def _weights(self, triangle: Ints, origin: Floats, direction: Floats) -> Floats:
-        """Return the weights (N, 3) of the corners where rays hit triangles (Möller and Trumbore 1997)."""
+        """Return the weights (N, 3) of the corners where rays hit the planes of triangles (Möller and Trumbore 1997).
+
+        The weights are clipped, so that the point is in the triangle.
+        """
         corners = self._positions[triangle]
         edge1, edge2, start = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], origin - corners[:, 0]
         p, q = np.cross(direction, edge2), np.cross(start, edge1)
         determinant = _dot(edge1, p)
-        # A ray in the plane of its triangle has many hits, and a ray can miss the triangle that Embree found.
+        # The determinant is 0 if the ray is in the plane of the triangle. In float64 a ray can miss the triangle that
+        # Embree has found in float32; the clipped weights are then those of a point at its edge.
         inverse = 1.0 / np.where(determinant == 0.0, 1.0, determinant)
         w1 = np.clip(_dot(start, p) * inverse, 0.0, 1.0)
         w2 = np.clip(_dot(direction, q) * inverse, 0.0, 1.0 - w1)
@@ -225,13 +245,14 @@ class MeshScene:
 
 @dataclass(frozen=True)
 class _Occluder:
-    """Some of the triangles in Embree, and their numbers among all triangles."""
+    """Some of the triangles as a scene of Embree, and their numbers among all triangles, with -1 at the end."""
 
     embree: EmbreeScene
     numbers: Ints
 
     @classmethod
     def build(cls, positions: Floats32, numbers: Ints) -> _Occluder:
+        """Return the scene of triangles with the positions (T, 3, 3) of their corners and the numbers (T,)."""
         embree = EmbreeScene(robust=True)
         if len(positions):
             TriangleMesh(embree, positions)
@@ -245,7 +266,10 @@ class _Occluder:
 
 @dataclass(frozen=True)
 class MeshPoints(ImagePoints):
-    """Hits of a scene as a `lookdev.material.values.Surface`."""
+    """Hits of a scene as points at which looks are evaluated (`lookdev.material.values.Surface`).
+
+    `cosine` (N,) is the cosine between the shading normal and the direction to the viewer.
+    """
 
     scene: MeshScene
     hits: MeshHits

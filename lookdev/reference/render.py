@@ -1,14 +1,16 @@
 """Estimates pixels of a scene under lights in float64: the values to which frames of Cycles converge.
 
-The integral over a pixel's area and over directions is estimated by randomised quasi-Monte Carlo: a scrambled Sobol set
-for each pixel, multiple importance sampling of BSDF and light (balance heuristic) at each depth, and several
-independent scrambles, whose spread gives the standard error. Each light has its own samples, weighted against those of
-the BSDF only. The asset occludes a light up to the light's distance; lights occlude nothing.
+The integral over the area of a pixel and over directions is estimated by randomised quasi-Monte Carlo. Each pixel has
+several independently scrambled Sobol sets, whose spread gives the standard error. At each depth of a path, BSDF and
+lights are sampled, and combined by multiple importance sampling with the balance heuristic. Each light has its own
+samples, which are weighted against those of the BSDF only. The asset occludes a light that is behind it; lights occlude
+nothing.
 
 A surface that transmits is thin and looks the same from both sides. A path that hits the scene again continues from
-there, up to `bounces` times. A blocked sample of a light contributes nothing. Where a surface is absent, a path
-continues unchanged to the next hit, which counts as a bounce, or else to the light. Straight from the camera, it then
-sees a black background in place of the light.
+there, up to `bounces` times. A blocked sample of a light contributes nothing.
+
+Where the presence of a surface is below 1, a part of the path continues unchanged through it: to the next hit, which
+counts as a bounce, or else to the light. A path straight from the camera sees black in place of the light.
 """
 
 from __future__ import annotations
@@ -27,16 +29,18 @@ from lookdev.light import Light, PosedLight, Shadow
 from lookdev.scene import Camera, Pose, camera_rays
 
 Hits = Records
-"""Hits of rays on a surface, one a row; the scene defines the content of a row."""
+"""Hits of rays on a surface, an array (N,) of records; the scene defines the fields of a record."""
 
-_BLOCK = 2**14  # rays at a time: enough to outweigh the cost of calls, few enough for the processor's cache
+# The number of rays that are traced at a time. It is large enough to outweigh the cost of calls, and small enough for
+# the processor's cache.
+_BLOCK = 2**14
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Pixel values (P, 3), premultiplied by coverage, and the standard errors (P, 3) of these means.
+    """Estimated values (P, 3) of P pixels, premultiplied by coverage, and their standard errors (P, 3).
 
-    A mean is over `scrambles` independent values, each of `samples` points.
+    A value is the mean over `scrambles` independent sets of points, each of `samples` points.
     """
 
     value: Floats
@@ -46,7 +50,7 @@ class Estimate:
 
 
 class ReferenceScene(Protocol):
-    """Surfaces for ray tracing. All directions are unit vectors (N, 3) in world space, one for each hit."""
+    """The surfaces that rays are traced against. All directions are unit vectors (N, 3) in world space."""
 
     def intersect(self, origin: Floats, ray: Floats) -> tuple[Bools, Hits]:
         """Return a mask (N,) of the rays from `origin`, (3,) or (N, 3), that hit the scene, and the first hits."""
@@ -54,11 +58,12 @@ class ReferenceScene(Protocol):
     def trace_onward(self, hits: Hits, direction: Floats, excluded_groups: tuple[int, ...] = ()) -> tuple[Bools, Hits]:
         """Return a mask (N,) of the rays leaving `hits` that hit the scene again, and the new hits.
 
-        Rays pass through parts of `excluded_groups`, which are `Emission.shadow_excluded`.
+        Rays pass through the parts in `excluded_groups`: those that a light's shadow excludes
+        (`Emission.shadow_excluded`).
         """
 
     def points(self, hits: Hits) -> Floats:
-        """Return hits in world space, (N, 3) metres."""
+        """Return the positions of hits in world space, (N, 3), in metres."""
 
     def frame(self, hits: Hits, wo: Floats) -> tuple[Floats, Floats]:
         """Return the shading frames (N, 3, 3) and the geometric normals (N, 3), both on the viewer's side.
@@ -70,12 +75,13 @@ class ReferenceScene(Protocol):
         """Return a mask (N,) of the hits seen from inside: their normals point away from the viewer."""
 
     def is_lit_by(self, hits: Hits, light: int) -> Bools | None:
-        """Return a mask (N,) of the hits that a light lights, by its number; None if it lights all."""
+        """Return a mask (N,) of the hits that the light with a number lights, or None if it lights all."""
 
     def bsdfs(self, hits: Hits, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
-        """Yield a partition of the hits, by index, and the BSDF of each part.
+        """Yield the indices of the hits that have a common look, and the BSDF at these hits.
 
-        `view` (N,) are the cosines between the shading normals and the directions to the viewer.
+        Each hit is in one of these groups. `view` (N,) has the cosines between the shading normals and the directions
+        to the viewer.
         """
 
 
@@ -103,7 +109,7 @@ def frame_pixels(
     bounces
         Largest number of hits on a path after the first; 0 means only direct light.
     samples, scrambles, seed
-        Each of `scrambles` independent sets, at least two, has `samples` points, a power of two.
+        A pixel has `scrambles` independent sets, at least two, of `samples` points each, a power of two.
 
     Raises
     ------
@@ -113,9 +119,12 @@ def frame_pixels(
     estimates = np.empty((len(pixels), scrambles, 3))
     lens_dimensions = 2 * (camera.lens is not None)
     lamps = [_Lamp.in_pose(number, light, pose, camera.pivot) for number, light in enumerate(lights)]
+    # The lights that the camera sees.
     visible_lamps = [lamp for lamp, light in zip(lamps, lights, strict=True) if light.emission.camera]
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
+        # Numbers in [0, 1) for each ray: for the lens, if there is one (2), for the position in the pixel (2), then for
+        # each depth of the path.
         u = _sobol_points(
             numbers, lens_dimensions + 2 + _depth_dimensions(lights) * (bounces + 1), samples, scrambles, seed
         )
@@ -126,7 +135,7 @@ def frame_pixels(
         is_hit, hits = scene.intersect(origin, ray)
         radiance, is_hidden = np.zeros(ray.shape), np.zeros(len(ray), np.bool_)
         for lamp in visible_lamps:
-            # A light that the camera sees in front of the surface hides the surface.
+            # Such a light hides a surface that is behind it.
             start = np.broadcast_to(origin, ray.shape)
             is_nearer = is_hit & (lamp.light.distance(start, ray) < np.linalg.norm(scene.points(hits) - start, axis=-1))
             radiance[is_nearer] += lamp.light.radiance(start[is_nearer], ray[is_nearer])
@@ -139,7 +148,7 @@ def frame_pixels(
 
 
 def _sobol_points(numbers: Ints, dimensions: int, samples: int, scrambles: int, seed: int) -> Floats:
-    """Return the Sobol points (N, dimensions) of some pixels."""
+    """Return the Sobol points (N, dimensions) of the pixels with some numbers: all points of a set after the other."""
     rngs = (np.random.default_rng([seed, number, scramble]) for number in numbers for scramble in range(scrambles))
     return np.concatenate([qmc.Sobol(dimensions, rng=rng).random(samples) for rng in rngs])
 
@@ -151,48 +160,58 @@ def _depth_dimensions(lights: Sequence[object]) -> int:
 
 @dataclass(frozen=True)
 class _Lamp:
-    """A light in the pose of a frame."""
+    """A light in the pose of a frame; `number` is its position among the lights of the scene."""
 
     number: int
     light: PosedLight
     shadow: Shadow
-    shadow_excluded: tuple[int, ...]
-    diffuse: float
-    specular: float
+    shadow_excluded: tuple[int, ...]  # groups of parts that do not occlude this light
+    diffuse: float  # multiplier of the diffuse response
+    specular: float  # multiplier of the other response
 
     @classmethod
     def in_pose(cls, number: int, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
+        """Return a light turned about the vertical line at `axis` (x, y), by its rotation relative to the asset."""
         emission = light.emission
         posed = PosedLight(light, (pose.lighting if emission.turns else 0.0) - pose.element, axis)
         return cls(number, posed, emission.shadow, emission.shadow_excluded, emission.diffuse, emission.specular)
 
     @property
     def has_multipliers(self) -> bool:
-        """Whether the diffuse and the specular response have factors other than 1."""
+        """Whether a multiplier differs from 1."""
         return (self.diffuse, self.specular) != (1.0, 1.0)
 
     def response(self, value: Floats, diffuse: Floats) -> Floats:
-        """Return f times the cosine (N, 3), of which `diffuse` is diffuse, times the light's multipliers."""
+        """Return f times the cosine, `value` (N, 3), times the light's multipliers; `diffuse` is its diffuse part."""
         return self.diffuse * diffuse + self.specular * (value - diffuse) if self.has_multipliers else value
 
     def transmittance(self, point: Floats, direction: Floats, occluder: Floats) -> Floats:
-        """Return the share of light (N, 3) at points (N, 3), occluded by the scene at distances (N,), inf for never."""
+        """Return the share (N, 3) of the light that arrives at points (N, 3) along directions (N, 3).
+
+        `occluder` (N,) is the distance of the first surface in the direction, or inf.
+        """
         occluded = occluder < self.light.distance(point, direction)
         return np.where(occluded[:, None], self.shadow.transmittance(np.where(occluded, occluder, 0.0)), 1.0)
 
 
 def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray: Floats, u: Floats) -> Floats:
-    """Return the radiance (N, 3) scattered back along rays (N, 3) with hits on the scene."""
+    """Return the radiance (N, 3) that the surfaces hit by rays (N, 3) scatter back along the rays.
+
+    `u` (N, dimensions) has the random numbers of each path, depth by depth (`_depth_dimensions`).
+    """
     total = np.zeros(ray.shape)
     path = np.arange(len(ray))  # the indices in `total` and `u` of paths that have not ended
     throughput = np.ones(ray.shape)
     has_bounced = np.zeros(len(ray), np.bool_)
-    start = scene.points(hits)  # of the ray, where it last bounced
-    shadowed = np.ones((len(lamps), *ray.shape))  # the share of each light that the surfaces passed since then occlude
+    start = scene.points(hits)  # of each ray: the point where the path last changed its direction
+    # (lights, N, 3): the share of each light that the surfaces which the ray has passed since `start` occlude there.
+    shadowed = np.ones((len(lamps), *ray.shape))
     dimensions = _depth_dimensions(lamps)
     for depth in range(u.shape[1] // dimensions):
         u_depth = u[path, dimensions * depth : dimensions * (depth + 1)]
         surface = _Surface.build(scene, hits, -ray)
+        # Direct light is estimated from a sample of the BSDF, along which the path may continue (`onward`), from the
+        # delta terms, and from a sample of each light.
         onward = surface.trace(lamps, surface.sample(u_depth[:, :2]))
         direct = onward.direct
         deltas = [surface.trace_delta(lamps, number) for number in range(surface.deltas)]
@@ -203,6 +222,7 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
             direct = direct + surface.trace([lamp], _to_local(surface.frame, light_directions)).direct
         total[path] += throughput * direct
 
+        # Where the surface is absent, the ray goes straight on. `has_beyond` are the rays that hit a surface there.
         absent = 1.0 - surface.presence
         has_beyond, beyond_hits = np.zeros(len(ray), np.bool_), hits.copy()
         if len(absent_hits := np.flatnonzero(absent > 0.0)):
@@ -211,6 +231,7 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
                     "a part that can be seen through is lit by a light whose shadow excludes some parts"
                 )
             has_beyond[absent_hits], beyond_hits[absent_hits] = scene.trace_onward(hits[absent_hits], ray[absent_hits])
+            # The light from there arrives, except on rays that come straight from the camera.
             exits = absent_hits[has_bounced[absent_hits]]
             point = surface.point[exits]
             travelled = np.linalg.norm(point - start[exits], axis=-1)
@@ -221,7 +242,8 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
                 reaching = share[exits] * lamp.transmittance(point, ray[exits], occluder)
                 reaching *= lamp.light.radiance(point, ray[exits])
                 total[path[exits]] += absent[exits, None] * throughput[exits] * reaching
-        # If both directions lead to another hit, one of them is chosen in proportion to its share.
+        # Straight on and in the sampled direction there may be another hit. A random number chooses straight on with
+        # the probability `absent`.
         goes_through = has_beyond & (u_depth[:, -1] < absent)
         if deltas:
             choice = np.where(
@@ -245,21 +267,20 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
 
 @dataclass(frozen=True)
 class _TracedRays:
-    """Rays traced along directions (N, 3): the light from there, and the next `hits` of those `blocked` (N,).
+    """Rays from surfaces along sampled directions, with the light that arrives and the next hits.
 
-    `direct` (N, 3) is the lights' part of the estimator, by the balance heuristic. `weight` (N, 3) is f times the
-    cosine over the density of the BSDF's samples. Rays without weight are not traced.
+    A ray whose value of f is 0 is not traced.
     """
 
-    direction: Floats
-    direct: Floats
-    blocked: Bools
-    hits: Hits
-    weight: Floats
+    direction: Floats  # (N, 3)
+    direct: Floats  # (N, 3): the contribution of the lights to the estimate, by the balance heuristic
+    blocked: Bools  # (N,): the rays that hit another surface
+    hits: Hits  # (N,): these hits
+    weight: Floats  # (N, 3): f times the cosine over the density of the BSDF's samples
 
 
 def _choose_rays(alternatives: Sequence[_TracedRays], u: Floats) -> _TracedRays:
-    """Choose an alternative for each row by u (N,): one that is blocked, in proportion to its weight."""
+    """Choose for each path one of several rays by u (N,): among those that hit a surface, in proportion to weight."""
     shares = np.stack([np.where(rays.blocked, rays.weight.mean(axis=-1), 0.0) for rays in alternatives])
     ends, total = np.cumsum(shares, axis=0), shares.sum(axis=0)
     number = np.minimum((u * total >= ends).sum(axis=0), len(alternatives) - 1)
@@ -274,22 +295,23 @@ def _choose_rays(alternatives: Sequence[_TracedRays], u: Floats) -> _TracedRays:
 
 @dataclass(frozen=True)
 class _Surface:
-    """`hits` of a scene, seen along `wo` (N, 3), and their points (N, 3) in world space. Directions are local.
+    """Hits of a scene with their BSDFs, seen from given directions.
 
-    `parts` has for each look the indices of its hits, its BSDF, and the terms that scatter along single directions.
+    `wo` and the arguments `wi` are in the local frames of the hits.
     """
 
     scene: ReferenceScene
     hits: Hits
-    point: Floats
-    frame: Floats
-    facet: Floats
-    wo: Floats
+    point: Floats  # (N, 3), in world space
+    frame: Floats  # (N, 3, 3): tangent, bitangent and shading normal, in world space
+    facet: Floats  # (N, 3): geometric normals, in world space
+    wo: Floats  # (N, 3): directions to the viewer
+    # For each look: the indices of its hits, its BSDF, and the terms that scatter along single directions.
     parts: tuple[tuple[Ints, Bsdf, tuple[Delta, ...]], ...]
 
     @classmethod
     def build(cls, scene: ReferenceScene, hits: Hits, viewer: Floats) -> _Surface:
-        """Return hits seen from directions (N, 3) of the world."""
+        """Return the surface at hits; `viewer` (N, 3) are the directions to the viewer in world space."""
         frame, facet = scene.frame(hits, viewer)
         wo, is_inside = _to_local(frame, viewer), scene.is_inside(hits, viewer)
         parts = tuple(
@@ -300,19 +322,20 @@ class _Surface:
 
     @property
     def deltas(self) -> int:
-        """The largest number of terms of a part that scatter along single directions."""
+        """The number of terms that scatter along single directions, of the look that has most of them."""
         return max((len(deltas) for _, _, deltas in self.parts), default=0)
 
     @property
     def presence(self) -> Floats:
+        """The presence of the surface at each hit, (N,), in [0, 1]."""
         return self._compute_parts(lambda bsdf, part: np.asarray(bsdf.presence, np.float64), ())
 
     def sample(self, u: Floats) -> Floats:
-        """Draw directions (N, 3) from the BSDF by u (N, 2)."""
+        """Draw local directions (N, 3) from the BSDF by random numbers u (N, 2)."""
         return self._compute_parts(lambda bsdf, part: sample(bsdf, self.wo[part], u[part]), (3,))
 
     def trace(self, lamps: Sequence[_Lamp], wi: Floats) -> _TracedRays:
-        """Trace rays along directions (N, 3) to the lights and to the next hits."""
+        """Trace rays along local directions (N, 3) to the lights and to the next hits."""
         value = self._compute_parts(lambda bsdf, part: evaluate_cosine(bsdf, self.wo[part], wi[part]), (3,))
         density = self._compute_parts(lambda bsdf, part: pdf(bsdf, self.wo[part], wi[part]), ())
         diffuse = np.zeros(wi.shape)
@@ -321,7 +344,7 @@ class _Surface:
         return self._trace(lamps, wi, value, density, diffuse)
 
     def trace_delta(self, lamps: Sequence[_Lamp], number: int) -> _TracedRays:
-        """Trace rays along the single directions of the term with a number, in each part that has one."""
+        """Trace rays along the single directions of the delta term with a number, at hits whose look has this term."""
         wi, value = np.zeros(self.wo.shape), np.zeros(self.wo.shape)
         for part, _, deltas in self.parts:
             if number < len(deltas):
@@ -331,9 +354,13 @@ class _Surface:
     def _trace(
         self, lamps: Sequence[_Lamp], wi: Floats, value: Floats, density: Floats, diffuse: Floats | None
     ) -> _TracedRays:
-        """Trace rays. Without `diffuse`, (N, 3), lights are not sampled there, and all light is specular."""
+        """Trace rays along local directions `wi`, with given values and densities of the BSDF.
+
+        `value` (N, 3) is f times the cosine, `diffuse` (N, 3) its diffuse part, and `density` (N,) the pdf. Without
+        `diffuse` the rays are those of a delta term: light samples do not find them, and their response is specular.
+        """
         direction = np.einsum("nji,nj->ni", self.frame, wi)
-        # The shading normal and the facet must agree on which side a direction is.
+        # Shading normal and geometric normal must agree on which side of the surface a direction is.
         height = np.einsum("ni,ni->n", direction, self.facet)
         opaque = self._compute_parts(lambda bsdf, part: np.full(len(part), not bsdf.transmits(self.wo[part])), ()) > 0.0
         value[(wi[:, 2] * height <= 0.0) | (opaque & (height < 0.0))] = 0.0
@@ -341,6 +368,7 @@ class _Surface:
         blocked, hits = np.zeros(len(wi), np.bool_), self.hits.copy()
         blocked[traced], hits[traced] = self.scene.trace_onward(self.hits[traced], direction[traced])
         point, towards = self.point[traced], direction[traced]
+        # By groups that cast no shadow: the distances of the next surface along the traced rays, inf if there is none.
         occluders: dict[tuple[int, ...], Floats] = {}
         for groups in {(), *(lamp.shadow_excluded for lamp in lamps)}:
             is_hit, next_hits = blocked[traced], hits[traced]
@@ -352,19 +380,19 @@ class _Surface:
         if diffuse is not None:
             diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
-            passed = lamp.transmittance(point, towards, occluders[lamp.shadow_excluded])
+            share = lamp.transmittance(point, towards, occluders[lamp.shadow_excluded])
             if (is_linked := self.scene.is_lit_by(self.hits[traced], lamp.number)) is not None:
-                passed[~is_linked] = 0.0
-            lit_rows = np.flatnonzero(passed.any(axis=-1))
-            arriving = passed[lit_rows] * lamp.light.radiance(point[lit_rows], towards[lit_rows])
-            rows = traced[lit_rows]
-            light_density = 0.0 if diffuse is None else lamp.light.pdf(point[lit_rows], towards[lit_rows])
+                share[~is_linked] = 0.0
+            reached = np.flatnonzero(share.any(axis=-1))
+            arriving = share[reached] * lamp.light.radiance(point[reached], towards[reached])
+            rows = traced[reached]
+            light_density = 0.0 if diffuse is None else lamp.light.pdf(point[reached], towards[reached])
             response = lamp.response(value[rows], 0.0 * value[rows] if diffuse is None else diffuse[rows])
             direct[rows] += _divide(response * arriving, density[rows] + light_density)
         return _TracedRays(direction, direct, blocked, hits, _divide(value, density))
 
     def _compute_parts(self, compute: Callable[[Bsdf, Ints], Floats], shape: tuple[int, ...]) -> Floats:
-        """Return values (N, *shape) that a function computes from the BSDF and the indices of each part."""
+        """Return values (N, *shape); `compute` returns those of one look from its BSDF and the indices of its hits."""
         result = np.empty((len(self.wo), *shape))
         for part, bsdf, _ in self.parts:
             result[part] = compute(bsdf, part)

@@ -1,18 +1,19 @@
-"""How strong the tests are: faults drawn by a seed, and which of them the tests find.
+"""Mutation testing: plants small faults, drawn at random, in the package, and counts those that the tests find.
 
-    python tests/mutation draw --seed 1      # make the list anew, tests/mutation/mutants.jsonl, and forget all results
-    python tests/mutation redraw --seed 2    # draw others in place of those whose text is no longer in the code
-    python tests/mutation follow REVISION    # take over new names and messages of code that is else as at a revision
+    python tests/mutation draw --seed 1      # draw a new list of mutants, tests/mutation/mutants.jsonl, without results
+    python tests/mutation redraw --seed 2    # replace the mutants whose text is no longer in the code
+    python tests/mutation follow REVISION    # rename in mutants what the code has renamed since a revision
     python tests/mutation reach              # record which functions each test reaches; Python 3.12 or later
-    python tests/mutation check              # run all tests without a fault, as they run with one: none may fail
-    python tests/mutation run [ROOM ...]     # run what has no result yet against the default tier; goes on after Ctrl-C
-    python tests/mutation run --within 60    # the same, but leave without a result what tests of a minute do not find
-    python tests/mutation run --survivors    # run what survived once more, after tests were added
-    python tests/mutation run --proof        # run what survived the default tier against `proof`
-    python tests/mutation show [ROOM ...]    # print what survives
+    python tests/mutation check              # run all tests in a copy without a fault: none may fail
+    python tests/mutation run [ROOM ...]     # test mutants without a result by the default tier; continues after Ctrl-C
+    python tests/mutation run --within 60    # the same, with a minute of tests for each mutant; no result if none fails
+    python tests/mutation run --survivors    # test the survivors again, after tests were added
+    python tests/mutation run --proof        # test the survivors of the default tier by the tier `proof`
+    python tests/mutation show [ROOM ...]    # print the survivors
     python tests/mutation report             # write the rates into docs/testing.md
 
-A mutant that no test can find has its reason as `equivalent` in the list, written by hand.
+A mutant is one fault in one function. A room is one or several packages below `lookdev`. If no test can find a mutant,
+the reason is its `equivalent` in the list, written by hand.
 """
 
 import argparse
@@ -64,6 +65,7 @@ def main() -> None:
 
 
 def draw_list(seed: int) -> None:
+    """Draw a new list of mutants."""
     from draw import draw_mutants
 
     mutants = draw_mutants(seed)
@@ -72,6 +74,7 @@ def draw_list(seed: int) -> None:
 
 
 def redraw_lost(seed: int) -> None:
+    """Draw new mutants in place of those whose text is no longer in the code."""
     from draw import draw_mutants
 
     mutants, lost = locate(read_mutants(), read_sources())
@@ -82,6 +85,7 @@ def redraw_lost(seed: int) -> None:
 
 
 def follow_names(revision: str) -> None:
+    """Write the mutants with the names that the code has now; `revision` has the code with their present names."""
     from renames import follow
 
     mutants = read_mutants()
@@ -94,6 +98,7 @@ def follow_names(revision: str) -> None:
 
 
 def record_reach(arguments: list[str]) -> None:
+    """Run the tests with the plugin `reach`, which records the functions that each test reaches."""
     folder = DATA / "reach"
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -105,6 +110,7 @@ def record_reach(arguments: list[str]) -> None:
 
 
 def check_tests() -> None:
+    """Run all tests in a copy without a mutant, and print those that fail."""
     from run import Reached, failing_without_a_fault
 
     failing = failing_without_a_fault(Reached(DATA / "reach"))
@@ -113,6 +119,7 @@ def check_tests() -> None:
 
 
 def run_list(rooms: list[str], jobs: int, limit: int | None, within: float, survivors: bool, proof: bool) -> None:
+    """Test the mutants that the options select, and write the list after each result."""
     from run import Reached, run_mutants
 
     mutants, lost = locate(read_mutants(), read_sources())
@@ -137,6 +144,7 @@ def run_list(rooms: list[str], jobs: int, limit: int | None, within: float, surv
 
 
 def survivors_of(rooms: list[str]) -> list[Mutant]:
+    """Return the mutants of rooms, or of all rooms, that no test has found although a test could."""
     return [
         mutant
         for mutant in read_mutants()
@@ -150,6 +158,7 @@ def show_survivors(rooms: list[str]) -> None:
 
 
 def write_report() -> None:
+    """Write the table of rates, with a row for each room, into docs/testing.md."""
     table = "| room | drawn | equivalent | found by the default tier | with `proof` |\n|---|---|---|---|---|"
     mutants = read_mutants()
     for room, drawn in Counter(mutant.room for mutant in mutants).items():

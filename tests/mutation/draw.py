@@ -1,4 +1,7 @@
-"""Drawing mutants: Cosmic Ray's operators, and four that make faults which its own do not."""
+"""Draws mutants at random, for mutation testing, by the operators of Cosmic Ray and by four operators of this module.
+
+An operator changes one place of a module's syntax tree. The methods of operators are those that Cosmic Ray defines.
+"""
 
 import ast
 import random
@@ -16,7 +19,8 @@ from cosmic_ray.operators.operator import Operator
 from mutant import Mutant, functions_of, places_of, read_sources
 from parso.python.tree import Keyword
 
-# Rooms, or several together, by the mutants drawn for them. In the first eight the default tier kills nine in ten.
+# The number of mutants to draw for each room: one or several packages or modules below `lookdev`. In the first eight
+# rooms the tests of the default tier find nine in ten mutants.
 ROOMS = {
     "brdf": 400,
     "light": 390,
@@ -34,7 +38,7 @@ ROOMS = {
     "studio": 100,
 }
 
-# Replacements that are wrong in a way that a person could be: no shifts of floats, no bits of numbers.
+# Names of Cosmic Ray's operators that make faults as a person could make them: no shift replaces a sum, for example.
 REPLACED = (
     *("Add_Sub", "Add_Mul", "Sub_Add", "Sub_Div", "Mul_Div", "Mul_Add", "Div_Mul", "FloorDiv_Div", "Div_FloorDiv"),
     *("Mod_FloorDiv", "Pow_Mul", "BitOr_BitAnd", "BitAnd_BitOr", "BitXor_BitOr", "LShift_RShift", "RShift_LShift"),
@@ -53,11 +57,12 @@ NAMES = (
 )
 
 
+# Functions whose arguments are not exchanged, because their order does not matter.
 COMMUTATIVE = ("min", "max", "minimum", "maximum", "hypot", "isclose", "allclose", "logical_and", "logical_or", "gcd")
 
 
 class RemoveStatement(Operator):
-    """Remove a call whose value is not used, or an augmented assignment: an unlock, a sum."""
+    """Remove a call whose value is not used, or an augmented assignment, such as an unlock or an addition to a sum."""
 
     def mutation_positions(self, node):
         if node.type == "simple_stmt" and self._removable(node.children[0]):
@@ -80,7 +85,7 @@ class RemoveStatement(Operator):
 
 
 class DropOperand(Operator):
-    """Leave a factor or a term out: a lost weight."""
+    """Leave out a factor or a term, such as a weight."""
 
     def mutation_positions(self, node):
         if node.type in ("term", "arith_expr"):
@@ -97,7 +102,7 @@ class DropOperand(Operator):
 
 
 class SwapArguments(Operator):
-    """Exchange two neighbouring positional arguments: a swapped axis."""
+    """Exchange two neighbouring positional arguments, such as two axes."""
 
     def mutation_positions(self, node):
         for first, second in self._pairs(node):
@@ -124,7 +129,7 @@ class SwapArguments(Operator):
 
 
 class DropKeyword(Operator):
-    """Leave a keyword argument out: a wrong default."""
+    """Leave out a keyword argument, so that its default is used."""
 
     def mutation_positions(self, node):
         if node.type == "arglist":
@@ -145,22 +150,22 @@ class DropKeyword(Operator):
 
 @cache
 def operators() -> list[Operator]:
-    """Return all operators by which mutants are made."""
+    """Return all operators that make mutants."""
     ours = [RemoveStatement(), DropOperand(), SwapArguments(), DropKeyword()]
     return [*(plugins.get_operator(name)() for name in NAMES), *ours]
 
 
 def room_of(path: str) -> str | None:
-    """Return the room that a module's mutants are drawn for: the longest that its path begins with."""
+    """Return the room of a module: the one with the longest name of a package that the path begins with, or None."""
     inside = path.removeprefix("lookdev/").removesuffix(".py") + "/"
     folders = {folder: room for room in ROOMS for folder in room.split(", ") if inside.startswith(f"{folder}/")}
     return folders[max(folders, key=len)] if folders else None
 
 
 def draw_mutants(seed: int, counts: Mapping[str, int] = ROOMS, taken: Collection[Mutant] = ()) -> list[Mutant]:
-    """Return mutants drawn by a seed, `counts` by room: places without replacement, and at each place one fault.
+    """Return random mutants, as many for each room as `counts` says, none of them in `taken`.
 
-    None of them is one of `taken`.
+    Places in the code are drawn without replacement, and at each place one fault.
     """
     generator, sources = random.Random(seed), read_sources()
     places: dict[str, list[Place]] = defaultdict(list)
@@ -171,38 +176,42 @@ def draw_mutants(seed: int, counts: Mapping[str, int] = ROOMS, taken: Collection
     names = {mutant.name for mutant in taken}
     for room, count in counts.items():
         generator.shuffle(places[room])
-        made = (_make(room, sources[place.path], place, generator) for place in places[room])
-        new = (mutant for mutant in made if mutant and mutant.name not in names)
+        # Not every place gives a mutant, so mutants are made one by one until there are `count` new ones.
+        candidates = (_make(room, sources[place.path], place, generator) for place in places[room])
+        new = (mutant for mutant in candidates if mutant and mutant.name not in names)
         drawn += sorted(islice(new, count), key=lambda mutant: mutant.name)
     return drawn
 
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a function, and the operators that change it: their index, and which of their places it is."""
+    """A place in a function of a module, and the operators that can change it."""
 
     path: str
-    function: tuple[str, int, int]
+    function: tuple[str, int, int]  # name, first and last line
+    # For each operator: its index in `operators()`, and the number of this place among its places in the module.
     operators: tuple[tuple[int, int], ...]
 
 
 def places_of_faults(path: str, source: str) -> list[Place]:
     """Return the places in the functions of a module at which a fault can be planted."""
-    found: dict[object, list[tuple[int, int]]] = defaultdict(list)
+    # By start and end of a place: its `Place.operators`.
+    operators_of: dict[object, list[tuple[int, int]]] = defaultdict(list)
     nodes, skipped, functions = list(ast_nodes(get_ast(source))), list(_skipped(source)), list(functions_of(source))
     for index, operator in enumerate(operators()):
         spans = (span for node in nodes for span in operator.mutation_positions(node))
         for occurrence, (start, end) in enumerate(spans):
             if not any(first <= start and end <= last for first, last in skipped):
-                found[start, end].append((index, occurrence))
+                operators_of[start, end].append((index, occurrence))
     places = []
-    for (start, _), changes in found.items():
+    for (start, _), changes in operators_of.items():
         if function := next((entry for entry in functions if entry[1] <= start[0] <= entry[2]), None):
             places.append(Place(path, function, tuple(changes)))
     return places
 
 
 def _make(room: str, source: str, place: Place, generator: random.Random) -> Mutant | None:
+    """Return a mutant by a random operator at a place, or None if its code would not be valid."""
     index, occurrence = generator.choice(place.operators)
     try:
         mutated = mutate_code(source, operators()[index], occurrence)
@@ -213,7 +222,7 @@ def _make(room: str, source: str, place: Place, generator: random.Random) -> Mut
 
 
 def _skipped(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Yield what is not mutated: annotations, assertions, decorators, texts of errors."""
+    """Yield the start and the end of code that is not mutated: annotations, assertions, decorators, raised errors."""
     for node in ast_nodes(parso.parse(source)):
         if node.type in ("annassign", "tfpdef", "assert_stmt", "decorator", "raise_stmt"):
             children = node.children[1:2] if node.type == "annassign" else [node]
@@ -225,7 +234,10 @@ def _skipped(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
 
 
 def _named(room: str, path: str, source: str, mutated: str, body: tuple[str, int, int]) -> Mutant | None:
-    """Return the mutant of a changed module, by the lines that differ; None where only its layout does."""
+    """Return the mutant with the lines that differ between a module and its mutated text.
+
+    `body` is the name of the changed function, with its first and last line. Returns None if only the layout differs.
+    """
     before, after = source.split("\n"), mutated.split("\n")
     head = next((n for n, (a, b) in enumerate(zip(before, after, strict=False)) if a != b), None)
     if head is None:

@@ -1,6 +1,7 @@
-"""A mutant: a function of the package with one small fault, named by the function and the text of the fault.
+"""Mutants, which are functions of the package with one small fault, and the file with their list and results.
 
-Names outlive moves and renames: where the function is gone, the text alone finds its place, if it is unique.
+A mutant is identified by its function and by the text of the changed lines, not by line numbers. If the function was
+moved or renamed, the text alone identifies the mutant, provided that it is unique.
 """
 
 import ast
@@ -16,24 +17,26 @@ LIST = Path(__file__).with_name("mutants.jsonl")
 
 @dataclass(frozen=True)
 class Mutant:
-    """One fault, and what came of it.
+    """One fault, and the result of testing it.
 
     Attributes
     ----------
     room
-        The part of the package that it was drawn for.
+        The part of the package for which it was drawn.
     function
-        File and qualified name, ``lookdev/brdf/disney.py:diffuse``.
+        File and qualified name of the function, like ``lookdev/brdf/disney.py:diffuse``.
     before, after
-        The lines that change, without indentation; `after` keeps the indentation relative to the first.
+        The lines that change, without and with the fault. `before` has no indentation; `after` has the indentation
+        relative to its first line.
     occurrence
-        Which of the places in the function that read `before`, from 0.
+        The number, from 0, of the changed lines among the equal lines of the function.
     killed_by
-        The test that failed; empty: none.
+        The test that found the fault, by failing. Empty: no test.
     tier
-        The tier of that test, ``default`` or ``proof``; of a survivor the last that was tried; empty: not tried yet.
+        The tier of that test, ``default`` or ``proof``, or the last tier that was run if no test failed. Empty: no
+        tests were run.
     equivalent
-        Why no test can fail; empty: one can.
+        The reason why no test can find the fault. Empty: a test could.
     """
 
     room: str
@@ -63,16 +66,16 @@ def read_mutants(path: Path = LIST) -> list[Mutant]:
 
 
 def write_mutants(mutants: Iterable[Mutant], path: Path = LIST) -> None:
-    """Write the list, a line a mutant, without values that are empty."""
+    """Write the list of mutants, each as a line of JSON without its empty values."""
     entries = ({key: value for key, value in asdict(mutant).items() if value} for mutant in mutants)
     scratch = path.with_suffix(".new")
     scratch.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
     scratch.replace(path)
 
 
-@functools.cache  # for thousands of mutants, the same modules
+@functools.cache  # thousands of mutants need the functions of the same modules
 def functions_of(source: str) -> tuple[tuple[str, int, int], ...]:
-    """Return the functions of a module that are in no other, methods included: name, first and last line, from 1."""
+    """Return name, first and last line (from 1) of a module's functions and methods, except nested functions."""
 
     def visit(body: Sequence[ast.stmt], prefix: str) -> Iterator[tuple[str, int, int]]:
         for node in body:
@@ -85,16 +88,14 @@ def functions_of(source: str) -> tuple[tuple[str, int, int], ...]:
 
 
 def places_of(lines: Sequence[str], before: str, first: int, last: int) -> list[int]:
-    """Return the lines, from 1, in a range of a module at which the text of a mutant begins."""
-    wanted = [line.strip() for line in before.split("\n")]
-    span = len(wanted)
-    return [
-        n for n in range(first, last - span + 2) if [line.strip() for line in lines[n - 1 : n - 1 + span]] == wanted
-    ]
+    """Return the numbers, from 1, of the lines at which the text `before` begins, from line `first` to `last`."""
+    texts = [line.strip() for line in before.split("\n")]
+    span = len(texts)
+    return [n for n in range(first, last - span + 2) if [line.strip() for line in lines[n - 1 : n - 1 + span]] == texts]
 
 
 def mutated_source(source: str, mutant: Mutant) -> str | None:
-    """Return the module with the fault; None where function or text is not in it."""
+    """Return the text of a module with the fault of a mutant, or None if it lacks the function or the lines."""
     lines = source.split("\n")
     name = mutant.function.partition(":")[2]
     for function, first, last in functions_of(source):
@@ -109,28 +110,29 @@ def mutated_source(source: str, mutant: Mutant) -> str | None:
 
 
 def locate(mutants: Sequence[Mutant], sources: Mapping[str, str]) -> tuple[list[Mutant], list[Mutant]]:
-    """Return the mutants at their present functions, and those whose text is nowhere or not unique.
+    """Return the mutants whose lines are in the code, with their present functions, and the other mutants.
 
-    `sources` are the modules of the package by path.
+    A mutant is lost if its function lacks its lines, and these lines are in no other function or in several. `sources`
+    has the text of the package's modules by path.
     """
     present, lost = [], []
     for mutant in mutants:
         if mutated_source(sources.get(mutant.path, ""), mutant) is not None:
             present.append(mutant)
             continue
-        found = [
+        functions = [
             f"{path}:{function}"
             for path, source in sources.items()
             for function, first, last in functions_of(source)
             if places_of(source.split("\n"), mutant.before, first, last)
         ]
-        if len(found) == 1:
-            present.append(replace(mutant, function=found[0], occurrence=0))
+        if len(functions) == 1:
+            present.append(replace(mutant, function=functions[0], occurrence=0))
         else:
             lost.append(mutant)
     return present, lost
 
 
 def read_sources(root: Path = ROOT) -> dict[str, str]:
-    """Return the modules of the package by their paths in the checkout."""
+    """Return the texts of the package's modules by their paths in the checkout."""
     return {path.relative_to(root).as_posix(): path.read_text() for path in sorted((root / "lookdev").rglob("*.py"))}

@@ -1,4 +1,4 @@
-"""Running mutants: each in a copy of the checkout, against the tests that reach its function, until one fails."""
+"""Tests mutants: plants each in a copy of the checkout, and runs the tests that reach its function until one fails."""
 
 import math
 import os
@@ -20,41 +20,44 @@ from queue import SimpleQueue
 from mutant import ROOT, Mutant, mutated_source
 from reach import reach_map
 
-MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
+MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}  # option -m of pytest, by tier
 HANGS = "a test that does not end"
-# Seconds of tests that run before others are collected: to collect all files that reach a function can take longer.
+# The fastest tests of a mutant run first, in stages that end at these sums of seconds. To collect all test files that
+# reach a function can take longer than to run these tests.
 STAGES = (2.0, 20.0)
-FACTOR, LEAST = 10.0, 300.0  # a mutant that takes this many times as long as its tests, and five minutes, hangs
-LONG = 1.0  # seconds of a test that is run again where it fails
-SLOWER, SHORTEST = 5, 30  # a test that takes this many times as long as it does alone, and half a minute, hangs
+FACTOR, LEAST = 10.0, 300.0  # a run hangs if it takes longer than FACTOR times the seconds of its tests and than LEAST
+LONG = 1.0  # a test that takes this number of seconds or more is run again if it fails
+SLOWER, SHORTEST = 5, 30  # a test hangs if it takes longer than SLOWER times the longest of the run, and than SHORTEST
 
 
 class Reached:
-    """The tests by what they reach, as `reach.py` recorded it."""
+    """The tests, with the functions that they reach and their seconds, as `reach.py` has recorded them."""
 
     def __init__(self, folder: Path) -> None:
         self._tests = list(reach_map(folder))
 
     @property
     def tests(self) -> list[tuple[str, float]]:
-        """All tests, by files."""
+        """All tests with their seconds, sorted by name, so that the tests of a file are together."""
         return sorted((test, seconds) for test, seconds, _ in self._tests)
 
     def tests_of(self, function: str) -> list[tuple[str, float]]:
-        """Return the tests that reach a function, or where none does, its module; the fastest first.
+        """Return the tests that reach a function, or if there are none, its module, with their seconds; fastest first.
 
-        Tests of similar duration stay together by file, whose fixtures they share, those of the function's room first.
+        Among tests of similar duration, those in the test folder of the function's package are first. The tests of a
+        file stay together, because they share fixtures.
         """
         module = function.partition(":")[0] + ":"
         room = f"tests/{module.split('/')[1]}/"
-        found = [(test, seconds) for test, seconds, reached in self._tests if function in reached]
-        if not found:
-            found = [(t, seconds) for t, seconds, reached in self._tests if any(f.startswith(module) for f in reached)]
+        tests = [(test, seconds) for test, seconds, reached in self._tests if function in reached]
+        if not tests:
+            tests = [(t, seconds) for t, seconds, reached in self._tests if any(f.startswith(module) for f in reached)]
 
         def order(entry: tuple[str, float]) -> tuple[int, bool, str]:
+            # With the addend of 0.02 s, tests that take next to no time are in one class of duration.
             return round(math.log2(entry[1] + 0.02)), not entry[0].startswith(room), entry[0]
 
-        return sorted(found, key=order)
+        return sorted(tests, key=order)
 
 
 class Copy:
@@ -74,6 +77,7 @@ class Copy:
 
     @contextmanager
     def planted(self, mutant: Mutant) -> Iterator[None]:
+        """Plant a mutant in the copy, and remove it at the end of the context."""
         path = self.folder / "tree" / mutant.path
         source = path.read_text()
         mutated = mutated_source(source, mutant)
@@ -85,13 +89,16 @@ class Copy:
             self._write(path, source)
 
     def _write(self, path: Path, text: str) -> None:
-        """Write a module with a time of its own, by which Python sees that compiled code is of another text."""
+        """Write a module with a new modification time, so that Python does not use compiled code of another text."""
         self._stamp += 2.0
         path.write_text(text)
         os.utime(path, (self._stamp, self._stamp))
 
     def test(self, tests: Sequence[tuple[str, float]], marker: str, failures: int = 1) -> list[str]:
-        """Run tests in this order until so many fail; return their names."""
+        """Run tests in this order until a number of failures; return the names of the tests that fail.
+
+        `tests` are names and seconds. If the run hangs, `HANGS` is returned in place of names.
+        """
         order = self.folder / "order"
         order.write_text("\n".join(test for test, _ in tests))
         files = sorted({test.partition("::")[0] for test, _ in tests})
@@ -104,8 +111,8 @@ class Copy:
             "LOOKDEV_TEST_ORDER": str(order),
         }
         options = ["-q", f"--maxfail={failures}", "-n", "0", "-p", "order", "-p", "no:cacheprovider", "-m", marker]
-        patience = max(SHORTEST, math.ceil(SLOWER * max(seconds for _, seconds in tests)))
-        options += ["--tb=no", f"--timeout={patience}"]
+        timeout = max(SHORTEST, math.ceil(SLOWER * max(seconds for _, seconds in tests)))
+        options += ["--tb=no", f"--timeout={timeout}"]
         limit = max(LEAST, FACTOR * sum(seconds for _, seconds in tests))
         process = subprocess.Popen(
             [sys.executable, "-m", "pytest", *options, *files],
@@ -131,7 +138,7 @@ class Copy:
 
 
 def end_all(process: subprocess.Popen[str], folder: Path) -> None:
-    """End what a run of the tests has started, also in sessions of its own: all that works in a folder."""
+    """Kill a run of the tests, and all processes with a folder in their environment, which the tests have started."""
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
@@ -146,16 +153,20 @@ def end_all(process: subprocess.Popen[str], folder: Path) -> None:
 
 
 def stages(tests: Sequence[tuple[str, float]], within: float) -> Iterator[list[tuple[str, float]]]:
-    """Yield the tests of the first `within` seconds in their order, the fastest alone: most mutants need few files."""
+    """Yield the tests of the first `within` seconds in groups, which end at `STAGES`.
+
+    Most mutants are found by the first group, which needs few files.
+    """
     totals = list(accumulate(seconds for _, seconds in tests))
     ends = [0, *(bisect_right(totals, limit) for limit in (*(stage for stage in STAGES if stage < within), within))]
     yield from filter(None, ([*tests[first:last]] for first, last in pairwise(ends)))
 
 
 def failing(copy: Copy, tests: Sequence[tuple[str, float]], marker: str) -> str:
-    """Return the first test that fails, "" if none does.
+    """Return the name of the first test that fails, or "" if none does.
 
-    A long test counts if it fails twice: of hundreds that wait for programs, one may fail without a fault.
+    A long test only counts if it fails twice. Hundreds of long tests wait for programs, and one of them may fail
+    without a fault.
     """
     names, seconds = [test for test, _ in tests], dict(tests)
     for name in copy.test(tests, marker):
@@ -168,9 +179,10 @@ def failing(copy: Copy, tests: Sequence[tuple[str, float]], marker: str) -> str:
 def run_mutants(
     mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: int, within: float = math.inf
 ) -> Iterator[Mutant]:
-    """Yield mutants with what killed them, as results come.
+    """Test mutants in parallel; yield each with its result, in the order of the results.
 
-    Those that tests of `within` seconds do not find, where there are more, are yielded as they were: without a result.
+    For each mutant, `within` limits the seconds of the tests that run. If none of them fails and there are more tests,
+    the mutant is yielded without a result.
     """
     folder = Path(tempfile.mkdtemp(prefix="mutants-"))
     copies: SimpleQueue[Copy] = SimpleQueue()
@@ -199,6 +211,6 @@ def run_mutants(
 
 
 def failing_without_a_fault(reached: Reached) -> list[str]:
-    """Return the tests that fail in a copy without a mutant: they would seem to find every fault."""
+    """Return the tests that fail in a copy without a mutant. They would seem to find every mutant."""
     with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
         return Copy(Path(folder)).test(reached.tests, MARKERS["default"], failures=1000)

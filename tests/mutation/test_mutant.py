@@ -1,4 +1,4 @@
-"""Mutants are found by function and text, wherever the function has moved."""
+"""Mutants are found by function and text even if the function was moved or renamed."""
 
 from dataclasses import replace
 
@@ -56,7 +56,7 @@ def test_the_list_is_of_this_code(tmp_path) -> None:
 
 def test_a_long_test_that_fails_once_finds_nothing() -> None:
     class Copy:
-        """Fails the tests whose names it was given, each so many times."""
+        """Fails each test a given number of times; other tests pass."""
 
         def __init__(self, **failures: int) -> None:
             self.failures = failures

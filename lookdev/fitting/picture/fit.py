@@ -1,4 +1,4 @@
-"""`lookdev fit --picture`: the fit of a job's look to a picture of it, by derivatives of renders."""
+"""Runs `lookdev fit --picture`: fits parameters of a job's look to a picture of it, and writes look and report."""
 
 from __future__ import annotations
 
@@ -26,27 +26,40 @@ from lookdev.rendering.backends import BACKENDS
 from lookdev.scene import Scene
 
 _PAGE_PIXELS = 1 << 18
-"""A photo with more pixels is shown in blocks of pixels, at least this number of them."""
+"""A photo with more pixels is shown at a lower resolution, with at least this number of pixels if possible."""
 
 _PAGE_SAMPLES = 1 << 19
-"""Samples of a picture of the page, over all of its pixels."""
+"""The number of samples of a render for the page, over all of its pixels."""
 
 
 @dataclass(frozen=True)
 class PictureFitRequest:
     """A request to fit a job's look to a picture.
 
+    Attributes
+    ----------
+    picture, job
+        The files of the picture and of the job.
     parameters
-        Names of constants. ``Layer.`` precedes a name that several layers have, ``=low..high`` after it sets bounds.
+        Names of constants of the look. ``Layer.`` precedes a name that several layers have. ``=low..high`` after a name
+        sets the bounds of the search.
     frame
-        ``look/light/turntable.0001`` of the job, or the beginning of it. By default the first frame.
+        The name of the job's frame that the picture shows, ``look/light/turntable.0001``, or the beginning of it.
+        Empty: the first frame.
     look, page
-        The files to write, if any. A look that cannot be written is an error if the user named it (`look_named`), else
-        a note.
+        The files to write: the look with the result, and the report. None: not written. If the look cannot be written,
+        this is an error if the user named the file (`look_named`), else a note.
+    mask
+        An image whose last channel is the weight of each pixel in the comparison.
     exposure
-        Whether the exposure of the picture is an unknown, too.
-    pixels, settings
-        The least number of pixels to render, if the picture divides into suitable blocks, and the extent of the search.
+        Whether the exposure of the picture is fitted, too.
+    force
+        Whether files may be replaced.
+    pixels
+        The least number of pixels to render. A larger picture is divided into square blocks of pixels, if its size
+        permits, and a block is compared with one pixel of a render.
+    settings
+        The extent of the search.
     """
 
     picture: Path
@@ -65,10 +78,20 @@ class PictureFitRequest:
 
 @dataclass(frozen=True, eq=False)
 class PictureFit:
-    """The result for a frame of a job, the files that were written, and notes for the user.
+    """The result of a fit to a picture.
 
-    `block` is the side of the blocks of the picture's pixels that were compared. `noise_from` is the source of the
-    noise.
+    Attributes
+    ----------
+    frame
+        The full name of the job's frame.
+    rows
+        The parameters for the table of the report.
+    block
+        The side, in pixels, of the blocks of the picture that were compared with pixels of renders.
+    noise_from
+        A text: where the noise of the picture is known from.
+    written, notes
+        The files that were written, and notes for the user.
     """
 
     request: PictureFitRequest
@@ -81,7 +104,7 @@ class PictureFit:
     notes: tuple[str, ...]
 
     def data(self) -> dict[str, object]:
-        """Return the fit as plain data."""
+        """Return the fit as plain data for JSON."""
         result = self.result
         return {
             "picture": str(self.request.picture), "job": str(self.request.job), "frame": self.frame,
@@ -161,6 +184,7 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
         scene = live.scene_at(photo.size, block)
         first_halves = live.render(scene, live.initial_values, False, request.settings.samples, (0, 1))
         see_through = any(source.see_through for source in scene.shaders)
+        # The asset covers a pixel if it does so in both halves: the last channel is alpha.
         target = Target.from_photo(
             photo, block, first_halves[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through
         )
@@ -201,9 +225,9 @@ def _write_look(
 
 
 def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[Unknown, ...]]:
-    """Return the only look of a scene that has all parameters, and its unknowns.
+    """Return the only look of a scene that has all parameters, and the unknowns that these parameters are.
 
-    Raises LookdevError if several looks have them. If no look has, raises the error of the last look.
+    Raises LookdevError if several looks have all parameters. If no look has them, the error is that of the last look.
     """
     looks = list({id(look): look for look in scene.looks}.values())
     candidates, errors = [], []
@@ -226,9 +250,10 @@ def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[U
 def _check_request(
     request: PictureFitRequest, photo: Photo, frame: JobFrame, look: Look
 ) -> tuple[PictureFitRequest, tuple[str, ...]]:
-    """Return the request and notes; if a look that the user did not name cannot be written, the request loses it.
+    """Check that picture and job match and that the files can be written; return the request and notes.
 
-    Raises LookdevError if picture and job do not match, or if another file cannot be written.
+    If the look cannot be written and the user did not name its file, the returned request has no look, and a note says
+    why. In all other cases a fault raises LookdevError.
     """
     width, height = photo.size
     if frame.scene.film.resolution != photo.size:
@@ -273,10 +298,11 @@ def _page_pictures(
     before: Mapping[str, tuple[float, ...]],
     gain: float,
 ) -> FitPictures:
-    """Return the pictures of the page.
+    """Return the pictures of the report.
 
-    Renders are as large as the photo, or of fewer pixels for a large photo. After an interruption they are those of the
-    search.
+    The look before and after the fit is rendered as large as the photo, or with fewer pixels if the photo is large.
+    After an interruption nothing is rendered: the report then shows renders of the search. `before` has the original
+    values of the unknowns by name. `gain` is the factor of the light's exposure, which renders do not include.
     """
     result, block = picture_fit.result, picture_fit.block
     if result.interrupted:
@@ -286,9 +312,11 @@ def _page_pictures(
         side = block_side(photo.size, _PAGE_PIXELS) if photo.size[0] * photo.size[1] > _PAGE_PIXELS else 1
         scene = live.scene_at(photo.size, side)
         width, height = scene.resolution
+        # Samples of each half: a power of two, with about `_PAGE_SAMPLES` samples in both halves of all pixels.
         samples = 1 << max(2, (_PAGE_SAMPLES // (2 * width * height)).bit_length() - 1)
         renders, errors = [], []
         for values in (before, result.values):
+            # The seeds are far above those of the search, which counts from 0.
             a, b = gain * live.render(scene, values, False, samples, (1000, 1001))[:, 0, ..., :3]
             exposure = 2.0 ** values["exposure"][0] if "exposure" in values else 1.0
             renders.append(exposure * 0.5 * (a + b))
@@ -304,7 +332,7 @@ def _page_pictures(
 
 
 def _percent(loss: float) -> str:
-    """Return a loss as the root mean square of relative differences."""
+    """Return the root of a loss, which is the root mean square of relative differences, as text in percent."""
     return f"{100.0 * max(loss, 0.0) ** 0.5:.3g} %"
 
 

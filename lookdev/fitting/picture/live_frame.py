@@ -1,4 +1,8 @@
-"""A frame whose look has live inputs, and the worker that renders it and its derivatives with respect to them."""
+"""Renders a frame of a job, and its derivatives with respect to parameters of its look, for the fit to a picture.
+
+The parameters are live inputs of the look: their values can change between renders without new code. A worker of the
+backend ``mitsuba`` renders.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +47,11 @@ class JobFrame:
 
     @classmethod
     def from_name(cls, name: str, job: Job, scenes: Mapping[tuple[str, str], Scene]) -> JobFrame:
-        """Return the frame of a name, or of the beginning of one; raises LookdevError if there is no such frame."""
+        """Return the frame with a name like ``look/light/turntable.0001``.
+
+        If parts are missing at the end of the name, the first look, light, turntable or frame of the job is taken.
+        `scenes` has the scene of each pair of look and light. Raises LookdevError if there is no such frame.
+        """
         look, light, last = (*name.split("/"), "", "")[:3] if name.count("/") < 3 else ("", "", "")
         stem, _, digits = last.rpartition(".") if last.rpartition(".")[2].isdigit() else (last, "", "1")
         looks = {look.name: look for look in job.look}
@@ -72,12 +80,16 @@ class JobFrame:
 
     @property
     def gain(self) -> float:
-        """The factor of the light's exposure, which renders do not include."""
+        """The factor 2^exposure of the light, which renders do not include."""
         return float(2.0**self.rig.exposure)
 
 
 class LiveFrame:
-    """A worker, and a frame whose look has the unknowns as live inputs, named by their numbers."""
+    """A frame whose look has the unknowns as live inputs, and the worker that renders it.
+
+    The name of a live input is the number of the unknown, as text. `initial_values` has the values of the unknowns in
+    the look, by name.
+    """
 
     def __init__(self, worker: Worker, setup: Setup, pose: Pose, unknowns: tuple[Unknown, ...]) -> None:
         self._worker, self._setup, self._pose = worker, setup, pose
@@ -87,7 +99,7 @@ class LiveFrame:
         self.initial_values = {unknown.name: unknown.constant.value for unknown in self._unknowns.values()}
 
     def scene_at(self, size: tuple[int, int], block: int) -> SceneTask:
-        """Return the scene at a lower resolution: each of its pixels is a block of pixels of `size`."""
+        """Return the scene with a resolution of `size` divided by `block`, the side of a block of pixels."""
         return replace(self._setup.task, resolution=(size[0] // block, size[1] // block))
 
     def render(
@@ -98,9 +110,9 @@ class LiveFrame:
         samples: int,
         seeds: tuple[int, int],
     ) -> Floats:
-        """Return halves (2, 1 + P, H, W, 4): the arguments and the result are those of `search.RenderLook`.
+        """Return two independent halves (2, 1 + P, H, W, 4) of the picture and of its P derivatives, as `RenderLook`.
 
-        Derivatives with respect to numbers that no look reads are 0.
+        The last axis is RGB and alpha. Derivatives with respect to numbers that the look does not read are 0.
         """
         bindings = {key: self._live[key] for key in self._unknowns if key in self._live}
         live_values = {binding.parameter: values[self._unknowns[key].name] for key, binding in bindings.items()}
@@ -113,6 +125,7 @@ class LiveFrame:
             raise WorkerError(f"{error}\n{last_line(self._worker.log)}") from error
         if not with_derivatives or len(bindings) == len(self._unknowns):
             return halves
+        # The worker has rendered derivatives for the unknowns that the look reads; zeros are inserted for the others.
         parts, first = [halves[:, :1]], 1
         for key, unknown in self._unknowns.items():
             is_read = key in bindings
@@ -125,7 +138,10 @@ class LiveFrame:
 
 @contextmanager
 def live_frame(job: Job, frame: JobFrame, look: Look, unknowns: tuple[Unknown, ...]) -> Iterator[LiveFrame]:
-    """Start a worker for a frame with the unknowns of its look as inputs; raises RenderError if none can start."""
+    """Start a worker for a frame whose look has the unknowns as live inputs; end the worker with the context.
+
+    Raises RenderError if the worker cannot start.
+    """
     constants = {str(n): unknown.constant for n, unknown in enumerate(unknowns) if not unknown.is_exposure}
     live = look_with_live_inputs(look, constants)
     looks = {path: live if assigned is look else assigned for path, assigned in frame.scene.look_of_slot.items()}

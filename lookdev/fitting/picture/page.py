@@ -1,4 +1,4 @@
-"""The report of a fit to a picture: one HTML file without scripts or links to other files."""
+"""Writes the report of a fit to a picture: one HTML file with tables and pictures, without scripts or other files."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ from lookdev.output.color import VIEWS
 from lookdev.output.display import to_display
 
 _MAX_NOISE = 4.0
-"""Standard errors at which the colour scale of differences ends."""
+"""The difference, in standard errors, at the end of the colour scale of differences."""
 
 
 @dataclass(frozen=True, eq=False)
 class FitPictures:
-    """Pictures of the page, linear (H, W, 3): the photo, renders of the look before and after the fit, and noise.
+    """The pictures of the report, linear, (H, W, 3).
 
-    The noise is the standard error of the difference between a render and the photo. `is_compared` (H, W) are the
-    pixels that were compared.
+    `before` and `after` are renders of the look before and after the fit. `noise_before` and `noise_after` are the
+    standard errors of their differences from the photo. `is_compared` (H, W) is the mask of the pixels that the fit
+    compared.
     """
 
     photo: Floats
@@ -39,7 +40,7 @@ class FitPictures:
 
 @dataclass(frozen=True)
 class TableRow:
-    """A parameter of the table: its values in the look before and after, and their errors."""
+    """A row of the table of parameters: the values (1 or 3 numbers) before and after the fit, and standard errors."""
 
     name: str
     before: tuple[float, ...]
@@ -49,7 +50,7 @@ class TableRow:
 
 
 def table_rows(result: SearchResult, before: Mapping[str, tuple[float, ...]]) -> list[TableRow]:
-    """Return the rows of the table; `before` has the values of the original look by name."""
+    """Return the rows of the table of parameters; `before` has the values in the original look by name."""
     rows = []
     for name, value in result.values.items():
         names = [name] if len(value) == 1 else [f"{name}[{channel}]" for channel in "rgb"]
@@ -63,14 +64,14 @@ def table_rows(result: SearchResult, before: Mapping[str, tuple[float, ...]]) ->
 
 
 def format_numbers(values: Sequence[float], digits: int = 4) -> str:
-    """Return values as text, ``?`` for nan."""
+    """Return numbers with commas between them as text, with ``?`` in place of nan."""
     return ", ".join("?" if np.isnan(value) else f"{value:.{digits}g}" for value in values)
 
 
 def write_page(
     file: Path, title: str, lines: Sequence[str], pictures: FitPictures, rows: Sequence[TableRow], result: SearchResult
 ) -> None:
-    """Write the page, complete or not at all; `lines` are plain text below the title."""
+    """Write the report, whole or not at all; `lines` are plain text below the title."""
     photo_and_renders = {"Photo": pictures.photo, "Before": pictures.before, "After": pictures.after}
     write_html_page(
         file,
@@ -95,6 +96,7 @@ def write_page(
 
 
 def _warnings(result: SearchResult) -> Iterator[str]:
+    """Yield warnings about a result that may be wrong."""
     if result.interrupted:
         yield "The search was interrupted: these are the best parameters so far, without errors."
     elif not result.converged:
@@ -111,7 +113,10 @@ def _warnings(result: SearchResult) -> Iterator[str]:
 
 
 def _difference(name: str, render: Floats, noise: Floats, pictures: FitPictures) -> tuple[str, bytes]:
-    """Return a caption and a PNG of the difference between a render and the photo, in standard errors."""
+    """Return a caption and a PNG of the difference between a render and the photo.
+
+    Colours show the difference, averaged over the channels, in standard errors `noise`.
+    """
     from matplotlib import colormaps
 
     difference = (render - pictures.photo).mean(axis=-1) / np.maximum(noise.mean(axis=-1), 1e-12)
@@ -131,9 +136,11 @@ def _png(pixels: Bytes) -> bytes:
 
 
 def _loss_chart(curve: Sequence[LossPoint], noise: float) -> dict[str, Any]:
-    """Return a chart of the loss of every render on a logarithmic axis; x and y are in [0, 1].
+    """Return the data of a chart of the loss of every render, for the template of the page.
 
-    Lines connect the accepted steps of each followed start; the renders of other stages are points alone.
+    x is the number of the render, y the logarithm of the loss, both scaled to [0, 1]. ``grid`` has powers of ten with
+    their y. ``noise`` has the y of the noise, if there is any. ``points`` has x, y and the `LossPoint` of each render.
+    ``lines`` has the points to connect: the accepted steps from each start.
     """
     losses = np.array([max(point.loss, 1e-12) for point in curve])
     floor = max(min(losses.min(), noise if noise > 0.0 else losses.min()), losses.max() * 1e-8)

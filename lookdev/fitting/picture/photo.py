@@ -1,4 +1,4 @@
-"""The picture to fit: linear light, alpha and noise of a file.
+"""Reads the picture that a look is fitted to: its linear light, alpha and noise.
 
 - Immerkær, J. 1996. Fast Noise Variance Estimation. Computer Vision and Image Understanding 64(2).
 - Lindbloom, B. Chromatic Adaptation; RGB/XYZ Matrices (brucelindbloom.com): the matrices of primaries.
@@ -18,19 +18,32 @@ from lookdev.images import open_image, whole_image
 from lookdev.space import CHROMATICITIES, rgb_to_xyz_matrix, white_adaptation
 
 REC709 = CHROMATICITIES["rec709"]
-"""x and y of red, green, blue and white, which an EXR without ``chromaticities`` has."""
+"""The chromaticities x and y of red, green, blue and white, 8 numbers; an EXR without ``chromaticities`` has these."""
 
 _LINEAR_FORMATS = ("openexr", "hdr")
-_BRIGHTNESS_LEVELS = 8  # of brightness; the noise is estimated for each
-# The difference of two Laplacians (Immerkær's eq. 2); its response to a plane of brightness is 0.
+_BRIGHTNESS_LEVELS = 8  # the noise is estimated for each level of brightness
+# The difference of two Laplacian filters (Immerkær's eq. 2). Its response is 0 where brightness is constant or linear.
 _LAPLACIANS = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """A picture: premultiplied linear Rec.709 (H, W, 3), alpha (H, W) or None, standard error (H, W, 3).
+    """A picture of an asset.
 
-    `weights` (H, W), in [0, 1], are those of pixels in comparisons; `noise_from` is the source of the error.
+    Attributes
+    ----------
+    color : (H, W, 3)
+        Linear Rec.709, premultiplied.
+    alpha : (H, W)
+        Alpha, or None if the file has none.
+    noise : (H, W, 3)
+        The standard error of `color`.
+    weights : (H, W)
+        The weight of each pixel in comparisons, in [0, 1].
+    noise_from
+        A text: where the noise is known from.
+    notes
+        Notes for the user.
     """
 
     file: Path
@@ -43,16 +56,17 @@ class Photo:
 
     @property
     def size(self) -> tuple[int, int]:
-        """Width and height."""
+        """Width and height in pixels."""
         return self.color.shape[1], self.color.shape[0]
 
 
 def read_photo(file: Path, mask: Path | None = None) -> Photo:
-    """Read a picture; `mask` is an image of its size, whose last channel is the weight of each pixel.
+    """Read a picture; `mask` is an image of the same size, whose last channel is the weight of each pixel.
 
     If the file's ``chromaticities`` differ from Rec.709, the picture is converted, with a note. The noise is the layer
-    ``error``, which frames have, or an estimate from the finest detail of the picture. Pixels that are not finite have
-    no weight. Raises LookdevError if the file is not a linear picture, or if the mask has another size.
+    ``error`` of the file, which frames of lookdev have, or else an estimate from the finest detail of the picture.
+    Pixels that are not finite have no weight. Raises LookdevError if the file is not a linear picture, or if the mask
+    has another size.
     """
     with open_image(file, LookdevError) as image:
         file_format, names = image.format_name(), list(image.spec().channelnames)
@@ -92,6 +106,7 @@ def read_photo(file: Path, mask: Path | None = None) -> Photo:
 
 
 def _read_mask(file: Path, shape: tuple[int, ...]) -> Floats:
+    """Return the last channel of an image, (H, W), clipped to [0, 1]; raises LookdevError if its shape is another."""
     with open_image(file, LookdevError) as image:
         spec = image.spec()
         if (spec.height, spec.width) != shape:
@@ -104,13 +119,20 @@ def _read_mask(file: Path, shape: tuple[int, ...]) -> Floats:
 
 
 def matrix_to_rec709(primaries: tuple[float, ...]) -> Floats:
-    """Return the matrix from other primaries, given as `REC709` is, to Rec.709; it maps white to white."""
+    """Return the matrix (3, 3) that converts colours from other primaries to Rec.709, and maps white to white.
+
+    `primaries` has 8 numbers in the order of `REC709`.
+    """
     adaptation = white_adaptation(primaries[6:8], REC709[6:8])
     return np.asarray(np.linalg.inv(rgb_to_xyz_matrix(REC709)) @ adaptation @ rgb_to_xyz_matrix(primaries))
 
 
 def estimate_noise(color: Floats, weights: Floats) -> Floats:
-    """Estimate the standard error (H, W, 3) of a picture: the median detail among pixels of similar brightness."""
+    """Estimate the standard error (H, W, 3) of a picture from its finest detail.
+
+    A pixel has the median detail of all pixels with a similar brightness. Pixels whose neighbourhood has a weight below
+    1 are not sampled, if others are left.
+    """
     noise = np.empty_like(color)
     inside = convolve(weights, np.ones((3, 3)), mode="constant") > 8.99
     for channel in range(3):

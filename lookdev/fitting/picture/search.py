@@ -1,4 +1,8 @@
-"""The search: it renders starts, improves the best by damped Gauss-Newton steps, and refines with more samples.
+"""The search of a fit to a picture: it finds the unknowns of a look with which renders are nearest to the picture.
+
+It renders several starts, improves the best of them by damped Gauss-Newton steps, and refines the best result with more
+samples. Each picture is rendered as two independent halves, so that the loss has no bias (see `target`). The search
+varies units, which are the unknowns scaled to similar ranges (`Unknown.unit`).
 
 - Levenberg, K. 1944; Marquardt, D. W. 1963: damped steps. SciPy's `lsq_linear` solves them within bounds.
 - White, H. 1980. A Heteroskedasticity-Consistent Covariance Matrix Estimator. Econometrica 48(4): errors of parameters.
@@ -26,34 +30,41 @@ from lookdev.fitting.picture.unknowns import Unknown
 RenderLook = Callable[[Mapping[str, tuple[float, ...]], bool, int, tuple[int, int]], Floats]
 """A function that renders a look.
 
-Its arguments are the values of the unknowns by name, whether to differentiate, the samples per pixel of a half, and the
-seeds of the two halves. It returns halves (2, 1 + P, H, W, 4): a picture, and, if it differentiates, its derivatives
-with respect to each of the P numbers of the unknowns, in order.
+Its arguments are the values of the unknowns by name, whether to render derivatives, the samples per pixel of a half,
+and the seeds of the two halves. It returns an array (2, 1 + P, H, W, 4), with the halves on the first axis. On the
+second axis are the picture and, if derivatives are requested, its derivatives with respect to each of the P numbers of
+the unknowns, in order. On the last axis are RGB and alpha.
 """
 
 _BOUND_MARGIN = 5e-4
-"""The least distance of renders from a bound, in units: a lobe of weight 0 would never be sampled."""
+"""The least distance of renders from a bound, in units. At a bound, a lobe may have weight 0, and is never sampled."""
 
-_MAX_STEP = 0.4  # units
-_DAMPING, _MAX_DAMPING = 1e-3, 10.0
-_MIN_STEP = 1e-3  # units of a step, a thousandth of a slider
+_MAX_STEP = 0.4  # the largest change of a unit in one step
+_DAMPING, _MAX_DAMPING = 1e-3, 10.0  # at the start of the steps, and the limit above which steps end
+_MIN_STEP = 1e-3  # the change of a unit below which a step counts as small: a thousandth of a slider
 _SAME_END_DISTANCE = 0.05
-"""The distance, in units, below which two ends are the same."""
+"""Two results of the search are the same if no unit of them differs by this number or more."""
 _UNDETERMINED = 0.25
-"""Units of error above which a parameter is not determined: a quarter of its slider."""
+"""An unknown is not determined if its error is larger than this number of units, a quarter of its slider."""
 
 _CORRELATED = 0.95
-"""The correlation above which two parameters trade off."""
+"""Two unknowns are reported as trading off if the correlation of their errors is above this number."""
 
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """The extent of the search.
+    """The extent of the search. All numbers of samples are per pixel of a half.
 
-    It renders `start_count` starts, follows the best `followed_count` by at most `steps` steps each, and refines the
-    best end in at most `rounds` rounds. Samples are those of a pixel in a half: `start_samples` of a start, `samples`
-    of a step, `final_samples` of the last rounds. A derivative needs fewer, `derivative_samples`, as it is multiplied
-    by the remaining difference.
+    Attributes
+    ----------
+    start_count, start_samples
+        The number of starts that are rendered, and their samples.
+    followed_count, steps, samples
+        The number of the best starts that are followed by damped steps, the most steps of each, and their samples.
+    rounds, final_samples
+        The most steps that refine the best end, and the samples of the last of them.
+    derivative_samples
+        The samples of a derivative. It needs fewer, because it is multiplied by the remaining difference.
     """
 
     start_count: int = 12
@@ -69,10 +80,10 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class LossPoint:
-    """A render of the search: its stage, the number of its start, its loss, and whether its step is accepted.
+    """A render of the search, and its loss.
 
-    The stages are ``"start"``, ``"follow"``, ``"refine"`` and ``"end"``. In the stage ``"refine"``, the number is that
-    of the round.
+    The `stage` is ``"start"``, ``"follow"``, ``"refine"`` or ``"end"``. `start` is the number of the start; in the
+    stage ``"refine"`` it is the number of the round. `accepted` is false for a step that made the loss larger.
     """
 
     stage: str
@@ -85,6 +96,8 @@ class LossPoint:
 class SearchResult:
     """The result of a search.
 
+    Attributes
+    ----------
     values, errors
         The numbers of each unknown by name, and their standard errors from the noise of picture and renders. The error
         is nan for a number without effect.
@@ -99,8 +112,10 @@ class SearchResult:
         The square root of loss / noise, at least 1. The errors are already multiplied by it.
     starts
         The final losses of the followed starts, best first, and whether each ended near the result.
+    curve
+        All renders, in order.
     pictures
-        The means of halves (H, W, C) at the look's original values, and at the result.
+        The render with the look's original values, and the render with the result: means of halves, (H, W, C).
     converged, interrupted
         Whether the last step is smaller than its error, and whether the user interrupted the search.
     """
@@ -124,20 +139,20 @@ class SearchResult:
 
 @dataclass(eq=False)
 class _LocalModel:
-    """A local quadratic model of the loss, in units."""
+    """A quadratic model of the loss near some units; P is the number of units."""
 
-    gradient: Floats
-    hessian: Floats
-    unbiased_hessian: Floats  # without the noise of derivatives
-    covariance: Floats
-    noise_variance: float  # of residuals, relative to the weights
+    gradient: Floats  # (P,)
+    hessian: Floats  # (P, P)
+    unbiased_hessian: Floats  # (P, P), without the bias from the noise of derivatives
+    covariance: Floats  # (P, P), of the errors of the units
+    noise_variance: float  # the mean variance of the residuals, times their weights
 
 
 @dataclass(eq=False)
 class Search:
-    """A search for the values of a look's unknowns at which its renders are nearest to a target.
+    """A search for the values of a look's unknowns with which its renders are nearest to a target.
 
-    It varies units: the numbers of all unknowns, one after the other, scaled to similar ranges (`Unknown.unit`).
+    Arrays of units, (P,), have the numbers of all unknowns one after the other.
     """
 
     render: RenderLook
@@ -147,26 +162,29 @@ class Search:
     report: Callable[[LossPoint], None] = lambda point: None
     _curve: list[LossPoint] = field(default_factory=list)
     _seeds: Iterator[int] = field(default_factory=count)
-    _best: tuple[Floats, float, Floats] | None = None
+    _best: tuple[Floats, float, Floats] | None = None  # the units of the best render so far, its loss, and its picture
     _initial_picture: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         self._low = np.concatenate([unknown.units(unknown.low) for unknown in self.unknowns])
         self._high = np.concatenate([unknown.units(unknown.high) for unknown in self.unknowns])
-        inside = np.minimum(_BOUND_MARGIN, 0.25 * (self._high - self._low))
-        self._inner_bounds = self._low + inside, self._high - inside
+        # The bounds of renders, which are inside of the bounds of the unknowns.
+        margin = np.minimum(_BOUND_MARGIN, 0.25 * (self._high - self._low))
+        self._inner_bounds = self._low + margin, self._high - margin
         initial = [unknown.unit(np.array(unknown.constant.value)) for unknown in self.unknowns]
         self._initial = self._clip(np.concatenate(initial))
+        # The mask (H, W, C) of the compared values of the picture, and their weights in one dimension.
         self._is_compared = self.target.weight > 0.0
         self._weight = self.target.weight[self._is_compared]
 
     def run(self) -> SearchResult:
-        """Return the best result; after a KeyboardInterrupt the best so far, if there is one.
+        """Run the search and return its result; after a KeyboardInterrupt, return the best result so far.
 
-        Raises LookdevError if no unknown changes the picture.
+        If nothing is rendered yet, the KeyboardInterrupt is raised. Raises LookdevError if no unknown changes the
+        picture.
         """
         start_time = time.perf_counter()
-        ends: list[tuple[Floats, float]] = []
+        ends: list[tuple[Floats, float]] = []  # the units at which the steps from each start end, and their loss
         converged = interrupted = False
         before = 0.0
         # With few columns, threads of the linear algebra only wait for each other.
@@ -209,7 +227,9 @@ class Search:
     def _follow(self, unit: Floats, number: int, earlier_ends: Sequence[Floats]) -> tuple[Floats, float]:
         """Take damped steps from the units of a start, all with the same seeds; return the last units, and their loss.
 
-        Steps end when they are smaller than the error of the result, or near the end of an earlier start.
+        `number` is the number of the start. The steps end when a step is smaller than the error of the units, when no
+        damping makes the loss smaller, or near `earlier_ends`, the last units of earlier starts. The damping is divided
+        by 8 after an accepted step, and multiplied by 8 after a rejected one.
         """
         settings, seeds = self.settings, self._next_seeds()
         halves = self._render_halves(unit, settings.samples, seeds)
@@ -237,9 +257,10 @@ class Search:
         return unit, loss
 
     def _polish(self, unit: Floats) -> bool:
-        """Take undamped steps, each with new seeds; return whether the last step is smaller than its error.
+        """Refine units by undamped steps, each with new seeds; return whether the last step is smaller than its error.
 
-        The first step has twice the samples of `_follow`; they are doubled after each step, up to `final_samples`.
+        The first step has twice the samples of `_follow`. The samples are doubled after each step, up to
+        `final_samples`.
         """
         samples, derivative_samples = 2 * self.settings.samples, 2 * self.settings.derivative_samples
         is_small = False
@@ -262,6 +283,10 @@ class Search:
     def _result(
         self, before: float, ends: Sequence[tuple[Floats, float]], converged: bool, interrupted: bool, start_time: float
     ) -> SearchResult:
+        """Render the best units with all samples, and return the result with its errors.
+
+        After an interruption nothing is rendered, and the errors are nan.
+        """
         assert self._best is not None, "a start was rendered"
         unit, loss, picture = self._best
         no_errors = np.full(len(unit), np.nan)
@@ -297,11 +322,15 @@ class Search:
         )  # fmt: skip
 
     def _render_halves(self, unit: Floats, samples: int, seeds: tuple[int, int]) -> tuple[Floats, Floats]:
+        """Return two independent renders (H, W, C) with given units."""
         halves = self._render_in_units(unit, False, samples, seeds)
         return halves[0, 0], halves[1, 0]
 
     def _render_in_units(self, unit: Floats, with_derivatives: bool, samples: int, seeds: tuple[int, int]) -> Floats:
-        """Return halves (2, 1 + P, H, W, C): a picture, multiplied by the exposure, and its derivatives by units."""
+        """Render a picture and its derivatives with respect to units, as halves (2, 1 + P, H, W, C).
+
+        Both are multiplied by the exposure, if that is an unknown. C is the number of channels of the target.
+        """
         parts = [(unknown, unit[part]) for unknown, part in self._slices()]
         values = {
             unknown.name: tuple(map(float, unknown.value(part))) for unknown, part in parts if not unknown.is_exposure
@@ -323,9 +352,10 @@ class Search:
         return np.stack(picture_and_derivatives, axis=1)
 
     def _local_model(self, unit: Floats, halves: tuple[Floats, Floats], samples: int) -> _LocalModel:
-        """Return the local model at units, from the halves rendered there.
+        """Return a quadratic model of the loss near some units, from the halves that are rendered with these units.
 
-        Derivatives are rendered with their own seeds, so that their noise is independent.
+        The derivatives are rendered with seeds of their own, so that their noise is independent of the halves' noise.
+        `first` and `second` are the two halves of the derivatives at the compared numbers of the picture.
         """
         derivatives = self._render_in_units(unit, True, samples, self._next_seeds())[:, 1:]
         first, second = (
@@ -344,10 +374,11 @@ class Search:
         identity = np.eye(len(hessian))
         ridge = 1e-9 * np.trace(hessian) * identity
         if eigh(unbiased + ridge, hessian + ridge, eigvals_only=True).min() < 0.25:
-            unbiased = hessian  # too few samples to remove the noise
+            unbiased = hessian  # the samples are too few to remove the bias
         variance = self.target.variance[self._is_compared] + (0.5 * (a - b)) ** 2
         noise_variance = float((self._weight * variance).mean())
-        # The prior standard error of a number is the width of its slider. A number without effect keeps this error.
+        # By the added identity, each unit has a prior standard error of 1, the width of its slider. A number without
+        # effect keeps this error.
         information = _positive_part(cross_product) + noise_variance * identity
         weighted_variance = (self._weight**2 * variance)[:, None]
         scores = _positive_part((first * weighted_variance).T @ second) + noise_variance**2 * identity
@@ -356,7 +387,7 @@ class Search:
         return _LocalModel(weighted.T @ residual, hessian, unbiased, covariance, noise_variance)
 
     def _solve_step(self, unit: Floats, local: _LocalModel, damping: float) -> Floats:
-        """Return the step to the least loss of the local model within the bounds."""
+        """Return the change of the units, within the bounds, that minimizes the damped local model."""
         damped = local.unbiased_hessian + np.diag(damping * np.diag(local.hessian) + local.noise_variance)
         root = cholesky(damped)
         target = -solve_triangular(root, local.gradient, trans="T")
@@ -365,20 +396,22 @@ class Search:
         return np.asarray(lsq_linear(root, target, (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls").x)
 
     def _is_small(self, step: Floats, local: _LocalModel) -> bool:
+        """Return whether the change of each unit is smaller than its error or than `_MIN_STEP`."""
         return bool(np.all(np.abs(step) < np.maximum(np.sqrt(np.diag(local.covariance)), _MIN_STEP)))
 
     def _slices(self) -> Iterator[tuple[Unknown, slice]]:
-        """Yield each unknown with the slice of its numbers."""
+        """Yield each unknown with the slice of its numbers in an array of units."""
         first = 0
         for unknown in self.unknowns:
             yield unknown, slice(first, first + unknown.width)
             first += unknown.width
 
     def _clip(self, unit: Floats) -> Floats:
+        """Return units clipped to their bounds, less the margin `_BOUND_MARGIN`."""
         return np.asarray(np.clip(unit, *self._inner_bounds))
 
     def _snap_to_bounds(self, unit: Floats) -> Floats:
-        """Return units; those at the least distance of renders from a bound become the bound."""
+        """Return units in which those that `_clip` keeps off a bound are replaced by the bound."""
         low, high = (np.abs(unit - end) < 1e-6 for end in self._inner_bounds)
         return np.where(low, self._low, np.where(high, self._high, unit))
 
@@ -386,10 +419,12 @@ class Search:
         return next(self._seeds), next(self._seeds)
 
     def _record_best(self, unit: Floats, loss: float, halves: tuple[Floats, Floats]) -> None:
+        """Store units, their loss and their picture if no earlier loss is smaller."""
         if self._best is None or loss < self._best[1]:
             self._best = unit, loss, 0.5 * (halves[0] + halves[1])
 
     def _record_point(self, stage: str, start: int, loss: float, accepted: bool = True) -> None:
+        """Append a render to the curve of losses, and report it."""
         self._curve.append(LossPoint(stage, start, loss, accepted))
         self.report(self._curve[-1])
 
@@ -397,6 +432,7 @@ class Search:
 def _correlated_pairs(
     names: Sequence[str], covariance: Floats | None, errors: Floats
 ) -> Iterator[tuple[str, str, float]]:
+    """Yield the names of two numbers whose errors are correlated by more than `_CORRELATED`, and the correlation."""
     if covariance is None:
         return
     scale = np.sqrt(np.diag(covariance))
@@ -408,7 +444,7 @@ def _correlated_pairs(
 
 
 def _positive_part(matrix: Floats) -> Floats:
-    """Return the symmetric part of a product of independent halves; negative eigenvalues, due to noise, become 0."""
+    """Return the symmetric part of a matrix, with 0 in place of negative eigenvalues, which noise causes."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 

@@ -1,8 +1,10 @@
-"""The comparison of renders with a picture: blocks of pixels, weights, and a squared difference without bias.
+"""Compares renders with the picture of a fit, by a weighted squared difference without bias.
 
-The squared difference of a noisy render has the render's variance as a bias, which favours parameters of little noise.
-For two independent renders a and b, the mean of w (a - y) (b - y) is w (mean - y)^2. With derivatives of a third
-render, the gradient has no bias either.
+Let y be the value of a pixel of the picture, and w its weight. The squared difference of a noisy render has the
+variance of the render as a bias, which would favour parameters with little noise. So two independent renders a and b
+are used: the expectation of w (a - y) (b - y) is w (m - y)^2, where m is the render without noise. With derivatives
+from a third render, the gradient has no bias either. A large picture is compared in square blocks of pixels, each with
+one pixel of the renders.
 """
 
 from __future__ import annotations
@@ -18,17 +20,20 @@ from lookdev.errors import LookdevError
 from lookdev.fitting.picture.photo import Photo
 
 _MIN_RELATIVE_ERROR = 0.02
-"""The least error of a pixel, relative to its brightness, so that a few pixels do not outweigh all others."""
+"""The least error of a pixel, relative to its brightness, so that a few pixels do not outweigh all others.
+
+It is added to the noise of the pixel, as a variance.
+"""
 
 _MIN_DARK_ERROR = 0.02
-"""The least error of a pixel, relative to the mean brightness, for dark pixels."""
+"""The least error of a dark pixel, relative to the mean brightness of the picture; it is added as a variance, too."""
 
 
 def block_side(size: tuple[int, int], pixels: int) -> int:
-    """Return the side of the blocks of a picture's pixels that correspond to one pixel of renders.
+    """Return the side of the square blocks of pixels that are compared with one pixel of a render.
 
-    It divides width and height, and leaves at least `pixels` blocks if possible. With a box filter, the mean of a block
-    is the pixel of a render.
+    `size` is the width and the height of the picture. The side divides both, and is the largest that leaves at least
+    `pixels` blocks, or 1. Renders have a box filter, so the mean of a block corresponds to a pixel of a render.
     """
     common = gcd(*size)
     sides = [side for side in range(1, common + 1) if common % side == 0]
@@ -37,9 +42,10 @@ def block_side(size: tuple[int, int], pixels: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """The target of a fit: `value`, `variance` and `weight` (H, W, C); the weight is 0 for pixels that are left out.
+    """The target of a fit: the picture at the resolution of the renders.
 
-    The fourth channel, for looks that can be seen through, is alpha.
+    All arrays have the shape (H, W, C). The channels are RGB and, for a look that can be seen through, alpha. `weight`
+    is 0 for pixels that are not compared.
     """
 
     value: Floats
@@ -48,11 +54,11 @@ class Target:
 
     @classmethod
     def from_photo(cls, photo: Photo, block: int, covered: Floats, gain: float, *, see_through: bool) -> Target:
-        """Return the target of a picture, divided by `gain`, the exposure that renders do not include.
+        """Return the target for a picture, divided by `gain`, the factor of exposure that renders do not include.
 
-        The means of blocks are compared where all pixels of a block have weight and the asset covers the block
-        completely; `covered` (H, W) is the alpha of a render. A look that can be seen through is compared everywhere,
-        and in alpha. Raises LookdevError if too few blocks are left.
+        `block` is the side of a block. A block is compared if all of its pixels have weight and the asset covers it
+        completely; `covered` (H, W) is the alpha of a render. A look that can be seen through (`see_through`) is
+        compared everywhere, and in alpha, too. Raises LookdevError if too few blocks are left.
         """
         color = block_means(photo.color, block) / gain
         variance = block_means(photo.noise**2, block) / (block * gain) ** 2
@@ -65,19 +71,19 @@ class Target:
                     f"{photo.file}: the look can be seen through, and the picture has no alpha to compare with; an EXR "
                     "with channel A, premultiplied, would be right"
                 )
+            # The variance of alpha is unknown. The mean relative variance of the colours takes its place.
             alpha = block_means(photo.alpha[..., None], block)
             noise = np.full_like(alpha, max(float(np.mean(variance / np.maximum(color, 1e-3) ** 2)), 1e-6))
             color, variance = np.concatenate([color, alpha], -1), np.concatenate([variance, noise], -1)
         else:
             weights = weights * (covered >= 1.0 - 1e-6)
-        # A block has weight within the picture's mask; for an opaque look, only where the asset covers all of it.
         if (weights > 0.0).sum() < 16:
             count = f"{int((weights > 0.0).sum())} blocks of {block} x {block} pixels"
             raise LookdevError(
                 f"{photo.file}: only {count} show nothing but the asset; "
                 "a picture of the job's camera, whose alpha and mask leave some, would be right"
             )
-        # The weight of a pixel depends on its neighbours alone: its own noise would bias it.
+        # The weight of a pixel depends on its neighbours alone: if it depended on the pixel, noise would bias the loss.
         mean_color = _mean_of_neighbours(color, weights)
         noise = _mean_of_neighbours(variance, weights)
         floor = _MIN_DARK_ERROR * (color * weights[..., None]).sum(axis=(0, 1)) / weights.sum()
@@ -87,13 +93,14 @@ class Target:
     def loss(self, a: Floats, b: Floats) -> float:
         """Return the weighted squared difference of two independent renders (H, W, C) from the picture, without bias.
 
-        It is relative to the weighted square of the picture. It may be below 0 if it is less than the renders' noise.
+        It is divided by the weighted square of the picture. If it is smaller than the noise of the renders, it may be
+        negative.
         """
         return float((self.weight * (a - self.value) * (b - self.value)).sum() / self.scale)
 
     @property
     def scale(self) -> float:
-        """The weighted square of the picture."""
+        """The sum of the weighted squares of the picture; losses are divided by it."""
         return float((self.weight * self.value**2).sum())
 
     @property
@@ -103,18 +110,19 @@ class Target:
 
 
 def block_means(values: Floats, side: int) -> Floats:
-    """Return the means (h, w, C) of blocks of pixels (H, W, C)."""
+    """Return the means (H / side, W / side, C) of square blocks of pixels (H, W, C)."""
     height, width, channels = values.shape
     return np.asarray(values.reshape(height // side, side, width // side, side, channels).mean(axis=(1, 3)))
 
 
 def _block_minima(values: Floats, side: int) -> Floats:
+    """Return the minima (H / side, W / side) of square blocks of pixels (H, W)."""
     height, width = values.shape
     return np.asarray(values.reshape(height // side, side, width // side, side).min(axis=(1, 3)))
 
 
 def _mean_of_neighbours(values: Floats, weights: Floats) -> Floats:
-    """Return the weighted means (H, W, C) of the 24 neighbours, or of all pixels where no neighbour has weight."""
+    """Return the weighted mean of each pixel's 24 neighbours, (H, W, C), or of all pixels if these have no weight."""
     kernel = np.ones((5, 5))
     kernel[2, 2] = 0.0
     total = convolve(weights, kernel, mode="constant")

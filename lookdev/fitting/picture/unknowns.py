@@ -1,4 +1,4 @@
-"""The unknowns of a search: constants of a look within bounds, scaled to similar ranges."""
+"""The unknowns of a fit to a picture: constants of a look that are searched within bounds, scaled to similar ranges."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from lookdev.material import Look
 from lookdev.material.change import Constant, constant_named
 
 _LOGARITHMIC_END = 100.0
-"""If a slider ends at this number or above, as for exponents, the search uses the logarithm of 1 plus the number."""
+"""If the range of starts ends at this number or above, as for exponents, the search uses log(1 + number)."""
 
 _EXPOSURE = Parameter("exposure", "float", 0.0, (-10.0, 10.0), (-2.0, 2.0))
-_NAME_WITH_RANGE = re.compile(r"([^=]+)=(.+)\.\.(.+)")
+_NAME_WITH_RANGE = re.compile(r"([^=]+)=(.+)\.\.(.+)")  # like sheen=0..0.3
 
 
 @dataclass(frozen=True)
 class Unknown:
     """A constant that is searched between `low` and `high`; starts are drawn within `start_range`.
 
-    The search works with scaled numbers, called units. A unit is the number divided by the width of `start_range`, or
-    the logarithm of 1 plus the number, divided by the logarithm of 1 plus the end of `start_range`.
+    The search works with scaled numbers, called units. A unit is the number divided by the width of `start_range`. For
+    a wide range it is log(1 + number), divided by log(1 + the upper end of `start_range`).
     """
 
     constant: Constant
@@ -36,17 +36,17 @@ class Unknown:
 
     @property
     def name(self) -> str:
-        """The full name, with the name of the layer."""
+        """The full name of the constant, with the name of the layer."""
         return self.constant.name
 
     @property
     def width(self) -> int:
-        """The number of its components."""
+        """The number of components of the constant."""
         return len(self.constant.value)
 
     @property
     def is_exposure(self) -> bool:
-        """Whether it is the exposure of the picture, in stops, which is not a parameter of a look."""
+        """Whether this is the exposure of the picture, in stops, and not a parameter of a look."""
         return self.constant.layer < 0
 
     @property
@@ -73,19 +73,20 @@ class Unknown:
         return np.clip(np.expm1(scaled) if self._is_logarithmic else scaled, self.low, self.high)
 
     def rate(self, unit: Floats) -> Floats:
-        """Return the derivatives of values with respect to units."""
+        """Return the derivatives (..., width) of values with respect to units (..., width)."""
         return np.asarray(self._scale * (np.exp(unit * self._scale) if self._is_logarithmic else np.ones_like(unit)))
 
 
 EXPOSURE = Unknown(Constant("exposure", -1, ("exposure",), _EXPOSURE, (0.0,)), *_EXPOSURE.hard, _EXPOSURE.soft)
-"""The unknown that is the exposure of the picture, in stops."""
+"""The exposure of the picture, in stops, as an unknown."""
 
 
 def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
     """Return the unknowns of a look by names of its constants: ``roughness``, ``Flakes.mask``, ``sheen=0..0.3``.
 
-    Bounds are those of the text, by default the hard range of the parameter. Raises LookdevError if a name is unknown
-    or repeated, if a range is invalid, or if an input of an expression, which has no default range, is without one.
+    A range after the name sets the bounds; without it, they are the hard range of the parameter. An input of an
+    expression has no such range, so its bounds must be given. Raises LookdevError if they are not, if a name is unknown
+    or repeated, or if a range is invalid.
     """
     unknowns: list[Unknown] = []
     for text in names:
@@ -109,6 +110,7 @@ def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
 
 
 def _parse_range(text: str, low: str, high: str, hard: tuple[float, float]) -> tuple[float, float]:
+    """Return the bounds in `text`; raises LookdevError unless they rise and are within the hard range."""
     try:
         ends = float(low), float(high)
     except ValueError:

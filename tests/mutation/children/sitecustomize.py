@@ -1,4 +1,7 @@
-"""Python imports this where `children` is on its path: programs that tests start record what they reach."""
+"""Records the functions that a program reaches which a test has started, for mutation testing.
+
+Python imports this module when it starts, if the folder `children` is on its path.
+"""
 
 import os
 import sys
