@@ -1,4 +1,4 @@
-"""The local server: listen at an address, serve an application, end at a signal."""
+"""The local server of the pages: it listens at an address, serves an ASGI application, and ends at a signal."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ _LOCAL = ("127.0.0.1", "localhost", "::1")
 
 @dataclass(frozen=True)
 class BoundSocket:
-    """A socket that listens, its URL, the values of `Host` that it allows, and the port that was requested."""
+    """A socket that listens, its URL, the values of the header `Host` that are allowed, and the port requested for it.
+
+    `is_requested_port` is false if the requested port was taken. Port 0 requests any free port.
+    """
 
     socket: socket.socket
     url: str
@@ -91,9 +94,11 @@ def _is_local(host: str) -> bool:
 def serve_page(
     app: Callable[[], ASGIApp], address: Address, uploads: Sequence[str], *, browser: bool, say: Callable[[str], None]
 ) -> None:
-    """Serve an application at an address as `serve` does; `say` receives the URL, which a `browser` opens.
+    """Listen at an address, print its URL by `say`, and serve an application there until SIGINT or SIGTERM.
 
-    `app` makes the application, after the server has begun to listen. Raises what `bind_address` raises.
+    `app` makes the application, after the server has begun to listen. `uploads` are the paths of requests whose bodies
+    have no limit (see `RequestGuard`). With `browser`, the user's browser opens the URL. Raises what `bind_address`
+    raises.
     """
     bound = bind_address(address)
     if not bound.is_requested_port:
@@ -117,9 +122,9 @@ class _Server(uvicorn.Server):
 def serve(
     app: ASGIApp, bound: BoundSocket, uploads: Sequence[str] = (), on_start: Callable[[], None] = lambda: None
 ) -> None:
-    """Serve an application until SIGINT or SIGTERM, and call `on_start` when it answers.
+    """Serve an application at a bound socket until SIGINT or SIGTERM; call `on_start` when the server has started.
 
-    These signals end a server normally, so they raise nothing here. Open connections have a second to close.
+    These signals are the normal end of a server, so they raise no exception. Open connections have a second to close.
     """
     config = uvicorn.Config(
         RequestGuard(app, bound.allowed, uploads),

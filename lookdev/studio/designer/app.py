@@ -1,4 +1,4 @@
-"""The application of the Designer's page: the routes of its panels, its scene and buffers, and its scripts."""
+"""The ASGI application of the Designer's page: the routes of its panels, its scene and buffers, and its scripts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ UPLOADS = tuple(path for panel in PANELS if panel.routes for path in panel.route
 
 
 class SceneRoutes(Routes):
-    """The visible scene, and the list of panels that the page imports."""
+    """Requests for the visible scene, its buffers and its status, and for the script that imports all panels."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
@@ -83,7 +83,7 @@ def panel_script() -> str:
 
 
 class DesignerApp:
-    """The application of a document's page."""
+    """The page of a document: its routes, and the ASGI application that `application` makes of them."""
 
     def __init__(self, document: Document) -> None:
         self._document = document

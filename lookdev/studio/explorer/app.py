@@ -1,4 +1,4 @@
-"""The routes of the Explorer: its page and scripts, its catalogue, its websocket, uploads, and plots as files."""
+"""The ASGI application of the Explorer's page: scripts, catalogue, websocket, uploads, and plots as files."""
 
 from __future__ import annotations
 
@@ -29,11 +29,15 @@ UPLOAD = "/upload"
 STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 
+# The media types of plots, by the suffix of the file.
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf", ".csv": "text/csv; charset=utf-8"}
 
 
 class ExplorerApp:
-    """The application of the Explorer; a page whose URL has no state shows the surfaces `first`."""
+    """The Explorer's application with its threads; a page whose URL has no state shows the surfaces with texts `first`.
+
+    The websocket of each page computes plots in `_threads`, and renders exact frames in `_rendering`.
+    """
 
     def __init__(self, surfaces: Surfaces, first: Sequence[str]) -> None:
         self._surfaces = surfaces
@@ -100,7 +104,7 @@ class ExplorerApp:
         return Response(data, media_type=_TYPES[suffix], headers=headers)
 
     def _draw_plot(self, kind: str, suffix: str, texts: Sequence[str], options: str) -> bytes:
-        """Return the content of the file of a plot."""
+        """Return the bytes of a plot of the surfaces with `texts`, as a file with `suffix`; `options` are JSON."""
         plot = draw(kind, [self._surfaces.subject(surface) for surface in texts], parse_options(json.loads(options)))
         with tempfile.TemporaryDirectory(prefix="lookdev-plot-") as folder:
             file = Path(folder) / f"plot{suffix}"

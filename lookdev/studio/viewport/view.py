@@ -1,4 +1,4 @@
-"""Conversion of a scene to the data of the page: plain data, and the buffers that it names."""
+"""Conversion of a scene for the viewport in the browser: data for JSON, and the buffers that the data names."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from lookdev.studio.viewport.shaders import (
 )
 
 INTERREFLECTION = "interreflection: light that other parts of the asset reflect or transmit"
-"""The light that no picture of the viewport has."""
+"""The line of `SceneView.left_out` about the light that no picture of the viewport has."""
 
 _HOLES = "light through holes: a surface with a presence below 1 casts a full shadow"
 
@@ -49,11 +49,14 @@ class SceneView:
     data: Mapping[str, object]
     buffers: Mapping[str, bytes]
     left_out: tuple[str, ...]
-    """The effects that the picture lacks, a sentence for each."""
+    """The effects that the picture lacks, a line for each."""
 
 
 class _Part(TypedDict):
-    """A slot of the asset: its path, the number of its look, and its triangles, from `first` to `last` - 1."""
+    """What the page calls a part: a slot of the asset.
+
+    It has a path, the number of its look, and the triangles from number `first` to `last` - 1.
+    """
 
     path: str
     look: int
@@ -62,10 +65,10 @@ class _Part(TypedDict):
 
 
 def slider_constants(look: Look) -> LivePredicate:
-    """Return the constants of a look that are uniforms: those that the look states, and the masks above the base.
+    """Return which constants of a look are uniforms: those that the look states, and the masks of layers over the base.
 
-    A uniform changes without compilation. Other constants are folded: the shader of a look without sheen has no code of
-    sheen.
+    A uniform changes without compilation. Other constants are folded: the shader of a look without sheen has no code
+    for sheen.
     """
     is_stated = stated_constants(look)
     return lambda number, name: is_stated(number, name) or (name == "mask" and number > 0)
@@ -78,7 +81,10 @@ def view_scene(
     live: Callable[[Look], LivePredicate] = slider_constants,
     resolve: Callable[[Texture | Bump], Path] = image_file,
 ) -> SceneView:
-    """Return a scene for the page, in a view of a display; `live` and `resolve` are arguments of `look_functions`.
+    """Return a scene for the page, as `view`, a view of a display, shows it.
+
+    `live` returns the predicate of a look's constants that are uniforms. `resolve` returns the file of an image. Both
+    are arguments of `look_functions`.
 
     Raises
     ------
@@ -129,7 +135,7 @@ def view_scene(
 
 
 def light_rows(scene: Scene) -> Floats32:
-    """Return the numbers of a scene's lights: the beginning of the texture ``rig_numbers``.
+    """Return the numbers by which the shaders know a scene's lights: the beginning of the texture ``rig_numbers``.
 
     A change of a light's radiance changes these numbers, and no shader.
     """
@@ -146,6 +152,7 @@ def _parts(scene: Scene, look_numbers: Sequence[int], corners: CornerTexels) -> 
 
 
 def _geometry(corners: CornerTexels, buffers: Buffers) -> Mapping[str, object]:
+    """Add the arrays of `corners` to the buffers, and return the record of each."""
     return {
         "corners": buffers.rows(corners.texels, WIDTH),
         "vertices": buffers.array(corners.vertices),
@@ -171,6 +178,7 @@ def _camera(camera: Camera) -> Mapping[str, object]:
 def _look(
     look: Look, functions: LookFunctions, shaders: LookShaders, buffers: Buffers, parts: Sequence[_Part]
 ) -> Mapping[str, object]:
+    """Return a look for the page; its triangles are those of its `parts`, which follow each other."""
     textures = dict(_textures(functions, buffers))
     for k, table in enumerate(functions.program.tables):
         values = np.load(table.path).astype(np.float32).ravel()
@@ -188,7 +196,10 @@ def _look(
 
 
 def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str, Mapping[str, str | int]]]:
-    """Yield the images of a look by their samplers, as half floats if these suffice; slopes stay float32."""
+    """Yield the name of the sampler and the texture of each image of a look.
+
+    Texels are half floats if their range suffices; the slopes of a height map stay float32.
+    """
     for look_up in functions.program.look_ups:
         for tile, file in look_up.files.items():
             texels = read_exr(file.path, "RGBA")
@@ -198,6 +209,7 @@ def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str,
 
 
 def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, object]:
+    """Return the textures of a rig, by the names of their samplers (see `RigFunctions`)."""
     textures = {"rig_numbers": buffers.rows(rig.numbers, RIG_WIDTH)}
     if rig.tables is not None:
         textures["rig_tables"] = buffers.rows(rig.tables, TABLE_WIDTH)
@@ -211,6 +223,7 @@ def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, object]:
 
 
 def _dome(dome: Dome) -> Mapping[str, Elements]:
+    """Return the texels of a dome that is an image: its radiance, and the tables by which directions are drawn."""
     assert dome.points_file and dome.slots_file  # noqa: PT018
     return {
         "map": _colors(dome.radiance_file),
@@ -220,6 +233,6 @@ def _dome(dome: Dome) -> Mapping[str, Elements]:
 
 
 def _colors(file: Content) -> Floats32:
-    """Return an image of R, G, B as texels of four channels."""
+    """Return the RGB of an image as texels of four channels, since WebGL's texture formats here have one or four."""
     colors = read_exr(file.path, "RGB")
     return np.concatenate([colors, np.zeros_like(colors[..., :1])], axis=-1)

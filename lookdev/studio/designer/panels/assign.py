@@ -1,4 +1,4 @@
-"""The panel of the picked part: the look that is assigned to it."""
+"""Requests of the panel that shows the look assigned to the picked part of the asset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The panel of files: saving, files that changed on disk, and unsaved work of an earlier Designer."""
+"""Requests of the panel of files: saving, files that changed on disk, and unsaved work of an earlier Designer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class FileRoutes(Routes):
-    """Saving, and answers to changes on disk."""
+    """Requests that save files, and that settle a change on disk or the unsaved work of an earlier Designer."""
 
     @json_route("/save", "POST")
     def save(self, query: Query) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""The panel of undo and redo."""
+"""Requests of the panel of undo and redo."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class HistoryRoutes(Routes):
-    """Steps through the history of edits."""
+    """Requests that undo or redo a step of the history."""
 
     @json_route("/history", "POST")
     def step_history(self, query: Query) -> Mapping[str, Any]:

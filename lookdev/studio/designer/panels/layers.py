@@ -1,4 +1,4 @@
-"""The panel of layers: edits of a look's stack and of its parameters."""
+"""Requests of the panel of layers, which edits the stack of a look and the parameters of its layers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class LayerRoutes(Routes):
-    """Edits of constants, operations on stacks, and the images that masks may read."""
+    """Requests that edit constants or the stack of layers, or list the images that masks may read."""
 
     @json_route("/edit", "POST")
     def edit(self, query: Query) -> Mapping[str, Any]:

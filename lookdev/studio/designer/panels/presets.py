@@ -1,4 +1,4 @@
-"""Routes of the preset dialogs: the presets of the library, and their thumbnails."""
+"""Requests of the dialogs that choose a preset: the presets of the library, and their thumbnails."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lookdev.studio.designer.session import Session
 
 
 class PresetRoutes(Routes):
-    """The presets of the library, and their thumbnails, which are drawn one at a time."""
+    """Requests for the list of presets and for their thumbnails, which are drawn one at a time."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)

@@ -1,4 +1,4 @@
-"""The panel of snapshots."""
+"""Requests of the panel of snapshots, which are pictures of the page with the state of the looks."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.studio.designer.snapshots import MAX_PICTURE_BYTES
 
 
 class SnapshotRoutes(Routes):
-    """Requests that store a snapshot from their body, show or drop one, or get its picture."""
+    """Requests that store a snapshot, whose picture is their body, and that show, drop or get one."""
 
     uploads = ("/picture",)
 
@@ -24,7 +24,7 @@ class SnapshotRoutes(Routes):
         async for chunk in request.stream():
             content += chunk
             if len(content) > MAX_PICTURE_BYTES:
-                break  # refused as too large
+                break  # `store_snapshot` refuses it as too large
 
         def store() -> Mapping[str, Any]:
             self.document.store_snapshot(bytes(content))

@@ -1,4 +1,4 @@
-"""The panel of the turntable."""
+"""Requests of the panel that renders the job's turntables of the visible scene, and shows their pictures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.studio.designer.turntable import TurntableRuns
 
 
 class TurntableRoutes(Routes):
-    """Requests that start, cancel or describe a turntable of the visible scene, or get a picture of it."""
+    """Requests that start, cancel or describe a run of turntables of the visible scene, or get a picture of the run."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
