@@ -14,7 +14,7 @@ from lookdev.cli.options import LookFile, Prim, say, say_notes
 
 
 class _ListByDefault(TyperGroup):
-    """A group of commands whose default command is ``list``: it gets the options that no command precedes."""
+    """A group of commands whose default command is ``list``: it runs if the first argument is an option, or missing."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if not args or (args[0].startswith("-") and args[0] != "--help"):

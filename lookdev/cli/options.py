@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, and the functions by which commands print."""
+"""Arguments and options that several commands share, and the functions with which commands print."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ AsJson = Annotated[bool, Option("--json", help="Write one JSON document instead 
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Print a text without its control characters, which names of files may contain, to stdout, or stderr if `err`."""
+    """Print a text to stdout, or to stderr if `err`; question marks replace control characters, as in file names."""
     typer.echo(replace_controls(text), err=err)
 
 

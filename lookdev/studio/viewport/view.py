@@ -135,7 +135,7 @@ def view_scene(
 
 
 def light_rows(scene: Scene) -> Floats32:
-    """Return the numbers by which the shaders know a scene's lights: the beginning of the texture ``rig_numbers``.
+    """Return the numbers that describe a scene's lights in the shaders: the beginning of the texture ``rig_numbers``.
 
     A change of a light's radiance changes these numbers, and no shader.
     """
@@ -223,7 +223,7 @@ def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, object]:
 
 
 def _dome(dome: Dome) -> Mapping[str, Elements]:
-    """Return the texels of a dome that is an image: its radiance, and the tables by which directions are drawn."""
+    """Return the texels of a dome that is an image: its radiance, and the tables for drawing directions."""
     assert dome.points_file and dome.slots_file  # noqa: PT018
     return {
         "map": _colors(dome.radiance_file),
