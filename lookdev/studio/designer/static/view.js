@@ -1,5 +1,6 @@
 // @ts-check
-// The view: exposure, rotations, background and shadow; the pointer on the picture; its progress.
+// The panel of the view: exposure, rotations, background and shadow. It also lets the pointer act
+// on the picture, and shows the picture's progress.
 
 import { byId } from "./elements.js";
 import { followPointer } from "./pointer.js";
@@ -89,7 +90,7 @@ class View {
     this.designer.pickPart(parts.findIndex((part) => part.path === pickedPart.path));
   }
 
-  /** Say whether the light has shadows; "" where none can be cast. */
+  /** Return a text that states whether the light has shadows; "" for an asset without shadows. */
   describeShadow() {
     if (!this.designer.scene?.shadows) return "";
     return this.viewport.settings.shadows ? " with cast shadow" : ", no shadow";
