@@ -45,8 +45,8 @@ export class SphereRenderer {
 
   /**
    * Add a pass to the sphere with a name, and call `copy` with the canvas and the corner of the
-   * picture on it. If surface, light or size have changed, the sphere starts anew. `light` is "point"
-   * or "dome". Returns whether the sphere still lacks passes.
+   * picture on it. If surface, light or size have changed, the sphere starts anew. `light` is
+   * "point" or "dome". Returns whether the sphere still lacks passes.
    */
   async draw(name, surface, light, width, height, exposure, copy) {
     this.displayProgram ??= linkProgram(DISPLAY);

@@ -156,8 +156,9 @@ export const growCanvas = (width, height) => {
 };
 
 /**
- * Return the form of a surface: its words without the parameters that are uniforms, and `extra`, the
- * uniforms that are not uniforms by default. These are parameters of groups that the user opened.
+ * Return the form of a surface: its words without the parameters that are uniforms, and `extra`,
+ * the uniforms that are not uniforms by default. These are parameters of groups that the user
+ * opened.
  */
 const shaderForm = (surface, models) => {
   const parameters = models[surface.model]?.parameters ?? [];

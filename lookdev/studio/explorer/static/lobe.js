@@ -56,8 +56,8 @@ export class LobeRenderer {
   }
 
   /**
-   * Return the lobe of a surface for a view at angles `theta` and `phi` in radians: `f` at a grid of
-   * directions `wi` to the light (rows x columns), its `peak`, and the direction `view`. With
+   * Return the lobe of a surface for a view at angles `theta` and `phi` in radians: `f` at a grid
+   * of directions `wi` to the light (rows x columns), its `peak`, and the direction `view`. With
    * `cosine`, f is multiplied by the cosine of the light.
    */
   async evaluate(surface, theta, phi, cosine) {

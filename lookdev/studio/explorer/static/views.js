@@ -120,8 +120,8 @@ const makeCurvesView =
   };
 
 /**
- * Return the radius and the centre (x0, y0) of a polar plot, and `at`, the function from an angle in
- * degrees and a fraction of the radius to a point of the canvas.
+ * Return the radius and the centre (x0, y0) of a polar plot, and `at`, the function from an angle
+ * in degrees and a fraction of the radius to a point of the canvas.
  */
 const polarFrame = (width, height) => {
   const radius = Math.min(width / 2 - 46, height - 110),
@@ -411,7 +411,8 @@ const blueRed = (t) => {
 
 /**
  * Return a canvas with a picture of values (rows x columns), whose first row is the lowest. `scale`
- * maps a value to a number, which is clipped to [0, 1], and `colormap` maps this number to a colour.
+ * maps a value to a number, which is clipped to [0, 1], and `colormap` maps this number to a
+ * colour.
  */
 const makePicture = (values, columns, rows, scale, colormap) => {
   const picture = new OffscreenCanvas(columns, rows),
