@@ -143,7 +143,7 @@ def read_strips(
 ) -> Iterator[tuple[int, Floats32]]:
     """Yield an open image in strips: the index of a strip's first row, and its pixels (rows, width, channels).
 
-    Raises `error` where the pixels cannot be read.
+    `channels` is the range of channels to read. Raises `error` where the pixels cannot be read.
     """
     import OpenImageIO as oiio
 
@@ -152,11 +152,12 @@ def read_strips(
     if image.format_name() == "jpeg":
         _check_jpeg(file, error)
     rows = max(1, _STRIP // spec.width)
-    if spec.tile_height:
+    if spec.tile_height:  # round up to whole tiles
         rows = -(-rows // spec.tile_height) * spec.tile_height
     subimage = image.current_subimage()
 
     def read_rows(begin: int, end: int, right: int) -> Floats32:
+        """Return the pixels of the rows from `begin` to before `end`; of tiles, only to before the column `right`."""
         selection = channels.start, channels.stop, oiio.FLOAT
         if spec.tile_width:
             pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *selection)
@@ -254,5 +255,5 @@ def _min_png_bytes(header: bytes) -> int:
     valid = depth in _PNG_DEPTHS.get(color, ()) and not method and not filtering and interlaced < 2
     if not valid or not 0 < width < 1 << 31 or not 0 < height < 1 << 31:
         return 0
-    # Interlaced pixels have more bytes: a filter byte for each row of seven passes.
+    # A row has a filter byte and its pixels. An interlaced PNG has rows of seven passes instead, but at least as many.
     return int(height * (1 + -(-width * depth * _PNG_CHANNELS[color] // 8)) if not interlaced else height)

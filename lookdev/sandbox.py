@@ -235,7 +235,7 @@ def _watch(state: _ChildState, reader: int) -> str:
 
 def _run_and_exit(program: Callable[[], None]) -> NoReturn:
     """Run a program and end this process at once, without unloading: a damaged file can crash USD as it unloads."""
-    code = 128 + signal.SIGINT  # also where a second signal interrupts the handling of the first
+    code = 128 + signal.SIGINT  # stays if a signal interrupts the program, or the handling of an earlier signal
     try:
         program()
         code = 0

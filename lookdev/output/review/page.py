@@ -198,12 +198,14 @@ class _PageWriter:
         return True
 
     def _write_file(self, name: str, write: Callable[[Path], None]) -> None:
+        """Write a file of the page anew by the function `write`, which gets its path."""
         path = self._folder / name
         write(path)
         self._digests[name] = file_digest(path)
         self._new_names.add(name)
 
     def _write_text(self, name: str, text: str) -> None:
+        """Write a text as a file of the page, unless the file has this text already."""
         data = text.encode("utf-8")
         self._ledger[name] = hashlib.sha256(data).hexdigest()
         if not self._reuse(name):

@@ -52,7 +52,7 @@ class Document:
         self._workspace = Workspace(recovery)
         self._workspace.sources.add(edited_job.file, edited_job.content)
         self._looks = JobLooks(edited_job, self._workspace.sources)
-        # The look that shows one layer alone, and the number of this layer.
+        # The location of the look that shows one layer alone (solo), and the number of this layer.
         self._solo: tuple[LookLocation, int] | None = None
         # The last result of `view`, after the scene without edits and the visible looks from which it was made.
         self._view: tuple[Scene, tuple[Look, ...], SceneView] | None = None
@@ -60,7 +60,10 @@ class Document:
 
     @property
     def _current_job(self) -> ParsedJob:
-        """The job with its edits; if it lacks the visible light, which is then a shipped one, that is added."""
+        """The job with its edits.
+
+        If the job lacks the visible light, this is one of the shipped lights, and is added to the job.
+        """
         files = self._workspace.state.files
         job = self._edited_job.parse(files)
         return job if self.scene_key in job.scenes.scenes else self._edited_job.parse(files, self.scene_key[1])
@@ -91,7 +94,7 @@ class Document:
                     raise LookdevError(f"the job has no {kind} '{name}' ({nearest_hint(name, names)})")
             before, self.scene_key = self.scene_key, (look, rig)
             try:
-                self._scene  # noqa: B018
+                self._scene  # noqa: B018  builds the scene, which can fail
             except LookdevError:
                 self.scene_key = before
                 raise
@@ -99,11 +102,12 @@ class Document:
 
     @property
     def _scene(self) -> Scene:
+        """The visible scene with the edits of the job, but without the edits of looks."""
         return self._current_job.scenes.scenes[self.scene_key]
 
     @property
     def _originals(self) -> list[Look]:
-        """The looks of the visible scene without the edits of their files, by number."""
+        """The looks of the visible scene without their edits, by number."""
         return distinct_looks(self._scene)
 
     @property
@@ -149,6 +153,7 @@ class Document:
         return self._looks.location(self._current_job, self.scene_key, number)
 
     def _open_look(self, number: int) -> OpenedLook:
+        """Return a look with its edits, and the outline of its layers."""
         return self._looks.open_look(self._current_job, self.scene_key, number, self._workspace.state)
 
     def edit(self, edit: Edit) -> bool:
@@ -372,7 +377,7 @@ class Document:
             self._workspace.store_unsaved(self.scene_key)
 
     def recover(self, *, restore: bool) -> bool:
-        """Restore the unsaved work of a Designer that has ended, or discard it; return whether shaders change."""
+        """Restore the unsaved work of an earlier Designer, or discard it; return whether shaders change."""
         with self._lock:
             compiles, work = False, self._workspace.offered_work
             if restore and work is not None:
@@ -384,6 +389,7 @@ class Document:
             return compiles
 
     def _has_scene(self, scene_key: tuple[str, str]) -> bool:
+        """Return whether there is a scene with these names of a look and a rig, shipped lights included."""
         choices, (look, rig) = self.choices, scene_key
         return look in choices["looks"] and rig in [*choices["rigs"], *choices["shipped"]]
 
@@ -413,6 +419,7 @@ class Document:
             return [self._stack(number) for number in range(len(self._originals))]
 
     def _stack(self, number: int) -> dict[str, Any]:
+        """Return the stack of a look for the page; ``locked`` is the reason why it cannot be edited, or empty."""
         location, opened = self._location_or_reason(number), self._open_look(number)
         editable = isinstance(location, LookLocation)
         solo = self._solo[1] if self._solo is not None and self._solo_index(number) is not None else None

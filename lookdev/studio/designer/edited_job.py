@@ -1,7 +1,10 @@
 """The job that the Designer edits: its text, its scenes, and the assignment of looks to parts.
 
-A part is a mesh or GeomSubset of the asset, at a path. A slot has the faces of one or more parts with the same look. An
-asset that is opened without a job gets a new job, which is not on disk until it is saved.
+A part is a mesh or GeomSubset of the asset, at a path. A slot has the faces of one or more parts with the same look. In
+a job, a look has a `material` for all parts, and a list `assign` of tables, each with a material for some parts. Where
+neither covers a part, the part has the material that the asset binds.
+
+An asset that is opened without a job gets a new job, which is not on disk until it is saved.
 """
 
 from __future__ import annotations
@@ -70,6 +73,7 @@ class EditedJob:
         return self._parse_cached(edited_contents.get(self.file, self.content), light)
 
     def _parse_content(self, content: bytes, light: str) -> ParsedJob:
+        """Return the job in a content of its file, and its scenes, with a shipped light that `parse` describes."""
         job = parse_job(decode(content, self.file), self.file)
         if light and (table := shipped_lights(job).get(light)):
             update = {"ibl": (*job.ibl, table)} if isinstance(table, JobIbl) else {"rig": (*job.rig, table)}
@@ -287,4 +291,5 @@ def _look_files(folder: Path) -> Iterator[Path]:
 
 
 def _are_names(values: Sequence[object]) -> bool:
+    """Return whether all values are texts, and none is empty."""
     return all(isinstance(value, str) and value for value in values)

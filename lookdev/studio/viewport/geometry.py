@@ -74,8 +74,9 @@ def pack_corners(
 ) -> CornerTexels:
     """Return the corners of an asset, with the attributes of `bindings`; triangles without area are left out.
 
-    `order` has the numbers of all slots in the order of their triangles. With `occluding`, the texels include the
-    hierarchy for shadow rays. The last result is cached: edits of a look seldom change the attributes that it reads.
+    `bindings` are the attributes of meshes that the shaders of looks read, such as UV sets and primvars. `order` has
+    the numbers of all slots in the order of their triangles. With `occluding`, the texels include the hierarchy for
+    shadow rays. The last result is cached: edits of a look seldom change the attributes that it reads.
 
     Raises
     ------
@@ -119,7 +120,10 @@ def _instance_texels(
     stride: int,
     locations: Mapping[AttributeBinding, tuple[int, int]],
 ) -> Floats:
-    """Return the texels (n, stride, 4) of the n corners of an instance, without the numbers of their slots."""
+    """Return the texels (n, stride, 4) of the n corners of an instance, without the numbers of their slots.
+
+    `locations` has the texel and the first component of each attribute.
+    """
     mesh, linear = asset.meshes[instance.mesh], instance.matrix[:3, :3]
     texels = np.zeros((len(mesh.corner_points), stride, 4))
     points = mesh.points.astype(np.float64) @ linear.T + instance.matrix[:3, 3] - np.array(asset.center)
@@ -156,13 +160,15 @@ def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
     vertices as triangles.
     """
     count = len(positions)
-    # Positions are compared as 12 bytes. Adding 0 turns -0 into 0, which has other bytes.
+    # Find the distinct positions, and a corner of each. Positions are compared as 12 bytes; adding 0 turns -0 into 0,
+    # which has other bytes.
     keys = np.ascontiguousarray(positions.reshape(-1, 3) + np.float32(0.0)).view(np.dtype((np.void, 12))).ravel()
     _, representative, inverse = np.unique(keys, return_index=True, return_inverse=True)
     triangles = inverse.reshape(-1, 3)
     # For each vertex, the triangle whose number it has; for each triangle, the corner that has its number; -1 for none.
     owner = np.full(len(representative), -1)
     last = np.full(count, -1)
+    # Of the triangles without a number whose vertex at this corner is free, one for each vertex takes the vertex.
     for corner in range(3):
         open_triangles = np.flatnonzero(last < 0)
         open_triangles = open_triangles[owner[triangles[open_triangles, corner]] < 0]

@@ -59,9 +59,9 @@ class Hierarchy:
 
     A node is a texel. Its x, y and z are the extent of its box along an axis: the number of the box's first cell in the
     lower 15 bits, and of its last cell in the next 15. `FIRST_BITS` is added to them, so that the bits are those of a
-    normal float. A traversal goes from a node to the next texel, which is the first child of an inner node. If a ray
-    misses the box of an inner node, the traversal goes to the node with index w instead. For a leaf, w is -1 minus the
-    index of the first of its triangles. The traversal ends after the last node.
+    normal float. A traversal begins at the root, which is node 0. It goes from a node to the next texel, which is the
+    first child of an inner node. If a ray misses the box of an inner node, the traversal goes to node w instead. For a
+    leaf, w is -1 minus the index of the first of its triangles. The traversal ends after the last node.
 
     The texels of a triangle are a corner and the triangle's number, an edge from this corner and the triangle's slot,
     and the other edge from this corner and 1 for the last triangle of a leaf, else 0. float32 represents all these
