@@ -3,7 +3,7 @@
 The cache has two kinds of files. The folder ``content`` has files named by the SHA-256 of their bytes: `Content`. All
 other folders have records, which are small JSON files. A record has the value that was stored for a key, and its
 checksum; the value is numbers or names of content files. A parameter `room` is the name of a folder of records,
-relative to the cache.
+relative to the cache. Parameters `rooms`, of the two functions that digest code, are folders of the package instead.
 
 Each file is checked when it is read, a content file once in a process unless it changes. A damaged file counts as
 missing: the user gets a note, and the file is made again.
@@ -177,8 +177,8 @@ def link_or_copy(source: Path, target: Path) -> None:
 class Content:
     """A file named by its content: the SHA-256 of its bytes in hexadecimal, and its suffix.
 
-    A `Content` means the same bytes on every machine. The file is in the folder ``content`` of the machine's cache. A
-    task that runs on another machine needs copies of its files in the folder ``content`` there.
+    A `Content` means the same bytes on every machine. The file is in the folder ``content`` of the machine's cache,
+    which is called the store below. A task that runs on another machine needs copies of its files in the store there.
     """
 
     digest: str
@@ -186,7 +186,7 @@ class Content:
 
     @classmethod
     def store_written(cls, suffix: str, write: Callable[[Path], object]) -> Self:
-        """Store the file that `write` writes to the path it gets; raises OutputError where that fails."""
+        """Store a new file: `write` gets a path, and writes the file there. Raises OutputError where that fails."""
         folder = cache_dir("content")
         with _cache_write_errors(folder), _temporary_path(folder / f"new{suffix}") as temporary:
             write(temporary)
@@ -199,7 +199,7 @@ class Content:
 
     @classmethod
     def store_bytes(cls, data: bytes, suffix: str) -> Self:
-        """Store data, unless the store has them; raises OutputError where that fails."""
+        """Store a file with these bytes, unless the store has it; raises OutputError where that fails."""
         content = cls(hashlib.sha256(data).hexdigest(), suffix)
         return content if content.is_whole() else cls.store_written(suffix, lambda path: path.write_bytes(data))
 

@@ -68,6 +68,7 @@ class _RoundSum:
     rounds: int = 0
 
     def add(self, rendered: WorkerFrame) -> None:
+        """Add a round, which is a rendered frame."""
         # A frame lacks the pass of direct light if it has no other light; then its beauty is its direct light.
         direct = rendered.passes.get("direct", 0.5 * (rendered.a + rendered.b))
         for name, picture in {"a": rendered.a, "b": rendered.b, "alpha": rendered.alpha, "direct": direct}.items():
@@ -77,10 +78,12 @@ class _RoundSum:
 
     @property
     def relmse(self) -> float:
+        """The relMSE of the picture, estimated from its halves."""
         return relmse_of_halves(*(self.totals[name] / self.samples for name in ("a", "b", "alpha")))
 
     @property
     def arrays(self) -> dict[str, Floats]:
+        """The arrays of the picture, which `ExactRenderer.render` delivers."""
         totals = {**self.totals, "beauty": 0.5 * (self.totals["a"] + self.totals["b"])}
         return {name: totals[name] / self.samples for name in ("beauty", "direct", "alpha")}
 
@@ -95,7 +98,7 @@ class ExactRenderer:
         self._worker: Worker | None = None
         self._command: tuple[str, ...] = ()  # the command line of the worker
         self._current: Ticket | None = None  # the picture that is being rendered
-        self._digest = ""  # the name of its current frame, for the worker
+        self._digest = ""  # the digest of its current frame, by which the worker cancels it
         self._count = 0  # of all frames
         self._closed = False
 
@@ -162,6 +165,7 @@ class ExactRenderer:
     def _render_round(
         self, task: SceneTask, view: RequestedView, samples: int, number: int, ticket: Ticket, deliver: Deliver
     ) -> WorkerFrame:
+        """Return the round of a number, which is also its seed, with `samples` samples a pixel."""
         worker = self._start_worker(task.backend, deliver)
         self._count += 1
         self._digest = f"exact-{self._count}"
@@ -174,6 +178,7 @@ class ExactRenderer:
             raise
 
     def _start_worker(self, backend: str, deliver: Deliver) -> Worker:
+        """Return a worker of a backend that is ready to render; end the worker of another backend."""
         command = BACKENDS[backend].command
         if self._worker is not None and self._command != command:
             self._worker.kill()

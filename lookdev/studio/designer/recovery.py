@@ -132,6 +132,7 @@ class Recovery:
         return None
 
     def _is_locked(self, record: Path) -> bool:
+        """Return whether a running Designer holds the lock of a record."""
         try:
             lock = os.open(self._lock_of(record), os.O_RDWR)
         except FileNotFoundError:
@@ -146,10 +147,12 @@ class Recovery:
 
     @staticmethod
     def _lock_of(record: Path) -> Path:
+        """Return the file whose lock belongs to a record."""
         return record.with_suffix(".lock")
 
 
 def _modification_time(file: Path) -> float:
+    """Return when a file was last written; 0 if it no longer exists."""
     try:
         return file.stat().st_mtime
     except OSError:

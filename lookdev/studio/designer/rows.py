@@ -32,8 +32,8 @@ def layer_rows(
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for each layer of a stack, base first, disabled layers included.
 
-    `outline` lists all layers of the stack, unless the look cannot be edited. Paths of images are relative to `folder`,
-    that of the look's file. `solo` is the number of the layer that is shown alone, if there is one. In a row,
+    `outline` lists all layers of the stack; it is None if the look cannot be edited. Paths of images are relative to
+    `folder`, that of the look's file. `solo` is the number of the layer that is shown alone, if there is one. In a row,
     ``number`` is the layer's number in the stack, and ``index`` its index in the look, which lacks disabled layers.
     """
     entries = outline.entries if outline else [LayerEntry(n, layer.name) for n, layer in enumerate(look.layers)]
@@ -89,7 +89,11 @@ def _number_rows(owner: str, value: Any) -> Iterator[dict[str, Any]]:
 
 
 def _parameter_row(drawn_index: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
-    """Return the row of a parameter; ``uniform`` is the name of its uniform in the viewport's shader, if it has one."""
+    """Return the row of a parameter, whose value in the look is `value`, or None if the look does not state it.
+
+    ``varies`` describes the source of a value that is not a constant. ``uniform`` is the name of the parameter's
+    uniform in the viewport's shader, or empty.
+    """
     constant = isinstance(value, float | int | str | tuple)
     live = drawn_index is not None and isinstance(value, float | tuple)
     return {
