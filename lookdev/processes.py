@@ -92,6 +92,7 @@ def end_at_signals() -> Iterator[Interruption]:
                     os._exit(128 + number[0])
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        """Handle a signal in the main thread: raise KeyboardInterrupt once, but not while a module is imported."""
         interruption.came = True
         if not interruption.raised and not _is_importing(frame):
             interruption.raised = True

@@ -153,4 +153,5 @@ def _require_name(config: str, kind: str, name: str, names: Sequence[str]) -> No
 
 
 def _first_line(error: Exception) -> str:
+    """Return the first line of an error's message, for another message."""
     return shorten(next(iter(str(error).splitlines()), type(error).__name__)).rstrip(".")

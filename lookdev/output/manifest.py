@@ -126,4 +126,5 @@ def _is_complete(manifest: Mapping[str, Any]) -> bool:
 
 
 def _is_file_entry(entry: Any) -> bool:
+    """Return whether an entry of a list has a path and a digest."""
     return isinstance(entry, dict) and isinstance(entry.get("file"), str) and isinstance(entry.get("sha256"), str)

@@ -264,10 +264,12 @@ def _evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
 
 
 def _f_label(options: PlotOptions) -> str:
+    """Return the label of the axis of f."""
     return "f cos θi (1/sr)" if options.cosine else "f (1/sr)"
 
 
 def _scale_note(options: PlotOptions) -> str:
+    """Return a note for a title on the scale of values; a linear scale needs none."""
     return {"linear": "", "sqrt": ", square root", "log": f", log, {_DECADES:g} decades"}[options.scale]
 
 

@@ -136,6 +136,7 @@ def _relative_difference(first: Floats, second: Floats) -> float:
 
 
 def _draw_image(ax: Axes, f: Floats, label: str, options: PlotOptions) -> None:
+    """Draw a slice `f` (n, n, 3) with its label and axes."""
     ax.set_title(legend_label(label), fontsize=9)
     ax.imshow(encode_srgb(f, options), origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
     ax.set(xlabel="θh (degrees)", ylabel="θd (degrees)", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
@@ -155,5 +156,6 @@ def _annotate(ax: Axes, wo: Floats, wi: Floats) -> None:
 
 
 def _title(options: PlotOptions) -> str:
+    """Return the title of a plot of slices, which states the options that change its pictures."""
     parts = [f"φd = {options.phi:g}°", f"exposure {options.exposure:+g}"]
     return ", ".join(parts + ["chroma"] * options.chroma + ["times cos θi"] * options.cosine)

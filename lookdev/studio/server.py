@@ -72,6 +72,7 @@ def bind_address(address: Address) -> BoundSocket:
 
 
 def _listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at a host and a port; raises OSError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
@@ -85,6 +86,7 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def _is_local(host: str) -> bool:
+    """Return whether a host is the loopback interface, which only this machine can reach."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -33,6 +33,7 @@ def view_shader(view: DisplayView) -> dict[str, Any]:
 
 
 def _texture_entry(texture: Any, size: tuple[int, int, int], components: int) -> dict[str, Any]:
+    """Return the record of a texture that OpenColorIO's shader reads."""
     import PyOpenColorIO as ocio
 
     return {

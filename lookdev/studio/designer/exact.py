@@ -130,6 +130,7 @@ class ExactRenderer:
             self._current, self._digest = None, ""
 
     def _render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
+        """Do what `render` describes, while `_current` is the ticket."""
         began = time.perf_counter()
         name = fastest_backend(scene)
         task = view_task(scene, view, name)

@@ -32,6 +32,7 @@ class ExactPictures:
         await self._socket.serve(self._handle_message)
 
     async def _handle_message(self, text: Any) -> None:
+        """Cancel the present picture, and start another one if a message requests it."""
         request = _parse_request(text)
         self._socket.cancel()
         if request is None:
@@ -40,6 +41,7 @@ class ExactPictures:
             self._socket.start_task(self._render(request, self._socket.replace_ticket()))
 
     async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
+        """Render the picture of a request, and send each round to the page."""
         loop, reply = asyncio.get_running_loop(), {"id": request["id"]}
 
         def deliver(facts: dict[str, Any], arrays: Mapping[str, Any]) -> None:

@@ -86,5 +86,6 @@ class History:
         return sum(map(len, {id(content): content for content in self._contents()}.values()))
 
     def _contents(self) -> Iterator[bytes]:
+        """Yield the contents of the edited files of all states."""
         for step in self._steps:
             yield from step.state.files.values()

@@ -100,6 +100,7 @@ class LightSettings:
 
 
 def _apply_setting(light: Light, setting: LightSetting) -> Light:
+    """Return a light whose radiance is multiplied by the factor of a setting."""
     r, g, b = (a * f for a, f in zip(light.emission.color, setting.factor, strict=True))
     return light.with_emission(replace(light.emission, color=(r, g, b)))
 

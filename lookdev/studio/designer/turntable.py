@@ -107,6 +107,7 @@ class TurntableRuns:
     def _run(
         self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turntable_frames: TurntableFrames
     ) -> None:
+        """Render the turntables of a scene, and record the end of the run; this runs in the thread of the run."""
         # Not at the top: its imports are slow, and a page needs them only here.
         from lookdev.run.render import render_setups
 
@@ -143,6 +144,7 @@ class TurntableRuns:
                 self._update_state(notes=[*self._state["notes"], event.text])
 
     def _update_state(self, **values: Any) -> None:
+        """Set entries of the progress that `describe` returns."""
         with self._lock:
             self._state = {**self._state, **values}
 

@@ -71,12 +71,15 @@ class ExplorerApp:
                 pool.shutdown(wait=False, cancel_futures=True)
 
     async def _send_start(self, request: Request) -> Response:
+        """Return the catalogue, and the surfaces that a page without state shows."""
         return Response(self._start_data, media_type="application/json", headers={"cache-control": "no-store"})
 
     async def _open_channel(self, socket: WebSocket) -> None:
+        """Serve the websocket of a page until the page is gone."""
         await ExplorerConnection(socket, self._surfaces, self._frames, self._threads, self._rendering).run()
 
     async def _store_upload(self, request: Request) -> Response:
+        """Store the file in the body of a request, and return its name for the page."""
         name = request.query_params.get("name", "upload")
         try:
             stored_name = await self._surfaces.roots.upload(name, request.stream())
@@ -88,6 +91,7 @@ class ExplorerApp:
         return JSONResponse({"name": stored_name})
 
     async def _send_plot(self, request: Request) -> Response:
+        """Return a plot as a file to save; the URL has its kind, suffix, surfaces and options."""
         kind, suffix = request.path_params["kind"], f".{request.path_params['suffix']}"
         if suffix not in PLOT_SUFFIXES:
             return PlainTextResponse(f"one of {', '.join(PLOT_SUFFIXES)} would be right\n", 404)

@@ -60,6 +60,7 @@ def presets(library: Path | None) -> list[dict[str, str]]:
 
 
 def _model(model: Model) -> dict[str, object]:
+    """Return the record of a model, with those of its parameters."""
     live = live_parameters(model.name)
     return {
         "title": model.title,

@@ -67,6 +67,7 @@ class ExplorerConnection:
         await self._socket.serve(self._handle_message)
 
     async def _handle_message(self, text: object) -> None:
+        """Take over the request in a message, or refuse the message."""
         try:
             request = _parse_request(text)
         except LookdevError as error:
@@ -81,6 +82,7 @@ class ExplorerConnection:
                 self._enqueue(request)
 
     def _enqueue(self, request: dict[str, object]) -> None:
+        """Add a request to those that wait, in place of one with the same slot."""
         slot = str(request["slot"])
         self._waiting.pop(slot, None)
         if len(self._waiting) >= _MAX_WAITING:
@@ -114,6 +116,7 @@ class ExplorerConnection:
         await self._socket.answer(request, compute, self._rendering)
 
     async def _refuse(self, problem: str) -> None:
+        """Tell the page that its message is not a valid request, and log the problem."""
         self._refusals += 1
         if self._refusals <= _MAX_LOGGED:
             more = "; further ones are not logged" if self._refusals == _MAX_LOGGED else ""

@@ -71,6 +71,7 @@ class ExactFrames:
     def _render_frame(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
     ) -> tuple[dict[str, float], PlotValues]:
+        """Do what `render` describes, while no other frame is rendered."""
         began = time.perf_counter()
         report({"state": "starting the renderer" if self._worker is None else "preparing"})
         worker = self._worker

@@ -45,6 +45,7 @@ class _LayersKey:
 
     @classmethod
     def of(cls, layers: Sequence[StackLayer], moving: str) -> _LayersKey:
+        """Return the key of layers."""
         layer_keys = []
         for layer in layers:
             values = tuple(
@@ -247,6 +248,7 @@ def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, In
 
 
 def _is_look(text: str) -> bool:
+    """Return whether a text names a look in a file."""
     return LOOK_PATTERN.fullmatch(text) is not None
 
 
@@ -269,10 +271,12 @@ def _values(model: Model | None, subject: PlotSubject) -> dict[str, object]:
 
 
 def _plain_value(value: object) -> object:
+    """Return the value of a parameter for JSON: a text, a number or a list of numbers."""
     return value if isinstance(value, str) else np.asarray(value).tolist()
 
 
 def _title(subject: PlotSubject, model: Model | None) -> str:
+    """Return a description of a surface for the page, by its model or its layers."""
     if model is not None:
         return model.title
     return f"stack of {len(subject.layers)} layers" if subject.layers else "look"

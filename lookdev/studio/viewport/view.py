@@ -161,6 +161,7 @@ def _geometry(corners: CornerTexels, buffers: Buffers) -> Mapping[str, object]:
 
 
 def _camera(camera: Camera) -> Mapping[str, object]:
+    """Return a camera for the page, in the units of `Camera`."""
     lens = camera.lens
     return {
         "fov": camera.fov,

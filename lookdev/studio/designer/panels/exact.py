@@ -19,6 +19,7 @@ class ExactRoutes(Routes):
 
     @socket_route("/exact")
     async def serve_pictures(self, socket: WebSocket) -> None:
+        """Answer the requests of a page over its websocket until the page is gone."""
         await ExactPictures(socket, self.session.scene_with_lights, self._exact).run()
 
     def close(self) -> None:

@@ -14,6 +14,7 @@ class FileRoutes(Routes):
 
     @json_route("/save", "POST")
     def save(self, query: Query) -> Mapping[str, Any]:
+        """Write all edited files, that of a ``look``, or a new file ``name``; ``over`` overwrites changes on disk."""
         look, name, over = (query.body.get(key) for key in ("look", "name", "over"))
         is_wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
         if is_wrong or (name is None and not isinstance(over, bool)):
@@ -23,6 +24,7 @@ class FileRoutes(Routes):
 
     @json_route("/disk", "POST")
     def settle_change_on_disk(self, query: Query) -> Mapping[str, Any]:
+        """Load files that have changed on disk, or keep their edits; restore or discard unsaved work."""
         match query.body.get("do"):
             case "load":
                 return self.session.change_answer(self.document.reload())

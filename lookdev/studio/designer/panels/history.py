@@ -14,6 +14,7 @@ class HistoryRoutes(Routes):
 
     @json_route("/history", "POST")
     def step_history(self, query: Query) -> Mapping[str, Any]:
+        """Redo a step if ``redo`` is true, else undo one."""
         redo = query.body.get("redo")
         if not isinstance(redo, bool):
             raise LookdevError("a step of the history has 'redo', true or false")

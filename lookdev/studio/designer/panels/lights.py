@@ -14,6 +14,7 @@ class LightRoutes(Routes):
 
     @json_route("/lights", "GET", "POST")
     def set_light(self, query: Query) -> Mapping[str, Any]:
+        """Set a light after a POST, or reset all lights if ``reset`` is true; return all lights with their settings."""
         scene, rig, lights = self.document.scene, self.document.scene_key[1], self.session.lights
         if query.body.get("reset") is True:
             lights.reset(rig)

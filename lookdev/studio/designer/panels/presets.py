@@ -23,6 +23,7 @@ class PresetRoutes(Routes):
 
     @json_route("/presets")
     def list_presets(self, query: Query) -> Mapping[str, Any]:
+        """Return a record of each preset, and the faults of files in the library."""
         library = self.session.library()
         rows = [
             {"name": preset.name, "category": preset.category, "model": preset.model, "doc": preset.doc}
@@ -32,6 +33,7 @@ class PresetRoutes(Routes):
 
     @raw_route("/presets/{name}")
     async def send_thumbnail(self, request: Request) -> Response:
+        """Return the thumbnail of a preset, by its name."""
         name = request.path_params["name"]
 
         def draw() -> bytes | None:

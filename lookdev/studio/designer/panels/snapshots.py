@@ -20,6 +20,7 @@ class SnapshotRoutes(Routes):
 
     @raw_route("/picture", "POST")
     async def store_snapshot(self, request: Request) -> Response:
+        """Store a snapshot with the picture in the body of the request."""
         content = bytearray()
         async for chunk in request.stream():
             content += chunk
@@ -34,6 +35,7 @@ class SnapshotRoutes(Routes):
 
     @json_route("/snapshots", "POST")
     def use_snapshot(self, query: Query) -> Mapping[str, Any]:
+        """Go back to the snapshot with number ``number``, or delete it."""
         match query.body.get("do"):
             case "show":
                 return self.session.change_answer(self.document.show_snapshot(query.number("number")))
@@ -45,6 +47,7 @@ class SnapshotRoutes(Routes):
 
     @raw_route("/snapshots/{number:int}")
     async def send_snapshot(self, request: Request) -> Response:
+        """Return the picture of a snapshot, by its number."""
         try:
             snapshot = self.document.snapshots[int(request.path_params["number"])]
         except LookdevError as error:
