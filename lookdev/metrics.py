@@ -126,6 +126,7 @@ def _ninther(image: Floats) -> Floats:
         padded = np.pad(image, [(1, 1) if axis == other else (0, 0) for other in range(image.ndim)], mode="edge")
         size = image.shape[axis]
         before, here, after = (np.take(padded, range(start, start + size), axis) for start in range(3))
+        # The median of three numbers.
         image = np.maximum(np.minimum(before, here), np.minimum(np.maximum(before, here), after))
     return image
 

@@ -28,8 +28,9 @@ from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet
 from lookdev.output.slate import draw_slate
 
 _KR, _KB = 0.2126, 0.0722  # weights of red and blue in luma: BT.709-6, item 3.2
-_BT709, _LIMITED = 1, 1  # ITU-T H.273's number of BT.709's primaries, transfer and matrix; FFmpeg's limited range
-_THREADS = 4
+# The number of BT.709 in ITU-T H.273, for primaries, transfer and matrix; and FFmpeg's number of limited range.
+_BT709, _LIMITED = 1, 1
+_THREADS = 4  # of an encoder
 _PAGE_WIDTH = 1920  # approximate width of a page of all looks side by side, in pixels
 
 
@@ -51,7 +52,7 @@ class Codec:
     container_options: Mapping[str, str] = field(default_factory=dict)
 
 
-_EXACT = {"fflags": "+bitexact"}
+_EXACT = {"fflags": "+bitexact"}  # no time and no random number in the container
 _FAST = {**_EXACT, "movflags": "+faststart"}  # browsers play before they have the whole file
 H264 = Codec("libx264", "mp4", "yuv420p", 8, True, False, {"crf": "8", "preset": "medium"}, _FAST)
 PRORES = Codec("prores_ks", "mov", "yuva444p10le", 10, False, True, {"profile": "4444", "vendor": "apl0"}, _FAST)

@@ -1,4 +1,4 @@
-"""Text on pictures: lines, a burn-in, which is text that identifies each frame of a movie, and a slate before a movie.
+"""Text on pictures: lines of text, a burn-in (text that identifies a frame), and a slate (a page before a movie).
 
 All facts in the text are from the headers of the frames. The date is the day of the render in UTC, without the time:
 a frame that is rendered again on the same day gives the same picture.
@@ -106,7 +106,7 @@ def draw_slate(
         ("view", str(view)),
     ]
     height, width = size
-    text = max(_MIN_TEXT_SIZE, height // _LINES_PER_FRAME * 5 // 4)
+    text = max(_MIN_TEXT_SIZE, height // _LINES_PER_FRAME * 5 // 4)  # a quarter larger than the text of a burn-in
     page = np.full((height, width, 3), _PAGE, np.float32)
     canvas = oiio.ImageBuf(page)
     left, column = text, 6 * text

@@ -172,4 +172,5 @@ def _cell_probabilities(bsdf: Bsdf, wo: Floats, nodes: int) -> Floats:
     wi = spherical_direction(np.arccos(cos)[:, None], phi[None, :])
     density = pdf(bsdf, np.broadcast_to(wo, wi.shape), wi).reshape(rows, nodes, columns, nodes)
     area = (2.0 / rows) * (2.0 * np.pi / columns)
+    # Indices: r and c of cells, n and m of nodes in a cell.
     return np.asarray(np.einsum("rncm,n,m->rc", density, weights, weights) * area).ravel()

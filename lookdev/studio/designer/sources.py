@@ -99,7 +99,7 @@ class SourceFiles:
         The file need not be on disk.
         """
         self._original_contents[file] = content
-        self._known_digests[file] = self.digest_on_disk(file) and digest(content)
+        self._known_digests[file] = self.digest_on_disk(file) and digest(content)  # empty if it is not on disk
 
     @property
     def files(self) -> list[Path]:

@@ -39,10 +39,10 @@ def live_parameters(model: str) -> frozenset[str]:
 def surface_shader(surfaces: Surfaces, text: str, extra: Collection[str] = ()) -> tuple[dict[str, object], PlotValues]:
     """Return a header with the GLSL functions of the surface of a text, and the tables that they read.
 
-    ``text`` in the header are the functions (see `LookFunctions`), ``prelude`` the text before them, and ``numbers``
-    the values of their uniforms. The uniforms are `live_parameters` and `extra`: further parameters, such as the normal
-    of a lobe or an optional part of the model. A surface of several layers has no uniforms. Tables are (rows,
-    `TABLE_WIDTH`).
+    In the header, ``text`` are the functions (see `LookFunctions`), ``prelude`` the text before them, ``numbers`` the
+    values of their uniforms, ``parameters`` the parameter of each uniform, and ``deltas`` the number of delta lobes.
+    The uniforms are `live_parameters` and `extra`, which are further parameters, such as the normal of a lobe or an
+    optional part of the model. A surface of several layers has no uniforms. Tables are (rows, `TABLE_WIDTH`).
     """
     look = surfaces.look(text)
 

@@ -25,7 +25,10 @@ precision highp usampler2D;
 """
 
 BSDF_SAMPLES, LIGHT_SAMPLES = 1, 1
-"""Samples per pixel and frame, of the BSDF and of the lights; if a look transmits, the lights' are per side."""
+"""Directions that a pixel samples in a frame: by the BSDF, and by the lights.
+
+A look that transmits samples the lights once for each side of the surface.
+"""
 
 
 @dataclass(frozen=True)
@@ -110,11 +113,11 @@ def look_shaders(
     constants = {
         "TRANSMITS": int(look.program.transmits),
         "SEE_THROUGH": int(look.program.see_through),
-        "DRAWN": BSDF_SAMPLES,
-        "LIT": LIGHT_SAMPLES * (1 + look.program.transmits),
-        "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",
+        "DRAWN": BSDF_SAMPLES,  # directions that the BSDF samples
+        "LIT": LIGHT_SAMPLES * (1 + look.program.transmits),  # directions that the lights sample
+        "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",  # all directions, those of delta lobes included
         "SHADOWS": int(shadows),
-        "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),
+        "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),  # sides with a shadow ray
         "CONVEX": int(convex),
         "OCCLUDERS": corners.occluders,
         "OCCLUDER_NODES": corners.nodes,
