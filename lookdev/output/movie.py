@@ -110,7 +110,7 @@ def _grid_pages(frames: FrameSequence) -> Iterator[Floats32]:
 
 
 def frame_rate(fps: float) -> Fraction:
-    """Return the exact rate of frames: 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001."""
+    """Return the exact rate of frames: 23.976, 29.97 and 59.94 mean 24, 30 and 60 times 1000/1001."""
     ntsc = Fraction(round(fps * 1.001) * 1000, 1001)
     return ntsc if abs(float(ntsc) - fps) < 0.005 and fps != round(fps) else Fraction(fps).limit_denominator(1000)
 

@@ -75,9 +75,10 @@ class Output:
     name, help
         The key of ``[outputs]`` that turns the output on, and a sentence about the file.
     scope
-        The frames that go into one file: "frame": a single frame; "turntable": the frames of a turntable; "looks": the
-        first frame of each look under a light; "step": all frames of these looks in step, in the order of time;
-        "wedge": the first frame of each cell of a wedge.
+        The frames that go into one file. "frame": a single frame. "turntable": the frames of a turntable. "looks": the
+        first frame of each look under a light. "step": all frames of all looks under a light, in the order of time, so
+        that for each step in time there is a frame of each look. "wedge": the first frame of each cell of a wedge,
+        which is a table of variations of a look.
     suffix
         End of the file name, after the name of the frame or of the turntable.
     write

@@ -146,10 +146,11 @@ def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Flo
     step = (1.0 / _RECURRENCE_ROOT ** np.arange(1.0, 5.0)) % 1.0
     total = np.zeros(wo.shape)
     origin = np.zeros(wo.shape)
-    # The dome's up axis is z, the picture's y.
+    # The same vectors in the axes of the dome, whose up axis is z; that of the picture is y.
     dome_frame = frame[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
 
     def to_dome(wi: Floats) -> Floats:
+        """Convert directions (n, 3) from the frames of the pixels to the axes of the dome."""
         return np.asarray(np.einsum("nkc,nk->nc", dome_frame, wi))
 
     for delta in subject.bsdf.deltas(wo, np.zeros(len(wo), np.bool_)):
@@ -160,6 +161,7 @@ def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Flo
     bsdf = bsdf_for_views(subject.bsdf, wo)
     for number in range(_SAMPLES):
         u = (shift + number * step) % 1.0
+        # Directions that the dome samples, converted to the frames of the pixels.
         by_light = np.einsum("nkc,nc->nk", dome_frame, dome.sample(origin, u[:, 2:]))
         for wi in (sample(bsdf, wo, u[:, :2]), by_light):
             dome_direction = to_dome(wi)

@@ -236,6 +236,7 @@ def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed:
     """
 
     def squeeze(value: Real) -> Real:
+        """Return a value without its first axis if that has one entry."""
         return np.squeeze(np.asarray(value), 0) if np.ndim(value) and np.shape(value)[0] == 1 else value
 
     layers = look_layers(look, SinglePoint(cosine, uv))

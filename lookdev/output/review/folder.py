@@ -92,7 +92,7 @@ def read_version(folder: Path, page: Path) -> Version:
     if not reels:
         reason = f": {'; '.join(map(shorten, problems[:_MAX_PROBLEMS]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{reason}")
-    # The frames of props by their paths below the folder of props, which are those of other frames below their look.
+    # By its path below the folder of props, a frame of props belongs to the frames with that path below their look.
     props = {
         frame.file.relative_to(folder / PROPS_FOLDER): frame.file
         for (look, _, _), frames in reels.items()

@@ -44,7 +44,11 @@ _HALF_MAX = 65504.0  # largest half float
 
 @dataclass(frozen=True, eq=False)
 class SceneView:
-    """A scene for the modules in ``static/``: `data` for JSON, and `buffers`, the bytes that `data` names by digest."""
+    """A scene for the scripts in ``static/``: `data` for JSON, and `buffers`, the bytes that `data` names by digest.
+
+    The data have the shaders, uniforms and textures of each look, and the range of its triangles. ``behind`` is the
+    shader of the background, and ``develop`` that which converts light to code values.
+    """
 
     data: Mapping[str, object]
     buffers: Mapping[str, bytes]
@@ -102,6 +106,7 @@ def view_scene(
     rig_origin = RigOrigin(scene.asset.center, scene.camera.pivot)
     rig = rig_functions(scene.lights, scene.slot_lights, rig_origin, scene.slot_groups)
     functions = [look_functions(look, resolve, live(look), split=rig.split) for look in looks]
+    # Slots with the same look follow each other, so that the triangles of a look are one range.
     order = tuple(sorted(range(len(look_numbers)), key=lambda slot: (look_numbers[slot], slot)))
     bindings = tuple(binding for look in functions for binding in look.program.attributes)
     shadows = [Shadows.of(scene.asset, look, rig) for look in functions]
