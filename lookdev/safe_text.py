@@ -24,7 +24,8 @@ MAX_BYTES = 64 << 20
 MAX_DEPTH = 32
 """The largest depth of nested tables, objects and lists."""
 
-# A key with more parts than MAX_DEPTH: the parser's time and memory grow with the square of their number.
+# A dotted TOML key (a.b.c) with more than MAX_DEPTH parts: the time and memory of Python's parser grow with the square
+# of their number.
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _DEEP_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*\.[ \t]*){{{MAX_DEPTH}}}", re.MULTILINE)
 

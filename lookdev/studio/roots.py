@@ -17,6 +17,7 @@ from lookdev.brdf.measured.files import read_grid
 from lookdev.errors import LookdevError, ModelError, shorten
 
 UPLOADS = "uploads"
+"""The name of the root that has the uploads."""
 MAX_UPLOAD_BYTES = 64 << 20
 """Largest size of an upload, in bytes; a MERL binary has 33 MiB."""
 MAX_UPLOADS_BYTES = 512 << 20

@@ -28,7 +28,7 @@ MAX_MESSAGE_BYTES = 1 << 16
 
 _CLOSE_SECONDS = 1  # seconds that open connections have to close at the end
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_LOCAL = ("127.0.0.1", "localhost", "::1")
+_LOCAL = ("127.0.0.1", "localhost", "::1")  # names of the loopback interface
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class BoundSocket:
 
 
 def bind_address(address: Address) -> BoundSocket:
-    """Listen at an address; if it has no port and the default port is taken, listen at a free port.
+    """Listen at an address; if its port is None and the default port is taken, listen at a free port.
 
     Raises LookdevError if the address is not one of this machine, or its port is taken.
     """

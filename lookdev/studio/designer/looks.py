@@ -36,8 +36,8 @@ class JobLooks:
     def location(self, parsed_job: ParsedJob, scene_key: tuple[str, str], number: int) -> LookLocation | str:
         """Return the location of a look, or the reason why it cannot be edited.
 
-        `scene_key` has the names of the job's look and rig, whose scene has the look as `number`. Raises ModelError if
-        there is no look of this number.
+        `number` is the index of the look in `distinct_looks` of a scene. `scene_key` identifies the scene by the names
+        of a look of the job and a rig. Raises ModelError if there is no look of this number.
         """
         scene = parsed_job.scenes.scenes[scene_key]
         looks = distinct_looks(scene)

@@ -75,7 +75,7 @@ def _content(file: Path) -> bytes:
     try:
         return read_bytes(file)
     except TextError:
-        load_job(file)
+        load_job(file)  # raises JobError with the same fault
         raise
 
 

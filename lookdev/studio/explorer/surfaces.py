@@ -143,6 +143,8 @@ class Surfaces:
 
         ``base`` is the text before the parameters, a model or a preset. ``given`` has the values of parameters that the
         text states, ``values`` those of all parameters, and ``usual`` those that they have if the text states none.
+        ``editable`` is whether the page can change the parameters, ``delta`` whether the surface scatters along single
+        directions only, and ``look`` whether the text names a look in a file.
         """
         label, rest = split_label(text, self.roots.locate)
         subject = self.subject(text, fresh=True)

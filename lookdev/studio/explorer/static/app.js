@@ -1,7 +1,7 @@
 // @ts-check
 // The entry of the Explorer's page: its tabs of plots and their options, the selected surface with
 // its sphere, keys, copying and saving. `words` of a surface are the text by which the command line
-// and the server know it. A surface is plotted and shaded; its form is what its shader depends on.
+// and the server know it.
 import { SphereRenderer } from "./ball.js";
 import { byId, makeElement } from "./elements.js";
 import { ExactFrame } from "./exact.js";
