@@ -33,7 +33,7 @@ class FrameName:
 
     @property
     def reel(self) -> tuple[str, str, str]:
-        """Look, rig and turntable, which all frames of a turntable share."""
+        """Look, rig and turntable; the frames that share these three are a reel."""
         return self.look, self.rig, self.turntable
 
     def file(self, output: Path) -> Path:

@@ -196,6 +196,7 @@ class ExactRenderer:
 
     @property
     def _log(self) -> Path:
+        """The file to which the worker writes its log."""
         return Path(self._folder.name) / "worker.log"
 
     def close(self) -> None:

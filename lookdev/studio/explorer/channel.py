@@ -82,7 +82,7 @@ class ExplorerConnection:
                 self._enqueue(request)
 
     def _enqueue(self, request: dict[str, object]) -> None:
-        """Add a request to those that wait, in place of one with the same slot."""
+        """Add a request to those that wait, in place of the one with the same slot; drop the oldest of too many."""
         slot = str(request["slot"])
         self._waiting.pop(slot, None)
         if len(self._waiting) >= _MAX_WAITING:

@@ -97,6 +97,7 @@ class ExactFrames:
 
     @property
     def _log(self) -> Path:
+        """The file to which the worker writes its log."""
         return Path(self._folder.name) / "worker.log"
 
     def cancel(self, ticket: Ticket) -> None:

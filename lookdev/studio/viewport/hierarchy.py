@@ -76,6 +76,7 @@ class Hierarchy:
         """Return the hierarchy of t > 0 triangles, from the positions `corners` (t, 3, 3) and numbers `slots` (t,)."""
         tree = _cluster_boxes(corners)
         order, indices, sizes, first = _lay_out_nodes(tree)
+        # The nodes in the order of the traversal; the nodes within leaves, with index -1, are not part of it.
         traversal_nodes = np.argsort(indices, kind="stable")[np.count_nonzero(indices < 0) :]
         nodes, size = len(traversal_nodes), sizes[traversal_nodes]
         texels = np.zeros((1 + nodes + 3 * len(corners), 4), np.float32)
@@ -97,6 +98,7 @@ class Hierarchy:
         triangles[:, 0, :3] = ordered[:, 0]
         triangles[:, 1:, :3] = ordered[:, 1:] - ordered[:, :1]
         triangles[:, 0, 3], triangles[:, 1, 3] = order, slots[order]
+        # The last triangle of a leaf precedes the first triangle of the next leaf.
         starts = first[traversal_nodes[size == 1]]
         triangles[np.append(starts[1:], len(corners)) - 1, 2, 3] = 1.0
         return cls(texels, nodes)
@@ -112,9 +114,11 @@ def _cluster_boxes(corners: Floats32) -> _Tree:
     low, high = np.empty((2, 3, 2 * count - 1), np.float32)
     low[:, :count], high[:, :count] = corners.min(axis=1).T, corners.max(axis=1).T
     children, steps = np.empty((2, count - 1), np.int64), [count]
+    # The nodes that are clusters at present, in the order of the Morton curve.
     nodes = np.argsort(_morton_numbers(low[:, :count] + high[:, :count]), kind="stable")
     while (remaining := len(nodes)) > 1:
         lowest, highest, indices = low[:, nodes], high[:, nodes], np.arange(remaining)
+        # The distance and the position of the nearest neighbour of each cluster, among those near it on the curve.
         nearest, neighbour = np.full(remaining, np.inf, np.float32), np.zeros(remaining, np.int64)
         for step in range(1, min(_NEIGHBOURS, remaining - 1) + 1):
             a, b = slice(None, -step), slice(step, None)
@@ -123,6 +127,7 @@ def _cluster_boxes(corners: Floats32) -> _Tree:
                 nearer = joint_area < nearest[side]
                 np.copyto(nearest[side], joint_area, where=nearer)
                 np.copyto(neighbour[side], indices[opposite], where=nearer)
+        # The positions of the clusters that join their neighbour: the first of each pair.
         joined = np.flatnonzero((neighbour[neighbour] == indices) & (indices < neighbour))
         if _MAX_CLUSTERS_PER_JOIN * len(joined) < remaining:
             joined = np.arange(0, remaining - 1, 2)
@@ -145,6 +150,7 @@ def _lay_out_nodes(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
     its triangles costs less than testing the boxes below it.
     """
     area, leaves = _half_area(tree.low, tree.high).astype(np.float64), tree.leaves
+    # From the leaves to the root: the cost of a subtree, and its numbers of triangles and of nodes.
     cost, counts, sizes = _TRIANGLE_COST * area, np.ones(len(area), np.int64), np.ones(len(area), np.int64)
     for begin, end in zip(tree.steps, tree.steps[1:], strict=False):
         # If a ray hits a box, both children are tested, the larger one first: rays hit it more often.
@@ -156,6 +162,7 @@ def _lay_out_nodes(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
         is_leaf = (counts[begin:end] <= _MAX_LEAF_TRIANGLES) & (leaf_cost <= inner_cost)
         cost[begin:end] = np.where(is_leaf, leaf_cost, inner_cost)
         sizes[begin:end] = np.where(is_leaf, 1, 1 + sizes[pair].sum(axis=0))
+    # From the root to the leaves: the index of a node in the traversal, and its first triangle.
     indices, first = np.full(len(area), -1), np.zeros(len(area), np.int64)
     indices[-1] = 0
     for begin, end in zip(tree.steps[-2::-1], tree.steps[:0:-1], strict=True):
