@@ -108,7 +108,7 @@ def run_supervised(program: Callable[[], None]) -> int:
     memory, seconds = _read_limit(MEMORY_VARIABLE, DEFAULT_MEMORY), _read_limit(SECONDS_VARIABLE, DEFAULT_SECONDS)
     parent, trace = os.getpid(), os.memfd_create("traceback")
     reader, writer = os.pipe()
-    signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED_SIGNALS)  # until the child exists
+    signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED_SIGNALS)  # until there is a child that can receive them
     child = os.fork()
     if child == 0:
         os.close(reader)
@@ -163,6 +163,7 @@ class _ResourceUse:
         """Return the use of a running process, by proc(5)."""
         status = Path(f"/proc/{process}/status").read_text()
         private = re.search(r"^RssAnon:\s*(\d+) kB$", status, re.MULTILINE)
+        # The fields utime and stime; the name of the program, in parentheses, may contain spaces.
         times = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
         return cls(int(private[1]) / 1024 if private else 0.0, sum(map(int, times)) / _TICKS, time.monotonic())
 
@@ -171,8 +172,9 @@ class _ResourceUse:
 class _ChildState:
     """The process id of a child, its limits `memory` in MiB and `seconds`, and the files that it reads.
 
-    `files` are the files that are being read: the last is read while the others are. `sizes` has the bytes of all files
-    that were reported. `start` is the use of resources when the first of `files` began.
+    `files` are the files that are being read, which are nested: each is read during the reading of the one before it.
+    `sizes` has the bytes of all files that were reported. `start` is the use of resources when reading the first of
+    `files` began.
     """
 
     child: int

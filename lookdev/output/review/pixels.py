@@ -59,7 +59,7 @@ def read_pixels(frame: Path, props_file: Path | None = None) -> PremultipliedPix
     if props_file is not None:
         props, props_error = read_rec709(props_file), _read_error(props_file)
         beauty, alpha = composite_layers(props, (beauty, alpha))
-        if error is not None:
+        if error is not None:  # the errors of the two pictures are independent, so that their squares add
             error = None if props_error is None else np.hypot((1.0 - props[1]) * error, props_error)
     return PremultipliedPixels(
         _round_to_half(beauty), _round_to_half(alpha), None if error is None else _round_to_half(error)

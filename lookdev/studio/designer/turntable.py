@@ -39,9 +39,9 @@ class TurntableRuns:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._cancelled = threading.Event()
-        self._files: list[Path] = []
-        self._number = 0
-        self._state: dict[str, Any] = {"state": "none"}
+        self._files: list[Path] = []  # the pictures of the frames of the newest run, which need not exist yet
+        self._number = 0  # of the newest run
+        self._state: dict[str, Any] = {"state": "none"}  # the progress of the newest run
 
     def start(self, scene: Callable[[], Scene], look: str, rig: str) -> None:
         """Start to render the turntables of a scene, that of the job's `look` and `rig`.

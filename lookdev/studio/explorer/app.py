@@ -43,7 +43,7 @@ class ExplorerApp:
         self._surfaces = surfaces
         self._frames = ExactFrames()
         self._threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
-        self._rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
+        self._rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")  # all but one wait for their turn
         self._figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is not thread-safe
         self._start_data = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
 
