@@ -106,6 +106,7 @@ review.createGrid = (target, names, open) => {
   };
 };
 
+// The texts of the states of a comparison, in the order of the table.
 const STATE_TEXTS = {
   changed: "changed",
   "same picture": "same but for noise",

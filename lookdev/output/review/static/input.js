@@ -4,6 +4,7 @@
 "use strict";
 
 review.clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+// Return a whole number modulo `count`, which is never negative.
 review.wrap = (value, count) => ((value % count) + count) % count;
 
 // Act on the pointer over the picture.

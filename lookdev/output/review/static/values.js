@@ -37,6 +37,7 @@ review.makeTable = (head, rows, attributes = {}) => {
   );
 };
 
+// Return a number as text, with an exponent if it is very large or very small.
 review.formatNumber = (value, digits = 4) => {
   if (value === 0) return "0";
   const size = Math.abs(value);

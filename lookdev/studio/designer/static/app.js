@@ -14,6 +14,7 @@ function insertMarkup({ markup }) {
     document.querySelector(selector).insertAdjacentHTML("beforeend", html);
 }
 
+/** Return the page's Designer; show the message of an error, such as of a missing WebGL 2. */
 function startDesigner() {
   try {
     return new Designer(byId("picture"));
@@ -29,6 +30,7 @@ function keyName(event) {
   return `Ctrl+${event.shiftKey ? "Shift+" : ""}${event.key.toLowerCase()}`;
 }
 
+/** Return whether keys in an element are text or a choice, not shortcuts. */
 const isTyping = ({ tagName, type }) =>
   ["SELECT", "TEXTAREA"].includes(tagName) ||
   (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));

@@ -164,6 +164,7 @@ class AssignDialog {
     byId("assigning-none").hidden = looks.length > 0;
   }
 
+  /** Return the button of a look in the list of the dialog. */
   makeChoice(material) {
     const path = material.material,
       value = String(this.materials.indexOf(material)),

@@ -151,6 +151,7 @@ class ExactPicture {
     if (socket === this.socket && socket.readyState === 1) socket.send(JSON.stringify(message));
   }
 
+  /** Open a websocket to the server; `opening` is resolved when it is open, or has failed. */
   connect() {
     const socket = (this.socket = new WebSocket(`ws://${location.host}/exact`));
     socket.binaryType = "arraybuffer";
@@ -243,6 +244,7 @@ class ExactPicture {
     ].join(" · ");
   }
 
+  /** Write the parts of the difference, and its causes, into the page. */
   describeDifference() {
     const { round, comparison } = this;
     if (!round || !comparison) {

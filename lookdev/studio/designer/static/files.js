@@ -105,6 +105,7 @@ function showNotices(notices) {
     byId("notices").replaceChildren(...notices);
 }
 
+/** The panel: its buttons, keys and notices. */
 class Files {
   constructor(designer) {
     this.designer = designer;

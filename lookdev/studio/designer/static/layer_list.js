@@ -52,6 +52,7 @@ export class LayerList {
     return item;
   }
 
+  /** Return the button with the name of a layer, which chooses the layer. */
   nameButton(layer) {
     const { number, name } = layer;
     const button = makeElement(

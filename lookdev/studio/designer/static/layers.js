@@ -104,6 +104,7 @@ class Layers {
     if (focused) byId(focused)?.focus({ preventScroll: true });
   }
 
+  /** Return the row of a variant set, which chooses one of its variants. */
   variantRow({ set, choices, chosen, by_job }) {
     const choice = makeElement("select", { id: `variant-${set}` }, ...makeOptions(choices, chosen));
     setLabel(choice, `Variant ${set}`);
@@ -117,6 +118,7 @@ class Layers {
     return makeElement("div", { className: "row", title }, label, choice);
   }
 
+  /** Return the buttons of operations on the chosen layer. */
   toolbar() {
     const { stack, layer } = this,
       { number } = layer,
@@ -169,6 +171,7 @@ class Layers {
     );
   }
 
+  /** Choose the layer of a number: its parameters are shown. */
   choose(number) {
     this.selected = number;
     this.designer.update();
@@ -207,6 +210,7 @@ class Layers {
     return (await this.designer.fetchJson(`images?look=${this.designer.look}`)).images;
   }
 
+  /** Ask for a preset, and lay it over the layers. */
   async add() {
     if (this.stack.locked) return;
     try {
@@ -217,6 +221,7 @@ class Layers {
     }
   }
 
+  /** Save the chosen layer as a preset of the library. */
   async toLibrary() {
     const { designer } = this;
     try {
@@ -227,6 +232,7 @@ class Layers {
     }
   }
 
+  /** Copy the chosen layer as USD text to the clipboard. */
   async copy() {
     const { designer, layer } = this,
       request = { look: designer.look, op: "copy", layer: layer.number };
@@ -239,6 +245,7 @@ class Layers {
     }
   }
 
+  /** Lay the layer in the clipboard over the layers. */
   async paste() {
     const text = (await navigator.clipboard?.readText().catch(() => "")) || this.copiedText;
     await this.pasteText(text);

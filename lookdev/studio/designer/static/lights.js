@@ -22,6 +22,7 @@ const aside = `
     </details>
   </section>`;
 
+/** The panel, with the list of the lights and their settings. */
 class Lights {
   constructor(designer) {
     this.designer = designer;

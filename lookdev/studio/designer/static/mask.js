@@ -82,6 +82,7 @@ export function sourceEditor(layer, parameter, id, panel) {
   }).element();
 }
 
+/** The editor of one source, from its kind to the inputs of this kind. */
 class SourceEditor {
   /**
    * `source` is the source in the look's file. `target` describes the mask or the parameter:
@@ -118,6 +119,7 @@ class SourceEditor {
     return makeElement("div", { className: "mask" }, row, ...this.inputs(), this.problem);
   }
 
+  /** Return the select of the source's kind. "number" removes the source. */
   kindChoice() {
     const { id, key, kinds, owner, reset } = this.target;
     const choice = makeElement(

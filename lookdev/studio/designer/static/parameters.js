@@ -157,6 +157,7 @@ function parameterRow(parameter, panel) {
   return row;
 }
 
+/** Add a slider and a field for a number to a row. */
 function addNumber(row, { value, default: standard, soft, hard }, addInput, change) {
   const current = value ?? standard;
   const slider = addInput(
@@ -193,6 +194,7 @@ function addNumber(row, { value, default: standard, soft, hard }, addInput, chan
   });
 }
 
+/** Add the picker of a colour to a row. */
 function addColor(row, { value, default: standard }, addInput, change) {
   const current = value ?? standard;
   const picker = addInput(makeElement("input", { type: "color", value: toHex(current) }));
@@ -202,6 +204,7 @@ function addColor(row, { value, default: standard }, addInput, change) {
   row.append(makeElement("output", { textContent: text }));
 }
 
+/** Add the select of a token to a row. */
 function addChoice(row, { value, default: standard, choices }, addInput, change) {
   const current = value ?? standard;
   const choice = addInput(makeElement("select", {}, ...makeOptions(choices, current)));

@@ -60,6 +60,7 @@ class Pictures {
     );
   }
 
+  /** Return the image of a preset, whose picture is fetched when the image comes into view. */
   makeImage(name) {
     const image = makeElement("img", { width: SIZE, height: SIZE, alt: "" });
     image.dataset.name = name;
@@ -112,6 +113,7 @@ function findPresets(words, category) {
   return words ? matches.sort((a, b) => rank(a) - rank(b)) : matches;
 }
 
+/** Show the presets with the searched words in the dialog. */
 function showPresets() {
   const words = byId("adding-search").value.trim().toLowerCase();
   const matches = findPresets(words, byId("adding-category").value);

@@ -156,11 +156,13 @@ class Turntable {
     this.showFrame(Math.min(this.index, this.frames.length - 1));
   }
 
+  /** Show the next frame (1) or the previous one (-1). */
   step(direction) {
     this.play(false);
     this.showFrame((this.index + direction + this.frames.length) % this.frames.length);
   }
 
+  /** Show the frame at an index of `frames`, if its picture is loaded. */
   showFrame(index) {
     const frame = this.frames[index];
     if (!frame) return;

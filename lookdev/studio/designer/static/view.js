@@ -29,6 +29,7 @@ const aside = `
 
 const SLIDERS = ["exposure", "lighting", "element"];
 
+/** The panel, whose inputs set the viewport. */
 class View {
   constructor(designer) {
     this.designer = designer;
@@ -83,6 +84,7 @@ class View {
     this.apply();
   }
 
+  /** Pick the part at a pixel of the picture. */
   pick(x, y) {
     const pickedPart = this.viewport.pick(x, y);
     if (!pickedPart) return;

@@ -180,6 +180,7 @@ const showOptions = () => {
   byId("options").replaceChildren(...names.map(optionField));
 };
 
+/** Show the name, the sliders and the sphere of the selected surface. */
 const showSelected = () => {
   const surface = selectedSurface(),
     right = byId("right");

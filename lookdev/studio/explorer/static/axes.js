@@ -98,6 +98,7 @@ export class Axes {
     this.theme = theme;
   }
 
+  /** Return the horizontal position of a value on the canvas. */
   toX(value) {
     return this.box.left + this.x.map(value) * this.box.width;
   }
@@ -105,6 +106,7 @@ export class Axes {
     return this.box.top + (1 - this.y.map(value)) * this.box.height;
   }
 
+  /** Draw lines at the ticks with their numbers, and the labels of both axes. */
   drawGrid(xLabel, yLabel) {
     const { context: c, box, theme } = this;
     c.font = `11px ${theme.font}`;

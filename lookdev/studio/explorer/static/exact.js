@@ -28,6 +28,7 @@ export class ExactFrame {
     return this.frame && surface && this.frame.words === wordsOf(surface) ? this.frame : null;
   }
 
+  /** Request a frame of the selected surface, and show its progress. */
   async render() {
     const surface = selectedSurface();
     if (!surface || this.busy) return;

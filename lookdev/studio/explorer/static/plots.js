@@ -68,6 +68,7 @@ export class Plots {
     this.followDrags();
   }
 
+  /** Draw the plot anew, and request numbers, as far as a change of the state needs it. */
   applyChange(change, detail) {
     if (change === "parameter")
       this.requestNumbers(detail.surface, {
@@ -107,6 +108,7 @@ export class Plots {
     this.draw();
   }
 
+  /** Return the visible surfaces, up to the largest number that the kind of plot shows. */
   plottedSurfaces() {
     const { most } = state.catalogue.kinds[state.kind];
     return visibleSurfaces().slice(0, most);
@@ -180,6 +182,7 @@ export class Plots {
     else this.frameRequest ||= requestAnimationFrame(paint);
   }
 
+  /** Draw the plot now. */
   async paint() {
     const began = performance.now(),
       [width, height] = this.size,
@@ -412,6 +415,7 @@ export class Plots {
     names.forEach((name, i) => context.fillText(name, 18, 50 + 18 * i));
   }
 
+  /** Show the values of the plot at a point of the canvas as text. */
   showReadout(x, y) {
     this.pointer = [x, y];
     readout.textContent = this.readAt?.(x, y) ?? "";
@@ -436,6 +440,7 @@ export class Plots {
     );
   }
 
+  /** Rotate the lobe, or move the light of the spheres, by pixels of a drag. */
   rotate(dx, dy) {
     if (state.kind === "lobe3d") {
       state.lobeAngles = [

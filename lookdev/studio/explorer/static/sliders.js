@@ -86,6 +86,7 @@ export class Sliders {
     this.panel = document.getElementById("parameters");
   }
 
+  /** Show the parameters of a surface, in their groups. */
   show(surface) {
     const { models } = state.catalogue,
       model = models[surface.model];
@@ -188,6 +189,7 @@ export class Sliders {
     return element;
   }
 
+  /** Return the button that sets a parameter back to its default. */
   resetButton(surface, { name }) {
     const button = makeElement("button", {
       type: "button",

@@ -54,6 +54,7 @@ export const notify = (change, detail = {}) => {
 export const selectedSurface = () => state.surfaces[state.selected];
 export const visibleSurfaces = () => state.surfaces.filter((surface) => !surface.hidden);
 
+// Return the colour of a surface in plots, which is lighter on a dark page if it is too dark there.
 export const colorOf = (surface) => {
   const color = state.catalogue.colors[surface.color % state.catalogue.colors.length];
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
@@ -66,6 +67,7 @@ export const colorOf = (surface) => {
       : color;
 };
 
+// Add a surface as the server describes it, with the first free colour; return it.
 export const addSurface = (description, hidden = false) => {
   const usedColors = new Set(state.surfaces.map((surface) => surface.color));
   let color = 0;
@@ -104,6 +106,7 @@ export const setOption = (name, value) => {
   else state.options[name] = value;
 };
 
+// Return the URL of the page with its state.
 export const pageUrl = () => {
   const query = new URLSearchParams();
   for (const surface of state.surfaces) query.append("s", wordsOf(surface, true));
@@ -123,6 +126,7 @@ const writeUrl = () => {
   if (state.surfaces.length) history.replaceState(null, "", pageUrl());
 };
 
+// Return the two numbers in a text, or the default value.
 const parsePair = (text, defaultValue) => {
   const numbers = (text ?? "").split(",").map(Number);
   return numbers.length === 2 && numbers.every(Number.isFinite) ? numbers : defaultValue;

@@ -43,6 +43,7 @@ const nearestIndex = (xs, x) => {
   return x - xs[low] < xs[high] - x ? low : high;
 };
 
+// Return the box of the axes on a canvas, within margins for labels.
 const plotBox = (width, height) => ({
   left: width < 500 ? 48 : 64,
   top: 40,
@@ -309,6 +310,7 @@ const SLICE_LABELS = [
   [0.5, 0.5, "diffuse", 0, "center"],
 ];
 
+// Draw the frame of a slice with its title and ticks.
 const frameSlice = (c, { x, y, size }, theme, title, color) => {
   c.strokeStyle = theme.edge;
   c.lineWidth = 1;
@@ -334,6 +336,7 @@ const frameSlice = (c, { x, y, size }, theme, title, color) => {
   c.fillText(title, x, y - 10, size);
 };
 
+// Draw the slice of a surface in a square; a labelled one has the texts of its regions.
 const drawSlice = (c, square, data, theme, title, color, isLabelled) => {
   const [rows, columns] = data.shapes.f;
   c.imageSmoothingEnabled = square.size * devicePixelRatio < columns;

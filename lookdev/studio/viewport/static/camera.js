@@ -69,6 +69,7 @@ export const zoom = (camera, factor) => ({ ...camera, distance: camera.distance 
 // The sample points are Roberts' additive recurrence in four dimensions: each point is the one
 // before it plus STEPS, modulo 1. A seed shifts all points at random (Cranley and Patterson 1976).
 const STEPS = [1, 2, 3, 4].map((k) => 1.1673039782614187 ** -k);
+// Return the shift, in [0, 1), of coordinate k of the points of a seed.
 function randomShift(seed, k) {
   let x = Math.imul(seed + 1, 0x9e3779b9) ^ Math.imul(k + 1, 0x632be5ab); // Wellons' "lowbias32"
   x = Math.imul(x ^ (x >>> 16), 0x7feb352d);
@@ -79,11 +80,11 @@ const samplePoint = (number, seed) =>
   STEPS.map((step, k) => (randomShift(seed, k) + step * (number + 1)) % 1);
 
 /**
- * Return the uniforms by which the shaders know the view of a camera, relative to `center`, in
- * whose asset's frame of reference the camera orbits by `-element` degrees. All pixels of a view
- * are sampled at one point of their area and of the lens: that of `number` in the sequence of
- * `seed`. With `centred`, it is the middle of the pixel. `depths` are those of the nearest and the
- * farthest point that the asset, a ball of `radius`, can have.
+ * Return the uniforms that describe the view of a camera. Positions are relative to `center`, that
+ * of the asset. The asset stands still: the camera orbits by `-element` degrees instead. All pixels
+ * of a view are sampled at one point of their area and of the lens, that of `number` in the
+ * sequence of `seed`; with `centred`, in the middle of their area. `depths` are the nearest and the
+ * farthest depth of the asset, which is inside a ball of `radius`.
  */
 export function viewUniforms(
   camera,

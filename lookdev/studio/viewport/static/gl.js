@@ -64,6 +64,7 @@ export class Programs {
     return this.programs.get(key);
   }
 
+  /** Return a new program, once it is linked; throws an Error with the logs if it fails. */
   async link(vertex, fragment) {
     const { gl } = this,
       handle = gl.createProgram();

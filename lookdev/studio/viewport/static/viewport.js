@@ -233,6 +233,7 @@ export class Viewport extends EventTarget {
     if (this.failed) throw this.failed;
   }
 
+  /** End the drawing; return a promise of its end. */
   stop() {
     this.stopped = true;
     this.resume?.();
