@@ -100,8 +100,8 @@ def output_errors(path: Path, problem: str = "cannot be written", *, name_file: 
 def memory_file(file: Path) -> Iterator[str]:
     """Yield the name of a file in memory, to which a library writes; then write its content to `file`.
 
-    The copy to `file` raises OSError on a full disk. If they wrote to the disk themselves, the image libraries and
-    OSL's compiler would not report data that they lose as they close a file.
+    So a full disk raises an OSError. The image libraries and OSL's compiler, which do not report the data that they
+    lose as they close a file, need not write to the disk themselves.
     """
     with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
         yield f"/proc/self/fd/{memory.fileno()}"
