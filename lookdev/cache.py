@@ -1,8 +1,9 @@
 """The cache of derived files, and atomic writing: a file is written whole or not at all.
 
 The cache has two kinds of files. The folder ``content`` has files named by the SHA-256 of their bytes: `Content`. All
-other folders have small records, JSON files. A record has the value of a key, with a checksum; the value is numbers or
-names of content files. A parameter `room` is the name of such a folder, relative to the cache.
+other folders have records, which are small JSON files. A record has the value that was stored for a key, and its
+checksum; the value is numbers or names of content files. A parameter `room` is the name of a folder of records,
+relative to the cache. Parameters `rooms`, of the two functions that digest code, are folders of the package instead.
 
 Each file is checked when it is read, a content file once in a process unless it changes. A damaged file counts as
 missing: the user gets a note, and the file is made again.
@@ -28,9 +29,9 @@ from typing import Any, Self
 from lookdev.errors import ContentError, OutputError
 from lookdev.safe_text import has_text_path
 
-_CODE_SUFFIXES = {".py", ".h", ".osl", ".csv", ".json"}
-_notes: list[str] = []
-_digests: dict[tuple[Path, int, int, int], str] = {}  # SHA-256 by the state of a file: see `_file_state`
+_CODE_SUFFIXES = {".py", ".h", ".osl", ".csv", ".json"}  # of the files that `package_digest` covers
+_notes: list[str] = []  # on damaged files, for the user, until `take_notes`
+_digests: dict[tuple[Path, int, int, int], str] = {}  # the SHA-256 of files in a state, see `_file_state`
 
 
 def cache_dir(*parts: str) -> Path:
@@ -57,7 +58,8 @@ def atomic_path(final: Path) -> Iterator[Path]:
     """Yield a temporary path beside `final`; on success it is renamed to `final`, on failure it is removed.
 
     The temporary name has the suffix of `final`, since writers choose a format by it. It starts with a dot, so that a
-    file left by ``kill -9`` never counts as a frame. An OSError in the block names a file.
+    file left by ``kill -9`` never counts as a frame. An OSError in the block gets the file name of `final`, unless it
+    names another file; one of a full disk always gets it.
     """
     try:
         if not final.name or final.is_dir():
@@ -69,7 +71,8 @@ def atomic_path(final: Path) -> Iterator[Path]:
             yield temporary
             temporary.replace(final)
     except OSError as error:
-        if error.filename is None or error.errno == errno.ENOSPC:  # an error of a copy names its source
+        # On a full disk, the error of a copy names the source of the copy.
+        if error.filename is None or error.errno == errno.ENOSPC:
             error.filename = str(final)
         raise
 
@@ -97,8 +100,8 @@ def output_errors(path: Path, problem: str = "cannot be written", *, name_file: 
 def memory_file(file: Path) -> Iterator[str]:
     """Yield the name of a file in memory, to which a library writes; then write its content to `file`.
 
-    A full disk is thus an OSError: the image libraries and OSL's compiler do not report data that they lose as they
-    close a file.
+    So a full disk raises an OSError. The image libraries and OSL's compiler, which do not report the data that they
+    lose as they close a file, need not write to the disk themselves.
     """
     with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
         yield f"/proc/self/fd/{memory.fileno()}"
@@ -108,6 +111,7 @@ def memory_file(file: Path) -> Iterator[str]:
 
 @contextmanager
 def _temporary_path(final: Path) -> Iterator[Path]:
+    """Yield a path beside `final` that no process uses; remove its file at the end, if it still exists."""
     temporary = final.with_name(f".{final.stem}.{process_name()}-{secrets.token_hex(4)}{final.suffix}")
     try:
         yield temporary
@@ -122,6 +126,7 @@ def process_name() -> str:
 
 @cache
 def _random_name(process: int) -> str:
+    """Return a random name for a process id: after a fork, the child gets a name of its own."""
     return secrets.token_hex(4)
 
 
@@ -145,7 +150,10 @@ def code_digest(*rooms: str) -> str:
 
 @cache
 def package_digest(*rooms: str) -> str:
-    """Return a digest of the code of the subpackages `rooms`, or else of the whole package; equal on every machine."""
+    """Return a digest of the code of the subpackages `rooms`, or of the whole package if there are none.
+
+    It is equal on every machine.
+    """
     digest = hashlib.sha256()
     package = Path(__file__).parent
     for folder in [package / room for room in rooms] or [package]:
@@ -169,8 +177,8 @@ def link_or_copy(source: Path, target: Path) -> None:
 class Content:
     """A file named by its content: the SHA-256 of its bytes in hexadecimal, and its suffix.
 
-    It names the same file on every machine. The bytes are in the folder ``content`` of the cache. To run a task on
-    another machine, copy the task's files to that folder there.
+    A `Content` means the same bytes on every machine. The file is in the folder ``content`` of the machine's cache,
+    which is called the store below. A task that runs on another machine needs copies of its files in the store there.
     """
 
     digest: str
@@ -178,7 +186,7 @@ class Content:
 
     @classmethod
     def store_written(cls, suffix: str, write: Callable[[Path], object]) -> Self:
-        """Store the file that `write` writes to the path it gets; raises OutputError where that fails."""
+        """Store a new file: `write` gets a path, and writes the file there. Raises OutputError where that fails."""
         folder = cache_dir("content")
         with _cache_write_errors(folder), _temporary_path(folder / f"new{suffix}") as temporary:
             write(temporary)
@@ -191,14 +199,14 @@ class Content:
 
     @classmethod
     def store_bytes(cls, data: bytes, suffix: str) -> Self:
-        """Store data, unless the store has them; raises OutputError where that fails."""
+        """Store a file with these bytes, unless the store has it; raises OutputError where that fails."""
         content = cls(hashlib.sha256(data).hexdigest(), suffix)
         return content if content.is_whole() else cls.store_written(suffix, lambda path: path.write_bytes(data))
 
     @classmethod
     def store_copy(cls, file: Path) -> Self:
         """Store a copy of a file, unless the store has it; raises OSError where the file cannot be read."""
-        content = cls(file.stem, file.suffix)
+        content = cls(file.stem, file.suffix)  # right if the file is one of the store
         is_stored = file == content._stored_file and content.is_whole()
         return content if is_stored else cls.store_bytes(file.read_bytes(), file.suffix)
 
@@ -240,10 +248,10 @@ def is_whole(file: Path, digest: str) -> bool:
 
 
 def cached_files(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -> tuple[Content, ...]:
-    """Return the files of a key in the folder `room` of the cache; call `make` where one of them is missing.
+    """Return the files that are stored for a key in the folder `room`; if one is missing, make all of them by `make`.
 
-    The key names everything on which the files depend. `make` stores them and returns them. Raises OutputError where
-    the record of the key cannot be written.
+    The key identifies everything on which the files depend. `make` stores the files and returns them. Raises
+    OutputError where the record of the key cannot be written.
     """
     if (files := load_cached_files(room, key)) is not None:
         return files
@@ -253,7 +261,7 @@ def cached_files(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -
 
 
 def cached_file(room: str, key: str, suffix: str, write: Callable[[Path], object]) -> Content:
-    """Return the file of a key as `cached_files` does; `write` writes it to the path it gets where it is missing."""
+    """Return the file that is stored for a key, as `cached_files` does; if it is missing, make it by `write`."""
     (file,) = cached_files(room, key, lambda: (Content.store_written(suffix, write),))
     return file
 
@@ -279,6 +287,7 @@ def load_cached(room: str, key: str) -> Any:
     """Return the value that is stored for a key; None where there is none, or its record is damaged."""
     record = _record(room, key)
     try:
+        # A folder, a pipe or the like in place of the record is not read, and counts as damaged.
         match json.loads(record.read_bytes()) if record.is_file() or not record.exists() else None:
             case {"value": value, "checksum": checksum} if checksum == _checksum(room, key, value):
                 return value
@@ -291,17 +300,19 @@ def load_cached(room: str, key: str) -> Any:
 
 
 def take_notes() -> tuple[str, ...]:
-    """Return a note for the user on each file that was damaged, and forget these notes."""
+    """Return a note for the user on each damaged file since the last call, and forget these notes."""
     notes = tuple(dict.fromkeys(_notes))
     _notes.clear()
     return notes
 
 
 def _record(room: str, key: str) -> Path:
+    """Return the path of the record of a key; create its folder if it is missing."""
     return cache_dir(room) / f"{key}.json"
 
 
 def _checksum(room: str, key: str, value: object) -> str:
+    """Return the checksum of a record with a value."""
     return hashlib.sha256(json.dumps([room, key, value]).encode()).hexdigest()
 
 
@@ -320,7 +331,7 @@ def _cache_write_errors(path: Path) -> Iterator[None]:
     """Raise OutputError for an error in the block, which writes to a path of the cache."""
     try:
         yield
-    except (OSError, RuntimeError) as error:  # OpenEXR raises the second
+    except (OSError, RuntimeError) as error:  # OpenEXR raises RuntimeError
         reason = error.strerror or error if isinstance(error, OSError) else error
         raise OutputError(
             f"the cache cannot be written: {path}: {reason}; make room there, or set LOOKDEV_CACHE to another folder"
@@ -328,5 +339,5 @@ def _cache_write_errors(path: Path) -> Iterator[None]:
 
 
 def _file_state(file: Path, status: os.stat_result) -> tuple[Path, int, int, int]:
-    """Return path, inode, size and time of a file: they differ after the file was changed or replaced."""
+    """Return path, inode, size and modification time of a file, one of which differs after the file has changed."""
     return file, status.st_ino, status.st_size, status.st_mtime_ns

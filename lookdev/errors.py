@@ -32,7 +32,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Self
 
-_MAX_FAULTS = 100  # in a message
+_MAX_FAULTS = 100  # largest number of faults, or lines, in a message
+# Characters that control a terminal or the direction of text, and surrogates; not the end of a line.
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
@@ -47,7 +48,7 @@ def shorten(text: str, longest: int = 400) -> str:
 
 
 class LookdevError(Exception):
-    """Base of every error raised on purpose."""
+    """Base of every error raised on purpose; its text is shortened and cannot control a terminal."""
 
     def __str__(self) -> str:
         return "\n".join(shorten(line, 1500) for line in super().__str__().splitlines()[: _MAX_FAULTS + 1])
@@ -142,11 +143,14 @@ class RenderError(LookdevError):
 
 
 def nearest_hint(name: str, names: Sequence[str]) -> str:
-    """Return a hint for a misspelt name: the nearest of the valid `names`, or all of them where none is near."""
+    """Return a hint for a misspelt name: the nearest of the valid `names`, or all of them if none is near."""
     return close_hint(name, names, 0.6) or f"known: {', '.join(names)}"
 
 
 def close_hint(name: str, names: Sequence[str], cutoff: float = 0.8) -> str:
-    """Return a hint with the nearest of the valid `names` to one that may be misspelt; "" where none is close."""
+    """Return a hint with the valid name that is nearest to `name`, or "" if none is close.
+
+    `cutoff` is the least similarity of a close name, from 0 to 1 (`difflib.get_close_matches`).
+    """
     close = difflib.get_close_matches(name, names, n=1, cutoff=cutoff)
     return f"did you mean '{close[0]}'?" if close else ""

@@ -1,8 +1,8 @@
-"""The reader of all images that a user gives: textures and environment maps of any content.
+"""The reader of all images that a user gives, such as textures and environment maps; their content is not trusted.
 
-An image is a regular file whose header is read first. The number of its pixels and that of its bytes are limited, and
-both are checked before the image is in memory: a small file can claim any number of pixels. All messages state the
-limit.
+An image is a regular file, whose header is read first. The numbers of its pixels and of its bytes are limited. Both are
+checked before the pixels are read into memory, since a small file can claim any number of pixels. All messages state
+the limit. The parameter `error` of functions is the class of the errors that they raise.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ PIXELS_VARIABLE = "LOOKDEV_IMAGE_PIXELS"
 DEFAULT_PIXELS = 1 << 27
 """16384 x 8192."""
 
-_BYTES = 32  # bytes of a file for each pixel of the limit: uncompressed, eight channels of floats
+_BYTES = 32  # largest bytes of a file for each pixel that the limit allows: eight channels of uncompressed float32
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
-_dwa_lock, _dwa_decoded = threading.Lock(), False
-_PNG_SIDE = 1_000_000  # pixels: libpng's limit
+_dwa_lock, _dwa_decoded = threading.Lock(), False  # see `_decode_first_dwa`
+_PNG_SIDE = 1_000_000  # largest side of a PNG in pixels: libpng's limit
 # By the colour type of a PNG: the bits of a sample, and the samples of a pixel.
 _PNG_DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 def default_pixel_limit() -> int:
-    """Return the largest number of pixels of an image; raises OutputError where the variable is not a number."""
+    """Return the limit of an image's pixels in `PIXELS_VARIABLE`, or the default; raises OutputError for no number."""
     return environment_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
 
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
-    """Raise `error` unless an image may be read: a regular file, neither empty nor larger than the limit.
+    """Raise `error` unless a file may be read as an image: a regular file, not empty, and not too large.
 
-    The limit allows `most` pixels, by default `default_pixel_limit`.
+    Its size is limited to `_BYTES` for each of `most` pixels, by default `default_pixel_limit`.
     """
     try:
         status = file.stat()
@@ -72,17 +72,17 @@ def check_file(file: Path, error: type[LookdevError], most: int | None = None) -
 
 @contextmanager
 def open_image(file: Path, error: type[LookdevError], most: int | None = None) -> Iterator[oiio.ImageInput]:
-    """Open an image, alpha as stored, after its file and header are checked; raises `error` where it must not be read.
+    """Open an image after a check of its file and header; its alpha is read as stored.
 
-    The limit is that of `check_file`.
+    `most` is the largest number of pixels, as for `check_file`. Raises `error` where the image must not be read.
     """
     import OpenImageIO as oiio
 
     check_file(file, error, most)
     _check_png(file, error, whole=False)
-    # Some formats are decoded on opening: OpenImageIO refuses larger images then.
+    # OpenImageIO decodes images of some formats as it opens them. It must refuse too large ones itself.
     oiio.attribute("limits:imagesize_MB", -(-_BYTES * _pixel_limit(most)[0] // _MEGABYTE))
-    # The other EXR reader of OpenImageIO writes the faults of an image to stderr.
+    # Select the newer of OpenImageIO's two EXR readers: the other one writes the faults of an image to stderr.
     oiio.attribute("openexr:core", 1)
     as_stored = oiio.ImageSpec()
     as_stored["oiio:UnassociatedAlpha"] = 1
@@ -98,7 +98,7 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
 
 
 def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most: int | None = None) -> None:
-    """Raise `error` unless an image has pixels, and its data window and display window are within the limit."""
+    """Raise `error` unless an image is flat, has pixels, and has at most `most` pixels in data and display window."""
     sizes = ((spec.width, spec.height), (spec.full_width, spec.full_height))
     if min(spec.nchannels, *sizes[0], *sizes[1]) < 1:
         raise error(f"{file}: has no pixels: it is {spec.width} x {spec.height}, of {spec.nchannels} channels")
@@ -113,7 +113,8 @@ def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most
 def _check_jpeg(file: Path, error: type[LookdevError]) -> None:
     """Raise `error` for a JPEG without end marker (ITU-T T.81, B.1.1.3): the JPEG reader fills in missing pixels."""
     data = file.read_bytes()
-    start = 2  # of a segment
+    start = 2  # of a segment, after the marker of the image's start
+    # Skip all segments before that of the scan, 0xda: a thumbnail in them may contain an end marker.
     while data[start : start + 1] == b"\xff" and data[start + 1 : start + 2] != b"\xda":
         start += 2 + int.from_bytes(data[start + 2 : start + 4], "big")
     if data.find(b"\xff\xd9", start) < 0:
@@ -121,6 +122,7 @@ def _check_jpeg(file: Path, error: type[LookdevError]) -> None:
 
 
 def _check_png(file: Path, error: type[LookdevError], *, whole: bool) -> None:
+    """Raise `error` for a damaged PNG; its pixels are checked only with `whole`."""
     try:
         fault = _png_fault(file, whole=whole)
     except OSError as failure:
@@ -130,7 +132,7 @@ def _check_png(file: Path, error: type[LookdevError], *, whole: bool) -> None:
 
 
 def _pixel_limit(most: int | None) -> tuple[int, str]:
-    """Return the largest number of pixels, and its name in a message."""
+    """Return the largest number of pixels, and its description for a message."""
     if most is not None:
         return most, f"{most} pixels"
     return default_pixel_limit(), f"{PIXELS_VARIABLE} = {default_pixel_limit()} pixels"
@@ -141,7 +143,7 @@ def read_strips(
 ) -> Iterator[tuple[int, Floats32]]:
     """Yield an open image in strips: the index of a strip's first row, and its pixels (rows, width, channels).
 
-    Raises `error` where the pixels cannot be read.
+    `channels` is the range of channels to read. Raises `error` where the pixels cannot be read.
     """
     import OpenImageIO as oiio
 
@@ -150,17 +152,18 @@ def read_strips(
     if image.format_name() == "jpeg":
         _check_jpeg(file, error)
     rows = max(1, _STRIP // spec.width)
-    if spec.tile_height:
+    if spec.tile_height:  # round up to whole tiles
         rows = -(-rows // spec.tile_height) * spec.tile_height
     subimage = image.current_subimage()
 
     def read_rows(begin: int, end: int, right: int) -> Floats32:
+        """Return the pixels of the rows from `begin` to before `end`; of tiles, only to before the column `right`."""
         selection = channels.start, channels.stop, oiio.FLOAT
         if spec.tile_width:
             pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *selection)
         else:
             pixels = image.read_scanlines(subimage, 0, begin, end, spec.z, *selection)
-        if pixels is None or image.has_error:  # missing rows of a TIFF set the error alone
+        if pixels is None or image.has_error:  # for missing rows of a TIFF, only the error is set
             raise error(f"{file}: cannot be read as an image: {_error_reason(image.geterror)}")
         return pixels
 
@@ -213,7 +216,8 @@ def _png_fault(file: Path, *, whole: bool) -> str:
         if stream.read(8) != b"\x89PNG\r\n\x1a\n":
             return ""
         size = os.fstat(stream.fileno()).st_size
-        decompressor, kind, left = zlib.decompressobj(), b"", -1  # left: bytes of pixels to come
+        # The type of the newest chunk, and the bytes of pixels that are still to come; -1 before the header.
+        decompressor, kind, left = zlib.decompressobj(), b"", -1
         while kind != b"IEND":
             start = stream.read(8)
             length, kind = int.from_bytes(start[:4], "big"), start[4:]
@@ -251,5 +255,5 @@ def _min_png_bytes(header: bytes) -> int:
     valid = depth in _PNG_DEPTHS.get(color, ()) and not method and not filtering and interlaced < 2
     if not valid or not 0 < width < 1 << 31 or not 0 < height < 1 << 31:
         return 0
-    # Interlaced pixels have more bytes: a filter byte for each row of seven passes.
+    # A row has a filter byte and its pixels. An interlaced PNG has rows of seven passes instead, but at least as many.
     return int(height * (1 + -(-width * depth * _PNG_CHANNELS[color] // 8)) if not interlaced else height)

@@ -1,4 +1,4 @@
-"""The ends of processes: a child ends with its parent, and a program ends within two seconds after a signal."""
+"""Functions that end processes: a child ends with its parent, and a program ends within two seconds after a signal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from types import FrameType
 
 _GRACE = 1.5  # seconds in which a program may remove its files and end its children after a signal
 _REPEAT_PERIOD = 0.02  # seconds until a signal is repeated
-_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
+_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>: the option that sets the signal at the parent's death
 
 
 def end_with_parent() -> None:
@@ -28,8 +28,9 @@ def end_with_parent() -> None:
 def exit_after_block() -> Iterator[None]:
     """End the process after the block: with exit code 0, or with 1 and a traceback after an exception.
 
-    The interpreter's own exit can hang where Blender is loaded, or where threads of Dr.Jit or a reading thread remain.
-    SIGINT is such an exception, even where a shell started the parent in the background and made it ignore SIGINT.
+    The interpreter's own exit can hang where Blender is loaded, or where threads of Dr.Jit or a thread that reads
+    remain. SIGINT raises KeyboardInterrupt in the block. It does so even where a shell started the parent in the
+    background, and so made it and its children ignore SIGINT.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -43,7 +44,7 @@ def exit_after_block() -> Iterator[None]:
 
 
 def _is_importing(frame: FrameType | None) -> bool:
-    """Return whether a module is being imported: C++ libraries then lose a KeyboardInterrupt."""
+    """Return whether a module is being imported in a stack frame; C++ libraries would lose a KeyboardInterrupt then."""
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
             return True
@@ -55,7 +56,8 @@ def _is_importing(frame: FrameType | None) -> bool:
 class Interruption:
     """The state of an interruption: whether a signal came, and whether KeyboardInterrupt was raised for it.
 
-    It is not a `threading.Event`, which has a lock: a second signal would wait for the lock while the first holds it.
+    These are plain attributes, not a `threading.Event`, which has a lock. A handler that holds the lock can be
+    interrupted by that of a second signal, which would wait for the lock without end.
     """
 
     came: bool = False
@@ -64,18 +66,21 @@ class Interruption:
 
 @contextmanager
 def end_at_signals() -> Iterator[Interruption]:
-    """Raise KeyboardInterrupt at SIGTERM in the block, as at Ctrl-C; end the process if it goes on nevertheless.
+    """Raise KeyboardInterrupt at SIGTERM in the block, as at Ctrl-C.
 
-    Python runs handlers between its own instructions: a library that computes for long would delay them, and a wait
-    that begins just after the signal is not interrupted. A second thread sees the signal at once, and repeats it until
-    KeyboardInterrupt is raised. Only the first signal counts: Ctrl-C may arrive twice, from the terminal and from the
-    parent.
+    If the block goes on for `_GRACE` seconds nevertheless, the process is ended.
+
+    Python runs the handlers of signals between its own instructions. So a library that computes for long would delay
+    them, and a wait that begins just after the signal is not interrupted. A second thread reads the signal from a pipe
+    at once, and repeats it until KeyboardInterrupt is raised. Only the first signal counts: Ctrl-C may arrive twice,
+    from the terminal and from the parent.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     main = threading.get_ident()
 
     def watch() -> None:
+        """Wait for the first signal, repeat it until it has an effect, and end the process if it does not end."""
         with os.fdopen(reader, "rb", buffering=0) as signals:
             number = signals.read(1)
             deadline = time.monotonic() + _GRACE
@@ -87,6 +92,7 @@ def end_at_signals() -> Iterator[Interruption]:
                     os._exit(128 + number[0])
 
     def interrupt(number: int, frame: FrameType | None) -> None:
+        """Handle a signal in the main thread: raise KeyboardInterrupt once, but not while a module is imported."""
         interruption.came = True
         if not interruption.raised and not _is_importing(frame):
             interruption.raised = True

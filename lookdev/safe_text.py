@@ -1,7 +1,8 @@
-"""Text files of any content: read whole or refused, and parsed to data of limited depth; tables as text.
+"""The reader of text files that a user gives, and parsers of TOML and JSON; also the format of tables as text.
 
-Reading a named pipe or a device could wait without end, a sparse file could fill the memory, and deep nesting could
-overflow Python's stack. Each of these raises a `TextError` that states the reason.
+The content of such files is not trusted. Reading a named pipe or a device could wait without end, a sparse file could
+fill the memory, and deep nesting could overflow Python's stack. Each of these raises a `TextError` that states the
+reason.
 """
 
 from __future__ import annotations
@@ -18,12 +19,13 @@ from typing import Any
 from lookdev.errors import FaultsError, OutputError
 
 MAX_BYTES = 64 << 20
-"""The largest size of a text file in bytes; some kinds of files have a limit of their own."""
+"""The largest size of a text file in bytes, unless a caller states another limit."""
 
 MAX_DEPTH = 32
 """The largest depth of nested tables, objects and lists."""
 
-# A key with more parts than MAX_DEPTH: the parser's time and memory grow with the square of their number.
+# A dotted TOML key (a.b.c) with more than MAX_DEPTH parts: the time and memory of Python's parser grow with the square
+# of their number.
 _PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _DEEP_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*\.[ \t]*){{{MAX_DEPTH}}}", re.MULTILINE)
 
@@ -35,7 +37,10 @@ class TextError(FaultsError):
 
 
 def environment_limit(variable: str, default: int, unit: str) -> int:
-    """Return the limit in an environment variable, or `default`; raises OutputError where it is not a whole number."""
+    """Return the limit in an environment variable, or `default` if it is not set.
+
+    Raises OutputError where the value is not a number of `unit`, from 1 to 10^12.
+    """
     text = os.environ.get(variable, str(default))
     if not re.fullmatch(r"[1-9][0-9]{0,11}", text):
         raise OutputError(f"{variable} is {text[:40]!a}; a number of {unit} from 1 to 10^12 is needed")
@@ -43,7 +48,7 @@ def environment_limit(variable: str, default: int, unit: str) -> int:
 
 
 def has_text_path(file: Path) -> bool:
-    """Return whether the path of a file is UTF-8: USD and the image libraries cannot open other paths."""
+    """Return whether the path of a file is text in UTF-8; USD and the image libraries cannot open other paths."""
     try:
         str(file).encode()
     except UnicodeEncodeError:
@@ -69,7 +74,10 @@ def read_text(file: Path, largest: int = MAX_BYTES) -> str:
 
 
 def decode(data: bytes, file: object) -> str:
-    """Return the UTF-8 text of `file`, without a byte order mark; raises TextError with line and column."""
+    """Return UTF-8 `data` as text, without a byte order mark; raises TextError with line and column.
+
+    `file` names the source of the data in messages, here and below.
+    """
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -90,7 +98,10 @@ def parse_json(text: str | bytes, file: object) -> Any:
 
 
 def align_columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows of cells as lines of aligned text; rows may end early, and columns without text are left out."""
+    """Return the rows of a table as lines of text with aligned columns.
+
+    Rows may have fewer cells than others. Columns without text are left out.
+    """
     widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
     return [
         "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False) if width).rstrip()
@@ -108,11 +119,12 @@ def read_json_object(file: Path, largest: int = MAX_BYTES) -> dict[str, Any]:
 
 
 def _parse(parse: Callable[[Any], Any], text: str | bytes, file: object, language: str) -> Any:
+    """Return the result of a parser, unless it is nested too deep; turn the parser's errors into TextError."""
     try:
         data = parse(text)
     except RecursionError:
         data = None
-    except ValueError as error:  # also of an integer with too many digits
+    except ValueError as error:  # Python also raises it for an integer with too many digits
         message, _, where = str(error).removesuffix(")").partition(" (at ")
         if isinstance(error, json.JSONDecodeError):
             message, where = error.msg, f"line {error.lineno}, column {error.colno}"
@@ -129,6 +141,7 @@ def _depth_error(file: object) -> TextError:
 
 
 def _is_deep(data: object) -> bool:
+    """Return whether tables and lists in parsed data are nested more than `MAX_DEPTH` deep."""
     level = [data]
     for _ in range(MAX_DEPTH + 1):
         nested = [value for value in level if isinstance(value, Mapping | list)]

@@ -1,10 +1,10 @@
-"""The program in a child process: a file that crashes its reader, or takes too much time or memory, ends the child.
+"""The sandbox: the program runs in a child process, so that a file that crashes its reader ends only the child.
 
 The libraries that read USD files and images trust their input: a damaged file can crash the process, and a file of a
-few bytes can compose to any number of prims. `run_supervised` runs a program in a child process. The program reports
-each file from outside to its parent by `report_reading`. The parent then knows which file to name in a message, and
-limits time and memory until the file is read. Outside of `run_supervised`, as in a user's Python program,
-`report_reading` does nothing.
+few bytes can compose to any number of prims. `run_supervised` runs the program in a child process. Before the child
+reads a file that a user gives, it reports that to its parent by `report_reading`. So the parent knows which file to
+name in a message, and it ends the child if reading takes too much time or memory. Outside of `run_supervised`, as in a
+user's Python program, `report_reading` does nothing.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from lookdev.errors import LookdevError, shorten
 from lookdev.processes import end_with_parent
 
 MEMORY_VARIABLE = "LOOKDEV_READ_MEMORY"
-"""Environment variable: MiB of memory that reading a file may take, plus `_MEMORY_PER_MIB` for each of its MiB."""
+"""Environment variable: MiB of memory for reading a file, to which `_MEMORY_PER_MIB` is added for each MiB of it."""
 
 SECONDS_VARIABLE = "LOOKDEV_READ_SECONDS"
-"""Environment variable: seconds that reading a file may take, plus `_SECONDS_PER_MIB` for each of its MiB."""
+"""Environment variable: seconds for reading a file, to which `_SECONDS_PER_MIB` is added for each MiB of it."""
 
-DEFAULT_MEMORY = 1536
+DEFAULT_MEMORY = 1536  # MiB
 DEFAULT_SECONDS = 15
 
-_MEMORY_PER_MIB = 128  # MiB for each MiB of the files read so far
+_MEMORY_PER_MIB = 128  # MiB of memory for each MiB of the files that were reported so far
 _SECONDS_PER_MIB = 10
 _MIB = 1 << 20
 _PERIOD = 0.05  # seconds between two measurements of a child that reads
-_TICKS = os.sysconf("SC_CLK_TCK")
+_TICKS = os.sysconf("SC_CLK_TCK")  # units of CPU time in a second, in proc(5)
 
 _FORWARDED_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-_pipe_to_parent: int | None = None
-_lock = threading.Lock()  # without it, lines longer than PIPE_BUF could mix
+_pipe_to_parent: int | None = None  # the file descriptor, in a child of `run_supervised`
+_lock = threading.Lock()  # without it, reports of several threads that are longer than PIPE_BUF could mix
 
 
 class ReadingError(LookdevError):
@@ -58,12 +58,12 @@ class KilledError(LookdevError):
 
 
 class NativeCrashError(Exception):
-    """A signal ended the program while it read no file: a defect, which a report file describes."""
+    """A signal ended the program while it did not read a file: a defect, for which a report file is written."""
 
 
 @contextmanager
 def report_reading(file: Path) -> Iterator[None]:
-    """Report to the parent, if there is one, that the block reads a file of any content."""
+    """Report to the parent, if there is one, that the block reads a file whose content is not trusted."""
     if _pipe_to_parent is None:
         yield
         return
@@ -76,12 +76,13 @@ def report_reading(file: Path) -> Iterator[None]:
 
 
 def report_opened(file: Path) -> None:
-    """Report to the parent a further file, such as a layer of a USD file: its size raises the limits."""
+    """Report a further file to the parent, such as a layer of a USD file; its size raises the limits."""
     if _pipe_to_parent is not None and file.is_file():
         _report(opened=str(file), bytes=file.stat().st_size)
 
 
 def _report(**message: object) -> None:
+    """Send a message to the parent, as a line of JSON (see `_ChildState.handle`)."""
     assert _pipe_to_parent is not None
     with _lock:
         os.write(_pipe_to_parent, json.dumps(message).encode() + b"\n")
@@ -90,7 +91,7 @@ def _report(**message: object) -> None:
 def run_supervised(program: Callable[[], None]) -> int:
     """Run a program in a child process and return its exit code; the calling process must not have threads.
 
-    SIGTERM and SIGINT are forwarded to the child. The program returns, or raises SystemExit.
+    The program returns, or raises SystemExit. SIGTERM and SIGINT are forwarded to the child.
 
     Raises
     ------
@@ -99,7 +100,7 @@ def run_supervised(program: Callable[[], None]) -> int:
     KilledError
         SIGKILL ended the child.
     NativeCrashError
-        Another signal ended the child, with the traceback of its Python code.
+        Another signal ended the child while it did not read a file. The message has the traceback of its Python code.
     LookdevError
         A limit in the environment is not a number.
     """
@@ -107,12 +108,12 @@ def run_supervised(program: Callable[[], None]) -> int:
     memory, seconds = _read_limit(MEMORY_VARIABLE, DEFAULT_MEMORY), _read_limit(SECONDS_VARIABLE, DEFAULT_SECONDS)
     parent, trace = os.getpid(), os.memfd_create("traceback")
     reader, writer = os.pipe()
-    signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED_SIGNALS)  # until the child exists
+    signal.pthread_sigmask(signal.SIG_BLOCK, _FORWARDED_SIGNALS)  # until there is a child that can receive them
     child = os.fork()
     if child == 0:
         os.close(reader)
         end_with_parent()
-        if os.getppid() != parent:
+        if os.getppid() != parent:  # the parent ended before `end_with_parent`
             os._exit(128 + signal.SIGKILL)
         faulthandler.enable(trace)
         _pipe_to_parent = writer
@@ -147,7 +148,11 @@ def run_supervised(program: Callable[[], None]) -> int:
 
 @dataclass(frozen=True)
 class _ResourceUse:
-    """The use of a process: MiB of private memory now, CPU seconds of all its threads, and seconds on the clock."""
+    """The resources that a process uses, at a time.
+
+    `memory` is its private memory in MiB, `cpu` the CPU seconds of all its threads so far, and `clock` the time in
+    seconds.
+    """
 
     memory: float
     cpu: float
@@ -158,13 +163,19 @@ class _ResourceUse:
         """Return the use of a running process, by proc(5)."""
         status = Path(f"/proc/{process}/status").read_text()
         private = re.search(r"^RssAnon:\s*(\d+) kB$", status, re.MULTILINE)
+        # The fields utime and stime; the name of the program, in parentheses, may contain spaces.
         times = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
         return cls(int(private[1]) / 1024 if private else 0.0, sum(map(int, times)) / _TICKS, time.monotonic())
 
 
 @dataclass
 class _ChildState:
-    """The limits of a child, MiB and seconds, the files that it reads, the innermost last, and the bytes of all."""
+    """The process id of a child, its limits `memory` in MiB and `seconds`, and the files that it reads.
+
+    `files` are the files that are being read, which are nested: each is read during the reading of the one before it.
+    `sizes` has the bytes of all files that were reported. `start` is the use of resources when reading the first of
+    `files` began.
+    """
 
     child: int
     memory: int
@@ -174,7 +185,7 @@ class _ChildState:
     start: _ResourceUse | None = None
 
     def handle(self, message: dict[str, Any]) -> None:
-        """Take over a report of the child."""
+        """Update the state by a report of the child: it reads a file, has read a file, or has opened a further one."""
         match message:
             case {"reads": file}:
                 self.files.append(file)
@@ -185,7 +196,7 @@ class _ChildState:
                 self.sizes[file] = size
 
     def check(self) -> str:
-        """Measure the child while it reads; return the fault of the outermost file, or ''."""
+        """Measure the child while it reads; return the fault of the first of `files`, or '' within the limits."""
         now = _ResourceUse.of_process(self.child)
         self.start = self.start or now
         size = sum(self.sizes.values()) / _MIB
@@ -203,8 +214,11 @@ class _ChildState:
 
 
 def _watch(state: _ChildState, reader: int) -> str:
-    """Watch a child until it ends; return the reason for which it was killed, or ''."""
-    rest, checked = b"", 0.0
+    """Watch a child until it ends; return the reason for which it was killed, or ''.
+
+    `reader` is the pipe of its reports.
+    """
+    rest, checked = b"", 0.0  # the beginning of an unfinished line, and the time of the last check
     while True:
         if select.select([reader], [], [], _PERIOD if state.files else None)[0]:
             data = os.read(reader, 1 << 16)
@@ -223,7 +237,7 @@ def _watch(state: _ChildState, reader: int) -> str:
 
 def _run_and_exit(program: Callable[[], None]) -> NoReturn:
     """Run a program and end this process at once, without unloading: a damaged file can crash USD as it unloads."""
-    code = 128 + signal.SIGINT  # also where a second signal interrupts the handling of the first
+    code = 128 + signal.SIGINT  # stays if a signal interrupts the program, or the handling of an earlier signal
     try:
         program()
         code = 0
@@ -242,6 +256,7 @@ def _run_and_exit(program: Callable[[], None]) -> NoReturn:
 
 
 def _read_limit(variable: str, default: int) -> int:
+    """Return the limit in an environment variable, or `default` if it is not set."""
     text = os.environ.get(variable, str(default))
     if not re.fullmatch(r"[1-9][0-9]{0,8}", text):
         raise LookdevError(f"{variable} is {text[:40]!a}; a whole number from 1 to 999999999 is needed")

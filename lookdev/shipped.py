@@ -1,4 +1,4 @@
-"""The jobs, looks, presets and rigs that come with the program."""
+"""The folder of the jobs, looks, presets and rigs that come with the program, and the names of these rigs."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from lookdev.errors import EnvironmentMapError, nearest_hint
 _WHEEL_DATA = Path(__file__).with_name("data")
 
 BUILTIN_RIGS: tuple[str, ...] = ("three_point", "softbox_product", "overcast_plus_sun")
-"""Names of the rigs, each of which is a file in ``rigs`` and fits an asset of any size."""
+"""Names of the rigs that come with the program. Each is a file in ``rigs``, and fits an asset of any size."""
 
 
 def shipped_folder() -> Path:

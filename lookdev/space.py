@@ -1,7 +1,7 @@
 """The colour space in which light is computed: ACEScg, or linear Rec.709, the space of looks and lights.
 
-Both are linear: a matrix converts one to the other. OpenColorIO's built-in config defines it; white stays white, by
-Bradford's adaptation of D65 to the ACES white.
+Both are linear, so a matrix converts one to the other. OpenColorIO's built-in config defines this matrix. White stays
+white, by Bradford's adaptation of D65 to the ACES white.
 """
 
 from __future__ import annotations
@@ -37,10 +37,11 @@ CHROMATICITIES: dict[Space, tuple[float, ...]] = {
     # SMPTE ST 2065-1 and ACES S-2014-004: AP1, and the ACES white.
     "acescg": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
 }
-"""CIE x and y of the primaries red, green and blue, and of white."""
+"""For each space, CIE x and y of red, of green, of blue and of white: eight numbers."""
 
 
 # Lam, K. M. 1985. Metamerism and Colour Constancy. University of Bradford; as in ICC.1:2022, annex E.
+# It maps X, Y, Z to the responses of the three cones, which an adaptation scales.
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
@@ -51,7 +52,7 @@ def chromaticity_xyz(chromaticity: Sequence[float]) -> Floats:
 
 
 def rgb_to_xyz_matrix(chromaticities: Sequence[float]) -> Floats:
-    """Return the matrix (3, 3) to X, Y, Z from RGB of the primaries and the white, in the form of `CHROMATICITIES`."""
+    """Return the matrix (3, 3) from RGB to X, Y, Z, for primaries and white in the form of `CHROMATICITIES`."""
     columns = np.stack([chromaticity_xyz(chromaticities[i : i + 2]) for i in (0, 2, 4)], axis=-1)
     return np.asarray(columns * np.linalg.solve(columns, chromaticity_xyz(chromaticities[6:8])))
 
@@ -91,6 +92,9 @@ def to_rec709(color: ArrayLike, space: Space) -> Floats:
 
 
 def error_in_rec709(error: ArrayLike, space: Space) -> Floats:
-    """Convert standard errors (..., 3) of colours of `space`, independent in each channel, to linear Rec.709."""
+    """Convert standard errors (..., 3) of colours from `space` to linear Rec.709.
+
+    The errors of the channels are taken as independent, so that their variances add.
+    """
     variance = np.square(np.asarray(error, np.float64)) @ np.square(np.linalg.inv(matrix_from_rec709(space))).T
     return np.asarray(np.sqrt(variance))

@@ -1,6 +1,7 @@
-"""The command line: commands and their options, one file for each group of commands.
+"""The command line: each module of this package has a group of commands, and `main` runs the program.
 
-A command imports the modules that it needs when it runs, so that ``lookdev --help`` loads nothing heavy.
+A command imports the modules that it needs when it runs, so that ``lookdev --help`` loads nothing heavy. The docstring
+of a command is its help text.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from lookdev.processes import end_at_signals
 from lookdev.sandbox import KilledError, NativeCrashError, run_supervised
 
 EX_SOFTWARE = 70
-"""Exit code of a defect of the program (sysexits.h)."""
+"""Exit code after a defect of the program (sysexits.h)."""
 
 app = typer.Typer(
     help="Batch look-dev turntables: film reflectance models, rendered exactly as published, on Cycles.",
@@ -39,7 +40,7 @@ app.add_typer(export.app, name="export", rich_help_panel="Jobs")
 
 
 def main() -> None:
-    """Run the command line in a child process; a damaged file crashes at most the child (`lookdev.sandbox`)."""
+    """Run the command line in a child process, so that a damaged file crashes at most the child (`lookdev.sandbox`)."""
     _open_streams()
     try:
         code = run_supervised(run)
@@ -53,12 +54,12 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Open standard streams that are closed; text streams escape the characters that they cannot encode."""
+    """Open those of the standard streams that are closed, and make output escape characters that it cannot encode."""
     for stream in range(3):
         try:
             os.fstat(stream)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is that of the closed stream
     sys.stdin = sys.stdin or open(0, closefd=False, encoding="utf-8")  # noqa: SIM115
     sys.stdout = sys.stdout or open(1, "w", closefd=False, encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or open(2, "w", closefd=False, encoding="utf-8")  # noqa: SIM115
@@ -98,6 +99,7 @@ def run() -> None:
 
 
 def _exit_with_report(error: Exception) -> NoReturn:
+    """Write a report file about a defect, tell the user about it, and exit."""
     from lookdev.cli.crash import record_crash
 
     _exit_with_message(record_crash(error, sys.argv), EX_SOFTWARE)

@@ -1,4 +1,4 @@
-"""Reports of unexpected exceptions, for the developers who look for the defect."""
+"""Report files about unexpected exceptions, which a user sends to the developers."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from lookdev.cache import cache_dir, write_file
 from lookdev.errors import OutputError, shorten
 
 DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
-"""Distributions whose versions a report contains."""
+"""Installed distributions (packages of pip) whose versions a report contains."""
 
 
 def record_crash(error: Exception, command: Sequence[str]) -> str:
     """Write a report file about an exception of a command line; return a line for the user that names the file.
 
-    The file goes to the cache folder. If that folder cannot be written, it goes to the folder of temporary files. If
-    neither can be written, the returned text has the report after the line. A report contains the job files that the
-    command line names.
+    The file is in the cache folder, or, if that cannot be written, in the folder of temporary files. If neither can be
+    written, the returned text has the report after the line. A report contains the job files that the command line
+    names.
     """
     now = datetime.now(UTC)
     report = "\n".join(_report_lines(error, command, now)) + "\n"
@@ -40,6 +40,7 @@ def record_crash(error: Exception, command: Sequence[str]) -> str:
 
 
 def _report_lines(error: Exception, command: Sequence[str], now: datetime) -> Iterator[str]:
+    """Yield the entries of a report: the command line, the system, the traceback and the job files."""
     yield f"command: {shlex.join(command)}"
     yield f"folder: {os.environ.get('PWD', 'unknown')}"
     yield f"time: {now.isoformat(timespec='seconds')}"

@@ -1,4 +1,4 @@
-"""The commands of ``lookdev export``."""
+"""The commands of ``lookdev export``, which write a job for another program: blend, mitsuba, openjd."""
 
 from __future__ import annotations
 

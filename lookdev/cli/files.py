@@ -51,7 +51,7 @@ def inspect(
         asset = rig_file(str(asset))
     elif not asset.exists() and (hint := close_hint(str(asset), BUILTIN_RIGS)):
         raise LookdevError(f"{asset}: no such file or built-in rig ({hint})")
-    # Missing files are listed beside the rest.
+    # With "warn", the report lists files that the asset refers to and that are missing; otherwise they are errors.
     composition = Composition(asset, layer, prim, tuple(parse_variants(variants or ()).items()), missing="warn")
     with stdout_to_stderr():
         report, inspected_asset = inspect_file(composition, time, tuple(purposes or ("default", "render")), rig=rig)

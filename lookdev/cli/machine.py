@@ -1,4 +1,4 @@
-"""The commands of this machine: doctor, and those of ``lookdev warm``."""
+"""The commands that check this machine, doctor, and that keep a render worker on it, ``lookdev warm``."""
 
 from __future__ import annotations
 

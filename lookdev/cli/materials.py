@@ -1,4 +1,4 @@
-"""The commands of ``lookdev materials``: the library, and stacks of its presets."""
+"""The commands of ``lookdev materials``: they list the library of presets, and edit the layers of a look."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.cli.options import LookFile, Prim, say, say_notes
 
 
 class _ListByDefault(TyperGroup):
-    """A group of commands whose default command is ``list``: without a command, its options are those of ``list``."""
+    """A group of commands whose default command is ``list``: it runs if the first argument is an option, or missing."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         if not args or (args[0].startswith("-") and args[0] != "--help"):

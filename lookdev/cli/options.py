@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, and the functions with which commands print."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ AsJson = Annotated[bool, Option("--json", help="Write one JSON document instead 
 
 
 def say(text: str, *, err: bool = False) -> None:
-    """Print text of a command; control characters in it, such as those in names of files, do not reach the terminal."""
+    """Print a text to stdout, or to stderr if `err`; question marks replace control characters, as in file names."""
     typer.echo(replace_controls(text), err=err)
 
 
 def say_notes(notes: Iterable[object]) -> None:
-    """Print notes for the user, which are not part of a command's answer."""
+    """Print notes for the user to stderr: stdout has only the answer of a command."""
     for note in notes:
         say(f"note: {note}", err=True)
 
 
 def say_json(data: object) -> None:
-    """Print a JSON document; NaN and infinity, which JSON lacks, become null."""
+    """Print data as a JSON document; NaN and infinity, which JSON lacks, become null."""
     say(json.dumps(_replace_nonfinite(data), indent=2, allow_nan=False))
 
 
 def _replace_nonfinite(data: object) -> object:
+    """Return JSON data with None in place of NaN and infinity."""
     if isinstance(data, Mapping):
         return {key: _replace_nonfinite(value) for key, value in data.items()}
     if isinstance(data, list | tuple):
@@ -51,7 +52,7 @@ def _replace_nonfinite(data: object) -> object:
 
 @contextmanager
 def stdout_to_stderr() -> Iterator[None]:
-    """Redirect stdout to stderr inside the context: the output of libraries is not part of a command's answer."""
+    """Redirect stdout to stderr in the block, since what libraries print there is not part of a command's answer."""
     sys.stdout.flush()
     saved_stdout = os.dup(1)
     os.dup2(2, 1)

@@ -1,4 +1,4 @@
-"""The commands of the web page: explore, design."""
+"""The commands that serve a web page on this machine: explore, design."""
 
 from __future__ import annotations
 
@@ -71,7 +71,10 @@ def design(
 
 
 def _address(host: str, port: int | None, names: list[str] | None) -> Address:
-    """Return the address of a page; raises LookdevError if a package that the pages need is not installed."""
+    """Return the address at which to serve a page, and set up logging to stderr.
+
+    Raises LookdevError if a package that the pages need is not installed.
+    """
     from lookdev.studio import Address, require_packages
 
     require_packages()
@@ -80,8 +83,9 @@ def _address(host: str, port: int | None, names: list[str] | None) -> Address:
 
 
 def _exit_at_once() -> NoReturn:
-    # Everything is closed and removed. A normal exit of Python would wait for a computation in a thread, which cannot
-    # be stopped, and then for the threads of libraries. The user who ends a server need not wait for either.
+    # The server is closed and its temporary files are removed already. A normal exit of Python would wait for a
+    # computation in a thread, which cannot be stopped, and then for the threads of libraries. The user who ends a
+    # server need not wait for either.
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)

@@ -1,4 +1,4 @@
-"""The files that a job writes: float EXR frames, and a registry of the outputs that are made from them."""
+"""The files that a job writes: EXR frames, and the outputs that are made from frames, whose registry is `OUTPUTS`."""
 
 from typing import Any
 
@@ -12,6 +12,7 @@ _COLUMNS = "Looks in a row of an overview; by default as many as fill a page of 
 _FPS = "Frames a second of movies; 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001."
 _TURNS = "Number of times that a movie shows its turntable; no frame is doubled where it starts again."
 _SLATE = "Seconds of a slate before each movie; 0 for no slate."
+# Fields of an `Output` that all movies share.
 _MOVIE: dict[str, Any] = {
     "options": {
         "fps": (float, Field(default=24.0, ge=1.0, le=240.0, description=_FPS)),
@@ -20,6 +21,7 @@ _MOVIE: dict[str, Any] = {
     },
     "extra": ("movie", "av"),
 }
+# Fields of a movie of a single turntable, whose frames can have text.
 _REEL = {**_MOVIE, "can_burn_in": True}
 
 OUTPUTS: dict[str, Output] = {

@@ -1,4 +1,4 @@
-"""The lights that the camera sees behind the asset."""
+"""The picture of the lights that the camera sees behind the asset, computed without a renderer."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from lookdev.scene import Camera, camera_rays
 from lookdev.space import to_rec709
 
 _GRID = 3  # subsamples of a pixel along each axis
-_LENS_GRID = 8  # subsamples through a lens
+_LENS_GRID = 8  # the same for rays through a lens
 _DISC_GRID = 16  # subsamples of a pixel of the disc of confusion
 
 
 def environment_background(task: FrameTask) -> Floats:
-    """Return the radiance behind the asset of a frame, (H, W, 3), linear Rec.709, exposure applied.
+    """Return the radiance (H, W, 3) behind the asset of a frame, in linear Rec.709, with the frame's exposure.
 
-    It has all domes, and the other lights that the camera sees. A lens blurs every point at infinity to a disc of one
-    size, so the image of the domes is convolved with this disc. Lights nearby are averaged over rays through the lens.
+    It is the radiance of all domes, and of the other lights that the camera sees. A lens blurs every point at infinity
+    to a disc of one size, so the picture of the domes is convolved with this disc. The other lights, which are nearby,
+    are averaged over rays through the lens.
     """
     scene = task.scene
     far_lights = world_domes(scene.lights)
@@ -45,12 +46,14 @@ def environment_background(task: FrameTask) -> Floats:
 def _mean_radiance(task: FrameTask, lights: Sequence[Light], *, edge: int = 0, lens: bool = False) -> Floats:
     """Return the radiance of lights, (H + 2 edge, W + 2 edge, 3), as the mean over a grid of rays in each pixel.
 
-    With `lens`, each ray of the grid starts at a different point on the lens.
+    The picture is the frame with a border of `edge` pixels. With `lens`, each ray of the grid starts at a different
+    point on the lens.
     """
     camera, pose, grid = task.scene.camera, task.pose, _LENS_GRID if lens else _GRID
     width, height = task.scene.resolution
     rows, columns = np.mgrid[-edge : height + edge, -edge : width + edge]
     total = np.zeros((*rows.shape, 3))
+    # The asset stands still, and the camera and the lights turn around it instead (`camera_rays`).
     angles = [light.emission.turns * pose.lighting - pose.element for light in lights]
     lens_samples = _lens_samples(grid * grid) if lens else None
     for number, (dy, dx) in enumerate(product((np.arange(grid) + 0.5) / grid, repeat=2)):
@@ -69,8 +72,12 @@ def _lens_samples(count: int) -> Floats:
 
 
 def _disc_of_confusion(camera: Camera, width: int) -> Floats:
-    """Return the weights (n, n), n odd, of the disc of pixels over which a lens spreads a point at infinity."""
+    """Return the weights (n, n), n odd, of the disc of pixels over which a lens spreads a point at infinity.
+
+    The weights sum to 1. `width` is that of the frame in pixels.
+    """
     lens = camera.lens
+    # In pixels. Rays of such a point are parallel: on the plane of focus, they are apart by as much as on the lens.
     radius = 0.0 if lens is None else 0.5 * lens.aperture / lens.focus / camera.reach * width / 2.0
     if radius < 1.0 / _DISC_GRID:
         return np.ones((1, 1))

@@ -1,6 +1,7 @@
 """Views: the transforms of OpenColorIO from linear light to code values of a display.
 
-The config is the one that ships (`lookdev.output.config`), a file, or one that is built into OpenColorIO.
+A view is defined in an OpenColorIO config: the one that ships with this program (`lookdev.output.config`), a file, or
+one that is built into OpenColorIO.
 """
 
 from __future__ import annotations
@@ -20,12 +21,14 @@ if TYPE_CHECKING:
     import PyOpenColorIO as ocio
 
 SOURCE = OCIO_NAMES[REC709]
-"""The colour space of the light that views take, by its name in OpenColorIO's built-in configs."""
+"""The colour space of the light that views take, linear Rec.709, by its name in OpenColorIO's built-in configs."""
 
 SHIPPED = NAME
 """The name of the config that ships."""
 
 DISPLAY = "sRGB - Display"
+"""The default display of the config that ships."""
+
 VIEWS: tuple[str, ...] = (NAME, "ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw")
 """The views of `DISPLAY` in the config that ships, the default first."""
 
@@ -35,7 +38,7 @@ BUILT_IN = "ocio://"
 
 @dataclass(frozen=True)
 class DisplayView:
-    """A view of a display.
+    """A view of a display: the names of both, and the config that defines them.
 
     config
         `SHIPPED`, the path of a config, or ``ocio://`` and the name of one that is built into OpenColorIO.
@@ -51,24 +54,30 @@ class DisplayView:
 
     @cached_property
     def processor(self) -> ocio.CPUProcessor:
-        """The transform from linear Rec.709 to code values; raises OutputError where the config does not have one."""
+        """The transform from linear Rec.709 to code values, on the CPU.
+
+        Raises OutputError where the config does not have one.
+        """
         return self.transform.getDefaultCPUProcessor()
 
     @property
     def transform(self) -> ocio.Processor:
-        """The transform of `processor`, for any device; raises what `processor` raises."""
+        """The transform of `processor`, from which OpenColorIO also makes shaders; raises what `processor` raises."""
         return _processor(self)
 
     @property
     def digest(self) -> str:
-        """A digest of the transform: its operations and their tables, on which pictures in this view depend."""
+        """A digest of the transform with its tables; pictures in this view change only if it changes."""
         if self._is_shipped:
             return ", ".join((hashlib.sha256(FILE.read_bytes()).hexdigest(), self.display, self.view))
         return str(self.processor.getCacheID())
 
     @property
     def _is_shipped(self) -> bool:
-        """Whether the view is one of `VIEWS` in the config that ships, for which OpenColorIO need not be imported."""
+        """Whether the view is one of `VIEWS` in the config that ships.
+
+        It needs no check, so that OpenColorIO need not be imported.
+        """
         return self == DisplayView(self.view) and self.view in VIEWS
 
     def check(self) -> None:
@@ -81,12 +90,12 @@ class DisplayView:
 
 
 def default_display(config: str) -> str:
-    """Return the default display of a config; raises OutputError where the config cannot be read."""
+    """Return the name of the default display of a config; raises OutputError where the config cannot be read."""
     return DISPLAY if config == SHIPPED else str(_config(config).getDefaultDisplay())
 
 
 def default_view(config: str, display: str) -> str:
-    """Return the default view of a display; raises OutputError where there is no such display."""
+    """Return the name of a display's default view; raises OutputError where there is no such display."""
     if (config, display) == (SHIPPED, DISPLAY):
         return VIEWS[0]
     _require_name(config, "display", display, tuple(_config(config).getDisplays()))
@@ -95,6 +104,7 @@ def default_view(config: str, display: str) -> str:
 
 @lru_cache(maxsize=8)
 def _config(name: str) -> ocio.Config:
+    """Return the config that `DisplayView.config` names; raises OutputError where it cannot be read."""
     import PyOpenColorIO as ocio  # not at the top: most jobs do not write a picture until late
 
     try:
@@ -111,6 +121,7 @@ def _config(name: str) -> ocio.Config:
 
 @lru_cache(maxsize=32)
 def _processor(view: DisplayView) -> ocio.Processor:
+    """Return the transform of a view; raises OutputError where a name is unknown or the config is broken."""
     import PyOpenColorIO as ocio
 
     config = _config(view.config)
@@ -134,6 +145,7 @@ def _processor(view: DisplayView) -> ocio.Processor:
 
 
 def _require_name(config: str, kind: str, name: str, names: Sequence[str]) -> None:
+    """Raise OutputError unless `name` is one of the `names` of a kind of objects in a config."""
     if name not in names:
         hint, all_names = nearest_hint(name, names), f"known: {', '.join(names)}"
         also = f"; {all_names}" if hint != all_names and len(names) <= 20 else ""
@@ -141,4 +153,5 @@ def _require_name(config: str, kind: str, name: str, names: Sequence[str]) -> No
 
 
 def _first_line(error: Exception) -> str:
+    """Return the first line of an error's message, for another message."""
     return shorten(next(iter(str(error).splitlines()), type(error).__name__)).rstrip(".")

@@ -1,4 +1,4 @@
-"""The OpenColorIO config that ships: ``python -m lookdev.output.config`` writes it.
+"""The OpenColorIO config that ships, in ``data/lookdev.ocio``: ``python -m lookdev.output.config`` writes it.
 
 It is OpenColorIO's built-in ACES CG config with one more view, ``lookdev``, on every display of standard range, and as
 the default. The view does what Burley 2012, section 6.2, demands of a tone curve: it preserves colours over most of the
@@ -34,13 +34,15 @@ WHITE = 64.0
 
 FILE = Path(__file__).with_name("data") / "lookdev.ocio"
 NAME = "lookdev"
+"""The name of the config, and that of its view."""
+
 _SOURCE = OCIO_NAMES[REC709]
 _STANDARD_RANGE_DISPLAYS = ("sRGB - Display", "Display P3 - Display", "Rec.1886 Rec.709 - Display", "P3-D65 - Display")
-_UNREACHED_KNEE = 2.0  # above every hue and saturation: the curve leaves these two channels unchanged
+_UNREACHED_KNEE = 2.0  # hue and saturation are smaller, so that the curve leaves these two channels unchanged
 
 
 def shoulder_scale(knee: float = KNEE, white: float = WHITE) -> float:
-    """Return a, the scale of the logarithm in the curve; ``0 < knee < 1 < white``."""
+    """Return a, the scale of the logarithm in f, for a knee and a white; ``0 < knee < 1 < white``."""
     from scipy.optimize import brentq  # not at the top: a render does not need it
 
     scale: float = brentq(lambda a: knee + a * math.log1p((white - knee) / a) - 1.0, 1e-6, 1e6, xtol=1e-15)
@@ -48,7 +50,7 @@ def shoulder_scale(knee: float = KNEE, white: float = WHITE) -> float:
 
 
 def make_config() -> ocio.Config:
-    """Return OpenColorIO's built-in config with the view ``lookdev`` added."""
+    """Return the config that ships: OpenColorIO's built-in config with the view ``lookdev`` added."""
     import PyOpenColorIO as ocio
 
     config = ocio.Config.CreateFromBuiltinConfig(OCIO_CONFIG)
@@ -62,7 +64,7 @@ def make_config() -> ocio.Config:
     plain = config.getViewTransform("Un-tone-mapped").getTransform(ocio.VIEWTRANSFORM_DIR_FROM_REFERENCE)
     hsv = ocio.FixedFunctionTransform(ocio.FIXED_FUNCTION_RGB_TO_HSV)
     rgb = ocio.FixedFunctionTransform(ocio.FIXED_FUNCTION_RGB_TO_HSV, direction=ocio.TRANSFORM_DIR_INVERSE)
-    # HSV would take the hue from a negative channel, which Rec.709 does not show.
+    # A negative channel, which Rec.709 does not show, would change the hue in HSV.
     non_negative = ocio.RangeTransform(minInValue=0.0, minOutValue=0.0)
     at_most_one = ocio.RangeTransform(maxInValue=1.0, maxOutValue=1.0)
     steps = [to_rec709, non_negative, hsv, _curve_transform(), at_most_one, rgb, from_rec709, plain]
@@ -78,7 +80,7 @@ def make_config() -> ocio.Config:
 
 
 def _curve_transform() -> ocio.LogCameraTransform:
-    """Return f on the third channel, V; on hue and saturation, its knee is a value that they never reach."""
+    """Return the transform of hue, saturation and V that applies f to V, and leaves hue and saturation unchanged."""
     import PyOpenColorIO as ocio
 
     a = shoulder_scale()

@@ -1,4 +1,4 @@
-"""Conversion of linear light to code values of a display, and to 8-bit PNG."""
+"""Conversion of pictures from linear light to code values of a display, and the writer of 8-bit image files."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from lookdev.output.color import DisplayView
 def to_display(rgb: ArrayLike, view: DisplayView | str) -> Bytes:
     """Return linear Rec.709 light (H, W, 3) as code values of a display, (H, W, 3) uint8, rounded to nearest.
 
-    `view` is a view, or the name of a view of the default display in the config that ships, whose ``Raw`` only
-    quantises. Raises what `display_codes` raises.
+    `view` is a view, or the name of one of `lookdev.output.color.VIEWS`; ``Raw`` only quantises. Raises what
+    `display_codes` raises.
     """
     return quantise(display_codes(rgb, view))
 
 
 def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats32:
-    """Return linear Rec.709 light (H, W, 3) as code values of a display in [0, 1]; `view` as `to_display`.
+    """Return linear Rec.709 light (H, W, 3) as code values of a display, (H, W, 3) in [0, 1].
 
-    Raises what `DisplayView.processor` raises, and OutputError for pixels that are not finite.
+    `view` is that of `to_display`. Raises what `DisplayView.processor` raises, and OutputError for pixels that are not
+    finite.
     """
     display_view = DisplayView(view) if isinstance(view, str) else view
     codes = np.array(rgb, dtype=np.float32, order="C")  # a copy: OpenColorIO works in place
@@ -45,7 +46,7 @@ def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) ->
     Light is divided by alpha before the view; pixels of alpha 0 become black. Raises what `display_codes` raises.
     """
     coverage = np.asarray(alpha, dtype=np.float32)[..., None]
-    # In float64 and bounded, because division by a tiny alpha overflows.
+    # Division by a tiny alpha would overflow float32, so it is in float64, and the result is bounded.
     straight = np.divide(np.asarray(rgb, np.float64), coverage, where=coverage > 0.0, out=np.zeros(np.shape(rgb)))
     straight = np.minimum(straight, np.finfo(np.float32).max)
     return np.concatenate([display_codes(straight, view), np.clip(coverage, 0.0, 1.0)], axis=-1)
@@ -57,13 +58,13 @@ def quantise(codes: Floats32) -> Bytes:
 
 
 def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Floats32:
-    """Return premultiplied beauty (H, W, 3) with alpha (H, W) over linear light (H, W, 3) or one colour (3,)."""
+    """Return premultiplied light (H, W, 3) with alpha (H, W) over an opaque background, (H, W, 3) or a colour (3,)."""
     uncovered = 1.0 - np.asarray(alpha, dtype=np.float32)[..., None]
     return np.asarray(beauty, dtype=np.float32) + uncovered * np.asarray(background, dtype=np.float32)
 
 
 def composite_layers(over: tuple[Floats32, Floats32], under: tuple[Floats32, Floats32]) -> tuple[Floats32, Floats32]:
-    """Return the light (H, W, 3) and the alpha (H, W) of one premultiplied picture over another one."""
+    """Return one premultiplied picture over another; a picture is its light (H, W, 3) and its alpha (H, W)."""
     (light, alpha), (light_under, alpha_under) = over, under
     return composite(light, alpha, light_under), alpha + (1.0 - alpha) * alpha_under
 
@@ -74,12 +75,14 @@ def write_pixels(path: Path, pixels: Bytes) -> None:
     Raises OutputError where the file cannot be written.
     """
     with output_errors(path, "cannot write the picture"):
-        # Without the second attribute, the writer divides by alpha again.
+        # Without the second attribute, the writer would divide the pixels by alpha.
         write_image(path, pixels, {"oiio:ColorSpace": "sRGB", "oiio:UnassociatedAlpha": 1})
 
 
 def write_image(path: Path, pixels: Bytes, attributes: Mapping[str, str | int]) -> None:
-    """Write pixels (H, W, C) in the format of a file name, with OpenImageIO's attributes, complete or not at all.
+    """Write pixels (H, W, channels) in the format that the suffix of the path names, complete or not at all.
+
+    `attributes` are those of OpenImageIO's writer.
 
     Raises OutputError where OpenImageIO cannot write the file, and OSError.
     """

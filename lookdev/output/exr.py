@@ -1,8 +1,9 @@
-"""Frames as EXR: one part, scanlines, float32 R, G, B, A, and a header with the origin of the frame.
+"""The writer and the reader of frames as EXR: float32 R, G, B, A, and a header that states how the frame was rendered.
 
-Header entries are string attributes named ``lookdev:<key>``. Numbers are strings, too, because OpenEXR's numbers of 32
-bits cannot store a 64-bit seed or an error estimate exactly. ``lookdev:checksum`` is a CRC-32 of all bytes of the file
-except its own 8 digits. It is checked in a twentieth of the time that decoding the pixels takes.
+A file has one part, in scanlines. Header entries are string attributes named ``lookdev:<key>``. Numbers are strings,
+too, because OpenEXR's numbers of 32 bits cannot store a 64-bit seed or an error estimate exactly. ``lookdev:checksum``
+is a CRC-32 of all bytes of the file except its own 8 digits. Its check takes a twentieth of the time of decoding the
+pixels.
 """
 
 from __future__ import annotations
@@ -26,19 +27,20 @@ from lookdev.images import open_image, whole_image
 from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space, to_rec709
 
 PREFIX = "lookdev:"
+"""The beginning of the names of attributes that are header entries."""
 
 MAX_PIXELS = 1 << 28
 """Largest number of pixels of a frame: 16384 x 16384."""
 
-_BLOCK_ROWS = 16  # with ZIP_COMPRESSION
+_BLOCK_ROWS = 16  # rows that ZIP_COMPRESSION compresses together, as a block
 _CHECKSUM = (PREFIX + "checksum").encode()
-_NO_CHECKSUM = b"00000000"
+_NO_CHECKSUM = b"00000000"  # the digits that the checksum replaces when the file is written
 _STRIP_BYTES = 1 << 20  # number of bytes to read at once
-_MAGIC = b"\x76\x2f\x31\x01"
+_MAGIC = b"\x76\x2f\x31\x01"  # the first bytes of an EXR
 _HEADER_BYTES = 1 << 14  # number of bytes within which a header usually ends
 
 Attributes = dict[bytes, tuple[bytes, int, bytes]]
-"""By name: the type of a value, its offset in the file, and its bytes."""
+"""The attributes of an EXR by name: the type of a value, the offset of the value in the file, and its bytes."""
 
 
 def write_frame(
@@ -59,11 +61,11 @@ def write_frame(
     alpha
         Coverage in [0, 1], (H, W).
     header
-        Entries that `read_header` returns as strings.
+        The header entries by key; `read_header` returns their values as strings.
     planes
         Further channels by name, (H, W).
     attributes
-        Attributes of the EXR, written under their own names.
+        Attributes of the EXR, written under their own names, without `PREFIX`.
 
     Raises OutputError where the shapes differ or the file cannot be written.
     """
@@ -95,7 +97,10 @@ def write_frame(
 
 
 def read_frame(path: Path) -> tuple[Floats32, Floats32]:
-    """Return beauty (H, W, 3) and alpha (H, W) of a frame as written; raises OutputError where the file is damaged."""
+    """Return beauty (H, W, 3) and alpha (H, W) of a frame, as `write_frame` got them.
+
+    Raises OutputError where the file is damaged.
+    """
     try:
         with open_image(path, OutputError, MAX_PIXELS) as image:
             names = list(image.spec().channelnames)
@@ -112,13 +117,13 @@ def read_frame(path: Path) -> tuple[Floats32, Floats32]:
 
 
 def read_rec709(path: Path) -> tuple[Floats32, Floats32]:
-    """Return what `read_frame` returns, with beauty in linear Rec.709, the space that views and pages take."""
+    """Return beauty (H, W, 3), converted to linear Rec.709, and alpha (H, W) of a frame; raises as `read_frame`."""
     beauty, alpha = read_frame(path)
     return light_in_rec709(beauty, frame_space(path)), alpha
 
 
 def light_in_rec709(light: Floats32, space: Space) -> Floats32:
-    """Return light (H, W, 3) of `space` in linear Rec.709."""
+    """Convert light (H, W, 3) from `space` to linear Rec.709."""
     return light if space == REC709 else to_rec709(light, space).astype(np.float32)
 
 
@@ -147,7 +152,7 @@ def read_layer(path: Path, name: str) -> Floats32 | None:
 
 
 def read_header(path: Path, *, check: bool = True) -> dict[str, str]:
-    """Return the header that was given to `write_frame`, as strings; for another program's EXR, an empty one.
+    """Return the header that `write_frame` got, as strings; the header of another program's EXR is empty.
 
     No pixels are decoded. The key ``resolution`` is added: "width x height" in pixels. Raises OutputError if the header
     cannot be read, or if `check` is set and the file was changed since it was written.
@@ -181,7 +186,7 @@ def _read_attributes(stream: BinaryIO) -> tuple[Attributes, int]:
 
     Source: "OpenEXR File Layout". Raises ValueError or struct.error where it is not an EXR or its header is cut off.
     """
-    size = _HEADER_BYTES
+    size = _HEADER_BYTES  # read more bytes until they contain the whole header
     while True:
         stream.seek(0)
         data = stream.read(size)
@@ -194,10 +199,11 @@ def _read_attributes(stream: BinaryIO) -> tuple[Attributes, int]:
 
 
 def _parse_attributes(data: bytes) -> tuple[Attributes, int]:
+    """Return what `_read_attributes` returns, from the first bytes of a file."""
     if data[:4] != _MAGIC:
         raise ValueError("not an EXR")
     attributes: Attributes = {}
-    start = 8
+    start = 8  # after the magic number and the version
     while data[start : start + 1] != b"\0":
         name_end = data.index(b"\0", start)
         kind_end = data.index(b"\0", name_end + 1)
@@ -213,6 +219,7 @@ def _parse_attributes(data: bytes) -> tuple[Attributes, int]:
 def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
     """Return whether a file by `write_frame` has its last block of rows; `end` is the offset of the header's end."""
     blocks = -(-height // _BLOCK_ROWS)
+    # The header is followed by the offset of each block, 8 bytes. A block begins with its row and its size.
     stream.seek(end)
     start = max(struct.unpack(f"<{blocks}Q", stream.read(8 * blocks)))
     stream.seek(start)
@@ -221,7 +228,7 @@ def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
 
 
 def _verify_checksum(path: Path, stream: BinaryIO, attributes: Attributes) -> None:
-    """Raise OutputError where a file was changed since it was written; a file of an earlier version has no checksum."""
+    """Raise OutputError where a file was changed since it was written; nothing is checked without a checksum."""
     if _CHECKSUM in attributes:
         _, offset, checksum = attributes[_CHECKSUM]
         if checksum != _checksum(stream, offset):
@@ -229,7 +236,7 @@ def _verify_checksum(path: Path, stream: BinaryIO, attributes: Attributes) -> No
 
 
 def _checksum(stream: BinaryIO, offset: int) -> bytes:
-    """Return the checksum of a file as 8 digits, without the digits of the stored checksum at `offset`."""
+    """Return the checksum of a file as 8 digits; it is over all bytes but the stored checksum's digits at `offset`."""
     stream.seek(0)
     checksum = zlib.crc32(stream.read(offset))
     stream.seek(len(_NO_CHECKSUM), os.SEEK_CUR)

@@ -1,4 +1,4 @@
-"""The names of frames in the output folder of a job."""
+"""The names of frames in the output folder of a job, and the files of frames there."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Self
 
 FRAME_PATTERN = "<look>/<rig>/<turntable>.####"
-"""How documentation and messages write the name of a frame."""
+"""The pattern of a frame's name in documentation and messages."""
 
 _FILE_NAME = re.compile(r"(?P<turntable>[^.].*)\.(?P<number>\d{4,})\.exr")
 
@@ -33,11 +33,11 @@ class FrameName:
 
     @property
     def reel(self) -> tuple[str, str, str]:
-        """Look, rig and turntable."""
+        """Look, rig and turntable; the frames that share these three are a reel."""
         return self.look, self.rig, self.turntable
 
     def file(self, output: Path) -> Path:
-        """Return the EXR of the frame in an output folder."""
+        """Return the path of the frame's EXR in an output folder."""
         return output / f"{self}.exr"
 
     @classmethod
@@ -51,7 +51,7 @@ class FrameName:
 
 
 def frame_files(output: Path) -> Iterator[tuple[FrameName, Path]]:
-    """Yield the name and the EXR of each frame in an output folder, sorted by path."""
+    """Yield the name and the path of the EXR of each frame in an output folder, sorted by path."""
     for file in sorted(output.glob("*/*/*.exr")):
         if _FILE_NAME.fullmatch(file.name):
             yield FrameName.of(file), file

@@ -4,9 +4,11 @@ The manifest is one JSON document:
 
     format, job, command, versions, view, settings, inputs, planned, frames, pictures
 
-``inputs`` are ``{file, sha256}`` with absolute paths; ``frames`` and ``pictures`` have paths relative to the manifest's
-folder. A frame also has its ``header``, and the ``command`` that renders it again. ``planned`` is the job's number of
-files of frames: the manifest of an interrupted run lists fewer.
+``job`` is the job's file, ``command`` renders it again, ``versions`` are those of this program, Python and NumPy,
+``view`` is that of the pictures, and ``settings`` are tables of the job. ``inputs``, ``frames`` and ``pictures`` are
+lists of ``{file, sha256}``; paths of inputs are absolute, others are relative to the manifest's folder. A frame also
+has its ``header``, and the ``command`` that renders it again. ``planned`` is the number of frames' files of the whole
+job: after an interrupted run, ``frames`` lists fewer.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ FORMAT = 1
 """The number of the format of manifests, which is written into each and checked when it is read."""
 
 STATE_FOLDER = ".lookdev"
-"""Folder inside the output for runs, claims, logs, ledgers and temporary files."""
+"""Folder inside the output folder with files about runs: claims of frames, logs, ledgers and temporary files."""
 
 FileState = Literal["missing", "changed", "unlisted"]
 _MAX_BYTES = 1 << 30  # bytes: 250000 frames of 2 KiB fit
@@ -36,7 +38,10 @@ _MAX_BYTES = 1 << 30  # bytes: 250000 frames of 2 KiB fit
 
 @dataclass(frozen=True)
 class Deviation:
-    """A file that differs from its entry in a manifest; ``unlisted`` is an EXR in the output without an entry."""
+    """A file that differs from its entry in a manifest.
+
+    Its state is ``missing`` or ``changed``, or ``unlisted`` for an EXR in the output folder without an entry.
+    """
 
     file: Path
     state: FileState
@@ -54,7 +59,8 @@ class Deviation:
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> Path:
     """Write the manifest of an output folder, complete or not at all, and return its path.
 
-    A file with the same content keeps its time. Lists may be iterators, whose entries are written one after the other.
+    If the content does not change, the file keeps its modification time. Lists may be iterators, whose entries are
+    written one after the other.
     """
     path = folder / NAME
     with atomic_path(path) as temporary:
@@ -66,7 +72,10 @@ def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> Path:
 
 
 def _lines(manifest: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the text of a manifest, a line for each entry of a list; json with an indent is far slower."""
+    """Yield the text of a manifest in pieces; each entry of a list is a line.
+
+    The `indent` of the module json is far slower.
+    """
     yield "{"
     for number, (key, value) in enumerate(manifest.items()):
         yield f"{',' if number else ''}\n {json.dumps(key)}: "
@@ -111,9 +120,11 @@ def deviations(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Deviation]
 
 
 def _is_complete(manifest: Mapping[str, Any]) -> bool:
+    """Return whether a manifest has its lists of files, with a path and a digest in each entry."""
     lists: Sequence[Any] = [manifest.get(key) for key in ("frames", "pictures", "inputs")]
     return all(isinstance(entries, list) and all(map(_is_file_entry, entries)) for entries in lists)
 
 
 def _is_file_entry(entry: Any) -> bool:
+    """Return whether an entry of a list has a path and a digest."""
     return isinstance(entry, dict) and isinstance(entry.get("file"), str) and isinstance(entry.get("sha256"), str)

@@ -1,9 +1,10 @@
-"""Movies of turntables by PyAV: H.264 for browsers and players, ProRes 4444 and VP9 with alpha.
+"""The writers of movies of turntables, by PyAV: H.264 for browsers and players, ProRes 4444 and VP9 with alpha.
 
-Pictures become Y'CbCr of BT.709, limited range (ITU-R BT.709-6, items 3.2 to 3.4), in float32 and rounded once. Where
-chroma is halved, it is sited as H.264 and VP9 assume: on the left column, between two rows. A frame of odd size first
-gets a copy of its last column or row. Encoders run with a fixed number of threads, and containers have no time and no
-random number, so that the same frames give the same bytes.
+Pictures are converted to Y'CbCr of BT.709, limited range (ITU-R BT.709-6, items 3.2 to 3.4), in float32 and rounded
+once. H.264 and VP9 here have chroma at half the resolution. Its samples are at the positions that these codecs assume:
+on the left column of two, between two rows. A frame of odd size first gets a copy of its last column or row. Encoders
+run with a fixed number of threads, and containers have no time and no random number, so that the same frames give the
+same bytes.
 """
 
 from __future__ import annotations
@@ -26,15 +27,16 @@ from lookdev.output.record import FrameSequence
 from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet_page
 from lookdev.output.slate import draw_slate
 
-_KR, _KB = 0.2126, 0.0722  # BT.709-6, item 3.2
-_BT709, _LIMITED = 1, 1  # ITU-T H.273's number of BT.709's primaries, transfer and matrix; FFmpeg's limited range
-_THREADS = 4
+_KR, _KB = 0.2126, 0.0722  # weights of red and blue in luma: BT.709-6, item 3.2
+# The number of BT.709 in ITU-T H.273, for primaries, transfer and matrix; and FFmpeg's number of limited range.
+_BT709, _LIMITED = 1, 1
+_THREADS = 4  # of an encoder
 _PAGE_WIDTH = 1920  # approximate width of a page of all looks side by side, in pixels
 
 
 @dataclass(frozen=True)
 class Codec:
-    """Encoding of a movie by FFmpeg's names.
+    """The encoding of a movie: FFmpeg's names of the encoder, the container and the format of pixels, and options.
 
     `bits` is the number of bits of a sample. If the codec `halves_chroma`, chroma has half the resolution in both
     directions. If it has `alpha`, pictures have a fourth channel.
@@ -50,17 +52,17 @@ class Codec:
     container_options: Mapping[str, str] = field(default_factory=dict)
 
 
-_EXACT = {"fflags": "+bitexact"}
+_EXACT = {"fflags": "+bitexact"}  # no time and no random number in the container
 _FAST = {**_EXACT, "movflags": "+faststart"}  # browsers play before they have the whole file
 H264 = Codec("libx264", "mp4", "yuv420p", 8, True, False, {"crf": "8", "preset": "medium"}, _FAST)
 PRORES = Codec("prores_ks", "mov", "yuva444p10le", 10, False, True, {"profile": "4444", "vendor": "apl0"}, _FAST)
-# Alpha is a second stream, which alternate reference frames would break.
+# VP9 stores alpha as a second stream, which alternate reference frames would break.
 _VP9 = {"crf": "12", "b": "0", "auto-alt-ref": "0", "cpu-used": "2"}
 VP9 = Codec("libvpx-vp9", "webm", "yuva420p", 8, True, True, _VP9, _EXACT)
 
 
 def _write_turntable(path: Path, frames: FrameSequence, codec: Codec) -> None:
-    """Write a turntable: with alpha if the codec has it, otherwise over its background."""
+    """Write the movie of a turntable: with alpha if the codec has it, otherwise over the frames' background."""
     _write_pictures(path, frames, frames.codes(alpha=codec.alpha), codec)
 
 
@@ -68,17 +70,21 @@ write_h264, write_prores, write_vp9 = (partial(_write_turntable, codec=codec) fo
 
 
 def write_grid(path: Path, frames: FrameSequence) -> None:
-    """Write all looks in step, side by side with their names, as H.264; the frames are in the order of time."""
+    """Write a movie of all looks side by side, with their names, as H.264.
+
+    For each step in time, `frames` has a frame of each look, in the order of `frames.labels`.
+    """
     _write_pictures(path, frames, _grid_pages(frames), H264)
 
 
 def _write_pictures(path: Path, frames: FrameSequence, pictures: Iterable[Floats32], codec: Codec) -> None:
+    """Write a movie of pictures that are made of frames, with the frames' options: rate, slate and repetitions."""
     rate, options = frame_rate(frames.options["fps"]), frames.options
     write_movie(path, _movie_pictures(frames, pictures, round(options["slate"] * rate)), codec, rate)
 
 
 def _movie_pictures(frames: FrameSequence, pictures: Iterable[Floats32], slate_frames: int) -> Iterator[Floats32]:
-    """Yield the slate `slate_frames` times, and then the pictures as often as the option ``movie_turns`` says."""
+    """Yield the slate `slate_frames` times, and then all pictures, repeated as the option ``movie_turns`` says."""
     turns = frames.options["movie_turns"]
     turn: list[Floats32] = []
     for number, picture in enumerate(pictures):
@@ -94,7 +100,7 @@ def _movie_pictures(frames: FrameSequence, pictures: Iterable[Floats32], slate_f
 
 
 def _grid_pages(frames: FrameSequence) -> Iterator[Floats32]:
-    """Yield a page of the pictures of all looks, side by side, for each step in time."""
+    """Yield a page for each step in time, which has the pictures of all looks side by side."""
     looks = len(frames.labels)
     cells = frames.pictures(SOURCE_SIZE)
     max_cell = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
@@ -104,7 +110,7 @@ def _grid_pages(frames: FrameSequence) -> Iterator[Floats32]:
 
 
 def frame_rate(fps: float) -> Fraction:
-    """Return the exact rate of frames: 23.976, 29.97 and 59.94 stand for 24, 30 and 60 times 1000/1001."""
+    """Return the exact rate of frames: 23.976, 29.97 and 59.94 mean 24, 30 and 60 times 1000/1001."""
     ntsc = Fraction(round(fps * 1.001) * 1000, 1001)
     return ntsc if abs(float(ntsc) - fps) < 0.005 and fps != round(fps) else Fraction(fps).limit_denominator(1000)
 
@@ -113,7 +119,7 @@ def write_movie(path: Path, pictures: Iterable[Floats32], codec: Codec, rate: Fr
     """Write a movie, complete or not at all.
 
     `pictures` are code values of a display in [0, 1], (H, W, 3), or (H, W, 4) with straight alpha where the codec has
-    alpha. Raises OutputError where the file cannot be written.
+    alpha. `rate` is in frames a second. Raises OutputError where the file cannot be written.
     """
     import av  # not at the top: it takes 0.1 s, and is an extra
 
@@ -155,6 +161,7 @@ def to_planes(picture: Floats32, codec: Codec) -> list[Bytes | NDArray[np.uint16
     chroma = [(blue - luma) / np.float32(2.0 - 2.0 * _KB), (red - luma) / np.float32(2.0 - 2.0 * _KR)]
     if codec.halves_chroma:
         chroma = [_halve_chroma(plane) for plane in chroma]
+    # Limited range: in 8 bits, Y' has 219 steps from 16, and Cb and Cr have 224 steps around 128 (item 3.4).
     unit = 2.0 ** (codec.bits - 8)
     planes = [(219.0 * luma + 16.0) * unit, *((224.0 * plane + 128.0) * unit for plane in chroma)]
     if codec.alpha:
@@ -164,7 +171,10 @@ def to_planes(picture: Floats32, codec: Codec) -> list[Bytes | NDArray[np.uint16
 
 
 def _halve_chroma(chroma: Floats32) -> Floats32:
-    """Return every other column, weighted 1 2 1 with its neighbours, averaged over pairs of rows."""
+    """Return chroma (H, W) at half the resolution, for even H and W.
+
+    A sample is the mean of two rows, and of every other column and its neighbours with weights 1, 2 and 1.
+    """
     padded = np.pad(chroma, ((0, 0), (1, 0)), mode="edge")
     columns = (padded[:, :-1:2] + 2.0 * padded[:, 1::2] + padded[:, 2::2]) / 4.0
     halved: Floats32 = (columns[::2] + columns[1::2]) / 2.0

@@ -1,6 +1,7 @@
-"""The description of an output: the finished frames that go into one of its files, and the function that writes it.
+"""The classes that describe an output of a job, which is a kind of file made from finished frames.
 
-The outputs are the `Output` entries of `lookdev.output.OUTPUTS`: job files, plans and runs follow that registry.
+`Output` describes the kind, with the function that writes a file. `FrameSequence` is the input of that function. The
+registry `lookdev.output.OUTPUTS` lists all outputs; job files, plans and runs use it.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from lookdev.output.slate import burn_in
 
 @dataclass(frozen=True)
 class FrameSequence:
-    """The finished frames that go into one file, in their order, at least one.
+    """The finished frames, at least one, from which one file of an output is made, in their order.
 
     files, labels
         The EXRs of the frames, and a short label of each.
@@ -28,9 +29,9 @@ class FrameSequence:
     options
         The ``view``, a `DisplayView`; ``burn_in``, whether frames have text; the values of the output's own keys.
     light
-        A function from one of the files to linear light over the background, (H, W, 3).
+        A function that returns the linear light (H, W, 3) of one of the files, over the background.
     layers
-        A function from one of the files to premultiplied light (H, W, 3) and alpha (H, W).
+        A function that returns the premultiplied light (H, W, 3) and the alpha (H, W) of one of the files.
     columns
         Number of frames in a row, for frames that are a table, such as a wedge.
     """
@@ -46,8 +47,8 @@ class FrameSequence:
     def pictures(self, largest: int | None = None) -> Iterator[Bytes]:
         """Return each frame as display pixels in the view, (H, W, 3) uint8.
 
-        Blocks of pixels are averaged, so that a page of many frames fits into memory: the longer side becomes less than
-        twice `largest`.
+        With `largest`, blocks of pixels are averaged until the longer side is less than twice `largest`, so that a page
+        of many frames fits into memory.
         """
         return map(quantise, self.codes(largest=largest))
 
@@ -74,9 +75,10 @@ class Output:
     name, help
         The key of ``[outputs]`` that turns the output on, and a sentence about the file.
     scope
-        The frames that go into one file: "frame": a single frame; "turntable": the frames of a turntable; "looks": the
-        first frame of each look under a light; "step": all frames of these looks in step, in the order of time;
-        "wedge": the first frame of each cell of a wedge.
+        The frames that go into one file. "frame": a single frame. "turntable": the frames of a turntable. "looks": the
+        first frame of each look under a light. "step": all frames of all looks under a light, in the order of time, so
+        that for each step in time there is a frame of each look. "wedge": the first frame of each cell of a wedge,
+        which is a table of variations of a look.
     suffix
         End of the file name, after the name of the frame or of the turntable.
     write
@@ -103,12 +105,15 @@ class Output:
 
 
 def write_picture(path: Path, frames: FrameSequence) -> None:
-    """Write the only frame as PNG."""
+    """Write the frame of a sequence of one as PNG."""
     write_pixels(path, *frames.pictures())
 
 
 def _downscale(rgb: Floats32, largest: int) -> Floats32:
-    """Return the averages of square blocks of pixels, without incomplete blocks at the right and the bottom."""
+    """Return a picture (H, W, 3) whose longer side is less than twice `largest`, by averages of square blocks.
+
+    Incomplete blocks at the right and the bottom are left out.
+    """
     height, width = rgb.shape[:2]
     block = min(max(height, width) // largest, height, width)
     if block < 2:

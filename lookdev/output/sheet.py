@@ -1,4 +1,4 @@
-"""Contact sheets: frames on one labelled page; a picture with a legend of its colours."""
+"""The writers of contact sheets, which have several frames on a page with labels, and of a picture with a legend."""
 
 from __future__ import annotations
 
@@ -16,28 +16,31 @@ from lookdev.output.display import to_display, write_pixels
 from lookdev.output.record import FrameSequence
 from lookdev.output.slate import write_text
 
-PAGE_GREY = 46  # sRGB code values: a dark neutral grey
+PAGE_GREY = 46  # sRGB code values of greys: of the page, dark, and of text
 LABEL_GREY = 190
 TITLE_GREY = 235
-PAGE_ASPECT = 1.6
+PAGE_ASPECT = 1.6  # width of a page by its height, approximately
 SRGB_GAMMA = 2.2  # close enough to the sRGB curve to average pixels
 
 SOURCE_SIZE = 512
 """Approximate longer side in pixels to which larger frames are averaged before they go on a sheet."""
 
 OVERVIEW_CELLS = (128, 256)
-"""Smallest and largest cell in pixels; smaller frames are enlarged, to make room for the names below them."""
+"""Smallest and largest longer side, in pixels, of a frame on an overview or a grid.
 
-_LEGEND_WIDTH = 320  # pixels
+Smaller frames are enlarged, to make room for the names below them.
+"""
+
+_LEGEND_WIDTH = 320  # width in pixels that a legend adds to a picture
 
 
 def write_contact_sheet(path: Path, frames: FrameSequence) -> None:
-    """Write the contact sheet of a turntable or a wedge; errors are those of `write_sheet`."""
+    """Write the contact sheet of a turntable or a wedge; raises what `write_sheet` raises."""
     write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
 
 
 def write_overview(path: Path, frames: FrameSequence) -> None:
-    """Write the sheet of looks side by side; errors are those of `write_sheet`."""
+    """Write the sheet of looks side by side; raises what `write_sheet` raises."""
     pictures, (least, most) = list(frames.pictures(SOURCE_SIZE)), OVERVIEW_CELLS
     cell = min(max(least, *(side for picture in pictures for side in picture.shape[:2])), most)
     write_sheet(path, pictures, frames.labels, frames.title, frames.options["overview_columns"], cell)
@@ -46,7 +49,10 @@ def write_overview(path: Path, frames: FrameSequence) -> None:
 def write_sheet(
     path: Path, frames: Sequence[Bytes], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
 ) -> None:
-    """Write a `sheet_page` as PNG, complete or not at all; raises its OutputError, or one where writing fails."""
+    """Write the page that `sheet_page` returns as PNG, complete or not at all.
+
+    Raises what `sheet_page` raises, and OutputError where the file cannot be written.
+    """
     try:
         page = sheet_page(frames, labels, title, columns, cell)
     except OutputError as error:
@@ -57,11 +63,12 @@ def write_sheet(
 def sheet_page(
     frames: Sequence[Bytes], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
 ) -> Bytes:
-    """Return a contact sheet.
+    """Return a contact sheet, (height, width, 3).
 
-    Each frame has (H, W, 3) display pixels, with its label below. `columns` None gives a page of about 16:10. `cell` is
-    the longer side of a thumbnail in pixels. Raises OutputError where there is no frame, frames differ in size, or the
-    number of labels is not that of frames.
+    It has a thumbnail of each frame, (H, W, 3) display pixels, with a label below, and the title at the top. `columns`
+    is the number of frames in a row; None gives a page of about 16:10. `cell` is the longer side of a thumbnail in
+    pixels. Raises OutputError where there is no frame, frames differ in size, or the number of labels is not that of
+    frames.
     """
     if not frames or len(labels) != len(frames):
         counts = f"{len(frames)} frames and {len(labels)} labels"
@@ -73,6 +80,7 @@ def sheet_page(
     scale = cell / max(height, width)
     height, width = max(1, round(height * scale)), max(1, round(width * scale))
 
+    # In pixels: the gap between thumbnails, the sizes of labels and of the title, and the distances of thumbnails.
     gap, text, heading = max(4, cell // 20), max(10, cell // 16), max(14, cell // 10)
     step_x, step_y = width + gap, height + 2 * gap + text
     if columns is None:
@@ -117,7 +125,7 @@ def write_legend(
 
 
 def _thumbnail(frame: Bytes, width: int, height: int) -> Bytes:
-    """Resize in nearly linear light, because averages of encoded values are too dark."""
+    """Return a frame, resized in nearly linear light, because averages of encoded values are too dark."""
     light = (frame / np.float32(255.0)) ** np.float32(SRGB_GAMMA)
     small = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(light)), roi=oiio.ROI(0, width, 0, height))
     if small.has_error:

@@ -1,7 +1,7 @@
-"""Text on pictures: lines, a burn-in that identifies each frame, and a slate before a movie.
+"""Text on pictures: lines of text, a burn-in (text that identifies a frame), and a slate (a page before a movie).
 
-All facts are from the headers of the frames. The date is the day of the render in UTC: a frame that is rendered again
-on the same day gives the same picture.
+All facts in the text are from the headers of the frames. The date is the day of the render in UTC, without the time:
+a frame that is rendered again on the same day gives the same picture.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from lookdev.arrays import Floats32
 from lookdev.errors import OutputError, replace_controls
 from lookdev.output.exr import read_header
 
-_LINES_PER_FRAME = 30  # lines of text in the height of a frame: 16 pixels each at 480
-_MIN_TEXT_SIZE = 8  # size of text in pixels
-_BAND_FACTOR = np.float32(0.35)  # factor of the picture behind text
+_LINES_PER_FRAME = 30  # the height of a frame by the size of text, which is 16 pixels in a frame of 480
+_MIN_TEXT_SIZE = 8  # pixels
+_BAND_FACTOR = np.float32(0.35)  # by which a band darkens the picture behind text
 _INK = np.float32(0.92)  # code value of burned-in text
 _PAGE = np.float32(0.12)  # code value of a slate's page
 
 BandLine = tuple[str, str]
-"""A line of text on a band: the text at its left, and the text at its right."""
+"""A line of text on a band: the text at the left, and the text at the right."""
 
 FONT = "DroidSans"
 """A font that ships with OpenImageIO, under the Apache License 2.0."""
@@ -36,9 +36,10 @@ def text_width(text: str, size: int) -> int:
 
 
 def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, max_width: int, ink: int) -> None:
-    """Write one line of text, at most `max_width` pixels wide, in the grey `ink` (0 to 255); raises OutputError.
+    """Write one line of text, at most `max_width` pixels wide, in the grey `ink` (0 to 255).
 
-    Longer text is shortened in its middle, because names of looks often differ at their end.
+    The text begins at `x`; its `baseline` is counted from the top. Longer text is shortened in its middle, because
+    names of looks often differ at their end. Raises OutputError where OpenImageIO cannot write the text.
     """
     text = replace_controls(text)
     line, count = text, len(text)
@@ -80,9 +81,11 @@ def burn_in(codes: Floats32, file: Path, title: str, number: str, view: object) 
 def draw_slate(
     files: Sequence[Path], title: str, view: object, rate: float, size: tuple[int, int], channels: int
 ) -> Floats32:
-    """Return the page, (H, W, channels) and opaque, that precedes a movie of EXRs; `size` is (H, W).
+    """Return the opaque page, (H, W, channels), that precedes a movie; `size` is (H, W).
 
-    The page has the largest error of all frames. Raises OutputError where a header cannot be read.
+    `files` are the EXRs of all frames, from whose headers the page has its facts. `title` is a name of their contents,
+    and `rate` is in frames a second. The page states the largest error of all frames. Raises OutputError where a header
+    cannot be read.
     """
     headers = [read_header(file) for file in files]
     worst = max(headers, key=lambda header: float(header["relmse"]))
@@ -103,7 +106,7 @@ def draw_slate(
         ("view", str(view)),
     ]
     height, width = size
-    text = max(_MIN_TEXT_SIZE, height // _LINES_PER_FRAME * 5 // 4)
+    text = max(_MIN_TEXT_SIZE, height // _LINES_PER_FRAME * 5 // 4)  # a quarter larger than the text of a burn-in
     page = np.full((height, width, 3), _PAGE, np.float32)
     canvas = oiio.ImageBuf(page)
     left, column = text, 6 * text
@@ -117,7 +120,7 @@ def draw_slate(
 
 
 def frame_facts(header: Mapping[str, str]) -> dict[str, str]:
-    """Return the facts in the header of a frame as readable text; "?" is a missing value."""
+    """Return the facts in the header of a frame as readable text, by name; "?" is in place of a missing value."""
     return {
         "job": Path(header.get("job", "?")).stem,
         "rig": header.get("ibl", "?"),
@@ -130,11 +133,12 @@ def frame_facts(header: Mapping[str, str]) -> dict[str, str]:
 
 
 def _band_height(lines: Sequence[BandLine], size: int) -> int:
+    """Return the height in pixels of a band with lines of text of a size; lines are 1.25 sizes apart."""
     return (len(lines) * 5 * size) // 4 + size // 2
 
 
 def _text_coverage(lines: Sequence[BandLine], width: int, size: int) -> Floats32:
-    """Return the coverage by lines of text, (H, W); a line has a text at its left and one at its right."""
+    """Return the coverage of a band by its lines of text, (height of the band, `width`), in [0, 1]."""
     canvas = oiio.ImageBuf(np.zeros((_band_height(lines, size), width, 3), np.float32))
     margin = size // 2
     for number, (left, right) in enumerate(lines):

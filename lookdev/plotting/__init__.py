@@ -1,7 +1,12 @@
-"""Plots of reflectance: models, looks, presets and measured files, over one another (Burley 2012, section 3.2).
+"""Plots of reflectance: models, looks, presets and measured data in one plot (Burley 2012, section 3.2).
 
-`read_subject` parses the subject of a plot. `KINDS` has the kinds of plots: functions of subjects that return a `Plot`,
-a matplotlib figure and its numbers, which `Plot.write` writes. All numbers come from the float64 models.
+`read_subject` reads a subject, which is a surface to plot, from a text of the command line. `KINDS` lists the kinds of
+plots. `draw` returns a `Plot` of subjects: a matplotlib figure and its numbers, which `Plot.write` writes to a file.
+All numbers are computed by the float64 models.
+
+In this package, f is the BSDF, `wo` and `wi` are unit directions to the viewer and to the light, in a frame whose z is
+the normal, and theta and phi are polar angle and azimuth in it. theta_h and theta_d, phi_d are the angles of the half
+vector and of the difference vector (Rusinkiewicz 1998).
 """
 
 from lookdev.plotting.figure import PLOT_SUFFIXES, Plot

@@ -1,4 +1,9 @@
-"""Plots over one angle: cartesian, polar, retro, Fresnel and albedo."""
+"""Plots of the BSDF f or of the albedo over one angle: cartesian, polar, retro, Fresnel and albedo.
+
+Each kind has a function that plots surfaces, and one that returns the values of one surface. `wo` and `wi` are unit
+directions to the viewer and to the light. theta_h, and theta_d and phi_d, are the angles of their half vector and of
+their difference vector (Rusinkiewicz 1998); theta_o and theta_i are those of `wo` and `wi` to the normal.
+"""
 
 from __future__ import annotations
 
@@ -28,20 +33,21 @@ from lookdev.plotting.subject import PlotSubject
 from lookdev.reference.albedo import CELLS, integrate_albedo
 
 _AXIS_LABELS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
-_HORIZON_MARGIN = 1e-6  # least angle between a direction and the horizon, in degrees
+_HORIZON_MARGIN = 1e-6  # smallest angle between a direction and the horizon, in degrees
 _MIN_COSINE = np.sin(np.radians(1.0))  # cosine of a direction that is a degree above the horizon
-_DECADES = 4.0  # of a polar plot with a log scale
+_DECADES = 4.0  # powers of ten that a polar plot with a log scale shows
 _ALBEDO_VIEWS = 19  # points of an albedo curve
-_DRAFT_CELLS = (16, 8)  # of `integrate_albedo`, for a draft
+_DRAFT_CELLS = (16, 8)  # cells of the quadrature by `integrate_albedo`, for a draft
 
 FRESNEL_RANGE = (-0.5, 8.0)
-"""Range of the axis of offset and scaled responses."""
+"""Range of the value axis of Fresnel plots whose curves are offset and scaled, see `plot_fresnel`."""
 
 
 def plot_cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot f against theta_h at fixed theta_d, theta_d at fixed theta_h, or theta_i at a view (Burley 2012, figure 9).
+    """Plot f against one of the angles theta_h, theta_d and theta_i (Burley 2012, figure 9).
 
-    theta_i is in the plane of incidence, negative on the viewer's side.
+    theta_d is fixed if theta_h varies, and theta_h if theta_d varies. If theta_i varies, the view is fixed; theta_i is
+    in the plane of incidence, negative on the viewer's side.
     """
     figure, ax, (*_, values), columns = _draw_subjects(subjects, options, cartesian_values)
     if options.axis == "theta_i":
@@ -56,7 +62,10 @@ def plot_cartesian(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plo
 
 
 def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return f (n, 3) at degrees `x`, (n,), and `inner`: whether both directions are above the horizon by a degree."""
+    """Return ``f`` (n, 3) at the angles ``x`` (n,) in degrees.
+
+    ``inner`` (n,) is whether both directions are more than a degree above the horizon.
+    """
     count = options.size or 721
     low = -options.limit if options.axis == "theta_i" else 0.0
     # theta_h is evenly spaced in its square root, as in a MERL file: densely at the peak of most surfaces.
@@ -73,7 +82,7 @@ def cartesian_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
 
 
 def plot_retro(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
+    """Plot f for equal directions to light and viewer, against their angle to the normal (Burley 2012, figure 6)."""
     figure, ax, (*_, values), columns = _draw_subjects(subjects, options, retro_values)
     ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
     scale_values(ax, options, values["inner"])
@@ -82,16 +91,16 @@ def plot_retro(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def retro_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return values as `cartesian_values` does."""
+    """Return ``x``, ``f`` and ``inner`` as `cartesian_values` does, for equal directions to light and viewer."""
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     w = spherical_direction(np.radians(np.minimum(degrees, 90.0 - _HORIZON_MARGIN)), np.radians(options.phi))
     return {"x": degrees, "f": evaluate_f(subject, w, w, options.cosine), "inner": w[:, 2] > _MIN_COSINE}
 
 
 def plot_polar(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot f in the plane of incidence as the radius of a curve; the log scale shows four decades.
+    """Plot f in the plane of incidence as the radius of a curve, over theta_i; the log scale shows four decades.
 
-    The view is a line on the left, the mirrored view a line on the right.
+    A line on the left is the view, and a line on the right is its mirror direction.
     """
     surface_values = [polar_values(subject, options) for subject in subjects]
     colors = [surface["f"] for surface in surface_values]
@@ -120,7 +129,7 @@ def plot_polar(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def polar_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return f (n, 3) at degrees `x`, (n,), negative on the viewer's side."""
+    """Return ``f`` (n, 3) at theta_i ``x`` (n,) in degrees, which is negative on the viewer's side."""
     theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, options.size or 1441)
     wo = spherical_direction(np.radians(options.theta), np.radians(options.phi) + np.pi)
     wi = spherical_direction(theta, np.radians(options.phi))
@@ -130,10 +139,10 @@ def polar_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
 def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the rise of reflectance with theta_d.
 
-    For surfaces that scatter along single directions, it is the reflectance itself. For other surfaces, f is shown as
-    in Burley 2012, figure 10: its mean over theta_h from 1 to 4 degrees, offset to 0 at theta_d = 0, and divided by the
-    mean of the result over theta_d from 45 to 80 degrees. Schlick's curve, offset and scaled in the same way, is beside
-    it.
+    For surfaces that scatter along single directions, such as glass, the curve is the reflectance itself. For other
+    surfaces, it is the mean of f over theta_h from 1 to 4 degrees, as in Burley 2012, figure 10. This mean is offset to
+    0 at theta_d = 0, and then divided by its own mean over theta_d from 45 to 80 degrees. The plot also has Schlick's
+    curve, offset and scaled in the same way.
     """
     kinds = {subject.is_delta for subject in subjects}
     if len(kinds) > 1:
@@ -148,7 +157,7 @@ def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     else:
         columns["schlick"] = values["schlick"]
         ax.plot(degrees, columns["schlick"], color="black", linestyle="--", linewidth=1.2, label="Schlick's curve")
-        # Beyond 80 degrees f of a microfacet model grows without bound; the axis ends where that of the figure ends.
+        # Beyond 80 degrees f of a microfacet model grows without bound; the axis ends as that of Burley's figure does.
         ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=FRESNEL_RANGE)
         ax.set_title("Fresnel response, mean over θh from 1° to 4°")
     draw_legend(ax)
@@ -156,7 +165,10 @@ def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def fresnel_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return the reflectance (n, 3), or f, offset and scaled, (n, 3), and `schlick` (n,), at degrees `x`, (n,)."""
+    """Return the curve ``f`` (n, 3) of `plot_fresnel` at the angles ``x`` (n,) in degrees.
+
+    Unless it is a reflectance, ``schlick`` (n,) is Schlick's curve.
+    """
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     theta = np.radians(np.minimum(degrees, 90.0 - _HORIZON_MARGIN))
     if subject.is_delta:
@@ -167,10 +179,10 @@ def fresnel_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
 
 
 def plot_albedo(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot the directional albedo, for light from both sides, against the angle of the view, with its error.
+    """Plot the directional albedo, for light from both sides, against theta_o, with its error.
 
-    The band is the error of the quadrature (`lookdev.reference.albedo.integrate_albedo`). Mostly it is too thin to see;
-    the numbers have it, too.
+    The error is that of the quadrature (`lookdev.reference.albedo.integrate_albedo`). It is drawn as a band around the
+    curve, which is mostly too thin to see, and the numbers of the plot contain it.
     """
     figure, ax, surface_values, columns = _draw_subjects(subjects, options, albedo_values, marker=".")
     degrees = surface_values[0]["x"]
@@ -188,7 +200,10 @@ def plot_albedo(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def albedo_values(subject: PlotSubject, options: PlotOptions, draft: bool = False) -> PlotValues:
-    """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3); a draft is coarser."""
+    """Return the albedos ``f`` (n, 3) at theta_o ``x`` (n,) in degrees, and their ``error`` (n, 3).
+
+    A draft has fewer points and coarser integrals.
+    """
     degrees = np.linspace(
         0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
     )
@@ -204,7 +219,10 @@ def _draw_subjects(
     values: Callable[[PlotSubject, PlotOptions], PlotValues],
     marker: str = "None",
 ) -> tuple[Figure, Axes, list[PlotValues], dict[str, Floats]]:
-    """Draw the curves of surfaces; return the figure, its axes, the values of each surface, and the columns."""
+    """Draw the curves of surfaces, whose values `values` returns.
+
+    Returns the figure, its axes, the values of each surface, and the values of the curves as columns.
+    """
     figure, axes = create_figure()
     surface_values = [values(subject, options) for subject in subjects]
     colors = [surface["f"] for surface in surface_values]
@@ -213,7 +231,10 @@ def _draw_subjects(
 
 
 def evaluate_f(subject: PlotSubject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
-    """Return f (..., 3), or f times the light's cosine; raises LookdevError for a surface without f."""
+    """Return f (..., 3) for directions (..., 3), times the cosine of the light if `cosine` is true.
+
+    Raises LookdevError for a surface that scatters along single directions only, which has no f.
+    """
     if subject.is_delta:
         raise LookdevError(
             f"{subject.label}: scatters along single directions and has no f; plot fresnel or albedo of it"
@@ -226,29 +247,34 @@ def evaluate_f(subject: PlotSubject, wo: Floats, wi: Floats, cosine: bool) -> Fl
 
 
 def _evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
-    """Return exactly the values of `evaluate`: in parts that stay in a processor's cache, on all of its cores."""
+    """Return exactly the values of `evaluate`, faster for many directions.
+
+    They are computed in parts that fit into a processor's cache, on all of its cores.
+    """
     count = wo.size // 3
     if count <= PART_SIZE:
         return np.asarray(evaluate(bsdf, wo, wi))
-    f, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
+    f, flat_wo, flat_wi = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
 
     def fill(part: slice) -> None:
-        f[part] = evaluate(bsdf, towards_viewer[part], towards_light[part])
+        f[part] = evaluate(bsdf, flat_wo[part], flat_wi[part])
 
     run_in_parts(fill, count)
     return f.reshape(wo.shape)
 
 
 def _f_label(options: PlotOptions) -> str:
+    """Return the label of the axis of f."""
     return "f cos θi (1/sr)" if options.cosine else "f (1/sr)"
 
 
 def _scale_note(options: PlotOptions) -> str:
+    """Return a note for a title on the scale of values; a linear scale needs none."""
     return {"linear": "", "sqrt": ", square root", "log": f", log, {_DECADES:g} decades"}[options.scale]
 
 
 def _reflectance(bsdf: Bsdf, wo: Floats) -> Floats:
-    """Return the reflectance (..., 3) of a surface that scatters along single directions, for views (..., 3)."""
+    """Return the reflectance (..., 3) of a surface that scatters along single directions, for `wo` (..., 3)."""
     total = np.zeros(wo.shape)
     for delta in bsdf.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)):
         if not delta.transmits:
@@ -257,16 +283,16 @@ def _reflectance(bsdf: Bsdf, wo: Floats) -> Floats:
 
 
 def _mean_over_theta_h(subject: PlotSubject, theta_d: Floats, phi_d: float) -> Floats:
-    """Return the mean of f (n, 3) over theta_h from 1 to 4 degrees."""
+    """Return the mean of f over theta_h from 1 to 4 degrees, (n, 3), for theta_d (n,) and phi_d in radians."""
     theta_h = np.radians(np.linspace(1.0, 4.0, 25))[:, None]
     wo, wi = half_difference(theta_h, theta_d[None, :], phi_d)
     return np.asarray(evaluate_f(subject, wo, wi, cosine=False).mean(axis=0))
 
 
 def _offset_and_scale(f: Floats, degrees: Floats) -> Floats:
-    """Return curves (n, c), offset to 0 at their first point, and divided by their mean from 45 to 80 degrees.
+    """Return curves `f` (n, channels), offset to 0 at their first point, and divided by their mean after that.
 
-    Constant curves become 0.
+    The mean is over the points whose `degrees` (n,) are from 45 to 80. Constant curves become 0.
     """
     offset = f - f[:1]
     within = (degrees >= 45.0) & (degrees <= 80.0)

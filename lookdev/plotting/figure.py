@@ -1,4 +1,7 @@
-"""Figures and their numbers as values; the global state of matplotlib is not used or changed."""
+"""Plots as values: a matplotlib figure and its numbers, and functions that draw curves and legends.
+
+The global state of matplotlib is not used or changed.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,10 @@ from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
 PlotValues = dict[str, NDArray[Any]]
-"""The numbers of one surface in a plot, by name."""
+"""The numbers of one surface in a plot: arrays by name. The functions that return them state the names and shapes."""
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Weights of the luminance of linear Rec.709."""
+"""Weights of R, G and B in the luminance of linear Rec.709."""
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".csv")
 """Suffixes of the files that a plot is written to."""
@@ -32,10 +35,12 @@ PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".csv")
 SUBJECT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#e69f00", "#56b4e9", "#8c564b")
 """Colours of subjects, in order: Okabe and Ito's palette for the colour-blind."""
 RGB_COLORS = ("#c8322d", "#2b8a3e", "#2454c5")
+"""Colours of the curves of the channels red, green and blue."""
 DASHES = ("-", "--", ":", "-.")
+"""Matplotlib's line styles, for curves that share a colour."""
 
 _MAX_LABEL_LENGTH = 56
-# Without dates and random names, the same plot is the same file.
+# Metadata that are left out of files, by suffix: without dates, the same plot is the same file.
 _STABLE_METADATA: dict[str, dict[str, None]] = {
     ".png": {"Software": None},
     ".svg": {"Date": None},
@@ -45,9 +50,9 @@ _STABLE_METADATA: dict[str, dict[str, None]] = {
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A plot: its figure, and its numbers as columns of equal length, angles in degrees.
+    """A plot: its figure, its numbers, and notes for the user, such as the error of an integral.
 
-    `notes` are remarks about the numbers, such as the error of an integral.
+    The numbers are columns of equal length, by the names of the columns; angles are in degrees.
     """
 
     figure: Figure
@@ -70,7 +75,7 @@ class Plot:
                     rows.writerow(self.columns)
                     rows.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
             else:
-                with mpl.rc_context({"svg.hashsalt": "lookdev"}):
+                with mpl.rc_context({"svg.hashsalt": "lookdev"}):  # a constant in place of random names
                     self.figure.savefig(temporary, format=suffix[1:], dpi=dpi, metadata=_STABLE_METADATA[suffix])
 
 
@@ -84,19 +89,19 @@ def check_suffix(file: Path) -> str:
 def create_figure(
     columns: int = 1, rows: int = 1, size: tuple[float, float] = (6.4, 4.4), projection: str | None = None
 ) -> tuple[Figure, NDArray[np.object_]]:
-    """Return a figure with a grid of axes, each of `size` in inches, and the axes, (rows, columns)."""
+    """Return a figure with a grid of axes, each of `size` (width, height) in inches, and the axes, (rows, columns)."""
     figure = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
     return figure, figure.subplots(rows, columns, squeeze=False, subplot_kw={"projection": projection})
 
 
 def legend_label(label: str) -> str:
-    """Return a label for a legend: shortened, with the signs escaped that begin mathematics in matplotlib."""
+    """Return a label for a legend: shortened, and with escaped dollar signs, which begin mathematics in matplotlib."""
     label = label if len(label) <= _MAX_LABEL_LENGTH else f"{label[: _MAX_LABEL_LENGTH - 1]}…"
     return label.replace("$", r"\$")
 
 
 def unique_labels(subjects: Sequence[PlotSubject]) -> list[str]:
-    """Return labels of surfaces that differ: repetitions have a number appended."""
+    """Return the labels of surfaces; a number is appended to the repetitions of a label, so that all differ."""
     labels = [subject.label for subject in subjects]
     return [
         label if label not in labels[:index] else f"{label} #{labels[: index + 1].count(label)}"
@@ -105,12 +110,15 @@ def unique_labels(subjects: Sequence[PlotSubject]) -> list[str]:
 
 
 def rgb_columns(label: str, colors: Floats) -> dict[str, Floats]:
-    """Return the three channels of colours (..., 3) as columns, (n,)."""
+    """Return the three channels of n colours (..., 3) as columns (n,), by name."""
     return {f"{label}.{name}": colors[..., channel].ravel() for channel, name in enumerate("rgb")}
 
 
 def split_channels(values: Floats, options: PlotOptions) -> dict[str, Floats]:
-    """Return the curves that are drawn for colours (..., 3), by the suffix of their label: three, or the luminance."""
+    """Return the curves that are drawn for colours (..., 3), by the suffixes of their labels.
+
+    By `options.channels`, they are the three channels or the luminance.
+    """
     if options.channels == "rgb":
         return {f".{name}": values[..., index] for index, name in enumerate("rgb")}
     return {"": values @ LUMINANCE}
@@ -125,7 +133,7 @@ def draw_curves(
     marker: str = "None",
     height: Callable[[Floats], Floats] = lambda values: values,
 ) -> dict[str, Floats]:
-    """Draw colours (n, 3) of surfaces as curves over x (n,), and return the curves as columns.
+    """Draw the colours (n, 3) of each surface as curves over x (n,), and return the values of the curves as columns.
 
     `height` maps the values of a curve to the heights at which they are drawn.
     """
@@ -141,9 +149,10 @@ def draw_curves(
 
 
 def scale_values(axes: Axes, options: PlotOptions, inner: Bools) -> None:
-    """Set the scales and limits of axes, by the values of curves where `inner`, (n,), is true.
+    """Set the scales of axes by the options, and their limits by the values of the curves.
 
-    Near the horizon some models grow without bound. A log axis shows at most eight decades.
+    Only the values count where `inner` (n,) is true: near the horizon, some models grow without bound. A log axis shows
+    at most eight decades.
     """
     values = np.concatenate([np.asarray(line.get_ydata(), np.float64)[inner] for line in axes.lines if inner.any()])
     high = float(values.max(initial=0.0)) or 1.0
@@ -162,14 +171,17 @@ def scale_values(axes: Axes, options: PlotOptions, inner: Bools) -> None:
 
 
 def draw_legend(axes: Axes) -> None:
-    """Draw a grid, and the legend below the plot."""
+    """Draw the grid of axes, and their legend below them."""
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), frameon=False, fontsize=8)
 
 
 def encode_srgb(values: Floats, options: PlotOptions) -> Floats:
-    """Convert values (..., 3) in linear Rec.709 to sRGB in [0, 1] (IEC 61966-2-1)."""
+    """Convert values (..., 3) from linear Rec.709 to sRGB in [0, 1] (IEC 61966-2-1).
+
+    They are first divided by their largest channel if `options.chroma` is true, and then brightened by the exposure.
+    """
     if options.chroma:
         values = values / np.maximum(values.max(axis=-1, keepdims=True), 1e-300)
     linear = np.clip(values * 2.0**options.exposure, 0.0, 1.0)

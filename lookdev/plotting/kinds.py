@@ -1,4 +1,4 @@
-"""The kinds of plots: the only list of them."""
+"""The registry of the kinds of plots, `KINDS`, and the function that draws a plot of a kind."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from lookdev.plotting.subject import PlotSubject
 class PlotKind:
     """A kind of plot: a description, the function that draws it, its options, and its largest number of surfaces.
 
-    `values` returns the numbers of one surface, for other ways to draw them; those of a difference are the slice of the
-    surface. `draft` returns coarser numbers, for kinds that are too slow for interaction.
+    `values` returns the numbers of one surface, for the Explorer, which draws them itself. For the kind ``difference``,
+    these are the slice of the surface. If `values` is too slow for interaction, `draft` returns coarser numbers.
+    `option_names` are the fields of `PlotOptions` that the kind uses.
     """
 
     description: str
@@ -95,14 +96,14 @@ KINDS: dict[str, PlotKind] = {
 
 
 def kind_named(name: str) -> PlotKind:
-    """Return a kind; an unknown name raises LookdevError."""
+    """Return the kind of plot with this name; raises LookdevError if there is none."""
     if name not in KINDS:
         raise LookdevError(f"unknown plot '{name}' ({nearest_hint(name, list(KINDS))})")
     return KINDS[name]
 
 
 def draw(name: str, subjects: Sequence[PlotSubject], options: PlotOptions = PlotOptions()) -> Plot:  # noqa: B008
-    """Return a plot of some surfaces.
+    """Return a plot of surfaces; `name` is that of a kind.
 
     Raises
     ------

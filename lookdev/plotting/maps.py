@@ -1,4 +1,8 @@
-"""Pictures of f over theta_h and theta_d: image slices, and the difference of two (Burley 2012, section 3.3)."""
+"""Pictures of the BSDF f over theta_h and theta_d: image slices, and the difference of two (Burley 2012, section 3.3).
+
+theta_h, and theta_d and phi_d, are the angles of the half vector and of the difference vector of the directions `wo` to
+the viewer and `wi` to the light (Rusinkiewicz 1998).
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,7 @@ from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
 _PIXELS = 256  # along a side of a slice
-# Position in the slice, in [0, 1], text, rotation in degrees, and horizontal and vertical alignment.
+# Texts on a slice: horizontal and vertical position in [0, 1], text, rotation in degrees, and both alignments.
 _MARKS = (
     (0.03, 0.5, "specular peak", 90, "center", "center"),
     (0.5, 0.97, "Fresnel peak", 0, "center", "top"),
@@ -39,8 +43,8 @@ _MARKS = (
 def plot_slices(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot image slices: f over theta_h, to the right, and theta_d, upwards, at a phi_d (Burley 2012, figures 3 and 4).
 
-    The first slice has the marks of figure 3, and the isolines of theta_i = 60 degrees and theta_o = 60 degrees, which
-    coincide at phi_d = 90 degrees.
+    The first slice has the texts of figure 3. It also has the isolines where the light or the view is 60 degrees from
+    the normal, which coincide at phi_d = 90 degrees.
     """
     theta, wo, wi = slice_grid(options)
     figure, axes = create_figure(len(subjects), size=(3.7, 3.9))
@@ -56,13 +60,16 @@ def plot_slices(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def slice_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return f (n, n, 3): rows are theta_d, columns theta_h, from 0 to 90 degrees, at the centres of pixels."""
+    """Return ``f`` (n, n, 3), the slice of a surface.
+
+    Rows are theta_d and columns theta_h, from 0 to 90 degrees, at the centres of pixels.
+    """
     _, wo, wi = slice_grid(options)
     return {"f": evaluate_f(subject, wo, wi, options.cosine)}
 
 
 def plot_difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot the slices of two surfaces, and the difference of the cube roots of their luminance, second less first.
+    """Plot the slices of two surfaces, and the cube root of the second's luminance minus that of the first's.
 
     Differences of cube roots are about proportional to visible ones; Ngan et al. 2005, section 3.2, use them as a loss.
     """
@@ -77,7 +84,8 @@ def plot_difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Pl
     for ax, f, label in zip(axes[0], (first, second), unique_labels(subjects), strict=False):
         _draw_image(ax, f, label, options)
         columns |= rgb_columns(label, f)
-    # A percentile: models grow without bound in a corner, whose maximum would leave no colours for the rest.
+    # The range of colours ends at a percentile. Some models grow without bound in a corner of the slice: a range up to
+    # the maximum would leave no colours for the rest.
     limit = float(np.nanpercentile(np.abs(root_difference), 98.0)) or 1.0
     image = axes[0, 2].imshow(
         root_difference,
@@ -101,12 +109,13 @@ def plot_difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Pl
 
 
 def slice_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
-    """Return the angles (n,) of the columns and rows of a slice in degrees, and wo and wi (n, n, 3)."""
+    """Return the angles (n,) of both the columns and the rows of a slice in degrees, and `wo` and `wi` (n, n, 3)."""
     return _cached_grid(options.size or _PIXELS, options.phi)
 
 
 @lru_cache(maxsize=4)
 def _cached_grid(count: int, phi: float) -> tuple[Floats, Floats, Floats]:
+    """Return what `slice_grid` returns, for a number of pixels along a side and phi_d in degrees."""
     theta = (np.arange(count) + 0.5) / count * 90.0
     angle = np.radians(theta)
     wo, wi = half_difference(angle[None, :], angle[:, None], np.radians(phi))
@@ -116,21 +125,25 @@ def _cached_grid(count: int, phi: float) -> tuple[Floats, Floats, Floats]:
 
 
 def _angles(theta: Floats) -> dict[str, Floats]:
+    """Return the columns of a plot's numbers with the angles of each pixel of a slice."""
     h, d = np.meshgrid(theta, theta)
     return {"theta_h (degrees)": h.ravel(), "theta_d (degrees)": d.ravel()}
 
 
 def _relative_difference(first: Floats, second: Floats) -> float:
+    """Return the largest difference of two arrays, divided by their largest value."""
     return float(np.abs(first - second).max() / max(first.max(), second.max(), 1e-300))
 
 
 def _draw_image(ax: Axes, f: Floats, label: str, options: PlotOptions) -> None:
+    """Draw a slice `f` (n, n, 3) with its label and axes."""
     ax.set_title(legend_label(label), fontsize=9)
     ax.imshow(encode_srgb(f, options), origin="lower", extent=(0, 90, 0, 90), interpolation="nearest")
     ax.set(xlabel="θh (degrees)", ylabel="θd (degrees)", xticks=range(0, 91, 30), yticks=range(0, 91, 30))
 
 
 def _annotate(ax: Axes, wo: Floats, wi: Floats) -> None:
+    """Draw the texts of a slice, and the isolines where `wi` or `wo` has a cosine of 0.5."""
     for x, y, text, rotation, ha, va in _MARKS:
         ax.text(
             x * 90, y * 90, text, rotation=rotation, ha=ha, va=va, fontsize=7, color="white",
@@ -143,5 +156,6 @@ def _annotate(ax: Axes, wo: Floats, wi: Floats) -> None:
 
 
 def _title(options: PlotOptions) -> str:
+    """Return the title of a plot of slices, which states the options that change its pictures."""
     parts = [f"φd = {options.phi:g}°", f"exposure {options.exposure:+g}"]
     return ", ".join(parts + ["chroma"] * options.chroma + ["times cos θi"] * options.cosine)

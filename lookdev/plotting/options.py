@@ -1,4 +1,4 @@
-"""Options of plots."""
+"""The options of plots, as `lookdev plot` takes them, and their valid values."""
 
 from __future__ import annotations
 
@@ -16,21 +16,23 @@ class PlotOptions:
     """Options of a plot; each kind uses some of them (`lookdev.plotting.kinds.PlotKind.option_names`).
 
     theta
-        Degrees from the normal: of the view, or the fixed angle of a cartesian plot.
+        An angle in degrees from the normal: that of the view, or in a cartesian plot over theta_h or theta_d, the other
+        of these two angles, which is fixed. For spheres, the angle between the view and the light.
     phi
-        Degrees of azimuth: phi_d of a slice, the azimuth of the view elsewhere.
+        An azimuth in degrees: phi_d, the azimuth of the difference vector, where f is plotted over theta_h or theta_d;
+        that of the light for spheres, and that of the view elsewhere.
     exposure
         Stops by which pictures are brightened.
     scale, angles
-        The axis of values, and that of angles: one of `SCALES`; angles are linear or ``"sqrt"``.
+        The scale of the axis of values, one of `SCALES`, and that of the axis of angles, ``"linear"`` or ``"sqrt"``.
     axis
         The angle that varies in a cartesian plot, one of `AXES`.
     limit
-        The largest angle shown, in degrees.
+        The largest angle that is plotted, in degrees.
     channels
-        One curve of the luminance, or one for each of red, green and blue.
+        ``"luminance"`` for one curve of each surface, or ``"rgb"`` for three.
     cosine
-        Whether f is multiplied by the cosine of the light.
+        Whether f, the BSDF, is multiplied by the cosine of the light's angle.
     chroma
         Whether pictures are divided by their largest channel (Burley 2012, figure 14).
     size

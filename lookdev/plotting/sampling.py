@@ -1,4 +1,7 @@
-"""Plots of importance sampling: the pdf beside f times the cosine, weights of samples, and a chi-square test."""
+"""Plots of importance sampling: the pdf beside the BSDF f times the cosine, weights of samples, a chi-square test.
+
+The test compares the numbers of sampled directions in cells of the sphere with the integrals of the pdf over the cells.
+"""
 
 from __future__ import annotations
 
@@ -17,19 +20,20 @@ from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
 _SAMPLES = 1 << 18  # directions drawn for the histogram of weights, and for the test
-_CELLS = 32, 64  # along the cosine, of both sides, and along the azimuth
-_NODES = 8  # of Gauss's rule in a cell, along each axis
+_CELLS = 32, 64  # cells of the sphere: rows of equal extent in the cosine, and columns in the azimuth
+_NODES = 8  # nodes of Gauss's rule in a cell, along each axis
 _MIN_EXPECTED = 5.0
-"""The expected number below which cells are merged, as is usual for the test."""
+"""Cells with a smaller expected number of samples are merged, as is usual for the test."""
 _MAX_CELL_ERROR = 0.1
-"""The largest quadrature error of a cell, in standard deviations of its count, with which the test is valid."""
+"""The test is valid if no cell has a larger quadrature error, in standard deviations of its number of samples."""
 
 
 @dataclass(frozen=True)
 class ChiSquare:
-    """A test's result: the statistic, its degrees of freedom, and the probability p of one at least as large by chance.
+    """The result of a chi-square test: the statistic, its degrees of freedom, and its p-value.
 
-    `resolved` is whether the integrals of the pdf over cells are exact enough for a valid test.
+    The p-value is the probability of a statistic at least as large by chance. `resolved` is whether the integrals of
+    the pdf over cells are exact enough for a valid test.
     """
 
     statistic: float
@@ -75,11 +79,12 @@ def plot_sampling(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot
 
 
 def sampling_values(subject: PlotSubject, options: PlotOptions, draft: bool = False) -> PlotValues:
-    """Return `pdf` and `value`, f times the cosine, (n, 2n), at cosines `cos` (n,) and azimuths `phi` (2n,).
+    """Return the numbers of a plot of sampling, for the view of the options; a draft is coarser.
 
-    `counts` (k,) and `edges` (k + 1,) are the histogram of the samples' weights. `test` has the mean of the weights,
-    its standard error, the largest weight, and of `ChiSquare` the statistic, the degrees of freedom, p, and whether it
-    is resolved.
+    ``pdf`` and ``value`` (n, 2n), the luminance of f times the cosine, are at cosines ``cos`` (n,) and azimuths ``phi``
+    (2n,) of the light. ``counts`` (bins,) and ``edges`` (bins + 1,) are the histogram of the samples' weights. ``test``
+    has seven numbers: the mean of the weights, its standard error, the largest weight, and the fields of `ChiSquare` in
+    their order.
     """
     if subject.is_delta:
         raise LookdevError(
@@ -104,19 +109,23 @@ def sampling_values(subject: PlotSubject, options: PlotOptions, draft: bool = Fa
 
 
 def sampling_note(values: PlotValues) -> str:
-    """Return a summary of the result of `sampling_values` as text."""
+    """Return the seven numbers ``test`` of `sampling_values` as a line of text."""
     mean, standard_error, most, statistic, freedom, p, resolved = values["test"].tolist()
     test = ChiSquare(statistic, int(freedom), p, bool(resolved))
     return f"albedo {mean:.4f} ± {standard_error:.1g}, largest weight {most:.3g}; {test}"
 
 
 def _histogram_range(weights: Floats) -> tuple[float, float]:
+    """Return the smallest and the largest weight of a histogram, of at most about eight decades."""
     low, high = (float(weights.min()), float(weights.max())) if len(weights) else (0.1, 10.0)
     return max(low * 0.9, high * 1e-8), high * 1.1
 
 
 def _sample_weights(bsdf: Bsdf, wo: Floats, samples: int, nodes: int) -> tuple[Floats, ChiSquare]:
-    """Return the luminances of samples' weights f cos / pdf, and the test of their directions against the pdf."""
+    """Return the luminances (samples,) of the weights f cos / pdf, and the test of the sampled directions.
+
+    `wo` (3,) is the view, and `nodes` the parameter of `chi_square`. A sample without a direction has weight 0.
+    """
     u = np.random.default_rng(0).random((samples, 2))
     view = np.broadcast_to(wo, (samples, 3))
     wi = sample(bsdf, view, u)
@@ -128,15 +137,21 @@ def _sample_weights(bsdf: Bsdf, wo: Floats, samples: int, nodes: int) -> tuple[F
 
 
 def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int, nodes: int = _NODES) -> ChiSquare:
-    """Test directions (n, 3), those with a pdf above 0 among `samples`, against the pdf in cells of the sphere."""
+    """Test whether sampled directions `wi` (n, 3) are distributed as the pdf for a view `wo` (3,).
+
+    `wi` are those of `samples` directions that have a pdf above 0. `nodes` is the number of nodes of Gauss's rule in a
+    cell, along each axis; half as many give the quadrature error.
+    """
     rows, columns = _CELLS
     row = np.minimum((0.5 * (wi[:, 2] + 1.0) * rows).astype(int), rows - 1)
     azimuth_fraction = np.arctan2(wi[:, 1], wi[:, 0]) / (2.0 * np.pi) % 1.0
     column = np.minimum((azimuth_fraction * columns).astype(int), columns - 1)
     observed = np.bincount(row * columns + column, minlength=rows * columns).astype(float)
     coarse, fine = (samples * _cell_probabilities(bsdf, wo, count) for count in (nodes // 2, nodes))
-    # The last entry is the number of samples without a direction.
+    # The last entry of each is the number of samples without a direction.
     observed, fine = np.append(observed, samples - len(wi)), np.append(fine, max(samples - fine.sum(), 0.0))
+    # Observed and expected numbers. Cells of small expected numbers are merged into one, the last. If its expected
+    # number is still small, it is merged with the cell before it.
     is_populated = fine >= _MIN_EXPECTED
     o, e = (np.append(counts[is_populated], counts[~is_populated].sum()) for counts in (observed, fine))
     o, e = (o, e) if e[-1] >= _MIN_EXPECTED else (np.append(o[:-2], o[-2:].sum()), np.append(e[:-2], e[-2:].sum()))
@@ -148,13 +163,14 @@ def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int, nodes: int = _N
 
 
 def _cell_probabilities(bsdf: Bsdf, wo: Floats, nodes: int) -> Floats:
-    """Return the integral of the pdf over each cell by Gauss's rule, flattened."""
+    """Return the integral of the pdf for the view `wo` over each cell, row by row, by Gauss's rule."""
     rows, columns = _CELLS
-    x, w = np.polynomial.legendre.leggauss(nodes)  # type: ignore[no-untyped-call]
-    x, w = 0.5 * (x + 1.0), 0.5 * w
+    x, weights = np.polynomial.legendre.leggauss(nodes)  # type: ignore[no-untyped-call]
+    x, weights = 0.5 * (x + 1.0), 0.5 * weights  # from [-1, 1] to [0, 1], the extent of a cell
     cos = ((np.arange(rows)[:, None] + x) / rows * 2.0 - 1.0).ravel()
     phi = ((np.arange(columns)[:, None] + x) / columns * 2.0 * np.pi).ravel()
     wi = spherical_direction(np.arccos(cos)[:, None], phi[None, :])
     density = pdf(bsdf, np.broadcast_to(wo, wi.shape), wi).reshape(rows, nodes, columns, nodes)
     area = (2.0 / rows) * (2.0 * np.pi / columns)
-    return np.asarray(np.einsum("rncm,n,m->rc", density, w, w) * area).ravel()
+    # Indices: r and c of cells, n and m of nodes in a cell.
+    return np.asarray(np.einsum("rncm,n,m->rc", density, weights, weights) * area).ravel()

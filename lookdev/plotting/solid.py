@@ -1,4 +1,7 @@
-"""Plots of shapes: the lobe in three dimensions, and spheres under lights."""
+"""Plots of shapes: the lobe of the BSDF f in three dimensions, and spheres under lights.
+
+`wo` and `wi` are unit directions to the viewer and to the light, in a frame whose z is the normal.
+"""
 
 from __future__ import annotations
 
@@ -26,19 +29,19 @@ from lookdev.plotting.figure import (
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
-_DECADES = 4.0  # of the radius of a lobe, with a log scale
+_DECADES = 4.0  # powers of ten that the radius of a lobe shows with a log scale
 _PIXELS = 160  # along a side of the picture of a sphere
-_DOME = "studio"
-_SAMPLES = 48  # samples of a pixel, of the surface and of the dome each
+_DOME = "studio"  # the built-in environment map that lights spheres
+_SAMPLES = 48  # samples of a pixel: this number of the surface, and the same number of the dome
 _RECURRENCE_ROOT = 1.1673039782614187
-"""Positive root of x^5 = x + 1: its inverse powers are the steps of the recurrence in 4 dimensions (Roberts 2018)."""
+"""Positive root of x^5 = x + 1: its inverse powers are the steps of the recurrence in 4 dimensions (Roberts 2018).
+
+The recurrence is a sequence of evenly distributed points: each point is the one before it plus the steps, modulo 1.
+"""
 
 
 def plot_lobes(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot f for one view, and light from all directions above the horizon, as the radius of a surface.
-
-    The view is a line.
-    """
+    """Plot f for one view as a surface whose radius, in the direction to the light, is f; the view is a line."""
     theta, phi, view = lobe_grid(options)
     figure, axes = create_figure(len(subjects), size=(4.6, 4.4), projection="3d")
     columns = {"theta_i (degrees)": np.repeat(np.degrees(theta), len(phi))}
@@ -67,9 +70,9 @@ def plot_lobes(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
-    """Return theta (n,) and phi (2n,) of directions to the light, and the view (3,).
+    """Return theta (n,) and phi (m,) of directions to the light in radians, and the view (3,).
 
-    The angles are denser near the mirrored view, where lobes are narrow.
+    The angles are denser near the mirror direction of the view, where lobes are narrow.
     """
     count = options.size or 96
     theta = _graded_grid(0.0, 0.5 * np.pi, np.radians(options.theta), count)
@@ -78,17 +81,18 @@ def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
 
 
 def lobe_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return the directions `wi` to the light of `lobe_grid`, and f for them, both (n, 2n, 3)."""
+    """Return the directions ``wi`` to the light of `lobe_grid`, and ``f`` for them, both (n, m, 3)."""
     theta, phi, view = lobe_grid(options)
     wi = spherical_direction(theta[:, None], phi[None, :])
     return {"wi": wi, "f": evaluate_f(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
 
 
 def plot_spheres(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot spheres as seen from far away: above, lit by a distant point light; below, by the built-in studio dome.
+    """Plot spheres as seen from far away: above, lit by a distant point light; below, by the built-in dome ``studio``.
 
-    The light is `options.theta` degrees from the view, at an azimuth of `options.phi`, with an irradiance of pi. The
-    dome is integrated by multiple importance sampling, 48 samples each of surface and dome a pixel.
+    The point light is `options.theta` degrees from the view, at an azimuth of `options.phi`, with an irradiance of pi.
+    The light of the dome is integrated by multiple importance sampling: in a pixel, 48 directions are sampled by the
+    surface, and 48 by the dome.
     """
     figure, axes = create_figure(len(subjects), 2, size=(3.0, 3.0))
     columns: dict[str, Floats] = {}
@@ -110,9 +114,9 @@ def plot_spheres(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 
 
 def sphere_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return the radiances (k, 3) of the k pixels inside a sphere, under the `point` light and under the `dome`.
+    """Return the radiances (n, 3) of the n pixels inside a sphere, under the ``point`` light and under the ``dome``.
 
-    `pixel` (k,) has the numbers of the pixels, which count row by row from the lowest row.
+    ``pixel`` (n,) has the numbers of these pixels, which count row by row from the lowest row.
     """
     count = options.size or _PIXELS
     x, y = np.meshgrid(*[(np.arange(count) + 0.5) / count * 2.0 - 1.0] * 2)
@@ -132,19 +136,21 @@ def sphere_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
 
 
 def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Floats:
-    """Return the radiance (n, 3) towards views, by samples of the surface and of the dome.
+    """Return the radiance (n, 3) towards views `wo` (n, 3) under the dome, by samples of the surface and of the dome.
 
-    The uniform numbers are an additive recurrence with a random shift for each pixel.
+    The rows of `frame` (n, 3, 3) are the tangent, bitangent and normal of each pixel, in the axes of the picture: to
+    the right, up, and to the viewer. The random numbers are an additive recurrence with a random shift for each pixel.
     """
     dome = prepare_light(load_environment(builtin=_DOME), sampled=False)
     shift = np.random.default_rng(0).random((len(wo), 4))
     step = (1.0 / _RECURRENCE_ROOT ** np.arange(1.0, 5.0)) % 1.0
     total = np.zeros(wo.shape)
     origin = np.zeros(wo.shape)
-    # The dome's up axis is z, the picture's y.
+    # The same vectors in the axes of the dome, whose up axis is z; that of the picture is y.
     dome_frame = frame[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
 
     def to_dome(wi: Floats) -> Floats:
+        """Convert directions (n, 3) from the frames of the pixels to the axes of the dome."""
         return np.asarray(np.einsum("nkc,nk->nc", dome_frame, wi))
 
     for delta in subject.bsdf.deltas(wo, np.zeros(len(wo), np.bool_)):
@@ -155,6 +161,7 @@ def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Flo
     bsdf = bsdf_for_views(subject.bsdf, wo)
     for number in range(_SAMPLES):
         u = (shift + number * step) % 1.0
+        # Directions that the dome samples, converted to the frames of the pixels.
         by_light = np.einsum("nkc,nc->nk", dome_frame, dome.sample(origin, u[:, 2:]))
         for wi in (sample(bsdf, wo, u[:, :2]), by_light):
             dome_direction = to_dome(wi)
@@ -167,7 +174,7 @@ def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Flo
 
 
 def _graded_grid(low: float, high: float, centre: float, count: int) -> Floats:
-    """Return increasing numbers from low to high: a third evenly spaced, the others dense near `centre`."""
+    """Return about `count` increasing numbers from low to high: a third evenly spaced, others dense near `centre`."""
     even = np.linspace(low, high, max(count // 3, 2))
     graded = centre + 0.5 * (high - low) * np.linspace(-1.0, 1.0, count - len(even)) ** 3
     return np.asarray(np.unique(np.clip(np.concatenate([even, graded]), low, high)))

@@ -1,8 +1,9 @@
-"""Subjects of plots: a BSDF with constant parameters and a label, from the words of a command line.
+"""Subjects of plots: a subject is a surface with a BSDF and a label, which an argument of the command line describes.
 
-``disney:roughness=.3,baseColor=.8/.2/.1`` is a model, ``red_plastic:roughness=.1`` a preset. ``look.usda:2`` is a layer
-of a look, ``look.usda@.5,.25`` its stack at texture coordinates, ``look.usda#/Paint`` one of its materials. Any other
-file is measured data. ``label=`` before any of these replaces the label in the legend.
+Functions call this argument `words`. ``disney:roughness=.3,baseColor=.8/.2/.1`` is a model with parameters, and
+``red_plastic:roughness=.1`` a preset with one. ``look.usda:2`` is a layer of a look, ``look.usda@.5,.25`` its stack of
+layers at texture coordinates, and ``look.usda#/Paint`` one of the materials in its file. Any other file is measured
+data. ``label=`` before any of these replaces the label in the legend.
 """
 
 from __future__ import annotations
@@ -28,19 +29,22 @@ from lookdev.material.points import SinglePoint
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers
 
+# A label ends at the first "=". A further "=", which is that of a parameter, must follow one of ":@#/.".
 _LABEL = re.compile(r"([^=:@#/]+)=(?=[^=:@#/]*(?:[:@#/.]|$))(.+)", re.DOTALL)
 LOOK_PATTERN = re.compile(
     rf"(?P<file>.+?(?:{'|'.join(map(re.escape, LOOK_SUFFIXES))}))"
     r"(?:#(?P<prim>/[^:@]*))?(?::(?P<layer>[^@]+))?(?:@(?P<uv>.+))?"
 )
+"""Words that describe a look, without a label: ``FILE[#PRIM][:LAYER][@U,V]``."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlotSubject:
-    """A surface to plot: a label, its BSDF, and its layers, base first, with their parameters for a view from above.
+    """A surface to plot: a label, its BSDF, and its layers, base first.
 
-    `is_view_independent` is whether the parameters are the same for every view. `evaluate_fast` computes the same f as
-    the BSDF for directions (n, 3).
+    `is_view_independent` is whether the parameters of the layers are the same for every view; if they are not, `layers`
+    has those for a view along the normal. `evaluate_fast`, if there is one, returns the values (n, 3) of the BSDF for
+    directions `wo` and `wi` (n, 3).
     """
 
     label: str
@@ -69,11 +73,11 @@ class PlotSubject:
 
 
 LocateFile = Callable[[str], Path]
-"""Function that returns the path of a file named in words; raises LookdevError if it must not be read."""
+"""A function that returns the path of a file named in words; it raises LookdevError if the file must not be read."""
 
 
 def read_subject(words: str, library: Path | None = None, locate: LocateFile = Path) -> PlotSubject:
-    """Return the subject that words of the command line describe.
+    """Return the subject that words of the command line describe; `library` is a folder of presets.
 
     Raises
     ------
@@ -88,7 +92,10 @@ def read_subject(words: str, library: Path | None = None, locate: LocateFile = P
 
 
 def split_label(words: str, locate: LocateFile = Path) -> tuple[str, str]:
-    """Return the label at the beginning of words, or an empty string, and the rest."""
+    """Return the label at the beginning of words, or an empty string, and the words without labels.
+
+    If there are several labels, the first is returned.
+    """
     match = None if _is_file(words, locate, folders=True) else _LABEL.fullmatch(words)
     if match is None:
         return "", words
@@ -97,6 +104,7 @@ def split_label(words: str, locate: LocateFile = Path) -> tuple[str, str]:
 
 
 def _read_unlabelled(words: str, library: Path | None, locate: LocateFile) -> PlotSubject:
+    """Return the subject of words without a label; raises as `read_subject` does."""
     if look := LOOK_PATTERN.fullmatch(words):
         return _look_subject(words, look["file"], locate(look["file"]), look["prim"], look["layer"], look["uv"])
     name, _, rest = words.partition(":")
@@ -110,6 +118,7 @@ def _read_unlabelled(words: str, library: Path | None, locate: LocateFile) -> Pl
 
 
 def _is_file(words: str, locate: LocateFile, folders: bool = False) -> bool:
+    """Return whether words are the path of a file, or with `folders` of a file or a folder."""
     try:
         path = locate(words)
         return path.is_file() or (folders and path.exists())
@@ -118,14 +127,20 @@ def _is_file(words: str, locate: LocateFile, folders: bool = False) -> bool:
 
 
 def read_model(words: str, locate: LocateFile = Path) -> tuple[Model, dict[str, ParameterValue]]:
-    """Return the model and the given parameters of words such as ``disney:sheen=0``; raises as `read_subject` does."""
+    """Return the model in words such as ``disney:sheen=0``, and the parameters that they state.
+
+    Raises as `read_subject` does.
+    """
     name, _, rest = words.partition(":")
     model = model_named(name)
     return model, read_parameters(words, model, rest, locate)
 
 
 def model_subject(model: Model, constants: Mapping[str, object], label: str) -> PlotSubject:
-    """Return the subject of a model with some of its parameters; raises ModelError if one is wrong."""
+    """Return the subject of a model with the parameters `constants`, and others at their defaults.
+
+    Raises ModelError if a parameter is wrong.
+    """
     parameters = model.complete(constants)
     return PlotSubject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
 
@@ -148,6 +163,7 @@ def read_parameters(words: str, model: Model, text: str, locate: LocateFile = Pa
 
 
 def _parse_value(words: str, kind: str, name: str, text: str) -> ParameterValue:
+    """Parse the value of a parameter of a kind; `words` and `name` are for messages."""
     if kind == "token":
         return text
     try:
@@ -165,6 +181,7 @@ def _parse_value(words: str, kind: str, name: str, text: str) -> ParameterValue:
 
 
 def _preset_subject(words: str, name: str, rest: str, library: Path | None) -> PlotSubject:
+    """Return the subject of a preset, with the parameters in the text `rest` in place of its own."""
     try:
         preset = find_preset(name, library)
     except LookError:
@@ -182,6 +199,10 @@ def _preset_subject(words: str, name: str, rest: str, library: Path | None) -> P
 def _look_subject(
     words: str, file_text: str, file: Path, prim: str | None, layer: str | None, uv_text: str | None
 ) -> PlotSubject:
+    """Return the subject of a look, or of one of its layers, from the groups of `LOOK_PATTERN`.
+
+    `file` is the path of the file that the words name `file_text`.
+    """
     look = read_look(file, prim)
     uv = _parse_uv(words, uv_text)
     label = words.replace(file_text, file.stem, 1)
@@ -209,9 +230,13 @@ def _look_subject(
 
 
 def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed: bool = True) -> list[StackLayer]:
-    """Return the layers at texture coordinates; if squeezed, parameters are single numbers and colours."""
+    """Return the layers of a look at texture coordinates, for views with the cosines (n,) to the normal.
+
+    If the layers are squeezed, for a single view, their values lose the axis of views.
+    """
 
     def squeeze(value: Real) -> Real:
+        """Return a value without its first axis if that has one entry."""
         return np.squeeze(np.asarray(value), 0) if np.ndim(value) and np.shape(value)[0] == 1 else value
 
     layers = look_layers(look, SinglePoint(cosine, uv))
@@ -230,6 +255,7 @@ def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed:
 
 
 def _parse_uv(words: str, text: str | None) -> tuple[float, float]:
+    """Return the texture coordinates in a text, by default the middle of the texture; `words` are for messages."""
     if text is None:
         return 0.5, 0.5
     try:

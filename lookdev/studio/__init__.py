@@ -1,6 +1,9 @@
-"""The web pages: a local server (`server`), its access control (`access`), the `websocket` of a page, files (`roots`).
+"""The web pages of `lookdev explore` and `lookdev design`, and the local server that both use.
 
-Each page has a folder of its own, with its scripts and the routes of its data: `explorer` and `designer`.
+Each page has a folder with its scripts and the routes of its data: `explorer` and `designer`. `viewport` draws a scene
+in the browser. Both pages use the other modules: `server` listens at an address and serves a page, `access` refuses
+requests from other sites, `roots` finds the files that a page may read, `websocket` and `packets` send messages to a
+page, and `scripts` sends its static files.
 """
 
 from __future__ import annotations
@@ -15,7 +18,11 @@ __all__ = ["Address", "require_packages"]
 
 @dataclass(frozen=True)
 class Address:
-    """The address at which the server listens, and names of it for browsers, in addition to those of the loopback."""
+    """The address at which the server listens; a `port` of None is the default port, or a free one if that is taken.
+
+    `names` are further host names by which browsers may call the server, in addition to `host`, and to ``localhost``
+    and the addresses of the loopback interface.
+    """
 
     host: str = "127.0.0.1"
     port: int | None = None

@@ -1,4 +1,4 @@
-"""Access control: the server accepts requests for its own names, from its own pages, of bounded size.
+"""Access control of the local server: it refuses requests from pages of other sites, and bodies that are too large.
 
 A page of another site can send requests to a local server, and can make its own name resolve to this machine ("DNS
 rebinding"). The headers reveal both: `Host` is the name in the browser's address, and `Origin` is the site whose page
@@ -19,7 +19,7 @@ from lookdev.errors import shorten
 log = logging.getLogger("lookdev.studio")
 
 MAX_BODY_BYTES = 1 << 16
-"""Largest body of a request, in bytes; uploads have other limits."""
+"""Largest body of a request, in bytes; it does not apply to paths of uploads, which check their size themselves."""
 
 _SECURITY_HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
@@ -39,7 +39,11 @@ def authorities(names: Iterable[str], port: int) -> frozenset[str]:
 
 
 class RequestGuard:
-    """An ASGI application that checks `Host`, `Origin` and the size of bodies before `app`, and logs refusals."""
+    """An ASGI application that checks each request, and passes it to `app` or refuses it; refusals are logged.
+
+    The value of `Host`, and the site in `Origin` if there is one, must be in `allowed` (see `authorities`). Bodies of
+    requests to other paths than `uploads` have at most `MAX_BODY_BYTES`.
+    """
 
     def __init__(self, app: ASGIApp, allowed: frozenset[str], uploads: Iterable[str] = ()) -> None:
         self._app = app
@@ -61,16 +65,19 @@ class RequestGuard:
         await self._app(scope, self._limit_body(scope, receive), _add_headers(send))
 
     def _refusal(self, scope: Scope, headers: Headers) -> str:
+        """Return the reason why a request is refused; an empty string if it is accepted."""
         hosts = headers.getlist("host")
         if len(hosts) != 1 or hosts[0].lower() not in self._allowed:
             return f"Host {shorten(', '.join(hosts) or 'missing', 80)} is not this server"
         origins = headers.getlist("origin")
         if any(origin.lower() not in {f"http://{authority}" for authority in self._allowed} for origin in origins):
             return f"Origin {shorten(', '.join(origins), 80)} is not this server"
-        # Browsers send Origin with every websocket and every POST: a request without it is not from a page.
+        # Browsers send Origin with every websocket and every POST. So one without Origin is not from a page of another
+        # site, and is accepted.
         return ""
 
     def _limit_body(self, scope: Scope, receive: Receive) -> Receive:
+        """Return `receive`, or a function in its place that disconnects a client whose body is too large."""
         if scope["type"] != "http" or scope["path"] in self._uploads:
             return receive
         size = 0
@@ -88,6 +95,8 @@ class RequestGuard:
 
 
 def _add_headers(send: Send) -> Send:
+    """Return a function in place of `send` that adds to each response the `_SECURITY_HEADERS` that it lacks."""
+
     async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
             present = {name.lower() for name, _ in message.get("headers", [])}

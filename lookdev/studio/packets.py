@@ -1,4 +1,4 @@
-"""Binary messages for a page: a header in JSON, followed by arrays of float32."""
+"""Binary messages (packets) from the server to a page: a header in JSON, followed by arrays of float32."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def encode_packet(header: Mapping[str, object], arrays: Mapping[str, Elements]) -> bytes:
-    """Return a message of a header and arrays, little-endian.
+    """Return the message of a header and of arrays by name, little-endian.
 
-    The message is the length of the header as uint32, the header, padded to 4 bytes, and the arrays. ``arrays`` in the
-    header lists their names and shapes. Numbers beyond the range of float32 become its largest number.
+    The message begins with the length of the padded header in bytes, as uint32. The header follows, as JSON padded with
+    spaces to a multiple of 4 bytes. Then follow the arrays, in C order, without gaps. The header's key ``arrays`` lists
+    ``[name, shape]`` of each. A number beyond the range of float32 becomes the largest float32 of its sign.
     """
     shapes = [[name, list(np.shape(values))] for name, values in arrays.items()]
     header_bytes = json.dumps({**header, "arrays": shapes}, separators=(",", ":")).encode()

@@ -1,4 +1,7 @@
-"""The files that a page may read: files and folders of the server's command line, and uploads."""
+"""The files that a page may read, by name: those that the server's command line states, and uploads.
+
+A root is a file or a folder of the command line, or the folder of uploads.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +17,14 @@ from lookdev.brdf.measured.files import read_grid
 from lookdev.errors import LookdevError, ModelError, shorten
 
 UPLOADS = "uploads"
+"""The name of the root that has the uploads."""
 MAX_UPLOAD_BYTES = 64 << 20
 """Largest size of an upload, in bytes; a MERL binary has 33 MiB."""
 MAX_UPLOADS_BYTES = 512 << 20
 """Largest size of all uploads together, in bytes."""
 
-_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
-_MAX_LISTED = 500
+_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")  # characters that the name of a root or an upload must not have
+_MAX_LISTED = 500  # files of one root that a page lists
 
 
 def is_below(file: Path, folders: Iterable[Path]) -> bool:
@@ -30,9 +34,11 @@ def is_below(file: Path, folders: Iterable[Path]) -> bool:
 
 @dataclass
 class Roots:
-    """Files by the names that a page uses: ``<root>/<path>`` for a file in a folder, or the name of a single file.
+    """The roots, whose names a page uses instead of paths.
 
-    `uploads` is a folder of the server, empty at first.
+    `paths` has the path of each root by its name. A file in a folder has the name ``<root>/<path in the folder>``, and
+    a single file has the name of its root. `uploads` is a folder of the server, empty at first; `_size` is the number
+    of bytes of all uploads.
     """
 
     uploads: Path
@@ -57,9 +63,9 @@ class Roots:
         return name
 
     def locate(self, name: str) -> Path:
-        """Return the file of a name.
+        """Return the path of the file with a name.
 
-        Raises LookdevError if the file is outside of the roots, also by ``..`` or by a link.
+        Raises LookdevError if the file is outside of the roots, even if the path leaves a root by ``..`` or by a link.
         """
         parts = PurePosixPath(name).parts
         error = LookdevError(f"'{shorten(name, 80)}' is not among the files of this server; start it with --root")
@@ -76,13 +82,19 @@ class Roots:
         return file
 
     def replace_names(self, text: str) -> str:
-        """Return a text that specifies a surface, with paths in place of the names of files, for a command line."""
+        """Return the text of a surface, with paths in place of the names of roots, so that a command line can read it.
+
+        The name of a root is at the start of the text or after ``=``, and ends before one of ``/:@#,`` or at the end.
+        """
         for name in sorted(self.paths, key=len, reverse=True):
             text = re.sub(rf"(^|[=]){re.escape(name)}(?=$|[/:@#,])", lambda m: f"{m[1]}{self.paths[name]}", text)  # noqa: B023
         return text
 
     def list_files(self, suffixes: Sequence[str]) -> Iterator[str]:
-        """Yield the names of single files, and of files in folders by `suffixes`, up to `_MAX_LISTED` of a folder."""
+        """Yield the names of all single files, and of files in folders that have one of `suffixes`.
+
+        At most `_MAX_LISTED` files of each root are yielded; hidden files and folders are left out.
+        """
         for name, root in self.paths.items():
             if root.is_file():
                 yield name
@@ -130,6 +142,7 @@ class Roots:
 
     @staticmethod
     def _check_measured(file: Path, name: str) -> None:
+        """Raise LookdevError, with `name` in its message, if a file is not a file of measured reflectance."""
         try:
             read_grid(file)
         except ModelError as error:

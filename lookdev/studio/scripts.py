@@ -1,4 +1,4 @@
-"""The pages' own files: HTML, scripts and styles."""
+"""The static files of the pages: HTML, scripts and styles."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from starlette.types import Scope
 
 
 class Scripts(StaticFiles):
-    """Static files that a browser requests anew each time; they are on this machine."""
+    """Static files of which a browser uses no cached copy before it has asked the server.
+
+    The server is usually on the browser's machine, so that such a request costs little.
+    """
 
     def file_response(
         self, full_path: PathLike, stat_result: os.stat_result, scope: Scope, status_code: int = 200

@@ -1,4 +1,4 @@
-"""The local server: listen at an address, serve an application, end at a signal."""
+"""The local server of the pages: it listens at an address, serves an ASGI application, and ends at a signal."""
 
 from __future__ import annotations
 
@@ -28,12 +28,15 @@ MAX_MESSAGE_BYTES = 1 << 16
 
 _CLOSE_SECONDS = 1  # seconds that open connections have to close at the end
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_LOCAL = ("127.0.0.1", "localhost", "::1")
+_LOCAL = ("127.0.0.1", "localhost", "::1")  # names of the loopback interface
 
 
 @dataclass(frozen=True)
 class BoundSocket:
-    """A socket that listens, its URL, the values of `Host` that it allows, and the port that was requested."""
+    """A socket that listens, its URL, the values of the header `Host` that are allowed, and the port requested for it.
+
+    `is_requested_port` is false if the requested port was taken. Port 0 requests any free port.
+    """
 
     socket: socket.socket
     url: str
@@ -43,7 +46,7 @@ class BoundSocket:
 
 
 def bind_address(address: Address) -> BoundSocket:
-    """Listen at an address; if it has no port and the default port is taken, listen at a free port.
+    """Listen at an address; if its port is None and the default port is taken, listen at a free port.
 
     Raises LookdevError if the address is not one of this machine, or its port is taken.
     """
@@ -69,6 +72,7 @@ def bind_address(address: Address) -> BoundSocket:
 
 
 def _listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at a host and a port; raises OSError."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
@@ -82,6 +86,7 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def _is_local(host: str) -> bool:
+    """Return whether a host is the loopback interface, which only this machine can reach."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -91,9 +96,11 @@ def _is_local(host: str) -> bool:
 def serve_page(
     app: Callable[[], ASGIApp], address: Address, uploads: Sequence[str], *, browser: bool, say: Callable[[str], None]
 ) -> None:
-    """Serve an application at an address as `serve` does; `say` receives the URL, which a `browser` opens.
+    """Listen at an address, print its URL by `say`, and serve an application there until SIGINT or SIGTERM.
 
-    `app` makes the application, after the server has begun to listen. Raises what `bind_address` raises.
+    `app` makes the application, after the server has begun to listen. `uploads` are the paths of requests whose bodies
+    have no limit (see `RequestGuard`). With `browser`, the user's browser opens the URL. Raises what `bind_address`
+    raises.
     """
     bound = bind_address(address)
     if not bound.is_requested_port:
@@ -117,9 +124,9 @@ class _Server(uvicorn.Server):
 def serve(
     app: ASGIApp, bound: BoundSocket, uploads: Sequence[str] = (), on_start: Callable[[], None] = lambda: None
 ) -> None:
-    """Serve an application until SIGINT or SIGTERM, and call `on_start` when it answers.
+    """Serve an application at a bound socket until SIGINT or SIGTERM; call `on_start` when the server has started.
 
-    These signals end a server normally, so they raise nothing here. Open connections have a second to close.
+    These signals are the normal end of a server, so they raise no exception. Open connections have a second to close.
     """
     config = uvicorn.Config(
         RequestGuard(app, bound.allowed, uploads),

@@ -1,4 +1,4 @@
-"""The websocket of a page: it receives messages, computes answers in threads, and sends them."""
+"""The websocket of a page, on the server's side: it receives messages, computes answers in threads, and sends them."""
 
 from __future__ import annotations
 
@@ -39,9 +39,10 @@ class Ticket:
 
 
 class PageSocket:
-    """The websocket of one page, with its tasks and the ticket of its newest computation.
+    """The websocket of one page, its asyncio tasks, and the ticket of its newest computation that can be cancelled.
 
-    When the page is gone, the tasks are cancelled, and `cancel` is called with the ticket.
+    The function `cancel` ends the computation of a ticket. It is called for the newest ticket, and all tasks are
+    cancelled, when the page is gone.
     """
 
     def __init__(self, socket: WebSocket, cancel: Callable[[Ticket], None]) -> None:
@@ -86,7 +87,10 @@ class PageSocket:
     async def answer(
         self, request: Mapping[str, Any], compute: Callable[[], SocketMessage | None], threads: Executor
     ) -> None:
-        """Compute the answer to a request in a thread and send it; if that fails, send the reason."""
+        """Compute the answer to a request in a thread of `threads` and send it; if that fails, send the reason.
+
+        Nothing is sent if `compute` returns None.
+        """
         reply = {"id": request["id"]}
         answer: SocketMessage | None
         try:

@@ -1,4 +1,7 @@
-"""`lookdev review`: a page of the frames in an output folder, alone or beside those of another version."""
+"""The command `lookdev review`: it finds the frames of an output folder, and of another version of it, for the page.
+
+A frame may have a frame of reference props beside it, such as a grey ball and a colour chart, which is shown over it.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ def review(
     view: str | None = None,
     report: Callable[[int, int], None] = lambda done, of: None,
 ) -> tuple[Path, WrittenPage, tuple[str, ...]]:
-    """Write the review page of an output folder; return its index, counts of its files, and notes for the user.
+    """Write the review page of an output folder; return its ``index.html``, counts of files, and notes for the user.
 
     Parameters
     ----------
@@ -61,8 +64,8 @@ def review(
 def read_version(folder: Path, page: Path) -> Version:
     """Return the frames of an output folder, each with the frame of reference props to composite over it, if any.
 
-    Damaged frames are left out and listed among the problems. The folder `page` is skipped. Raises OutputError where no
-    frame is left.
+    Damaged frames are left out, and the problems list them. Frames in the folder `page` are skipped. Raises OutputError
+    where no frame is left.
     """
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; the output folder of a job would be right")
@@ -80,8 +83,8 @@ def read_version(folder: Path, page: Path) -> Version:
         if "digest" not in header:
             problems.append(f"{file}: is left out: not written by lookdev")
             continue
-        # The header states a doubt about the frame's props (`lookdev.checks.charts`). One picture has several names,
-        # but its doubt is listed once.
+        # The header states a doubt if the frame's props differ from their prediction (`lookdev.checks.charts`). Several
+        # frames can be the same picture, with the same digest; its doubt is listed once.
         if "charts.doubt" in header and header["digest"] not in doubted_digests:
             doubted_digests.add(header["digest"])
             problems.append(f"{file}: {header['charts.doubt']}")
@@ -89,6 +92,7 @@ def read_version(folder: Path, page: Path) -> Version:
     if not reels:
         reason = f": {'; '.join(map(shorten, problems[:_MAX_PROBLEMS]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{reason}")
+    # By its path below the folder of props, a frame of props belongs to the frames with that path below their look.
     props = {
         frame.file.relative_to(folder / PROPS_FOLDER): frame.file
         for (look, _, _), frames in reels.items()
@@ -106,7 +110,7 @@ def read_version(folder: Path, page: Path) -> Version:
 
 
 def _has_props(folder: Path) -> bool:
-    """Return whether the job of a folder has reference props by its manifest; True where there is no manifest."""
+    """Return whether the job of an output folder has reference props by the manifest; True if there is no manifest."""
     try:
         return "charts" in read_manifest(folder)["settings"]
     except (OutputError, KeyError, TypeError):
@@ -114,6 +118,7 @@ def _has_props(folder: Path) -> bool:
 
 
 def _job_view(folder: Path) -> DisplayView:
+    """Return the view of the job's pictures by the manifest of its output folder, or else the default view."""
     try:
         return DisplayView(**read_manifest(folder)["view"])
     except (OutputError, KeyError, TypeError):  # an output of an earlier version, or made by hand
@@ -121,7 +126,7 @@ def _job_view(folder: Path) -> DisplayView:
 
 
 def _distinct_names(folders: list[Path]) -> list[str]:
-    """Return the shortest ends of the paths of folders that tell them apart."""
+    """Return a name for each folder: the shortest end of its path such that all names differ."""
     depth = 1
     while len({folder.parts[-depth:] for folder in folders}) < len(folders):
         depth += 1

@@ -1,6 +1,7 @@
-"""The writer of a review page's folder.
+"""The writer of the folder of a review page: pictures and pixel values of frames, an index, and the page's own code.
 
-A file of a frame has the digest of its inputs as its name, so that a later page uses the file again.
+The name of a frame's file has a digest of its inputs, so that a later page in the same folder uses the file again. A
+ledger, which is a file in the folder, has the SHA-256 of all files.
 """
 
 from __future__ import annotations
@@ -30,19 +31,20 @@ from lookdev.output.review.view import view_shader
 from lookdev.safe_text import read_json_object
 
 FORMAT = 1
-"""Part of the names of a page's files: after a change of it, all files are written anew."""
+"""The version of the files of frames, which is part of their digests: after a change, all of them are written anew."""
 
 THUMBNAIL = 176
 """Longer side of a frame in the grid, in pixels."""
 
 _STATIC = Path(__file__).with_name("static")
 _LEDGER = "data/ledger.json"
-_JPEG = {"Compression": "jpeg:90", "jpeg:subsampling": "4:4:4"}  # the page shows it while pixel values load
+# Options of the JPEG of a frame, which the page shows until the pixel values are loaded.
+_JPEG = {"Compression": "jpeg:90", "jpeg:subsampling": "4:4:4"}
 
 
 @dataclass(frozen=True)
 class ReviewFrame:
-    """An undamaged frame on disk, the number in its name, its header, and a frame of props to composite over it."""
+    """An undamaged frame: its EXR, the number in its name, its header, and the EXR of props to composite over it."""
 
     file: Path
     number: int
@@ -52,7 +54,7 @@ class ReviewFrame:
 
 @dataclass(frozen=True)
 class ReviewReel:
-    """The frames of a turntable of a look under a rig, at least one."""
+    """A reel: the frames of one turntable of a look under a rig, at least one."""
 
     look: str
     rig: str
@@ -67,7 +69,7 @@ class ReviewReel:
 
 @dataclass(frozen=True)
 class Version:
-    """An output folder: its name on the page, its reels in order, and its problems as messages."""
+    """A version of the frames, which is an output folder: its name on the page, its reels, and messages of problems."""
 
     name: str
     folder: Path
@@ -77,7 +79,7 @@ class Version:
 
 @dataclass(frozen=True)
 class WrittenPage:
-    """Number of files of a page that were written now, number that were kept, and bytes of all."""
+    """The number of files that were written for a page, the number of those used again, and the bytes of all."""
 
     new_files: int
     unchanged_files: int
@@ -91,7 +93,7 @@ def write_review_page(
     title: str,
     report: Callable[[int, int], None] = lambda *_: None,
 ) -> WrittenPage:
-    """Write the page of one version, or of a new and an old version, into a folder; undamaged files there are kept.
+    """Write the page of one version, or of a new and an old version, into a folder; undamaged files there are reused.
 
     Each file is written complete or not at all, and after the files to which it refers. Files that no longer belong to
     the page are removed last. After an interruption, the folder has the old page or the new one. `report` is called
@@ -103,17 +105,21 @@ def write_review_page(
 
 
 class _PageWriter:
-    """Writes the files of a page, and keeps undamaged ones of an earlier page."""
+    """The writer of the files of a page in a folder, which uses undamaged files of an earlier page again.
+
+    `_ledger` has the SHA-256 of the earlier page's files by name, and `_digests` that of this page's files.
+    """
 
     def __init__(self, folder: Path, view: DisplayView) -> None:
         self._folder = folder
         self._view = view
-        ledger = read_json_object(folder / _LEDGER).items()  # without it, all files are written again
+        ledger = read_json_object(folder / _LEDGER).items()  # empty if missing: then all files are written anew
         self._ledger = {name: digest for name, digest in ledger if isinstance(digest, str)}
-        self._digests: dict[str, str] = {}  # SHA-256 of each file of this page by its name
+        self._digests: dict[str, str] = {}
         self._new_names: set[str] = set()
 
     def write(self, versions: Sequence[Version], title: str, report: Callable[[int, int], None]) -> WrittenPage:
+        """Write all files of the page, the ledger last, and remove files that no longer belong to it."""
         shader = view_shader(self._view)
         frames = [frame for version in versions for reel in version.reels for frame in reel.frames]
         keys: dict[Path, str] = {}
@@ -146,7 +152,7 @@ class _PageWriter:
         return WrittenPage(len(self._new_names), len(self._digests) - len(self._new_names), size)
 
     def _write_frame(self, frame: ReviewFrame) -> str:
-        """Write the picture and the script of a frame, and return the key in their names."""
+        """Write the picture and the pixel values of a frame, and return the key in the names of these files."""
         props = [file_digest(frame.props_file)] if frame.props_file else []
         key = _content_key(FORMAT, self._view.digest, file_digest(frame.file), *props)
         picture, script = f"data/frames/{key}.jpg", f"data/frames/{key}.js"
@@ -158,7 +164,10 @@ class _PageWriter:
         return key
 
     def _write_reel(self, version: int, reel: ReviewReel, keys: Mapping[Path, str]) -> dict[str, Any]:
-        """Write the sprites and the provenance of a reel, and return its entry in the index."""
+        """Write the thumbnails of a reel and the headers of its frames, and return the reel's entry in the index.
+
+        The thumbnails are the sprites of one picture. `keys` has the key of each frame by its EXR.
+        """
         names = [keys[frame.file] for frame in reel.frames]
         key = _content_key(FORMAT, THUMBNAIL, names)
         sprite = f"data/reels/{key}.jpg"
@@ -180,7 +189,7 @@ class _PageWriter:
         }  # fmt: skip
 
     def _reuse(self, name: str) -> bool:
-        """Return whether a file exists as it was written; if so, add it to the files of this page."""
+        """Return whether a file exists with the digest that it was written with; if so, add it to this page's files."""
         digest = self._digests.get(name) or self._ledger.get(name)
         path = self._folder / name
         if digest is None or not path.is_file() or file_digest(path) != digest:
@@ -189,12 +198,14 @@ class _PageWriter:
         return True
 
     def _write_file(self, name: str, write: Callable[[Path], None]) -> None:
+        """Write a file of the page anew by the function `write`, which gets its path."""
         path = self._folder / name
         write(path)
         self._digests[name] = file_digest(path)
         self._new_names.add(name)
 
     def _write_text(self, name: str, text: str) -> None:
+        """Write a text as a file of the page, unless the file has this text already."""
         data = text.encode("utf-8")
         self._ledger[name] = hashlib.sha256(data).hexdigest()
         if not self._reuse(name):
@@ -209,7 +220,12 @@ class _PageWriter:
 
 
 def _compare_reels(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[dict[str, Any]]:
-    """Yield for each reel the comparison of the frame that differs most between the new and the old version."""
+    """Yield the comparison of each reel of the new and the old version, by the frame that differs most.
+
+    ``state`` is "new" or "removed" for a reel of one version only, and "other frames" if both versions have no frame of
+    the same number. Otherwise it is "changed" if pixels differ beyond noise, "same picture" if only inputs or noise
+    differ, or "same".
+    """
     new, old = ({reel.key: reel for reel in version.reels} for version in versions)
     for key in dict.fromkeys((*new, *old)):
         names = dict(zip(("look", "rig", "turntable"), key, strict=True))
@@ -238,6 +254,7 @@ def _compare_reels(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Ite
 
 
 def _compare_frame(new: ReviewFrame, old: ReviewFrame) -> Comparison:
+    """Compare two versions of a frame; they are equal without a look at their pixels if they are the same files."""
     pairs = ((new.file, old.file), (new.props_file, old.props_file))
     if all(a == b or (a and b and a.samefile(b)) for a, b in pairs):
         return Comparison((), 0.0, 0.0)
@@ -247,7 +264,10 @@ def _compare_frame(new: ReviewFrame, old: ReviewFrame) -> Comparison:
 
 
 def _differing_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple[str, str, str]]:
-    """Return name, old and new value of the entries in which two headers differ, except digests and times."""
+    """Return the entries in which two headers differ: name, old value and new value.
+
+    The job, digests, times and errors are left out.
+    """
     keys = [
         key for key in (*new, *(set(old) - set(new))) if key not in ("job", "seconds", "time", "relmse", "raw.relmse")
     ]
@@ -259,21 +279,24 @@ def _differing_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[t
 
 
 def _command(reel: ReviewReel, frame: ReviewFrame) -> str:
-    """Return the command that renders a frame again, or "" where its header does not name a job."""
+    """Return the command that renders a frame again, or "" if its header does not name a job."""
     name = str(FrameName(*reel.key, frame.number))
     job = frame.header.get("job")
     return f"lookdev render {shlex.quote(job)} --force --frame {shlex.quote(name)}" if job else ""
 
 
 def _rotating_part(reel: ReviewReel) -> str:
-    """Return the part that rotates in a reel: "lighting" where only the light does, otherwise "element"."""
+    """Return the kind of a reel's turntable: "lighting" if only the lights rotate, otherwise "element", the asset."""
     element = {frame.header.get("pose.element") for frame in reel.frames}
     lighting = {frame.header.get("pose.lighting") for frame in reel.frames}
     return "lighting" if len(element) == 1 and len(lighting) > 1 else "element"
 
 
 def _sprite_sheet(pictures: Sequence[Path], columns: int) -> Bytes:
-    """Return thumbnails in rows, black in unused cells; a cell has the size of the first thumbnail."""
+    """Return the thumbnails of pictures in one picture, in rows of `columns` cells.
+
+    A cell has the size of the first thumbnail; unused cells are black.
+    """
     small = [_thumbnail(picture) for picture in pictures]
     height, width = small[0].shape[:2]
     page = np.zeros((math.ceil(len(small) / columns) * height, columns * width, 3), np.uint8)
@@ -285,6 +308,7 @@ def _sprite_sheet(pictures: Sequence[Path], columns: int) -> Bytes:
 
 
 def _thumbnail(picture: Path) -> Bytes:
+    """Return a picture, scaled down until its longer side is at most `THUMBNAIL`."""
     image = oiio.ImageBuf(str(picture))
     spec = image.spec()
     scale = min(1.0, THUMBNAIL / max(spec.width, spec.height))
@@ -296,4 +320,5 @@ def _thumbnail(picture: Path) -> Bytes:
 
 
 def _content_key(*parts: object) -> str:
+    """Return a digest of the inputs of a file, for its name."""
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]

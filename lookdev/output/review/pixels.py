@@ -1,6 +1,7 @@
-"""The pixel values of a frame, as a script that a page from ``file://`` may run, and compared with another version.
+"""The pixel values of frames for the review page: their script, and their comparison with another version.
 
-Two versions of a pixel differ if the noise of both does not explain the difference.
+The values are in a script because a page from ``file://`` may run scripts, but not read other files. Two versions of a
+pixel count as different if the noise of both does not explain the difference.
 """
 
 from __future__ import annotations
@@ -22,24 +23,27 @@ from lookdev.output.exr import frame_space, read_layer, read_rec709
 from lookdev.space import REC709, error_in_rec709
 
 NOISE_LIMIT = 3.0
-"""Largest difference of two versions of a pixel that noise explains, as the z of `lookdev.metrics.noise_ratio`.
+"""Largest z, as `lookdev.metrics.noise_ratio` defines it, of two versions of a pixel that noise explains.
 
 Where noise is Gaussian, at most 0.27 % of pixels exceed it by chance.
 """
 
 SQUARE = 7
-"""Side in pixels of the squares over which z is computed, here, and on the page by default."""
+"""Side in pixels of the squares over which z is computed: in comparisons here, and on the page by default."""
 
 CHANGED_SHARE = 0.003
-"""A frame counts as changed if a larger share of the asset's pixels exceeds `NOISE_LIMIT`."""
+"""A frame counts as changed if z exceeds `NOISE_LIMIT` in a larger share of the asset's pixels."""
 
-_ZLIB_LEVEL = 4  # of zlib: higher levels do not compress noise better
+_ZLIB_LEVEL = 4  # higher levels do not compress noise better
 _HALF_MAX = float(np.finfo(np.float16).max)
 
 
 @dataclass(frozen=True)
 class PremultipliedPixels:
-    """Premultiplied linear Rec.709 (H, W, 3), alpha (H, W), and the error of the colour (H, W) or None."""
+    """A frame: beauty (H, W, 3), premultiplied linear Rec.709, alpha (H, W), and the error of the colour (H, W).
+
+    `error` is the `pooled_error` of `lookdev.metrics`, or None if the frame does not have it.
+    """
 
     beauty: Floats32
     alpha: Floats32
@@ -47,7 +51,7 @@ class PremultipliedPixels:
 
 
 def read_pixels(frame: Path, props_file: Path | None = None) -> PremultipliedPixels:
-    """Return the pixels of a frame, rounded to half floats, with those of a frame of props over it, if any.
+    """Return the pixels of a frame, rounded to half floats, with the reference props of another frame over it, if any.
 
     Raises OutputError where a frame is damaged.
     """
@@ -55,7 +59,7 @@ def read_pixels(frame: Path, props_file: Path | None = None) -> PremultipliedPix
     if props_file is not None:
         props, props_error = read_rec709(props_file), _read_error(props_file)
         beauty, alpha = composite_layers(props, (beauty, alpha))
-        if error is not None:
+        if error is not None:  # the errors of the two pictures are independent, so that their squares add
             error = None if props_error is None else np.hypot((1.0 - props[1]) * error, props_error)
     return PremultipliedPixels(
         _round_to_half(beauty), _round_to_half(alpha), None if error is None else _round_to_half(error)
@@ -63,7 +67,10 @@ def read_pixels(frame: Path, props_file: Path | None = None) -> PremultipliedPix
 
 
 def _read_error(frame: Path) -> Floats32 | None:
-    """Return the pooled error (H, W) of a frame that `read_frame` has read, in linear Rec.709; None where not known."""
+    """Return the pooled error (H, W) of a frame in linear Rec.709, or None if the frame has no errors.
+
+    `read_frame` must have read the file before, because the checksum is not verified here.
+    """
     error, space = read_layer(frame, "error"), frame_space(frame)
     if error is None:
         return None
@@ -73,8 +80,9 @@ def _read_error(frame: Path) -> Floats32 | None:
 def write_pixels_script(path: Path, name: str, pixels: PremultipliedPixels) -> None:
     """Write a script that calls ``review.put(name, {...})``, complete or not at all.
 
-    ``data`` is base64 of zlib of half floats, plane by plane: red, green, blue, alpha, and if it is known the error.
-    In a plane, high bytes precede low bytes, because high bytes compress to a fifth and low bytes are noise.
+    ``data`` has half floats, plane by plane: red, green, blue, alpha, and the error if it is known. In a plane, all
+    high bytes precede all low bytes, because high bytes compress to a fifth and low bytes are noise. The bytes are
+    compressed by zlib, and encoded in base64.
     """
     planes = [*np.moveaxis(pixels.beauty, -1, 0), pixels.alpha, *([] if pixels.error is None else [pixels.error])]
     halves = np.stack(planes).astype(">f2").reshape(len(planes), -1, 1)
@@ -91,11 +99,11 @@ def _round_to_half(values: Floats32) -> Floats32:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A frame against that of another version.
+    """The comparison of a frame with that of another version.
 
-    `changed` are the parts of the digest that differ, as a plan names them. `relmse` is the relMSE of the frame against
-    the other frame. `beyond` is the share of the asset's pixels whose z exceeds `NOISE_LIMIT`, None if an error is not
-    known. Both are None if the frames differ in size.
+    `changed` are the inputs of the render that differ, such as "look" or "camera" (see `changed_parts`). `relmse` is
+    the relMSE of the frame against the other one. `beyond` is the share of the asset's pixels whose z exceeds
+    `NOISE_LIMIT`, or None if an error is not known. Both are None if the frames differ in size.
     """
 
     changed: tuple[str, ...]
@@ -104,7 +112,7 @@ class Comparison:
 
     @property
     def visible(self) -> bool:
-        """Whether pixels differ by more than noise explains; where noise is not known, whether they differ at all."""
+        """Whether pixels differ by more than noise explains; if the noise is not known, whether they differ at all."""
         if self.beyond is not None:
             return self.beyond > CHANGED_SHARE
         return self.relmse is None or self.relmse > 0.0
@@ -127,7 +135,10 @@ def compare_frames(
 
 
 def changed_parts(header: Mapping[str, str], old: Mapping[str, str]) -> tuple[str, ...]:
-    """Return the parts of the digest in which two headers differ: "look", "light", "camera" and so on."""
+    """Return the inputs of the render that differ by two headers: "look", "light", "camera" and so on.
+
+    A header has a digest of each input, ``digest.<input>``, and one of all, ``digest``.
+    """
     prefix = "digest."
     keys = sorted({key for key in (*header, *old) if key.startswith(prefix)})
     parts = [key.removeprefix(prefix) for key in keys if header.get(key) != old.get(key)]

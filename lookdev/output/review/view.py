@@ -1,4 +1,4 @@
-"""A view of OpenColorIO as a shader for WebGL 2, so that the page shows the same colours as the pictures."""
+"""A view of OpenColorIO as a shader for WebGL 2, so that pages show the same colours as the pictures of a job."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from lookdev.output.color import DisplayView
 
 
 def view_shader(view: DisplayView) -> dict[str, Any]:
-    """Return the GLSL of a function ``vec4 view(vec4)`` from linear Rec.709 to display values, and its textures.
+    """Return the ``name`` of a view, the ``glsl`` of a function ``vec4 view(vec4)``, and the ``textures`` it reads.
 
-    A texture has the name of its sampler, its size, its components in a texel, whether it is interpolated, and its
-    texels as base64 of little-endian float32. A one-dimensional table becomes a two-dimensional texture, because WebGL
-    has no one-dimensional ones.
+    The function converts linear Rec.709 to code values of the display. A texture has the name of its sampler, its size,
+    the number of components of a texel, whether it is interpolated, and its texels as base64 of little-endian float32.
+    A one-dimensional table becomes a two-dimensional texture, because WebGL has no one-dimensional ones.
     """
     import PyOpenColorIO as ocio
 
@@ -33,6 +33,7 @@ def view_shader(view: DisplayView) -> dict[str, Any]:
 
 
 def _texture_entry(texture: Any, size: tuple[int, int, int], components: int) -> dict[str, Any]:
+    """Return the record of a texture that OpenColorIO's shader reads."""
     import PyOpenColorIO as ocio
 
     return {

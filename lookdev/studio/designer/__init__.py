@@ -1,4 +1,4 @@
-"""The Designer: looks edited live on the turning asset (Burley 2012, section 6.1).
+"""The Designer, the page of `lookdev design`: looks edited live on the turning asset (Burley 2012, section 6.1).
 
 `open_document` opens a job or an asset as a `document`. Its `workspace` has the contents of edited files: their
 `history`, which `edits` of constants and `operations` on stacks extend; the files on disk (`sources`); and the
@@ -6,7 +6,7 @@
 files of looks. `rows` lists layers for the page; `snapshots` and `thumbnails` are pictures. `exact` renders the exact
 picture, and `exact_socket` sends it; `turntable` renders turntables; `lights` has the settings of lights.
 
-The page is made of `panels`: each has a record, a module of the page in `static/`, and `routes`, which answer its
-requests by the `session`. `app` is the application of them, and `run` serves it. `lookdev.studio.viewport` draws the
-picture in the browser.
+The page has `panels`. Each panel has a JavaScript module in `static/`, and most have `routes`, which answer its
+requests from the state in the `session`. `app` joins all routes in one ASGI application, and `run` serves it.
+`lookdev.studio.viewport` draws the picture in the browser.
 """

@@ -1,4 +1,4 @@
-"""The application of the Designer's page: the routes of its panels, its scene and buffers, and its scripts."""
+"""The ASGI application of the Designer's page: the routes of its panels, its scene and buffers, and its scripts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ UPLOADS = tuple(path for panel in PANELS if panel.routes for path in panel.route
 
 
 class SceneRoutes(Routes):
-    """The visible scene, and the list of panels that the page imports."""
+    """Requests for the visible scene, its buffers and its status, and for the script that imports all panels."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
@@ -37,6 +37,7 @@ class SceneRoutes(Routes):
 
     @json_route("/scene")
     def show_scene(self, query: Query) -> Mapping[str, Any]:
+        """Return the visible scene, the choices of other scenes, and the status of the document."""
         document = self.document
         view = document.view()
         # Keep the buffers of the last two scenes: the page may fetch one while the next is computed.
@@ -53,6 +54,7 @@ class SceneRoutes(Routes):
 
     @raw_route("/buffers/{name}")
     async def send_buffer(self, request: Request) -> Response:
+        """Return the bytes of a buffer that the scene names."""
         name = request.path_params["name"]
         for buffers in reversed(self._buffers):
             if name in buffers:
@@ -62,15 +64,18 @@ class SceneRoutes(Routes):
 
     @json_route("/choose", "POST")
     def choose(self, query: Query) -> Mapping[str, Any]:
+        """Make another scene visible, by the names of its look and its rig."""
         self.document.choose(str(query.body.get("look")), str(query.body.get("rig")))
         return {}
 
     @json_route("/status")
     def report_status(self, query: Query) -> Mapping[str, Any]:
+        """Return the whole status of the document, or without the parameter ``whole`` only its revision."""
         return self.document.status() if "whole" in query.parameters else self.document.revision_status()
 
     @raw_route("/panels.js")
     async def send_panels(self, request: Request) -> Response:
+        """Return the script that imports all panels."""
         headers = {"cache-control": "no-cache"}
         return Response(panel_script(), media_type="text/javascript", headers=headers)
 
@@ -83,7 +88,7 @@ def panel_script() -> str:
 
 
 class DesignerApp:
-    """The application of a document's page."""
+    """The page of a document: its routes, and the ASGI application that `application` makes of them."""
 
     def __init__(self, document: Document) -> None:
         self._document = document
@@ -113,5 +118,6 @@ class DesignerApp:
 
 
 def _ignore_errors(compute: Callable[[], Any]) -> None:
+    """Call a function for its effect on caches; its errors will be raised again, where they are reported."""
     with suppress(LookdevError, OSError):
         compute()

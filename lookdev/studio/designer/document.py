@@ -1,6 +1,7 @@
 """The document of the Designer: a job with its looks, and the visible scene, which is one of the job's scenes.
 
-The class `Document` is everything that one lock protects; the modules that it imports do the work.
+The routes of the page read and edit the document by the class `Document`. One lock protects all its state; the modules
+that it imports do the work.
 """
 
 from __future__ import annotations
@@ -32,14 +33,15 @@ from lookdev.studio.designer.sources import LookLocation, OpenedLook, images_bel
 from lookdev.studio.designer.workspace import Workspace
 from lookdev.studio.viewport import SceneView, view_scene
 
-_PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")
+_PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")  # a valid name of a preset
 
 
 class Document:
-    """The scenes of a job, one of which is visible, and the looks with their edits.
+    """The scenes of a job, one of which is visible, and the looks with their edits. Methods are thread-safe.
 
-    `scene_key` has the names of the visible look and rig. Looks are numbered by their order in `distinct_looks` of the
-    visible scene. Methods are thread-safe.
+    A job has a scene for each pair of a look (a `[[look]]` of the job) and a rig. `scene_key` has the names of the
+    visible look and rig. The look of a job assigns a `Look`, a stack of layers from a file, to each slot of the asset.
+    A method's parameter `number` is the index of such a `Look` in `distinct_looks` of the visible scene.
     """
 
     def __init__(self, edited_job: EditedJob, recovery: Recovery | None = None) -> None:
@@ -50,13 +52,18 @@ class Document:
         self._workspace = Workspace(recovery)
         self._workspace.sources.add(edited_job.file, edited_job.content)
         self._looks = JobLooks(edited_job, self._workspace.sources)
+        # The location of the look that shows one layer alone (solo), and the number of this layer.
         self._solo: tuple[LookLocation, int] | None = None
+        # The last result of `view`, after the scene without edits and the visible looks from which it was made.
         self._view: tuple[Scene, tuple[Look, ...], SceneView] | None = None
-        self._revision = 0
+        self._revision = 0  # counts changes, for `revision_status`
 
     @property
     def _current_job(self) -> ParsedJob:
-        """The job with its edits, and with the visible light, if that is a shipped one."""
+        """The job with its edits.
+
+        If the job lacks the visible light, this is one of the shipped lights, and is added to the job.
+        """
         files = self._workspace.state.files
         job = self._edited_job.parse(files)
         return job if self.scene_key in job.scenes.scenes else self._edited_job.parse(files, self.scene_key[1])
@@ -69,14 +76,14 @@ class Document:
 
     @property
     def choices(self) -> dict[str, list[str]]:
-        """The names of the job's looks and rigs, and of the shipped lights that it lacks."""
+        """The names of the job's ``looks`` and ``rigs``, and of the ``shipped`` lights that it lacks."""
         with self._lock:
             job = self._edited_job.parse(self._workspace.state.files)
         looks, rigs = (list(dict.fromkeys(names)) for names in zip(*job.scenes.scenes, strict=True))
         return {"looks": looks, "rigs": rigs, "shipped": [*shipped_lights(job.job)]}
 
     def choose(self, look: str, rig: str) -> None:
-        """Show another scene; raise LookdevError if there is no look or light of these names."""
+        """Show the scene of another look and rig; raise LookdevError if there is no look or light of these names."""
         with self._lock:
             choices = self.choices
             for kind, name, names in (
@@ -87,7 +94,7 @@ class Document:
                     raise LookdevError(f"the job has no {kind} '{name}' ({nearest_hint(name, names)})")
             before, self.scene_key = self.scene_key, (look, rig)
             try:
-                self._scene  # noqa: B018
+                self._scene  # noqa: B018  builds the scene, which can fail
             except LookdevError:
                 self.scene_key = before
                 raise
@@ -95,11 +102,12 @@ class Document:
 
     @property
     def _scene(self) -> Scene:
+        """The visible scene with the edits of the job, but without the edits of looks."""
         return self._current_job.scenes.scenes[self.scene_key]
 
     @property
     def _originals(self) -> list[Look]:
-        """The looks of the visible scene without the edits of their files, by number."""
+        """The looks of the visible scene without their edits, by number."""
         return distinct_looks(self._scene)
 
     @property
@@ -145,10 +153,11 @@ class Document:
         return self._looks.location(self._current_job, self.scene_key, number)
 
     def _open_look(self, number: int) -> OpenedLook:
+        """Return a look with its edits, and the outline of its layers."""
         return self._looks.open_look(self._current_job, self.scene_key, number, self._workspace.state)
 
     def edit(self, edit: Edit) -> bool:
-        """Change a constant of a look; return whether shaders change: False if only the value of a uniform does.
+        """Change a constant of a look; return whether shaders change, or only the value of a uniform.
 
         Raises LookdevError, and changes nothing, if there is no such parameter, or it cannot have the value.
         """
@@ -166,7 +175,10 @@ class Document:
             )
 
     def edit_stack(self, number: int, body: Mapping[str, Any]) -> bool:
-        """Apply an operation of the page to the stack of a look (`operations`); return whether shaders change."""
+        """Apply an operation to the stack of layers of a look; return whether shaders change.
+
+        `body` is the page's request, as `operations.parse_operation` reads it.
+        """
         with self._lock:
             location = self._editable_location(number)
             if body.get("op") == "variant" and str(body.get("set")) in location.variants:
@@ -204,7 +216,7 @@ class Document:
             return self._edited_job.list_materials(self._current_job)
 
     def copy(self, number: int, layer: int) -> str:
-        """Return a layer as USD text."""
+        """Return a layer of a look as USD text, which another look can paste."""
         with self._lock:
             location = self._editable_location(number)
             with self._workspace.sources.copy_beside(location.file, self._workspace.content(location.file)) as file:
@@ -241,7 +253,7 @@ class Document:
         return enabled.index(self._solo[1]) if self._solo[1] in enabled else None
 
     def _enabled_layers(self, number: int) -> list[int]:
-        """Return the numbers, in its file, of a look's layers that are not muted."""
+        """Return the numbers of a look's layers that are not muted; the numbers count muted layers, too."""
         return [entry.number for entry in self._open_look(number).outline.entries if entry.enabled]
 
     def undo(self, direction: int = -1) -> bool:
@@ -260,18 +272,25 @@ class Document:
         return location
 
     def _variants_of(self, location: LookLocation) -> dict[str, str]:
-        """Return the variants that the job chooses for a look, replaced by those that only the page shows."""
+        """Return the chosen variant of each set of a look: the page's own choice, else the job's."""
         return {**location.variants, **self._workspace.state.variants.get(location.key, {})}
 
     def _image_roots(self, location: LookLocation) -> list[Path]:
+        """Return the folders whose images a look may read."""
         return list(dict.fromkeys([location.file.parent, self._edited_job.file.parent, Path.cwd()]))
 
     def _edit_file(self, number: int, label: str, edit: FolderOperation, gesture: str = "") -> bool:
-        """Edit the content of a look's file; nothing changes if that fails, or if the new scene cannot be shown."""
+        """Edit the content of a look's file, as a step of the history with a label; return whether shaders change.
+
+        Nothing changes if the edit fails, or if the new scene cannot be shown.
+        """
         return self._push_state(label, self._workspace.apply_edit(self._editable_location(number).file, edit), gesture)
 
     def _show_variant(self, number: int, location: LookLocation, name: str, choice: str) -> bool:
-        """Show another variant in place of the job's choice; this does not change the look's file."""
+        """Show the variant `choice` of the set `name` in place of the job's choice; the look's file does not change.
+
+        Returns whether shaders change.
+        """
         choices, _ = self._open_look(number).outline.variants.get(name, ((), ""))
         if choice not in choices:
             raise ModelError(f"variant set '{name}' has no variant '{choice}' ({nearest_hint(choice, list(choices))})")
@@ -282,7 +301,10 @@ class Document:
         )
 
     def _push_state(self, label: str, state: EditState, gesture: str = "") -> bool:
-        """Add a step to a new state and show it; return whether shaders change. If that fails, nothing changes."""
+        """Add a step with a label to the history, and show the state to which it leads; return whether shaders change.
+
+        If that fails, nothing changes. Steps of the same `gesture` are merged.
+        """
         before, history = (self._scene, self._visible_looks()), self._workspace.history.copy()
         revision, scene_key = self._revision, self.scene_key
         self._workspace.history.push(label, state, gesture)
@@ -295,7 +317,7 @@ class Document:
     def _adopt_state(self, scene: Scene, before: list[Look]) -> bool:
         """Show the present state and store it for recovery; return whether shaders change.
 
-        `scene` and `before` are the scene and the visible looks before the change of state.
+        `scene` and `before` are the scene and its visible looks, by number, before the change of state.
         """
         choices = self.choices
         if not self._has_scene(self.scene_key):
@@ -355,7 +377,7 @@ class Document:
             self._workspace.store_unsaved(self.scene_key)
 
     def recover(self, *, restore: bool) -> bool:
-        """Restore the unsaved work of a Designer that has ended, or discard it; return whether shaders change."""
+        """Restore the unsaved work of an earlier Designer, or discard it; return whether shaders change."""
         with self._lock:
             compiles, work = False, self._workspace.offered_work
             if restore and work is not None:
@@ -367,6 +389,7 @@ class Document:
             return compiles
 
     def _has_scene(self, scene_key: tuple[str, str]) -> bool:
+        """Return whether there is a scene with these names of a look and a rig, shipped lights included."""
         choices, (look, rig) = self.choices, scene_key
         return look in choices["looks"] and rig in [*choices["rigs"], *choices["shipped"]]
 
@@ -391,11 +414,12 @@ class Document:
         return images_below(self._editable_location(number).file.parent)
 
     def stacks(self) -> list[dict[str, Any]]:
-        """Return the layers of each look with their parameters, for the page."""
+        """Return the stack of each look for the page: its file, variants, and layers with their parameters."""
         with self._lock:
             return [self._stack(number) for number in range(len(self._originals))]
 
     def _stack(self, number: int) -> dict[str, Any]:
+        """Return the stack of a look for the page; ``locked`` is the reason why it cannot be edited, or empty."""
         location, opened = self._location_or_reason(number), self._open_look(number)
         editable = isinstance(location, LookLocation)
         solo = self._solo[1] if self._solo is not None and self._solo_index(number) is not None else None
@@ -414,7 +438,7 @@ class Document:
         }
 
     def status(self) -> dict[str, Any]:
-        """Return the data of the page's panels: stacks, assignments, history, files, snapshots and work to recover."""
+        """Return the data of the page's panels: stacks, assignments, history, snapshots and work to recover."""
         with self._lock:
             return {
                 **self.revision_status(),
@@ -435,6 +459,9 @@ class Document:
         return self._workspace.close()
 
     def revision_status(self) -> dict[str, Any]:
-        """Return the revision and the changed files; if they differ, the page requests a new status."""
+        """Return the revision, and the files that other programs have changed.
+
+        If either differs from the page's last status, the page requests a new one.
+        """
         with self._lock:
             return {"revision": self._revision, "changed": list(map(str, self._workspace.sources.changed_files()))}

@@ -1,4 +1,8 @@
-"""The job with its edits: its text, its scenes, and the assignment of looks to parts.
+"""The job that the Designer edits: its text, its scenes, and the assignment of looks to parts.
+
+A part is a mesh or GeomSubset of the asset, at a path. A slot has the faces of one or more parts with the same look. In
+a job, a look has a `material` for all parts, and a list `assign` of tables, each with a material for some parts. Where
+neither covers a part, the part has the material that the asset binds.
 
 An asset that is opened without a job gets a new job, which is not on disk until it is saved.
 """
@@ -31,16 +35,19 @@ from lookdev.scene.parts import asset_parts
 from lookdev.shipped import BUILTIN_RIGS
 from lookdev.studio.roots import is_below
 
-_LOOK = re.compile(r"look\[(\d+)\]")
-_FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")
+_LOOK = re.compile(r"look\[(\d+)\]")  # the key of a look in a job's file, unless a wedge made the look
+_FILE_NAME = re.compile(r"\w[\w -]{0,100}\.usd[ac]?")  # a valid file name of a new look
 _MAX_PARENT_FOLDERS = 2  # largest number of ".." in a path that is relative to the job's folder
 _MAX_READ_BYTES = 1 << 20  # bytes of a file that are searched for a material
-_BINARY_USD = b"PXR-USDC"
+_BINARY_USD = b"PXR-USDC"  # the first bytes of binary USD
 
 
 @dataclass(frozen=True, eq=False)
 class ParsedJob:
-    """A job, parsed from one content of its file, and its scenes; both have the shipped light that the page shows."""
+    """A job, parsed from one content of its file, and its scenes.
+
+    If the page shows a shipped light that the file lacks, the job and the scenes have it, too.
+    """
 
     job: Job
     scenes: JobScenes
@@ -52,19 +59,21 @@ class EditedJob:
     def __init__(self, file: Path, content: bytes) -> None:
         self.file = file
         self.content = content
-        self._assets: tuple[Any, AssetReader] | None = None
+        self._assets: tuple[Any, AssetReader] | None = None  # the newest `[asset]` table, and its reader
         self._parse_cached = lru_cache(8)(self._parse_content)
         self._assignments_of = lru_cache(64)(self._find_assignments)
         self._paths_of_slots = lru_cache(16)(_find_paths)
 
     def parse(self, edited_contents: Mapping[Path, bytes], light: str = "") -> ParsedJob:
-        """Return the job and its scenes; `light` adds one of `shipped_lights` to the lights of the job.
+        """Return the job and its scenes; `light` names one of `shipped_lights` that is added to the job's lights.
 
+        `edited_contents` has the edited contents of files; if it lacks the job's file, the original content is parsed.
         Raises JobError or FaultsError with all faults, and TextError if the content is not text.
         """
         return self._parse_cached(edited_contents.get(self.file, self.content), light)
 
     def _parse_content(self, content: bytes, light: str) -> ParsedJob:
+        """Return the job in a content of its file, and its scenes, with a shipped light that `parse` describes."""
         job = parse_job(decode(content, self.file), self.file)
         if light and (table := shipped_lights(job).get(light)):
             update = {"ibl": (*job.ibl, table)} if isinstance(table, JobIbl) else {"rig": (*job.rig, table)}
@@ -74,15 +83,17 @@ class EditedJob:
         return ParsedJob(job, build_scenes(job, reader=self._assets[1]))
 
     def _look_and_asset(self, parsed_job: ParsedJob, name: str) -> tuple[JobLook, ComposedAsset]:
+        """Return the job's look of this name, and the asset as composed for it."""
         look = next(look for look in parsed_job.scenes.job.look if look.name == name)
         assert self._assets is not None, "a job that was read has an asset"
         return look, self._assets[1].read(look)
 
     def _find_assignments(self, parsed_job: ParsedJob, name: str) -> Mapping[str, Assignment]:
+        """Return the assignments of a job's look, by the paths of the parts to which the look assigns a material."""
         return assignments_of_parts(*self._look_and_asset(parsed_job, name), "", Findings(parsed_job.job))
 
     def variants(self, parsed_job: ParsedJob, scene_key: tuple[str, str], slot: str) -> dict[str, str]:
-        """Return the variants that the job chooses for the material of a slot."""
+        """Return the variant of each set that the job chooses for the material of a slot, which is a path."""
         look, _ = self._look_and_asset(parsed_job, scene_key[0])
         assignments = self._assignments_of(parsed_job, scene_key[0])
         paths = self._paths_of_slots(parsed_job, scene_key).get(slot, ())
@@ -92,7 +103,13 @@ class EditedJob:
         return dict(look.variants if assignment.assign is None else look.assign[assignment.assign].variants)
 
     def describe_assignments(self, parsed_job: ParsedJob, scene_key: tuple[str, str]) -> dict[str, Any]:
-        """Return the assignment of each slot of a scene, and the paths and collections for new ones, for the page."""
+        """Return the assignments of a scene's look for the page.
+
+        ``assignments`` has a record for each slot, by its path. In it, ``paths`` are the paths of the slot's parts, and
+        ``by`` is what chooses the material: an ``assign`` of the look, the ``look`` itself, or the ``asset``. ``paths``
+        and ``collections`` are the parts of the asset, and its collections of parts, for new assignments. ``locked`` is
+        the reason why the assignments cannot be edited, or empty.
+        """
         look, composed = self._look_and_asset(parsed_job, scene_key[0])
         assignments, paths = self._assignments_of(parsed_job, scene_key[0]), self._paths_of_slots(parsed_job, scene_key)
         slots = {}
@@ -118,7 +135,10 @@ class EditedJob:
         }
 
     def list_materials(self, parsed_job: ParsedJob) -> dict[str, Any]:
-        """Return the job's materials, and the look files in the folders of the job, its materials and the library."""
+        """Return the materials that the ``job`` names, and further look ``files``.
+
+        These files are in the folders of the job, of its materials and of the library.
+        """
         rows = [
             {
                 "material": self._path_in_job(table.material),
@@ -136,10 +156,12 @@ class EditedJob:
     def assign_look(
         self, parsed_job: ParsedJob, name: str, content: bytes, body: Mapping[str, Any]
     ) -> tuple[str, bytes]:
-        """Return a label, and the content of the job in which a look is assigned to parts, or unassigned.
+        """Return a label for the history, and the job's content with a material assigned to parts, or unassigned.
 
-        The look is assigned to ``prims``, or, if they are empty, to all parts without an assignment. Raises
-        LookdevError if the request is not valid, or the job does not allow the edit.
+        `name` is the job's look that is edited, `content` the job's present content, and `body` the page's request. Its
+        ``part`` is the path of the picked part. ``prims`` are the patterns of paths to which ``material`` is assigned;
+        if there are none, it is assigned to all parts without an assignment. Raises LookdevError if the request is not
+        valid, or the job does not allow the edit.
         """
         look_number, text = _look_number(parsed_job, name), decode(content, self.file)
         if look_number is None:
@@ -176,6 +198,7 @@ class EditedJob:
         return file
 
     def _assignment(self, parsed_job: ParsedJob, name: str, part: str) -> Assignment:
+        """Return the assignment that covers a part; raise LookdevError if the asset has no such part."""
         assignments = self._assignments_of(parsed_job, name)
         _, composed = self._look_and_asset(parsed_job, name)
         if part not in composed.paths:
@@ -183,6 +206,7 @@ class EditedJob:
         return assignments.get(part, Assignment())
 
     def _folders(self, parsed_job: ParsedJob) -> list[Path]:
+        """Return the folders in which the page lists files of looks."""
         job_folders = [table.material.parent for table in _tables(parsed_job.job) if table.material]
         return list(dict.fromkeys([self.file.parent, *job_folders, *(folder.parent for folder in library_folders())]))
 
@@ -198,7 +222,7 @@ class EditedJob:
         return self._path_in_job(file)
 
     def _path_in_job(self, file: Path | None) -> str:
-        """Return a path as a job states it."""
+        """Return a path as the job states it, or an empty string for None."""
         return path_in_job(file, self.file.parent) if file is not None else ""
 
 
@@ -206,7 +230,10 @@ _WEDGE_LOCKED = "this look is a variation in a wedge: select the look from which
 
 
 def path_in_job(file: Path, folder: Path) -> str:
-    """Return the path of a file as a job in a folder states it: relative, unless the file is far away."""
+    """Return the path of a file as a job in a folder states it.
+
+    It is relative to the folder, unless it then begins with more than `_MAX_PARENT_FOLDERS` ``..``.
+    """
     relative = Path(os.path.relpath(file, folder))
     return file.as_posix() if relative.parts.count("..") > _MAX_PARENT_FOLDERS else relative.as_posix()
 
@@ -247,7 +274,8 @@ def _find_paths(parsed_job: ParsedJob, scene_key: tuple[str, str]) -> dict[str, 
 def _look_files(folder: Path) -> Iterator[Path]:
     """Yield the files of a folder that can be looks.
 
-    These are all of MaterialX, USDZ and binary USD, and USD text whose beginning has a material and no geometry.
+    These are all files of MaterialX, USDZ and binary USD, and USD text whose first `_MAX_READ_BYTES` define a material
+    and no geometry.
     """
     for file in sorted(folder.iterdir()) if folder.is_dir() else ():
         if file.suffix.lower() not in MATERIAL_SUFFIXES or file.name.startswith(".") or not file.is_file():
@@ -263,4 +291,5 @@ def _look_files(folder: Path) -> Iterator[Path]:
 
 
 def _are_names(values: Sequence[object]) -> bool:
+    """Return whether all values are texts, and none is empty."""
     return all(isinstance(value, str) and value for value in values)

@@ -1,4 +1,4 @@
-"""Edits of constants: parse the request of a page, and check the value against the layer."""
+"""Edits of constants, such as the position of a slider: they are parsed from a page's request, and checked."""
 
 from __future__ import annotations
 
@@ -16,10 +16,12 @@ from lookdev.material import Bump, Formula, Layer, Look, Primvar, Texture
 
 @dataclass(frozen=True)
 class Edit:
-    """A new constant for a parameter of a layer; layers are numbered from the base, and muted layers are not counted.
+    """A new constant for a parameter of a layer of a look.
 
-    The parameter ``"mask"`` is the mask of the layer, ``"mask.dirt"`` an input of the mask's expression, and
-    ``"roughness.dirt"`` an input of a parameter's expression. Edits of one `gesture` are one step of the history.
+    `look` is the number of the look (see `Document`). `layer` is the number of the layer, from the base; muted layers
+    are not counted. The parameter ``"mask"`` is the mask of the layer, ``"mask.dirt"`` an input of the mask's
+    expression, and ``"roughness.dirt"`` an input of a parameter's expression. Edits of one `gesture`, such as the drag
+    of a slider, are one step of the history.
     """
 
     look: int
@@ -30,9 +32,13 @@ class Edit:
 
 
 def shader_shape(look: Look) -> Any:
-    """Return the parts of a look on which its shaders depend: all except its name and the values of uniforms."""
+    """Return the parts of a look on which its shaders depend: all except its name and the values of uniforms.
+
+    If these are equal for two looks, the looks have the same shaders.
+    """
 
     def shape(value: Any) -> Any:
+        # The value of a number or of a tuple of numbers is a uniform: only its type is part of the shaders.
         return ("#", len(value)) if isinstance(value, tuple) else "#" if isinstance(value, float) else value
 
     return [

@@ -1,8 +1,11 @@
-"""The exact picture of the page's scene: rounds of a supervised renderer, which keeps running for the next edit.
+"""The exact picture of the Designer's page: Cycles or Mitsuba renders the page's view in rounds of more samples.
 
-Each round is a frame with its own seed. The halves of all rounds, weighted by samples, are the halves of one longer
-frame, and measure its error. A request replaces the previous one: the renderer ends its frame after the current
-launch, and keeps the scene, so that an edit changes only the look.
+A worker process renders, and keeps running for the next edit. Each round is a frame with its own seed. A frame has two
+halves, which are independent renders; their difference measures its error. The picture is the mean of all rounds,
+weighted by their samples, and so are its halves.
+
+A request cancels the previous one. The worker ends its frame after the current launch, which is a batch of samples. It
+keeps the scene, so that after an edit only the look is new.
 """
 
 from __future__ import annotations
@@ -33,15 +36,15 @@ from lookdev.studio.websocket import ComputationCancelled, Ticket
 MAX_SIDE = {"mitsuba": 640, "exact": 320}
 """Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""
 
-_RESIZABLE_BACKENDS = ("mitsuba",)
+_RESIZABLE_BACKENDS = ("mitsuba",)  # those that change the size of a picture without building the scene anew
 _SAMPLES = (2, 2, 4, 8, 16, 32)  # samples of the first rounds; later rounds have as many as the last
 _MAX_SAMPLES, _TARGET_RELMSE = 1024, 5e-5  # samples, or relMSE, at which a picture is done
-_TRIES = 3  # starts of a renderer that ends before it finishes a round
+_TRIES = 3  # failures of the worker in a row, without a finished round, after which a picture fails
 
 
 @dataclass(frozen=True)
 class RequestedView:
-    """The view of the page: its camera, rotations in degrees, and the size of its picture in pixels."""
+    """The view of the page: its camera, the rotations of asset and lights, and the (width, height) in pixels."""
 
     camera: Camera
     pose: Pose
@@ -49,19 +52,24 @@ class RequestedView:
 
 
 Deliver = Callable[[dict[str, Any], Mapping[str, NDArray[Any]]], None]
-"""Receives facts about a picture, and its arrays by name (see `ExactRenderer.render`)."""
+"""A function that receives facts about a picture, and its arrays by name (see `ExactRenderer.render`)."""
 
 
 @dataclass
 class _RoundSum:
-    """The sum of the rounds of a picture so far: the halves, their direct light and coverage, weighted by samples."""
+    """The sum of a picture's rounds so far, each weighted by its samples.
+
+    `totals` has the sums of the halves ``a`` and ``b`` (h, w, 3), of their ``direct`` light (h, w, 3), and of ``alpha``
+    (h, w). `samples` is the sum of the weights, and `rounds` the number of rounds.
+    """
 
     totals: dict[str, Floats] = field(default_factory=dict)
     samples: int = 0
     rounds: int = 0
 
     def add(self, rendered: WorkerFrame) -> None:
-        # A frame without this pass has no indirect light.
+        """Add a round, which is a rendered frame."""
+        # A frame lacks the pass of direct light if it has no other light; then its beauty is its direct light.
         direct = rendered.passes.get("direct", 0.5 * (rendered.a + rendered.b))
         for name, picture in {"a": rendered.a, "b": rendered.b, "alpha": rendered.alpha, "direct": direct}.items():
             self.totals[name] = self.totals.get(name, 0.0) + rendered.samples * picture.astype(np.float64)
@@ -70,10 +78,12 @@ class _RoundSum:
 
     @property
     def relmse(self) -> float:
+        """The relMSE of the picture, estimated from its halves."""
         return relmse_of_halves(*(self.totals[name] / self.samples for name in ("a", "b", "alpha")))
 
     @property
     def arrays(self) -> dict[str, Floats]:
+        """The arrays of the picture, which `ExactRenderer.render` delivers."""
         totals = {**self.totals, "beauty": 0.5 * (self.totals["a"] + self.totals["b"])}
         return {name: totals[name] / self.samples for name in ("beauty", "direct", "alpha")}
 
@@ -83,33 +93,34 @@ class ExactRenderer:
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="lookdev-design-")
-        # One persistent thread: a renderer ends with the thread that started it.
+        # One persistent thread, since a worker process ends with the thread that started it.
         self.thread = ThreadPoolExecutor(1, "exact")
         self._worker: Worker | None = None
-        self._command: tuple[str, ...] = ()
-        self._current: Ticket | None = None
-        self._digest = ""
-        self._count = 0
+        self._command: tuple[str, ...] = ()  # the command line of the worker
+        self._current: Ticket | None = None  # the picture that is being rendered
+        self._digest = ""  # the digest of its current frame, by which the worker cancels it
+        self._count = 0  # of all frames
         self._closed = False
 
     @property
     def pid(self) -> int | None:
-        """The process id of the renderer; None if it has not started."""
+        """The process id of the worker; None if it has not started."""
         return None if self._worker is None else self._worker.pid
 
     def cancel(self, ticket: Ticket) -> None:
-        """Cancel a picture; the renderer ends its frame soon."""
+        """Cancel the picture of a ticket; the worker ends its frame soon."""
         ticket.cancelled.set()
         worker, digest = self._worker, self._digest
         if self._current is ticket and worker is not None and digest:
             worker.cancel(digest)
 
     def render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
-        """Render rounds of a scene until the error is small, and deliver their sum after each round; runs in `thread`.
+        """Render rounds of a scene until the error is small, and deliver their mean after each round.
 
-        `deliver` receives facts about the picture, and arrays: ``beauty`` (h, w, 3), premultiplied and linear;
-        ``direct`` (h, w, 3), its part from light that reaches the surface directly; and ``alpha`` (h, w). Row 0 is at
-        the top. Raises ComputationCancelled, the errors of `scene_task`, and an error of the worker that repeats.
+        The caller runs this in `thread`. `deliver` receives facts about the picture, and arrays: ``beauty`` (h, w, 3),
+        premultiplied and linear; ``direct`` (h, w, 3), the part of ``beauty`` from light that reaches the surface
+        directly; and ``alpha`` (h, w). Row 0 is at the top. Raises ComputationCancelled, the errors of `scene_task`,
+        and WorkerError if the worker fails `_TRIES` times in a row.
         """
         ticket.check()
         self._current = ticket
@@ -119,11 +130,12 @@ class ExactRenderer:
             self._current, self._digest = None, ""
 
     def _render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
+        """Do what `render` describes, while `_current` is the ticket."""
         began = time.perf_counter()
         name = fastest_backend(scene)
         task = view_task(scene, view, name)
         ticket.check()
-        # The first round has half the size, if the renderer can change the size without building the scene anew.
+        # The first round has half the size, if the backend is resizable. It appears sooner, and is not part of the sum.
         small = replace(task, resolution=(max(4, task.resolution[0] // 2), max(4, task.resolution[1] // 2)))
         is_first, total, failures = name in _RESIZABLE_BACKENDS, _RoundSum(), 0
         while total.samples < _MAX_SAMPLES and not (total.rounds and total.relmse <= _TARGET_RELMSE):
@@ -154,6 +166,7 @@ class ExactRenderer:
     def _render_round(
         self, task: SceneTask, view: RequestedView, samples: int, number: int, ticket: Ticket, deliver: Deliver
     ) -> WorkerFrame:
+        """Return the round of a number, which is also its seed, with `samples` samples a pixel."""
         worker = self._start_worker(task.backend, deliver)
         self._count += 1
         self._digest = f"exact-{self._count}"
@@ -162,10 +175,11 @@ class ExactRenderer:
         try:
             return worker.render(frame, lambda progress: None)
         except RenderError:
-            ticket.check()
+            ticket.check()  # the worker raises RenderError for a cancelled frame, too
             raise
 
     def _start_worker(self, backend: str, deliver: Deliver) -> Worker:
+        """Return a worker of a backend that is ready to render; end the worker of another backend."""
         command = BACKENDS[backend].command
         if self._worker is not None and self._command != command:
             self._worker.kill()
@@ -182,6 +196,7 @@ class ExactRenderer:
 
     @property
     def _log(self) -> Path:
+        """The file to which the worker writes its log."""
         return Path(self._folder.name) / "worker.log"
 
     def close(self) -> None:
@@ -198,7 +213,10 @@ class ExactRenderer:
 
 
 def fastest_backend(scene: Scene) -> str:
-    """Return the fastest backend that renders a scene exactly: Mitsuba, if it is installed and supports the scene."""
+    """Return the name of the fastest backend that renders a scene exactly.
+
+    It is ``mitsuba`` if that is installed and supports the scene, else ``exact``, which is Cycles.
+    """
     if scene.catchers:
         return "exact"
     try:
@@ -216,7 +234,7 @@ def backend_title(backend: str) -> str:
 
 
 def view_task(scene: Scene, view: RequestedView, backend: str) -> SceneTask:
-    """Return the task of a picture, whose longer side is at most `MAX_SIDE` of the backend."""
+    """Return the render task of a view, scaled down until the longer side is at most `MAX_SIDE` of the backend."""
     scale = min(1.0, MAX_SIDE[backend] / max(view.size))
     width, height = (max(4, round(scale * side)) for side in view.size)
     small_scene = replace(scene, camera=view.camera, film=replace(scene.film, resolution=(width, height)))

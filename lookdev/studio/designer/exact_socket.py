@@ -17,7 +17,10 @@ from lookdev.studio.websocket import PageSocket, Ticket
 
 
 class ExactPictures:
-    """The requests of one page: ``render`` with an ``id`` and a view, or ``cancel``."""
+    """The server's end of the websocket of one page: it answers the page's requests for pictures of a scene.
+
+    ``do`` of a request is ``render`` or ``cancel``. A request to render has an ``id`` and a view (see `parse_view`).
+    """
 
     def __init__(self, socket: WebSocket, scene: Callable[[], Scene], exact: ExactRenderer) -> None:
         self._socket = PageSocket(socket, exact.cancel)
@@ -29,6 +32,7 @@ class ExactPictures:
         await self._socket.serve(self._handle_message)
 
     async def _handle_message(self, text: Any) -> None:
+        """Cancel the present picture, and start another one if a message requests it."""
         request = _parse_request(text)
         self._socket.cancel()
         if request is None:
@@ -37,6 +41,7 @@ class ExactPictures:
             self._socket.start_task(self._render(request, self._socket.replace_ticket()))
 
     async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
+        """Render the picture of a request, and send each round to the page."""
         loop, reply = asyncio.get_running_loop(), {"id": request["id"]}
 
         def deliver(facts: dict[str, Any], arrays: Mapping[str, Any]) -> None:
@@ -45,7 +50,7 @@ class ExactPictures:
             header = {**reply, **facts}
             with suppress(RuntimeError):  # the loop has ended
                 sending = self._socket.send(encode_packet(header, arrays) if arrays else header)
-                # Wait until it is sent: a slow page must not queue rounds.
+                # Wait until the round is sent: rounds must not queue up for a slow page.
                 asyncio.run_coroutine_threadsafe(sending, loop).result(timeout=30)
 
         def compute() -> None:

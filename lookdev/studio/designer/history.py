@@ -1,4 +1,4 @@
-"""The state of the Designer's edits, and its history: undo and redo of all edits."""
+"""The state of all edits in the Designer, and the history of states, for undo and redo."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from pathlib import Path
 MAX_STEPS = 200
 """Largest number of steps that can be undone."""
 MAX_BYTES = 256 << 20
-"""Approximate limit of all contents of files in a history, in bytes; the oldest steps are dropped first."""
+"""Approximate limit of the contents of all states of a history, in bytes; the oldest steps are dropped first."""
 
 
 @dataclass(frozen=True)
 class EditState:
-    """The contents of edited files, and the variants that only the page shows, by look (``file<prim>``)."""
+    """The contents of edited files, by path, and the variants that only the page shows.
+
+    `variants` has the chosen variant of each variant set, by the look's ``file<prim>``.
+    """
 
     files: Mapping[Path, bytes] = field(default_factory=dict)
     variants: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -22,13 +25,18 @@ class EditState:
 
 @dataclass(frozen=True)
 class _Step:
+    """A step of the history: its label, the state after it, and the gesture to which it belongs, if any."""
+
     label: str
     state: EditState
     gesture: str = ""
 
 
 class History:
-    """A list of states, each reached by a step with a label. Steps of one gesture are merged into one step."""
+    """A list of states, each reached by a step with a label, and the index of the present state in it.
+
+    Consecutive steps of one gesture, such as the drag of a slider, are merged into one step.
+    """
 
     def __init__(self) -> None:
         self._steps = [_Step("", EditState())]
@@ -36,6 +44,7 @@ class History:
 
     @property
     def state(self) -> EditState:
+        """The present state."""
         return self._steps[self._index].state
 
     @property
@@ -49,7 +58,7 @@ class History:
         return self._steps[self._index + 1].label if self._index + 1 < len(self._steps) else None
 
     def push(self, label: str, state: EditState, gesture: str = "") -> None:
-        """Add a step to a new state; steps that were undone are dropped."""
+        """Add a step that leads to a new state; steps that were undone are dropped."""
         del self._steps[self._index + 1 :]
         if gesture and self._index and self._steps[-1].gesture == gesture:
             self._steps[-1] = _Step(label, state, gesture)
@@ -73,8 +82,10 @@ class History:
         return label
 
     def _size(self) -> int:
+        """Return the bytes of the contents of all states; a content that several states share counts once."""
         return sum(map(len, {id(content): content for content in self._contents()}.values()))
 
     def _contents(self) -> Iterator[bytes]:
+        """Yield the contents of the edited files of all states."""
         for step in self._steps:
             yield from step.state.files.values()

@@ -1,7 +1,7 @@
-"""Settings of the lights of the visible rig: on or off, brightness and colour.
+"""Settings of the lights of the visible rig in the Designer: on or off, brightness and colour.
 
 They are settings of the view, like the exposure, and are not saved to a file. The viewport and the exact picture use
-them.
+them, and so do turntables that are rendered from the page.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ MAX_STOPS = 10.0
 
 @dataclass(frozen=True)
 class LightSetting:
-    """The changes of one light: on or off, stops, and a colour, multiplied by that of a black body at `kelvin`."""
+    """The changes of one light: on or off, brightness in stops, and a colour, linear Rec.709.
+
+    The light's radiance is multiplied by the colour and, unless `kelvin` is None, by that of a black body at `kelvin`.
+    """
 
     on: bool = True
     stops: float = 0.0
@@ -35,13 +38,13 @@ class LightSetting:
     def factor(self) -> Color:
         """The factor of the light's radiance, linear Rec.709."""
         scale = 2.0**self.stops if self.on else 0.0
-        body = (1.0, 1.0, 1.0) if self.kelvin is None else black_body(self.kelvin)
-        r, g, b = (scale * tint * part for tint, part in zip(self.color, body, strict=True))
+        kelvin_color = (1.0, 1.0, 1.0) if self.kelvin is None else black_body(self.kelvin)
+        r, g, b = (scale * tint * component for tint, component in zip(self.color, kelvin_color, strict=True))
         return r, g, b
 
 
 class LightSettings:
-    """The settings of each rig's lights, by the lights' numbers. Methods are thread-safe."""
+    """The settings of lights, by the name of their rig and their number in it. Methods are thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -73,7 +76,10 @@ class LightSettings:
         return replace(scene, lights=lights)
 
     def describe(self, rig: str, scene: Scene) -> dict[str, Any]:
-        """Return the lights of a rig for the page, with their settings, and their numbers for the shaders."""
+        """Return the ``lights`` of a rig for the page, with their settings, and the limits of settings.
+
+        ``rows`` has the numbers of the lights in the viewport's texture ``rig_numbers``, with the settings applied.
+        """
         with self._lock:
             settings = dict(self._settings.get(rig, {}))
         return {
@@ -94,6 +100,7 @@ class LightSettings:
 
 
 def _apply_setting(light: Light, setting: LightSetting) -> Light:
+    """Return a light whose radiance is multiplied by the factor of a setting."""
     r, g, b = (a * f for a, f in zip(light.emission.color, setting.factor, strict=True))
     return light.with_emission(replace(light.emission, color=(r, g, b)))
 

@@ -1,4 +1,4 @@
-"""The looks of the visible scene with their edits, and their locations in files."""
+"""The looks of a scene in the Designer with their edits, and the location of each look in a file."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from lookdev.studio.designer.edited_job import EditedJob, ParsedJob
 from lookdev.studio.designer.history import EditState
 from lookdev.studio.designer.sources import LookLocation, OpenedLook, SourceFiles
 
-_SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
+_SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")  # `Look.source` of a look that was read from a file
 
 
 def distinct_looks(scene: Scene) -> list[Look]:
-    """Return the looks of a scene in the order of their numbers on the page."""
+    """Return the looks of a scene, each once; the index of a look is its number on the page."""
     return list({id(look): look for look in scene.looks}.values())
 
 
@@ -30,10 +30,15 @@ class JobLooks:
     def __init__(self, edited_job: EditedJob, sources: SourceFiles) -> None:
         self._edited_job = edited_job
         self._sources = sources
+        # By the source and the variants of a look: its location, or the reason why it cannot be edited.
         self._locations: dict[tuple[str, tuple[tuple[str, str], ...]], LookLocation | str] = {}
 
     def location(self, parsed_job: ParsedJob, scene_key: tuple[str, str], number: int) -> LookLocation | str:
-        """Return the location of a look, or why it cannot be edited; raise ModelError if there is no such look."""
+        """Return the location of a look, or the reason why it cannot be edited.
+
+        `number` is the index of the look in `distinct_looks` of a scene. `scene_key` identifies the scene by the names
+        of a look of the job and a rig. Raises ModelError if there is no look of this number.
+        """
         scene = parsed_job.scenes.scenes[scene_key]
         looks = distinct_looks(scene)
         if not 0 <= number < len(looks):
@@ -46,7 +51,10 @@ class JobLooks:
         return self._locations[key]
 
     def open_look(self, parsed_job: ParsedJob, scene_key: tuple[str, str], number: int, state: EditState) -> OpenedLook:
-        """Return a look with the edits of a state; raise LookError if the edited file has no valid look."""
+        """Return a look with the edits of a state; raise LookError if the edited file has no valid look.
+
+        A look that cannot be edited is returned as the job has it, with an outline of its layers.
+        """
         location = self.location(parsed_job, scene_key, number)
         original = distinct_looks(parsed_job.scenes.scenes[scene_key])[number]
         if isinstance(location, str):
@@ -56,6 +64,7 @@ class JobLooks:
         return replace(opened, look=original) if opened.look.layers == original.layers else opened
 
     def _locate(self, look: Look, variants: Mapping[str, str]) -> LookLocation | str:
+        """Return the location of a look whose file alone gives the same layers, or the reason why it has none."""
         match = _SOURCE.fullmatch(look.source)
         if not match or not Path(match["file"]).is_file():
             return f"look '{look.name}' is not in a file"
@@ -65,7 +74,7 @@ class JobLooks:
         location = LookLocation(file, match["prim"], variants)
         try:
             self._sources.track(file)
-            # The job reads its look from disk: the file may have been saved since it was first read here.
+            # The look is from the file on disk, which the Designer may have saved since `track` first read it.
             opened = self._sources.open_look(location, {file: file.read_bytes()}, {}, look)
         except LookdevError as error:
             return str(error)

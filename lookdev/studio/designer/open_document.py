@@ -1,4 +1,4 @@
-"""Open a job or an asset as a document of the Designer."""
+"""Open the job or the asset that `lookdev design` names as a document of the Designer."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ frames = 24
 resolution = [960, 720]
 background = "ibl"
 """
+"""The text of the new job for an asset that is opened without a job."""
 
 
 def open_document(
@@ -52,6 +53,7 @@ def open_document(
     FaultsError
         The files of the job, or the asset, have faults.
     """
+    # Unsaved work is found again by the arguments with which it was opened.
     opening_key = "|".join(
         str(part.absolute()) if isinstance(part, Path) else str(part) for part in (file, builtin, material)
     )
@@ -60,7 +62,7 @@ def open_document(
         return Document(EditedJob(file.absolute(), _content(file)), recovery)
     stem = str(builtin) if file is None else file.stem
     job = _recoverable_job(recovery) or _free_path(Path.cwd() / f"{stem}.toml")
-    if job.exists():  # an earlier Designer saved this job, and left later, unsaved work, which is offered
+    if job.exists():  # an earlier Designer saved this job, and then left unsaved work, which is offered
         return Document(EditedJob(job, _content(job)), recovery)
     asset = f"builtin = {_quote(str(builtin))}" if file is None else f"usd = {_quote(_path_for_job(file, job))}"
     material_line = f"material = {_quote(_path_for_job(material, job))}\n" if material else ""
@@ -73,11 +75,12 @@ def _content(file: Path) -> bytes:
     try:
         return read_bytes(file)
     except TextError:
-        load_job(file)
+        load_job(file)  # raises JobError with the same fault
         raise
 
 
 def _path_for_job(file: Path, job: Path) -> str:
+    """Return the path of a file as the job states it."""
     return path_in_job(file.absolute(), job.parent)
 
 
@@ -94,5 +97,6 @@ def _free_path(file: Path) -> Path:
 
 
 def _quote(text: str) -> str:
+    """Return a text as a string of TOML."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'

@@ -1,4 +1,7 @@
-"""Operations on the stack of a look, from requests of the page: a label for the history, and the edit of a file."""
+"""Operations on the stack of layers of a look: each request of the page becomes a label and an edit of the look's file.
+
+The label names the step in the history.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ from lookdev.studio.designer.rows import read_source
 from lookdev.studio.designer.sources import LookLocation, OpenedLook
 
 FolderOperation = Callable[[Path], object]
-"""A function that edits the file at a path, which is a hidden copy beside the look's file."""
+"""A function that edits the file at a path; the Designer calls it with a hidden copy beside the look's file."""
 
 
 def parse_operation(
@@ -30,7 +33,11 @@ def parse_operation(
     variants: Mapping[str, str],
     roots: Sequence[Path],
 ) -> tuple[str, FolderOperation]:
-    """Return the label and the edit of a request for a look; raise LookdevError if the request is not valid."""
+    """Return the label and the edit of a request for a look; raise LookdevError if the request is not valid.
+
+    ``op`` of the request `body` names the operation. `location` and `opened` are those of the look, `variants` has the
+    chosen variant of each of its sets, and `roots` are the folders whose images it may read.
+    """
     parsed = _parse_stack_operation(body, location, opened.outline, variants)
     parsed = parsed or _parse_source_operation(body, location, opened, variants, list(roots))
     if parsed is None:
@@ -111,7 +118,7 @@ def _layer_name(outline: LookOutline, layer: int) -> str:
 
 
 def _parameter_kind(opened: OpenedLook, layer: int, parameter: str) -> ExpressionKind:
-    """Return whether a parameter of a layer takes colours or numbers."""
+    """Return the type of the values of a layer's parameter: ``"color"`` or ``"float"``."""
     enabled = [entry.number for entry in opened.outline.entries if entry.enabled]
     model = opened.look.layers[enabled.index(layer)].model if layer in enabled else ""
     parameters = MODELS[model].parameters if model in MODELS else {}
@@ -119,9 +126,11 @@ def _parameter_kind(opened: OpenedLook, layer: int, parameter: str) -> Expressio
 
 
 def _nonempty_sources(inputs: Mapping[Any, Any]) -> dict[str, str]:
+    """Return the sources of an expression's inputs, by name, without those that the user left empty."""
     return {str(name): str(source) for name, source in inputs.items() if str(source).strip()}
 
 
 def _move_above(file: Path, number: int, to: int, prim: str, variants: Mapping[str, str]) -> None:
+    """Move the layer of a number to the number `to`, unless it is there already."""
     if to != number:
         move_layer(file, str(number), to, prim, variants)

@@ -1,7 +1,8 @@
-"""Recovery of unsaved work after a crash: each Designer has a record of its edits until they are saved or discarded.
+"""Recovery of unsaved work after a crash: each Designer writes a record of its edits until they are saved or discarded.
 
-The record is written after each edit, whole or not at all, and is locked by the process of its Designer. A record
-without a lock belongs to a Designer that has ended: the next Designer of the same job or asset offers it.
+The record is a file, written after each edit, whole or not at all. The process of the Designer holds a lock on a second
+file beside it. A record without a lock belongs to a Designer that has ended: the next Designer of the same job or asset
+offers its edits to the user.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def state_folder() -> Path:
 class UnsavedWork:
     """The unsaved work of a Designer.
 
-    `files` has the edited contents of files, each with the digest of the content that was known to be on disk.
+    `files` has the edited content of each file, and the digest of the content that the Designer last knew on disk.
     `variants` are those of `EditState`. `time` is in seconds since the epoch. `visible` has the names of the visible
     look and rig.
     """
@@ -70,7 +71,10 @@ class UnsavedWork:
 
 
 class Recovery:
-    """The record of a Designer, and that of an earlier Designer of the same job or asset, if it left unsaved work."""
+    """The record of a Designer, and that of an earlier Designer of the same job or asset, if it left unsaved work.
+
+    `opening_key` identifies the job or asset. `work` is the unsaved work of the earlier Designer, or None.
+    """
 
     def __init__(self, opening_key: str, folder: Path | None = None) -> None:
         self._folder = (folder or state_folder()) / "designer"
@@ -115,6 +119,7 @@ class Recovery:
         return has_record
 
     def _find_earlier(self) -> UnsavedWork | None:
+        """Return the newest valid work without a lock, and remember its record; None if there is none."""
         records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_modification_time, reverse=True)
         for record in records:
             try:
@@ -127,6 +132,7 @@ class Recovery:
         return None
 
     def _is_locked(self, record: Path) -> bool:
+        """Return whether a running Designer holds the lock of a record."""
         try:
             lock = os.open(self._lock_of(record), os.O_RDWR)
         except FileNotFoundError:
@@ -141,10 +147,12 @@ class Recovery:
 
     @staticmethod
     def _lock_of(record: Path) -> Path:
+        """Return the file whose lock belongs to a record."""
         return record.with_suffix(".lock")
 
 
 def _modification_time(file: Path) -> float:
+    """Return when a file was last written; 0 if it no longer exists."""
     try:
         return file.stat().st_mtime
     except OSError:

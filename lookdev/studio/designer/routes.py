@@ -1,4 +1,4 @@
-"""Routes of the page's server: methods of a class, each with a decorator that has its path."""
+"""The base class of the Designer's routes: methods that answer requests, and decorators that give them URL paths."""
 
 from __future__ import annotations
 
@@ -20,19 +20,22 @@ from lookdev.studio.designer.sources import ConflictError
 log = logging.getLogger("lookdev.studio")
 
 NO_STORE = {"cache-control": "no-store"}
-"""Headers of a response that a browser requests anew each time."""
+"""Headers of a response that a browser must not store."""
 
 
 @dataclass(frozen=True)
 class Query:
-    """A request of the page: its body, {} if that is not a JSON object, and the parameters of its URL."""
+    """A request of the page: its JSON body, the parameters of its URL, and whether its method is POST.
+
+    The body is {} if it is not a JSON object.
+    """
 
     body: Mapping[str, Any]
     parameters: Mapping[str, str]
     posted: bool
 
     def number(self, name: str) -> int:
-        """Return a whole number in the body; raise LookdevError if the value is not one."""
+        """Return the whole number with this name in the body; raise LookdevError if there is none."""
         value = self.body.get(name)
         if not isinstance(value, int) or isinstance(value, bool):
             raise LookdevError(f"'{name}' is a number")
@@ -40,14 +43,14 @@ class Query:
 
 
 Method = TypeVar("Method", bound=Callable[..., Any])
-MakeRoute = Callable[[Callable[..., Any]], BaseRoute]
+MakeRoute = Callable[[Callable[..., Any]], BaseRoute]  # from a bound method
 
 
 class Routes:
-    """A class of methods that answer requests of the page, and their state.
+    """The base class of a panel's routes: its methods answer requests of the page, and its attributes are their state.
 
     The decorators `json_route`, `raw_route` and `socket_route` give a method its path. `uploads` are the paths of
-    requests whose bodies may be larger than others.
+    requests whose bodies may be larger than `access.MAX_BODY_BYTES`.
     """
 
     uploads: ClassVar[tuple[str, ...]] = ()
@@ -67,7 +70,10 @@ class Routes:
 
 
 def json_route(path: str, *methods: str) -> Callable[[Method], Method]:
-    """Route requests to a method that maps a `Query` to a JSON object, and that runs in a thread."""
+    """Return a decorator of a method that maps a `Query` to a JSON object; requests for `path` call it in a thread.
+
+    `methods` are the HTTP methods of the requests, GET by default. `{name}` in a path is a parameter.
+    """
 
     def make_route(method: Callable[[Query], Mapping[str, Any]]) -> BaseRoute:
         async def respond(request: Request) -> Response:
@@ -80,16 +86,18 @@ def json_route(path: str, *methods: str) -> Callable[[Method], Method]:
 
 
 def raw_route(path: str, *methods: str) -> Callable[[Method], Method]:
-    """Route requests to a method that returns the response."""
+    """Return a decorator of an asynchronous method that maps Starlette's request for `path` to its response."""
     return _attach_route(lambda method: Route(path, method, methods=list(methods or ("GET",))))
 
 
 def socket_route(path: str) -> Callable[[Method], Method]:
-    """Route websockets to a method that serves them."""
+    """Return a decorator of an asynchronous method that serves the websockets of `path`."""
     return _attach_route(lambda method: WebSocketRoute(path, method))
 
 
 def _attach_route(make_route: MakeRoute) -> Callable[[Method], Method]:
+    """Return a decorator that stores `make_route` as an attribute of a method, where `Routes.list_routes` finds it."""
+
     def mark(method: Method) -> Method:
         method.make_route = make_route  # type: ignore[attr-defined]
         return method
@@ -98,6 +106,7 @@ def _attach_route(make_route: MakeRoute) -> Callable[[Method], Method]:
 
 
 async def _json_body(request: Request) -> Mapping[str, Any]:
+    """Return the JSON object in the body of a request; {} if there is none."""
     try:
         body = await request.json()
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError, ClientDisconnect):
@@ -106,7 +115,7 @@ async def _json_body(request: Request) -> Mapping[str, Any]:
 
 
 async def json_response(compute: Callable[[], Mapping[str, Any]]) -> Response:
-    """Return the result of a function that runs in a thread, or its error, as a response in JSON."""
+    """Run a function in a thread, and return its result, or the message of its error, as a response in JSON."""
     try:
         return JSONResponse(await anyio.to_thread.run_sync(compute), headers=NO_STORE)
     except FaultsError as error:

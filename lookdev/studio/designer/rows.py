@@ -1,4 +1,8 @@
-"""The layers of looks for the page: a row for each parameter; masks and sources as the text that a user types."""
+"""The layers of looks as JSON rows for the Designer's page: a row for each layer, and in it one for each parameter.
+
+A parameter's value is a constant, or varies over the surface and has a source: an image, a primvar or an expression.
+Sources, and masks, are converted to and from the text that a user types.
+"""
 
 from __future__ import annotations
 
@@ -26,20 +30,22 @@ NO_PART = (
 def layer_rows(
     look: Look, outline: LookOutline | None, folder: Path | None, solo: int | None
 ) -> Iterator[dict[str, Any]]:
-    """Yield a row for each layer of a stack, base first, with disabled layers.
+    """Yield a row for each layer of a stack, base first, disabled layers included.
 
-    ``number`` is the layer's number in the stack; ``index`` is its index in the look, which lacks disabled layers.
-    `solo` is the number of the only visible layer, if there is one.
+    `outline` lists all layers of the stack; it is None if the look cannot be edited. Paths of images are relative to
+    `folder`, that of the look's file. `solo` is the number of the layer that is shown alone, if there is one. In a row,
+    ``number`` is the layer's number in the stack, and ``index`` its index in the look, which lacks disabled layers.
     """
-    entries = outline.entries if outline else [LayerEntry(k, layer.name) for k, layer in enumerate(look.layers)]
+    entries = outline.entries if outline else [LayerEntry(n, layer.name) for n, layer in enumerate(look.layers)]
     index = 0
     for entry in entries:
         if not entry.enabled:
             yield {"number": entry.number, "index": None, "name": entry.name, "enabled": False, "mode": entry.mode}
             continue
         layer = look.layers[index]
-        is_own = layer.model in MODELS
-        # The layer's index in the look that the viewport draws, which names its uniforms; None if it is not drawn.
+        is_own = layer.model in MODELS  # not a layer that is translated from another shading model
+        # The layer's index in the look that the viewport draws, or None if it is not drawn. The names of its uniforms
+        # contain this index.
         drawn_index = index if solo is None else 0 if solo == entry.number else None
         yield {
             "number": entry.number,
@@ -58,6 +64,7 @@ def layer_rows(
 
 
 def _parameter_rows(index: int, layer: Layer, drawn_index: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a layer's mask, unless it is the base, of its parameters, and of numbers in expressions."""
     if index > 0:
         # A solo layer is drawn without its mask, so the mask is not a uniform.
         yield _parameter_row(drawn_index if drawn_index else None, MASK, layer.mask)
@@ -71,7 +78,10 @@ def _parameter_rows(index: int, layer: Layer, drawn_index: int | None, folder: P
 
 
 def _number_rows(owner: str, value: Any) -> Iterator[dict[str, Any]]:
-    """Yield a row for each number of an expression."""
+    """Yield a row for each constant number among the inputs of an expression.
+
+    `value` is the value of the parameter `owner`; without an expression, there are no rows.
+    """
     for name, number in value.inputs.items() if isinstance(value, Formula) else ():
         if isinstance(number, float | int):
             parameter = Parameter(f"{owner}.{name}", "float", float(number), (0.0, max(1.0, 2.0 * abs(number))))
@@ -79,6 +89,11 @@ def _number_rows(owner: str, value: Any) -> Iterator[dict[str, Any]]:
 
 
 def _parameter_row(drawn_index: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
+    """Return the row of a parameter, whose value in the look is `value`, or None if the look does not state it.
+
+    ``varies`` describes the source of a value that is not a constant. ``uniform`` is the name of the parameter's
+    uniform in the viewport's shader, or empty.
+    """
     constant = isinstance(value, float | int | str | tuple)
     live = drawn_index is not None and isinstance(value, float | tuple)
     return {
@@ -96,7 +111,7 @@ def _parameter_row(drawn_index: int | None, parameter: Parameter, value: Any) ->
 
 
 def describe_source(value: Any) -> str:
-    """Return a description of the source of a parameter that varies over the surface."""
+    """Return a description, for the user, of the source of a parameter that varies over the surface."""
     match value:
         case Texture():
             return f"texture {value.file.name}, {value.channel}"
@@ -110,7 +125,10 @@ def describe_source(value: Any) -> str:
 
 
 def _source_row(mask: Any, folder: Path | None) -> dict[str, Any]:
-    """Return a mask, or the source of a parameter, as `parse_mask` reads it, with the sources of its names."""
+    """Return the ``kind`` and the ``text`` of a mask, or of a parameter's source, in the syntax of `parse_mask`.
+
+    ``inputs`` has the texts of the inputs of an expression, by name.
+    """
     inputs = mask.inputs if isinstance(mask, Formula) else {}
     kind = {Texture: "texture", Primvar: "primvar", Formula: "expression"}.get(type(mask), "number")
     return {
@@ -121,6 +139,7 @@ def _source_row(mask: Any, folder: Path | None) -> dict[str, Any]:
 
 
 def _source_text(source: Any, folder: Path | None) -> str:
+    """Return a source, or a constant, in the syntax of `parse_mask`; paths are relative to `folder`."""
     match source:
         case Texture():
             return f"{os.path.relpath(source.file, folder or Path())}:{source.channel}"
@@ -145,9 +164,11 @@ def read_source(
     target: str = "mask",
     kind: ExpressionKind = "float",
 ) -> MaskSource:
-    """Return the mask, or the source of a parameter, in a text of the page; images are relative to the look's folder.
+    """Return the mask, or the source of a parameter, that a text of the page describes.
 
-    Raises LookdevError if the text is not valid, or an image is outside of the folders that the page may read.
+    `inputs` has the texts of the inputs of an expression, by name. Paths of images are relative to `folder`, that of
+    the look's file. `target` is ``"mask"`` or the name of the parameter, whose values are of type `kind`. Raises
+    LookdevError if the text is not valid, or an image is outside of the folders `roots`.
     """
     if target == "mask" and text.strip().startswith("part:"):
         raise LookdevError(NO_PART)

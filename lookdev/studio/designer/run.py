@@ -1,4 +1,4 @@
-"""`lookdev design`: open a job or an asset and serve the page."""
+"""The command `lookdev design`: it opens a job or an asset, and serves the Designer's page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from lookdev.studio.server import serve_page
 def design(source: str, material: Path | None, address: Address, *, browser: bool, say: Callable[[str], None]) -> None:
     """Serve the Designer until the program is interrupted; `source` is a job, an asset's file or a built-in asset.
 
-    Raises LookdevError if the file does not exist or has faults, or the server cannot listen at the address.
+    `material` is a look that covers an asset in place of its own materials. With `browser`, the browser opens the page.
+    `say` receives messages for the user. Raises LookdevError if the file does not exist or has faults, or the server
+    cannot listen at the address.
     """
     file = Path(source)
     if source not in BUILTINS and not file.exists():

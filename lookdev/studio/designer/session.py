@@ -12,7 +12,7 @@ from lookdev.studio.designer.lights import LightSettings
 
 
 class Session:
-    """The document of a page with its view. Methods are thread-safe."""
+    """The document of a page, and the state of the page that is not saved. Methods are thread-safe."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -24,7 +24,7 @@ class Session:
         return self.lights.apply(self.document.scene_key[1], self.document.scene)
 
     def library(self) -> Library:
-        """Return the library of presets, which is read once."""
+        """Return the library of presets, which is read at the first use."""
         library = self._library = self._library or read_library(library_folders())
         return library
 
@@ -33,5 +33,8 @@ class Session:
         self._library = None
 
     def change_answer(self, compiles: bool = False) -> Mapping[str, Any]:
-        """Return the answer to a change of the document; `compiles` says whether the viewport needs new shaders."""
+        """Return the answer to a request that changes the document: its status, and whether shaders change.
+
+        If `compiles` is true, the page must get the scene with its shaders anew, and compile them.
+        """
         return {"compiles": compiles, **self.document.status()}

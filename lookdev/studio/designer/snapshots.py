@@ -1,4 +1,7 @@
-"""Snapshots: pictures of the page, each with the state of the looks. They last as long as the server."""
+"""Snapshots of the Designer: pictures of the viewport, each with the state of the looks, to which a user can go back.
+
+They last as long as the server.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,10 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A picture as PNG, the state of the looks, the names of the visible look and rig, and seconds of the epoch."""
+    """A picture as PNG, the state of the looks, and the names of the visible look and rig.
+
+    `number` counts the snapshots from 1. `time` is in seconds since the epoch.
+    """
 
     number: int
     picture: bytes
@@ -27,6 +33,7 @@ class Snapshot:
 
     @property
     def name(self) -> str:
+        """The name of the snapshot for the user."""
         return f"snapshot {self.number}"
 
 

@@ -1,4 +1,8 @@
-"""The files of edited looks: their original contents, their edited contents, and the digests of those on disk."""
+"""The files of looks that the Designer edits: they are read once, opened with edits, and written when they are saved.
+
+Edits are made in a hidden copy beside a file. The known digest of a file is that of its content when the Designer last
+read or wrote it. If the digest of the file on disk differs, another program has changed the file.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +28,8 @@ MAX_LOOK_BYTES = 64 << 20
 """Largest file whose looks can be edited, in bytes."""
 
 
-_MAX_IMAGES = 500
-_MAX_EDIT_SECONDS = 600  # seconds
+_MAX_IMAGES = 500  # images that a page lists
+_MAX_EDIT_SECONDS = 600  # an older hidden copy is left over from a Designer that was killed
 
 
 class ConflictError(LookdevError):
@@ -38,7 +42,7 @@ class ConflictError(LookdevError):
 
 @dataclass(frozen=True)
 class LookLocation:
-    """The location of a look: a file, a prim, and the variants that the job chooses."""
+    """The location of a look: a file, the path of a prim in it, and the variant of each set that the job chooses."""
 
     file: Path
     prim: str
@@ -46,6 +50,7 @@ class LookLocation:
 
     @property
     def key(self) -> str:
+        """The key of the look in `EditState.variants`."""
         return f"{self.file}<{self.prim}>"
 
 
@@ -58,12 +63,16 @@ class OpenedLook:
 
 
 class SourceFiles:
-    """The original contents of files, by path, and the digests of the contents that are known to be on disk."""
+    """The original contents of files, and the digests of the contents that are known to be on disk, by path.
+
+    The known digest of a file that is not on disk is an empty string. The parameter `edited_contents` of methods has
+    the present contents of all files with edits, by path.
+    """
 
     def __init__(self) -> None:
         self._original_contents: dict[Path, bytes] = {}
         self._known_digests: dict[Path, str] = {}
-        # For each file: its inode, size and time when its content was last read, and the digest of that content.
+        # For each file: its inode, size and modification time when it was last read, and its digest then.
         self._stamps: dict[Path, tuple[tuple[int, int, int], str]] = {}
         self._read_cached = lru_cache(256)(self._read_look)
 
@@ -85,9 +94,12 @@ class SourceFiles:
         self._known_digests[file] = digest(self._original_contents[file])
 
     def add(self, file: Path, content: bytes) -> None:
-        """Add a file that is not a look; `content` is that on disk or, for a new file, its first content."""
+        """Add a file that is not a look, such as the job; `content` is its original content.
+
+        The file need not be on disk.
+        """
         self._original_contents[file] = content
-        self._known_digests[file] = self.digest_on_disk(file) and digest(content)
+        self._known_digests[file] = self.digest_on_disk(file) and digest(content)  # empty if it is not on disk
 
     @property
     def files(self) -> list[Path]:
@@ -105,7 +117,7 @@ class SourceFiles:
         return digest(self.content(edited_contents, file)) != self._known_digests[file]
 
     def known_digest(self, file: Path) -> str:
-        """Return the digest of the content that is known to be on disk."""
+        """Return the digest of the content that is known to be on disk; an empty string if there is no file."""
         return self._known_digests[file]
 
     def set_known_digest(self, file: Path, known_digest: str) -> None:
@@ -139,7 +151,7 @@ class SourceFiles:
 
     @contextmanager
     def copy_beside(self, file: Path, content: bytes) -> Iterator[Path]:
-        """Yield a temporary, hidden copy of a file with another content; faults in it are reported for the file."""
+        """Yield a temporary, hidden file beside `file`, with `content`; messages about its faults name `file`."""
         name = f".{file.stem}.designer-{os.getpid()}{file.suffix}"
         temporary = file.with_name(name)
         try:
@@ -156,7 +168,10 @@ class SourceFiles:
     def open_look(
         self, location: LookLocation, edited_contents: Mapping[Path, bytes], variants: Mapping[str, str], original: Look
     ) -> OpenedLook:
-        """Return the look at a location, with edits; raise LookError if there is no valid look."""
+        """Return the look at a location with edits; raise LookError if there is no valid look.
+
+        `variants` replace those of the location. The look gets the name and the source of `original`.
+        """
         content = self.content(edited_contents, location.file)
         opened = self._read_cached(
             content, location.file, location.prim, tuple(sorted({**location.variants, **variants}.items()))
@@ -164,6 +179,7 @@ class SourceFiles:
         return replace(opened, look=replace(opened.look, name=original.name, source=original.source))
 
     def _read_look(self, content: bytes, file: Path, prim: str, variants: tuple[tuple[str, str], ...]) -> OpenedLook:
+        """Return the look at a prim of a file with this content, which need not be that on disk."""
         choices = dict(variants)
         if content == self._original_contents[file] and self.digest_on_disk(file) == digest(content):
             return OpenedLook(read_look(file, prim, choices), read_outline(file, prim, choices))

@@ -1,4 +1,7 @@
-"""Thumbnails of presets: a sphere in the studio dome by the float64 models, cached by content."""
+"""Thumbnails of presets for the Designer: a sphere under the built-in dome ``studio``, by the float64 models.
+
+They are cached. The key of the cache has the digests of the preset's file and of the code.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +41,12 @@ def thumbnail(preset: Preset) -> Path:
 
 
 def _draw(preset: Preset) -> bytes:
+    """Return the thumbnail of a preset as PNG."""
     sphere = sphere_values(read_subject(preset.name, preset.file.parent), _OPTIONS)
     rgba = np.zeros((SIZE * SIZE, 4))
     rgba[sphere["pixel"], :3] = encode_srgb(np.asarray(sphere["dome"]), _OPTIONS)
     rgba[sphere["pixel"], 3] = 1.0
+    # `sphere_values` begins with the lowest row, PNG with the highest.
     pixels = np.rint(255.0 * rgba).astype(np.uint8).reshape(SIZE, SIZE, 4)[::-1]
     stream = io.BytesIO()
     imsave(stream, pixels, format="png")

@@ -1,7 +1,7 @@
-"""The turntable of the visible scene: the job's frames of a look and a rig, rendered in the background.
+"""The turntables of the Designer: the job's frames of the visible look and rig, rendered in the background.
 
-It is a run like that of `lookdev render`: it has EXR frames, pictures and contact sheets, and resumes after an
-interruption. It includes unsaved edits and the page's settings of lights, so it has an output folder of its own.
+They are rendered as by `lookdev render`, with EXR frames, PNG pictures and contact sheets; an interrupted run can be
+resumed. They include unsaved edits and the page's settings of lights, so they have an output folder of their own.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _END_TIMEOUT = 2.0  # seconds that a run has to end when the server ends
 
 
 class TurntableRuns:
-    """The runs of a page, one at a time: each renders, in a thread of its own, the job in its state at the start.
+    """The runs of a page, one at a time; each renders the turntables of one scene, in a thread of its own.
 
-    Methods are thread-safe.
+    A run renders the job as it is when the run starts. Methods are thread-safe.
     """
 
     def __init__(self, job: Callable[[], Job]) -> None:
@@ -39,14 +39,14 @@ class TurntableRuns:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._cancelled = threading.Event()
-        self._files: list[Path] = []
-        self._number = 0
-        self._state: dict[str, Any] = {"state": "none"}
+        self._files: list[Path] = []  # the pictures of the frames of the newest run, which need not exist yet
+        self._number = 0  # of the newest run
+        self._state: dict[str, Any] = {"state": "none"}  # the progress of the newest run
 
     def start(self, scene: Callable[[], Scene], look: str, rig: str) -> None:
-        """Start to render the turntables of a scene; the thread of the run calls `scene`.
+        """Start to render the turntables of a scene, that of the job's `look` and `rig`.
 
-        Raises LookdevError if a run is in progress.
+        The thread of the run calls `scene`, which returns it. Raises LookdevError if a run is in progress.
         """
         with self._lock:
             if self._thread is not None and self._thread.is_alive():
@@ -91,7 +91,7 @@ class TurntableRuns:
             self._thread.join(_END_TIMEOUT)
 
     def describe(self) -> Mapping[str, Any]:
-        """Return the progress of the run: state, folder, and the numbers of the frames that have a picture."""
+        """Return the progress of the newest run; ``pictures`` are the numbers of the frames that have a picture."""
         with self._lock:
             state, files = dict(self._state), list(self._files)
         return {**state, "pictures": [number for number, file in enumerate(files) if file.is_file()]}
@@ -107,6 +107,7 @@ class TurntableRuns:
     def _run(
         self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turntable_frames: TurntableFrames
     ) -> None:
+        """Render the turntables of a scene, and record the end of the run; this runs in the thread of the run."""
         # Not at the top: its imports are slow, and a page needs them only here.
         from lookdev.run.render import render_setups
 
@@ -127,6 +128,7 @@ class TurntableRuns:
             self._update_state(state="failed", error=f"{type(error).__name__}: {shorten(str(error))}")
 
     def _report(self, event: Event) -> None:
+        """Take over an event of the run, or end the run if it is cancelled."""
         if self._cancelled.is_set():
             raise KeyboardInterrupt  # as Ctrl-C ends `lookdev render`
         match event:
@@ -142,11 +144,13 @@ class TurntableRuns:
                 self._update_state(notes=[*self._state["notes"], event.text])
 
     def _update_state(self, **values: Any) -> None:
+        """Set entries of the progress that `describe` returns."""
         with self._lock:
             self._state = {**self._state, **values}
 
 
 def _setup(job: Job, scene: Scene, look: str, rig: str) -> Setup:
+    """Return what `render_setups` needs to render a scene of a job."""
     render = job.render
     setup = make_setup(look, rig, scene, render.sampling, SceneTasks(render.backend, render.device))
     rig_table = next(rig_table for rig_table in job.rigs if rig_table.name == rig)

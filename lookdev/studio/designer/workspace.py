@@ -1,4 +1,4 @@
-"""The contents of edited files: their history, their files on disk, and the recovery of unsaved work."""
+"""The files that the Designer edits: their edits with the history, the files on disk, and recovery of unsaved work."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ from lookdev.studio.designer.operations import FolderOperation
 from lookdev.studio.designer.recovery import Recovery, UnsavedWork
 from lookdev.studio.designer.sources import ConflictError, SourceFiles, digest
 
-_FILE_NAME = re.compile(r"[\w][\w .-]{0,100}")
+_FILE_NAME = re.compile(r"[\w][\w .-]{0,100}")  # a valid name of a new file
 
 
 class Workspace:
-    """The state of edits, with its history and its files; not thread-safe."""
+    """The state of all edits, with its history and its files; not thread-safe.
+
+    `offered_work` is the unsaved work of an earlier Designer, which the user can restore or discard.
+    """
 
     def __init__(self, recovery: Recovery | None) -> None:
         self.history = History()
@@ -29,15 +32,15 @@ class Workspace:
 
     @property
     def state(self) -> EditState:
-        """The present state."""
+        """The present state of all edits."""
         return self.history.state
 
     def content(self, file: Path) -> bytes:
-        """Return the edited content of a file."""
+        """Return the present content of a file: its edited content, or its original one."""
         return self.sources.content(self.state.files, file)
 
     def apply_edit(self, file: Path, operation: FolderOperation) -> EditState:
-        """Return the state after an operation on a file; the present state stays."""
+        """Return the state after an operation on a file; the present state does not change."""
         with self.sources.copy_beside(file, self.content(file)) as copy:
             operation(copy)
             return replace(self.state, files={**self.state.files, file: copy.read_bytes()})
@@ -112,7 +115,10 @@ class Workspace:
         return {"time": work.time, "files": files}
 
     def recovered_state(self) -> EditState:
-        """Return the present state with the offered work; raise LookdevError if there is no offer."""
+        """Track the files of the offered work, and return the present state with its edits.
+
+        Raises LookdevError if no work is offered.
+        """
         work = self.offered_work
         if work is None:
             raise LookdevError("there is no unsaved work of an earlier Designer")
@@ -123,7 +129,7 @@ class Workspace:
         return EditState(files, {**self.state.variants, **work.variants})
 
     def forget_offer(self) -> None:
-        """Remove the record of the offered work."""
+        """Remove the record of the offered work; raise LookdevError if no work is offered."""
         if self._recovery is None or self._recovery.work is None:
             raise LookdevError("there is no unsaved work of an earlier Designer")
         self._recovery.forget()

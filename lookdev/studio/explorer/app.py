@@ -1,4 +1,4 @@
-"""The routes of the Explorer: its page and scripts, its catalogue, its websocket, uploads, and plots as files."""
+"""The ASGI application of the Explorer's page: scripts, catalogue, websocket, uploads, and plots as files."""
 
 from __future__ import annotations
 
@@ -29,17 +29,21 @@ UPLOAD = "/upload"
 STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 
+# The media types of plots, by the suffix of the file.
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf", ".csv": "text/csv; charset=utf-8"}
 
 
 class ExplorerApp:
-    """The application of the Explorer; a page whose URL has no state shows the surfaces `first`."""
+    """The Explorer's application with its threads; a page whose URL has no state shows the surfaces with texts `first`.
+
+    The websocket of each page computes plots in `_threads`, and renders exact frames in `_rendering`.
+    """
 
     def __init__(self, surfaces: Surfaces, first: Sequence[str]) -> None:
         self._surfaces = surfaces
         self._frames = ExactFrames()
         self._threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
-        self._rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
+        self._rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")  # all but one wait for their turn
         self._figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is not thread-safe
         self._start_data = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
 
@@ -67,12 +71,15 @@ class ExplorerApp:
                 pool.shutdown(wait=False, cancel_futures=True)
 
     async def _send_start(self, request: Request) -> Response:
+        """Return the catalogue, and the surfaces that a page without state shows."""
         return Response(self._start_data, media_type="application/json", headers={"cache-control": "no-store"})
 
     async def _open_channel(self, socket: WebSocket) -> None:
+        """Serve the websocket of a page until the page is gone."""
         await ExplorerConnection(socket, self._surfaces, self._frames, self._threads, self._rendering).run()
 
     async def _store_upload(self, request: Request) -> Response:
+        """Store the file in the body of a request, and return its name for the page."""
         name = request.query_params.get("name", "upload")
         try:
             stored_name = await self._surfaces.roots.upload(name, request.stream())
@@ -84,6 +91,7 @@ class ExplorerApp:
         return JSONResponse({"name": stored_name})
 
     async def _send_plot(self, request: Request) -> Response:
+        """Return a plot as a file to save; the URL has its kind, suffix, surfaces and options."""
         kind, suffix = request.path_params["kind"], f".{request.path_params['suffix']}"
         if suffix not in PLOT_SUFFIXES:
             return PlainTextResponse(f"one of {', '.join(PLOT_SUFFIXES)} would be right\n", 404)
@@ -100,7 +108,7 @@ class ExplorerApp:
         return Response(data, media_type=_TYPES[suffix], headers=headers)
 
     def _draw_plot(self, kind: str, suffix: str, texts: Sequence[str], options: str) -> bytes:
-        """Return the content of the file of a plot."""
+        """Return the bytes of a plot of the surfaces with `texts`, as a file with `suffix`; `options` are JSON."""
         plot = draw(kind, [self._surfaces.subject(surface) for surface in texts], parse_options(json.loads(options)))
         with tempfile.TemporaryDirectory(prefix="lookdev-plot-") as folder:
             file = Path(folder) / f"plot{suffix}"

@@ -1,4 +1,4 @@
-"""The catalogue of the Explorer's page: models and parameters, presets, files, kinds of plots and their options."""
+"""The catalogue of the Explorer: the models, presets, files, kinds of plots and options that its page offers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,12 @@ MEASURED_SUFFIXES = (".binary", ".dat", ".bin")
 
 
 def catalogue(roots: Roots, library: Path | None) -> dict[str, object]:
-    """Return the data that a page needs before it shows the first surface, for JSON."""
+    """Return the data that a page needs before it shows the first surface, for JSON.
+
+    `library` is a folder of presets, or None for the folders of `library_folders`. Of ``kinds``, ``uses`` are the
+    options that a kind of plot reads, ``most`` is the largest number of surfaces in a plot, and ``slow`` is whether the
+    page first shows a draft of the plot.
+    """
     return {
         "models": {name: _model(model) for name, model in MODELS.items()},
         "presets": presets(library),
@@ -43,7 +48,7 @@ def catalogue(roots: Roots, library: Path | None) -> dict[str, object]:
 
 
 def presets(library: Path | None) -> list[dict[str, str]]:
-    """Return the presets of the library; an empty list if there is no library."""
+    """Return a record for each preset of the library; an empty list if there is no library."""
     try:
         library_presets = read_library(library_folders(library)).presets
     except LookError:
@@ -55,6 +60,7 @@ def presets(library: Path | None) -> list[dict[str, str]]:
 
 
 def _model(model: Model) -> dict[str, object]:
+    """Return the record of a model, with those of its parameters."""
     live = live_parameters(model.name)
     return {
         "title": model.title,
@@ -66,6 +72,11 @@ def _model(model: Model) -> dict[str, object]:
 
 
 def _parameter(model: Model, parameter: Parameter, live: bool) -> dict[str, object]:
+    """Return the record of a model's parameter.
+
+    ``live`` is whether it is a uniform of the page's shaders by default. ``stands`` is whether its values are
+    abbreviations of values of other parameters.
+    """
     return {
         "name": parameter.name,
         "kind": parameter.kind,

@@ -1,8 +1,9 @@
-"""The messages of one page: requests over its websocket, and their answers, which threads compute.
+"""The websocket of one page of the Explorer, on the server's side: it answers requests, which threads compute.
 
-A request is a JSON object with an ``id``, a ``slot``, and the name ``do`` of the computation. A later request of the
-same slot replaces one that has not begun: while a slider moves, only its newest position is computed. An answer has the
-id; it is JSON or a packet of arrays (`lookdev.studio.packets`).
+A request is a JSON object with an ``id``, a ``slot``, and the name ``do`` of the computation. The slot names what the
+answer updates, for example a plot. A later request of the same slot replaces one that has not begun: while a slider
+moves, only its newest position is computed. An answer has the id of its request; it is JSON or a packet of arrays
+(`lookdev.studio.packets`).
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ from lookdev.studio.packets import encode_packet
 from lookdev.studio.websocket import PageSocket, SocketMessage, Ticket, log
 
 _MAX_WAITING = 64  # requests of a page that wait; the oldest is dropped for a further one
-_MAX_LOGGED = 20  # refused messages of a page that are logged
+_MAX_LOGGED = 20  # refusals of a page that are logged
 _CONCURRENT_REQUESTS = 3
 """Number of requests of one page that are computed at the same time."""
 
 _COMPUTATIONS = ("values", "describe", "shader", "pairs", "dome", "usd", "command")
-"""The names ``do`` of requests, without ``render`` and ``cancel``."""
+"""The values of ``do`` in requests, without ``render`` and ``cancel``, which `_compute` does not answer."""
 
 
 class InvalidRequest(LookdevError):
@@ -54,8 +55,8 @@ class ExplorerConnection:
         self._surfaces = surfaces
         self._frames = frames
         self._threads = threads
-        self._rendering = rendering  # plots do not wait for frames
-        self._waiting: dict[str, dict[str, object]] = {}
+        self._rendering = rendering  # threads of their own, so that plots do not wait for frames
+        self._waiting: dict[str, dict[str, object]] = {}  # the requests that have not begun, by slot
         self._arrived = asyncio.Event()
         self._refusals = 0
 
@@ -66,6 +67,7 @@ class ExplorerConnection:
         await self._socket.serve(self._handle_message)
 
     async def _handle_message(self, text: object) -> None:
+        """Take over the request in a message, or refuse the message."""
         try:
             request = _parse_request(text)
         except LookdevError as error:
@@ -80,6 +82,7 @@ class ExplorerConnection:
                 self._enqueue(request)
 
     def _enqueue(self, request: dict[str, object]) -> None:
+        """Add a request to those that wait, in place of the one with the same slot; drop the oldest of too many."""
         slot = str(request["slot"])
         self._waiting.pop(slot, None)
         if len(self._waiting) >= _MAX_WAITING:
@@ -88,6 +91,7 @@ class ExplorerConnection:
         self._arrived.set()
 
     async def _answer_requests(self) -> None:
+        """Answer the waiting requests, one after the other, until the task is cancelled."""
         while True:
             await self._arrived.wait()
             if not self._waiting:
@@ -97,6 +101,7 @@ class ExplorerConnection:
             await self._socket.answer(request, partial(_compute, self._surfaces, request), self._threads)
 
     async def _render(self, request: Mapping[str, object], ticket: Ticket) -> None:
+        """Answer a request for an exact frame, and send its progress meanwhile."""
         loop = asyncio.get_running_loop()
 
         def report(state: dict[str, object]) -> None:
@@ -111,6 +116,7 @@ class ExplorerConnection:
         await self._socket.answer(request, compute, self._rendering)
 
     async def _refuse(self, problem: str) -> None:
+        """Tell the page that its message is not a valid request, and log the problem."""
         self._refusals += 1
         if self._refusals <= _MAX_LOGGED:
             more = "; further ones are not logged" if self._refusals == _MAX_LOGGED else ""
@@ -140,6 +146,7 @@ def _parse_request(text: object) -> dict[str, object]:
 
 
 def _text_value(request: Mapping[str, object], key: str, default: str | None = None) -> str:
+    """Return the text of a key; raise InvalidRequest if the value is not a text."""
     value = request.get(key, default)
     if not isinstance(value, str):
         raise InvalidRequest(f"{key}: a text would be right")
@@ -147,6 +154,7 @@ def _text_value(request: Mapping[str, object], key: str, default: str | None = N
 
 
 def _text_list(request: Mapping[str, object], key: str) -> list[str]:
+    """Return the list of texts of a key, by default empty; raise InvalidRequest if the value is not such a list."""
     values = request.get(key, [])
     if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
         raise InvalidRequest(f"{key}: a list of texts would be right")
@@ -194,6 +202,7 @@ def _compute(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage
 
 
 def _plot_values(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
+    """Return the values of a surface in a plot; those of a sampling test come with a note on its result."""
     kind, options = _text_value(request, "kind"), parse_options(request.get("options", {}))
     kind_named(kind)
     surface, moving = _text_value(request, "surface"), _text_value(request, "moving", "")

@@ -1,4 +1,7 @@
-"""The exact frame: a surface on a sphere, rendered by a supervised worker, which keeps running for the next frame."""
+"""The exact frame of the Explorer: a surface on a sphere, rendered by Cycles in a worker process.
+
+The process keeps running for the next frame.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
 from lookdev.studio.websocket import Ticket
 
-BACKEND = "exact"
+BACKEND = "exact"  # Cycles, with the models as published
 SIZE = 288
 """Side of a frame, in pixels."""
 
@@ -32,7 +35,10 @@ _ERROR = 0.004  # relMSE at which a frame is done with fewer samples
 
 
 class ExactFrames:
-    """The renderer of exact frames: one frame at a time, while other pages wait. The worker ends with `close`."""
+    """The renderer of exact frames for all pages: it renders one frame at a time, and the others wait for it.
+
+    `_current` is the ticket of the frame that is being rendered. The worker process ends with `close`.
+    """
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="lookdev-explore-")
@@ -43,9 +49,10 @@ class ExactFrames:
     def render(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
     ) -> tuple[dict[str, float], PlotValues]:
-        """Render a look on a sphere in the studio dome; return facts about the frame, and its pixels.
+        """Render a look on a sphere under the dome `DOME`; return facts about the frame, and its pixels.
 
-        `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises ComputationCancelled
+        The facts are ``samples``, ``relmse`` and ``seconds``. The pixels are ``beauty`` (h, w, 3), premultiplied and
+        linear, and ``alpha`` (h, w); row 0 is at the top. `report` receives the progress. Raises ComputationCancelled
         and the errors of workers.
         """
         report({"state": "waiting"})
@@ -64,6 +71,7 @@ class ExactFrames:
     def _render_frame(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
     ) -> tuple[dict[str, float], PlotValues]:
+        """Do what `render` describes, while no other frame is rendered."""
         began = time.perf_counter()
         report({"state": "starting the renderer" if self._worker is None else "preparing"})
         worker = self._worker
@@ -89,10 +97,11 @@ class ExactFrames:
 
     @property
     def _log(self) -> Path:
+        """The file to which the worker writes its log."""
         return Path(self._folder.name) / "worker.log"
 
     def cancel(self, ticket: Ticket) -> None:
-        """Cancel a frame; if the worker is rendering it, end the worker."""
+        """Cancel the frame of a ticket; if the worker is rendering it, end the worker."""
         ticket.cancelled.set()
         worker = self._worker
         if self._current is ticket and worker is not None:

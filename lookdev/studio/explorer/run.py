@@ -1,4 +1,4 @@
-"""`lookdev explore`: read the surfaces of the command line and serve the page."""
+"""The command `lookdev explore`: it reads the surfaces of the command line, and serves the Explorer's page."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.studio.roots import Roots
 from lookdev.studio.server import serve_page
 
 DEFAULT_SURFACES = ("disney:baseColor=.72/.12/.08,roughness=.35", "pixar:surfaceColor=.72/.12/.08,roughness=.35")
-"""The surfaces of a page without any: the two models of film, with the same colour and roughness."""
+"""The surfaces of a command line without any: the two models of film, with the same colour and roughness."""
 
 
 def explore(
@@ -26,9 +26,12 @@ def explore(
     browser: bool,
     say: Callable[[str], None],
 ) -> None:
-    """Serve the Explorer until the program is interrupted; `say` receives messages for the user, such as the URL.
+    """Serve the Explorer until the program is interrupted.
 
-    Raises LookdevError if one of `subjects` is wrong, a folder is missing, or the server cannot listen at the address.
+    `subjects` are texts of the first surfaces, as `lookdev plot` reads them. `folders` are those whose files the page
+    may open, and `library` is a folder of presets. With `browser`, the browser opens the page. `say` receives messages
+    for the user, such as the URL. Raises LookdevError if one of `subjects` is wrong, a folder is missing, or the server
+    cannot listen at the address.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-uploads-") as uploads:
         roots = Roots(Path(uploads))
@@ -37,7 +40,7 @@ def explore(
         surfaces = Surfaces(roots, library)
         first = [add_file_to_roots(text, roots) for text in subjects]
         for text in first:
-            surfaces.subject(text)
+            surfaces.subject(text)  # raises the error of a wrong text before the page is served
         start_surfaces = first or DEFAULT_SURFACES
         serve_page(
             lambda: ExplorerApp(surfaces, start_surfaces).application(), address, [UPLOAD], browser=browser, say=say
@@ -45,7 +48,7 @@ def explore(
 
 
 def add_file_to_roots(text: str, roots: Roots) -> str:
-    """Add the file in a text of the command line to the roots; return the text with the file's name."""
+    """Add the file in the text of a surface to the roots; return the text with the file's name in place of its path."""
     label, rest = split_label(text)
     match = LOOK_PATTERN.fullmatch(rest)
     file = match["file"] if match else rest

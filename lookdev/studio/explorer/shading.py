@@ -1,4 +1,7 @@
-"""Data of the page's own renderer: GLSL of a surface, its uniforms, the light, and reference values by Python."""
+"""Data with which the Explorer's page shades surfaces in GLSL: functions, uniforms, tables, light, reference values.
+
+The page compares its results with the reference values, which Python computes.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from lookdev.plotting.figure import PlotValues
 from lookdev.studio.explorer.surfaces import Surfaces
 
 DOME = "studio"
-"""The built-in environment map that lights spheres, in the page and in the renderer."""
+"""The built-in environment map that lights spheres, in the page's shaders and in exact frames."""
 
 _DOME_SAMPLES = 4096  # directions drawn from the dome for the page
 _PAIR_COUNT = 2048  # pairs of directions with reference values
@@ -34,10 +37,12 @@ def live_parameters(model: str) -> frozenset[str]:
 
 
 def surface_shader(surfaces: Surfaces, text: str, extra: Collection[str] = ()) -> tuple[dict[str, object], PlotValues]:
-    """Return the GLSL functions of a surface with their inputs, and the tables (rows, `TABLE_WIDTH`) that they read.
+    """Return a header with the GLSL functions of the surface of a text, and the tables that they read.
 
-    `extra` are further parameters that are uniforms: the normal of a lobe, or a part of the model that the defaults
-    leave out. A surface of several layers has no uniforms.
+    In the header, ``text`` are the functions (see `LookFunctions`), ``prelude`` the text before them, ``numbers`` the
+    values of their uniforms, ``parameters`` the parameter of each uniform, and ``deltas`` the number of delta lobes.
+    The uniforms are `live_parameters` and `extra`, which are further parameters, such as the normal of a lobe or an
+    optional part of the model. A surface of several layers has no uniforms. Tables are (rows, `TABLE_WIDTH`).
     """
     look = surfaces.look(text)
 
@@ -59,19 +64,22 @@ def surface_shader(surfaces: Surfaces, text: str, extra: Collection[str] = ()) -
 
 
 def _rows(values: Elements) -> Floats32:
+    """Return the values of a table in rows (rows, `TABLE_WIDTH`), padded with zeros."""
     padded = np.pad(values.ravel().astype(np.float32), (0, -values.size % TABLE_WIDTH))
     return padded.reshape(-1, TABLE_WIDTH)
 
 
 def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
-    """Return random directions `wo`, `wi` (n, 3), and Python's results for them: `value`, f times cosine, and `pdf`.
+    """Return random directions ``wo`` and ``wi`` (n, 3), and Python's results for each pair of them.
 
-    Directions are rounded to float32, so that the page and Python evaluate the same ones.
+    ``value`` (n, 3) is the BSDF times the cosine, and ``pdf`` (n,) the density of ``wi``. For delta lobe number k,
+    ``direction<k>`` and ``factor<k>`` are (n, 3). Directions are rounded to float32, so that the page and Python
+    evaluate the same ones.
     """
     subject = surfaces.subject(text)
     rng = np.random.default_rng(3)
-    w = rng.normal(size=(2, _PAIR_COUNT, 3))
-    w[..., 2] = np.abs(w[..., 2]) + 0.05
+    w = rng.normal(size=(2, _PAIR_COUNT, 3))  # views, then directions to the light
+    w[..., 2] = np.abs(w[..., 2]) + 0.05  # above the surface, and not at its horizon
     # Half of the directions to the light are near the mirrored view, where peaks are.
     near = slice(0, _PAIR_COUNT // 2)
     w[0] /= np.linalg.norm(w[0], axis=-1, keepdims=True)
@@ -79,7 +87,7 @@ def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
     w[1, near] = w[0, near] * (-1.0, -1.0, 1.0) + spread * rng.normal(size=(_PAIR_COUNT // 2, 3))
     w[1, :, 2] = np.abs(w[1, :, 2]) + 0.01
     if subject.bsdf.transmits(w[0]):
-        w[1, ::4, 2] *= -1.0
+        w[1, ::4, 2] *= -1.0  # a quarter of the directions to the light are below the surface
     wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True)).astype(np.float32).astype(np.float64)
     values = {"wo": wo, "wi": wi, "value": evaluate_cosine(subject.bsdf, wo, wi), "pdf": pdf(subject.bsdf, wo, wi)}
     for number, delta in enumerate(subject.bsdf.deltas(wo, np.zeros(len(wo), np.bool_))):
@@ -90,10 +98,11 @@ def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
 
 @lru_cache(maxsize=1)
 def dome() -> PlotValues:
-    """Return the studio dome as a map and as samples.
+    """Return the light of the dome `DOME` as a map and as samples, for the page.
 
-    `radiance` (h, w, 4) has radiance and pdf by direction. `samples` (2, n, 4) has directions and pdf in its first
-    row, radiances in its second.
+    ``radiance`` (h, w, 4) has the radiance and the density of the direction of each texel. Rows are in the order of the
+    polar angle from +z, columns in that of the azimuth. ``samples`` (2, n, 4) are drawn directions: row 0 has the
+    direction and its density, row 1 the radiance and 0.
     """
     light = prepare_light(load_environment(builtin=DOME), sampled=False)
     height, width = light.table.shape[:2]

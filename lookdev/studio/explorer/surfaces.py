@@ -1,4 +1,8 @@
-"""Surfaces from their text on the command line: their parameters, for the page to edit, and their values in plots."""
+"""The surfaces of the Explorer: the page names each by a text, as `lookdev plot` reads it on the command line.
+
+This module reads the texts. It returns the parameters of a surface, for the sliders of the page, and its values in
+plots.
+"""
 
 from __future__ import annotations
 
@@ -24,15 +28,16 @@ from lookdev.plotting.figure import PlotValues
 from lookdev.plotting.subject import LOOK_PATTERN, read_parameters, split_label
 from lookdev.studio.roots import Roots
 
-MAX_TEXT_LENGTH = 4000
-_CACHE_SIZE = 64
+MAX_TEXT_LENGTH = 4000  # characters of the text of a surface
+_CACHE_SIZE = 64  # subjects, and compiled programs
 
 
 @dataclass(frozen=True)
 class _LayersKey:
-    """A hashable key of layers of constants, without the value of the parameter `moving`, which a slider moves.
+    """A hashable key of layers whose parameters are constants, without the value of the parameter `moving`.
 
-    A layer has a model, a mode, a mask, and the names and values of its parameters.
+    A slider moves this parameter, so a program is compiled for all its values. Each of `layers` has the model, the
+    mode, the mask, and the names and values of the parameters.
     """
 
     layers: tuple[tuple[str, str, float, tuple[tuple[str, str | tuple[float, ...]], ...]], ...]
@@ -40,6 +45,7 @@ class _LayersKey:
 
     @classmethod
     def of(cls, layers: Sequence[StackLayer], moving: str) -> _LayersKey:
+        """Return the key of layers."""
         layer_keys = []
         for layer in layers:
             values = tuple(
@@ -53,6 +59,8 @@ class _LayersKey:
 
 @lru_cache(maxsize=_CACHE_SIZE)
 def _compile_layers_of(key: _LayersKey) -> CompiledProgram:
+    """Return the compiled program of layers, whose parameter `key.moving` is an input of the program."""
+
     def make_layers(graph: Graph) -> list[StackLayer]:
         layers = []
         for name, mode, mask, values in key.layers:
@@ -71,10 +79,11 @@ def _compile_layers_of(key: _LayersKey) -> CompiledProgram:
 
 
 def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
-    """Return a subject whose f runs a compiled program, in which the parameter `moving` may change.
+    """Return a subject whose BSDF f is evaluated by a compiled program.
 
-    Subjects of measured data would gain little, and subjects whose parameters change with the view cannot be compiled:
-    they are returned unchanged.
+    The program is the same for all values of the parameter `moving`. Subjects of measured data would gain little, and
+    subjects whose parameters change with the view cannot be compiled. These, and subjects of delta lobes alone, are
+    returned unchanged.
     """
     if not subject.layers or not subject.is_view_independent or subject.is_delta:
         return subject
@@ -98,7 +107,10 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
 
 @dataclass
 class Surfaces:
-    """The surfaces that texts specify; files have the names of `roots` in them. The newest subjects are cached."""
+    """The surfaces that texts specify, with a cache of the newest subjects; `library` is a folder of presets.
+
+    In a text, a file has the name by which `roots` finds it.
+    """
 
     roots: Roots
     library: Path | None = None
@@ -118,7 +130,10 @@ class Surfaces:
         return subject
 
     def values(self, kind: str, text: str, options: PlotOptions, draft: bool = False, moving: str = "") -> PlotValues:
-        """Return the values of a surface in a plot; the next request may change the parameter `moving`."""
+        """Return the values of a surface in a plot of a kind; with `draft`, those of a faster draft, if there is one.
+
+        `moving` is the parameter that a slider moves at present, or empty.
+        """
         plot_kind = kind_named(kind)
         compute = plot_kind.draft if draft and plot_kind.draft else plot_kind.values
         return compute(accelerate(self.subject(text), moving), options)
@@ -126,8 +141,10 @@ class Surfaces:
     def describe(self, text: str) -> dict[str, object]:
         """Return the data of a surface that a page edits: label, base, model and all parameter values.
 
-        ``base`` is the text before the parameters, ``given`` has the parameters in the text, and ``usual`` the values
-        without them.
+        ``base`` is the text before the parameters, a model or a preset. ``given`` has the values of parameters that the
+        text states, ``values`` those of all parameters, and ``usual`` those that they have if the text states none.
+        ``editable`` is whether the page can change the parameters, ``delta`` whether the surface scatters along single
+        directions only, and ``look`` whether the text names a look in a file.
         """
         label, rest = split_label(text, self.roots.locate)
         subject = self.subject(text, fresh=True)
@@ -160,7 +177,7 @@ class Surfaces:
         }
 
     def _default_values(self, base: str, subject: PlotSubject, model: Model | None) -> dict[str, object]:
-        """Return the values that the parameters have where the text does not state them."""
+        """Return the values that the parameters have if the text does not state them: the model's, or the preset's."""
         if model is None or subject.parameters is None:
             return {}
         if base == model.name:
@@ -168,7 +185,7 @@ class Surfaces:
         return _values(model, self.subject(base))
 
     def command(self, kind: str, surfaces: Sequence[str], options: PlotOptions) -> str:
-        """Return the command line that writes a plot of surfaces."""
+        """Return the command line of `lookdev plot` that writes the same plot of surfaces."""
         option_names = kind_named(kind).option_names
         texts = [shlex.quote(self.roots.replace_names(subject)) for subject in surfaces]
         parts = ["lookdev", "plot", kind, *texts, "-o", f"{kind}.png"]
@@ -185,7 +202,10 @@ class Surfaces:
         return self.roots.locate(match["file"]) if match else None
 
     def look_to_render(self, text: str) -> Look:
-        """Return the look for the renderer; a look in a file has all its layers and textures."""
+        """Return the look of a surface for the renderer.
+
+        If the text names a look in a file, and no layer of it, the look has its textures, too.
+        """
         _, rest = split_label(text, self.roots.locate)
         if (match := LOOK_PATTERN.fullmatch(rest)) and match["layer"] is None:
             return replace(read_look(self.roots.locate(match["file"]), match["prim"]), name="explored")
@@ -213,7 +233,10 @@ def look_from_layers(layers: Sequence[StackLayer], name: str) -> Look:
 
 
 def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, Input]:
-    """Return the values of parameters that differ from their default, or from the parameter that they follow."""
+    """Return the values of parameters that differ from their default.
+
+    If a parameter `follows` another one, its default is the value of that one.
+    """
     stated: dict[str, Input] = {}
     for name, parameter in model.parameters.items():
         value = parameters[name]
@@ -227,10 +250,12 @@ def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, In
 
 
 def _is_look(text: str) -> bool:
+    """Return whether a text names a look in a file."""
     return LOOK_PATTERN.fullmatch(text) is not None
 
 
 def _parse_value(model: Model | None, name: str, text: str) -> str | float | list[float]:
+    """Return the value of a parameter in a text; a colour with one number is grey."""
     if model is None or model.parameters[name].kind == "token":
         return text
     numbers = [float(number) for number in text.split("/")]
@@ -240,7 +265,7 @@ def _parse_value(model: Model | None, name: str, text: str) -> str | float | lis
 
 
 def _values(model: Model | None, subject: PlotSubject) -> dict[str, object]:
-    """Return the parameters of a single layer, without the path of a file."""
+    """Return the values of a single layer's parameters, for JSON, without those that are paths of files."""
     parameters = model.parameters if model else {}
     return {
         name: _plain_value(value) for name, value in (subject.parameters or {}).items() if not parameters[name].file
@@ -248,10 +273,12 @@ def _values(model: Model | None, subject: PlotSubject) -> dict[str, object]:
 
 
 def _plain_value(value: object) -> object:
+    """Return the value of a parameter for JSON: a text, a number or a list of numbers."""
     return value if isinstance(value, str) else np.asarray(value).tolist()
 
 
 def _title(subject: PlotSubject, model: Model | None) -> str:
+    """Return a description of a surface for the page, by its model or its layers."""
     if model is not None:
         return model.title
     return f"stack of {len(subject.layers)} layers" if subject.layers else "look"

@@ -1,4 +1,4 @@
-"""The USD text of a surface's look, for copying."""
+"""The look of a surface as USD text, which a user of the Explorer can copy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lookdev.material.library.edit import model_look
 from lookdev.safe_text import read_text
 from lookdev.studio.explorer.surfaces import Surfaces, non_default_parameters
 
-_MAX_BYTES = 1 << 20
+_MAX_BYTES = 1 << 20  # of the file of a look
 
 
 def usd_text(surfaces: Surfaces, text: str) -> str:

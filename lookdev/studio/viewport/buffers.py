@@ -1,4 +1,7 @@
-"""Arrays for the browser, by a digest of their content: an array that has not changed is not sent again."""
+"""Arrays for the viewport in the browser, named by a digest of their content.
+
+The browser caches them by name: an array that has not changed is not sent again.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +13,18 @@ import numpy as np
 
 from lookdev.arrays import Elements
 
+# The internal format of a WebGL texture, by the type of its texels and the number of their channels.
 _FORMATS = {("float32", 1): "R32F", ("float32", 4): "RGBA32F", ("float16", 4): "RGBA16F", ("int32", 1): "R32I"}
 
 
 @dataclass
 class Buffers:
-    """The bytes of arrays, little-endian, by the digest of their content."""
+    """The bytes of arrays, little-endian, by the digest of the bytes."""
 
     content: dict[str, bytes] = field(default_factory=dict)
 
     def texture(self, texels: Elements) -> Mapping[str, str | int]:
-        """Add a texture (H, W) or (H, W, 4); return its digest, its format by WebGL's name, and its size."""
+        """Add a texture (H, W) or (H, W, 4); return its digest ``buffer``, its size, and WebGL's name of its format."""
         channels = 1 if texels.ndim == 2 else texels.shape[2]
         height, width = texels.shape[:2]
         return {
@@ -38,6 +42,9 @@ class Buffers:
         return name
 
     def rows(self, numbers: Elements, width: int) -> Mapping[str, str | int]:
-        """Add numbers (n,), or texels (n, 4), as a texture with rows of `width` texels; return what `texture` does."""
+        """Add numbers (n,), or texels (n, 4), as a texture with rows of `width` texels, padded with zeros.
+
+        Returns the record that `texture` returns.
+        """
         padded = np.pad(numbers, ((0, -len(numbers) % width), *[(0, 0)] * (numbers.ndim - 1)))
         return self.texture(padded.reshape(-1, width, *numbers.shape[1:]))

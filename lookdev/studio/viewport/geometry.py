@@ -1,4 +1,7 @@
-"""An asset as texels of a texture: the values at triangle corners that shading interpolates."""
+"""The geometry of an asset for the viewport: a texture with the values at the corners of triangles, and vertices.
+
+The shaders read the values of a triangle's corners from the texture, and interpolate them.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ WIDTH = 4096
 MAX_TEXELS = WIDTH * 8192
 """Texels in the largest texture of corners: the limit of browsers without a GPU."""
 
-_FIXED_TEXELS = 2  # of a corner, before the attributes of looks: position, handedness, normal and slot
+_FIXED_TEXELS = 2  # texels of a corner before the attributes of looks, as `CornerTexels` describes
 
 
 @dataclass(frozen=True)
@@ -40,12 +43,14 @@ class CornerTexels:
     """The corners of all triangles, slot by slot: `texels` (n, 4) float32, `stride` texels for each corner.
 
     The first texel of a corner is its position relative to the asset's centre, in metres, and -1 if its instance is
-    reflected, else 1. The second texel is its unit normal and the number of its slot. `attributes` follow: each has a
-    texel and a component. The `Hierarchy` of all triangles, of `nodes` nodes, begins at texel `occluders`; 0 means that
-    there is none.
+    reflected, else 1. The second texel is its unit normal and the number of its slot. The attributes that looks read
+    follow; `attributes` has the texel of the corner, and the first component in it, of each.
 
-    The camera sees the triangles `indices` (triangles, 3) of `vertices` (v,). A vertex has a ``position`` and a
-    ``number``: the last vertex of a triangle has the triangle's number, which WebGL's shaders cannot read otherwise.
+    After the corners, from texel `occluders` on, is the `Hierarchy` of all triangles for shadow rays, with `nodes`
+    nodes. If `occluders` is 0, there is no hierarchy.
+
+    `vertices` (v,) and `indices` (triangles, 3) are the triangles that the camera sees. A vertex has a ``position`` and
+    a ``number``: the last vertex of a triangle has the triangle's number, which WebGL's shaders cannot read otherwise.
     """
 
     texels: Floats32
@@ -58,7 +63,7 @@ class CornerTexels:
     nodes: int = 0
 
     def attribute_expression(self, binding: AttributeBinding) -> str:
-        """Return the GLSL expression of an attribute; its function `carried(texel)` interpolates the corners."""
+        """Return the GLSL expression of an attribute; ``carried(texel)`` interpolates a texel of the three corners."""
         texel, start = self.attributes[binding]
         return f"carried({texel}).{'xyzw'[start : start + binding.width]}"
 
@@ -67,10 +72,11 @@ class CornerTexels:
 def pack_corners(
     asset: Asset, order: tuple[int, ...], bindings: tuple[AttributeBinding, ...], *, occluding: bool = False
 ) -> CornerTexels:
-    """Return the corners of an asset, slots in the given `order`, with the attributes of `bindings`.
+    """Return the corners of an asset, with the attributes of `bindings`; triangles without area are left out.
 
-    With `occluding`, they include the hierarchy for shadow rays. The last result is cached: edits of a look seldom
-    change the attributes that it reads.
+    `bindings` are the attributes of meshes that the shaders of looks read, such as UV sets and primvars. `order` has
+    the numbers of all slots in the order of their triangles. With `occluding`, the texels include the hierarchy for
+    shadow rays. The last result is cached: edits of a look seldom change the attributes that it reads.
 
     Raises
     ------
@@ -87,7 +93,7 @@ def pack_corners(
         )
     has_tangents = any(binding.attribute == TANGENT for binding in locations)
     tangents = tangents_of(asset.meshes) if has_tangents else []
-    rows, slots = [], []
+    rows, slots = [], []  # texels (triangles, 3, stride, 4) and slots (triangles,) of each instance
     for instance in asset.instances:
         mesh, (triangles, faces) = asset.meshes[instance.mesh], triangulations[instance.mesh]
         texels = _instance_texels(asset, instance, tangents, stride, locations)
@@ -114,7 +120,10 @@ def _instance_texels(
     stride: int,
     locations: Mapping[AttributeBinding, tuple[int, int]],
 ) -> Floats:
-    """Return the texels (n, stride, 4) of the corners of an instance; their slots are 0."""
+    """Return the texels (n, stride, 4) of the n corners of an instance, without the numbers of their slots.
+
+    `locations` has the texel and the first component of each attribute.
+    """
     mesh, linear = asset.meshes[instance.mesh], instance.matrix[:3, :3]
     texels = np.zeros((len(mesh.corner_points), stride, 4))
     points = mesh.points.astype(np.float64) @ linear.T + instance.matrix[:3, 3] - np.array(asset.center)
@@ -130,28 +139,36 @@ def _instance_texels(
 
 
 def _sort_by_slot(rows: Floats32, slots: Ints, order: Sequence[int]) -> tuple[Floats32, tuple[TriangleRange, ...]]:
-    """Return the rows of triangles in the order of their slots, and the range of each slot."""
-    rank = np.empty(len(order), np.int64)
-    rank[np.asarray(order)] = np.arange(len(order))
-    ranks = rank[slots]
+    """Return the rows of triangles in the order of their slots, and the range of each slot.
+
+    `rows` (triangles, 3, stride, 4) are texels, `slots` (triangles,) numbers of slots, and `order` these numbers in the
+    order of the result.
+    """
+    rank_of_slot = np.empty(len(order), np.int64)
+    rank_of_slot[np.asarray(order)] = np.arange(len(order))
+    ranks = rank_of_slot[slots]
     ends = np.cumsum(np.bincount(ranks, minlength=len(order))).tolist()
     ranges = tuple(TriangleRange(slot, *pair) for slot, *pair in zip(order, [0, *ends], ends, strict=False))
     return rows[np.argsort(ranks, kind="stable")], ranges
 
 
 def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
-    """Return vertices and indices of triangles (t, 3, 3), in which the last vertex of a triangle has its number.
+    """Return the vertices and indices of `CornerTexels` for t triangles, whose corners have `positions` (t, 3, 3).
 
-    A vertex has the number of one triangle. A triangle whose three vertices have numbers of other triangles gets a new
-    vertex. If triangles share vertices, there are about as many vertices as triangles.
+    Triangles share vertices of equal position. A vertex has the number of one triangle only. So a triangle whose three
+    vertices have the numbers of other triangles gets a new vertex. If triangles share vertices, there are about as many
+    vertices as triangles.
     """
     count = len(positions)
+    # Find the distinct positions, and a corner of each. Positions are compared as 12 bytes; adding 0 turns -0 into 0,
+    # which has other bytes.
     keys = np.ascontiguousarray(positions.reshape(-1, 3) + np.float32(0.0)).view(np.dtype((np.void, 12))).ravel()
     _, representative, inverse = np.unique(keys, return_index=True, return_inverse=True)
     triangles = inverse.reshape(-1, 3)
     # For each vertex, the triangle whose number it has; for each triangle, the corner that has its number; -1 for none.
     owner = np.full(len(representative), -1)
     last = np.full(count, -1)
+    # Of the triangles without a number whose vertex at this corner is free, one for each vertex takes the vertex.
     for corner in range(3):
         open_triangles = np.flatnonzero(last < 0)
         open_triangles = open_triangles[owner[triangles[open_triangles, corner]] < 0]
@@ -165,14 +182,17 @@ def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
     vertices["number"] = np.concatenate([np.maximum(owner, 0), unnumbered])
     indices = triangles.astype(np.uint32)
     indices[unnumbered, 2] = len(representative) + np.arange(len(unnumbered))
-    # A cyclic shift keeps the winding of a triangle.
+    # Shift the indices of a triangle until the vertex with its number is the last. The winding stays the same.
     shift = np.where(last < 0, 2, last)
     rows = np.arange(count)[:, None]
     return vertices, indices[rows, (shift[:, None] + np.array([1, 2, 3])) % 3]
 
 
 def _pack_attributes(bindings: dict[AttributeBinding, None]) -> tuple[int, dict[AttributeBinding, tuple[int, int]]]:
-    """Return the number of texels of a corner, and texel and component of each attribute, which lies in one texel."""
+    """Return the number of texels of a corner, and each attribute's texel and first component in it.
+
+    All components of an attribute are in one texel.
+    """
     used_components: list[int] = []
     locations = {}
     for binding in sorted(bindings, key=lambda binding: binding.width, reverse=True):
@@ -186,6 +206,7 @@ def _pack_attributes(bindings: dict[AttributeBinding, None]) -> tuple[int, dict[
 
 
 def _corner_values(binding: AttributeBinding, mesh: Mesh) -> Elements:
+    """Return the values of an attribute, other than the tangent, at the corners of a mesh."""
     if binding.attribute == HANDEDNESS:
         return handedness(mesh)
     values = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)

@@ -1,4 +1,4 @@
-"""A bounding volume hierarchy of triangles, as texels that a shader traverses without a stack.
+"""A bounding volume hierarchy of triangles, as texels that the viewport's shadow rays traverse without a stack.
 
 - Meister, D. and Bittner, J. 2018. Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction.
   IEEE Transactions on Visualization and Computer Graphics 24(3). (PLOC; here its steps are array operations.)
@@ -20,24 +20,24 @@ MAX_TRIANGLE_TEXELS = 5
 """Largest number of texels for a triangle: three for itself, and two nodes."""
 
 FIRST_BITS = 0x00800000
-"""The bits of the smallest normal float32."""
+"""The bits of the smallest normal float32, which are added to the integers of a node (see `Hierarchy`)."""
 
-_NEIGHBOURS = 8  # clusters on each side along the curve among which the nearest neighbour is searched
+_NEIGHBOURS = 8  # clusters on each side along the Morton curve among which the nearest neighbour is searched
 # Of boxes of equal size, few are mutual nearest neighbours. If a step would join fewer than one in 32 clusters, it
 # joins neighbours along the curve instead.
 _MAX_CLUSTERS_PER_JOIN = 32
 _MAX_LEAF_TRIANGLES = 4  # largest number of triangles in a leaf
 _TRIANGLE_COST = 1.2  # cost of a triangle test, relative to that of a box test
-_CELLS = 1 << 10  # of the Morton curve along each axis
-_BINS = 1 << 15  # cells of the grid along the longest axis
+_CELLS = 1 << 10  # cells of the Morton curve along each axis
+_BINS = 1 << 15  # cells of the grid of boxes along the longest axis
 
 
 @dataclass(frozen=True)
 class _Tree:
-    """A binary tree: its nodes are `leaves` triangles, then inner nodes, each of which joins two earlier nodes.
+    """A binary tree of n nodes: first the `leaves`, one for each triangle, then the inner nodes; the last is the root.
 
-    Boxes `low` and `high` are (3, n); `children` are those of the inner nodes, (2, n - leaves). Step `k` of the
-    construction made the nodes from ``steps[k]`` to ``steps[k + 1] - 1``. The last node is the root.
+    The box of a node has the corners `low` and `high` (3, n). An inner node joins two earlier nodes; `children` (2, n -
+    leaves) are their numbers. Step k of the construction made the nodes from ``steps[k]`` to ``steps[k + 1] - 1``.
     """
 
     low: Floats32
@@ -47,22 +47,25 @@ class _Tree:
 
     @property
     def leaves(self) -> int:
+        """The number of triangles."""
         return self.steps[0]
 
 
 @dataclass(frozen=True, eq=False)
 class Hierarchy:
-    """The hierarchy of triangles as `texels` (n, 4): a grid, `nodes` nodes, and triangles of three texels each.
+    """The hierarchy of triangles as `texels` (n, 4): a grid, `nodes` nodes, and three texels for each triangle.
 
-    Grid: its lowest corner, and the size of its cells.
+    The first texel is the grid on which boxes are stored: the lowest corner of the root's box, and the size of a cell.
 
-    Node: x, y and z have the first and the last cell of its box along an axis, 15 bits each; `FIRST_BITS` is added, so
-    that the bits are those of normal floats. The next texel is the next node of the traversal, for an inner node its
-    first child; if a ray misses the box of an inner node, w is the next node. For a leaf, w is -1 minus the index of
-    its first triangle. The traversal ends behind the last node.
+    A node is a texel. Its x, y and z are the extent of its box along an axis: the number of the box's first cell in the
+    lower 15 bits, and of its last cell in the next 15. `FIRST_BITS` is added to them, so that the bits are those of a
+    normal float. A traversal begins at the root, which is node 0. It goes from a node to the next texel, which is the
+    first child of an inner node. If a ray misses the box of an inner node, the traversal goes to node w instead. For a
+    leaf, w is -1 minus the index of the first of its triangles. The traversal ends after the last node.
 
-    Triangle: a corner and the triangle's number; an edge and its slot; the other edge, and 1 for the last triangle of
-    a leaf. float32 has all these numbers exactly, up to 2^24.
+    The texels of a triangle are a corner and the triangle's number, an edge from this corner and the triangle's slot,
+    and the other edge from this corner and 1 for the last triangle of a leaf, else 0. float32 represents all these
+    numbers exactly, up to 2^24.
     """
 
     texels: Floats32
@@ -70,20 +73,22 @@ class Hierarchy:
 
     @classmethod
     def of(cls, corners: Floats32, slots: Floats32) -> Hierarchy:
-        """Return the hierarchy of one or more triangles (t, 3, 3), whose slots are (t,)."""
+        """Return the hierarchy of t > 0 triangles, from the positions `corners` (t, 3, 3) and numbers `slots` (t,)."""
         tree = _cluster_boxes(corners)
         order, indices, sizes, first = _lay_out_nodes(tree)
+        # The nodes in the order of the traversal; the nodes within leaves, with index -1, are not part of it.
         traversal_nodes = np.argsort(indices, kind="stable")[np.count_nonzero(indices < 0) :]
         nodes, size = len(traversal_nodes), sizes[traversal_nodes]
         texels = np.zeros((1 + nodes + 3 * len(corners), 4), np.float32)
         start = tree.low[:, -1]
+        # The box of the root has two cells fewer than the grid: the rounding below, and its margin, enlarge boxes.
         cell = max(float((tree.high[:, -1] - start).max()) / (_BINS - 2), float(np.finfo(np.float32).tiny))
         texels[0] = (*start, cell)
-        # The margin, a hundredth of a cell, is larger than the rounding of a ray to float32.
         low, high = (
             (corner[:, traversal_nodes].T.astype(np.float64) - start) / np.float32(cell)
             for corner in (tree.low, tree.high)
         )
+        # The margin of 0.01 cells is larger than the rounding of a ray to float32.
         low, high = np.floor(np.maximum(low - 0.01, 0.0)), np.ceil(high + 0.01)
         bits = low.astype(np.uint32) | (high.astype(np.uint32) << np.uint32(_BINS.bit_length() - 1))
         texels[1 : 1 + nodes, :3] = (bits + np.uint32(FIRST_BITS)).view(np.float32)
@@ -93,20 +98,27 @@ class Hierarchy:
         triangles[:, 0, :3] = ordered[:, 0]
         triangles[:, 1:, :3] = ordered[:, 1:] - ordered[:, :1]
         triangles[:, 0, 3], triangles[:, 1, 3] = order, slots[order]
+        # The last triangle of a leaf precedes the first triangle of the next leaf.
         starts = first[traversal_nodes[size == 1]]
         triangles[np.append(starts[1:], len(corners)) - 1, 2, 3] = 1.0
         return cls(texels, nodes)
 
 
 def _cluster_boxes(corners: Floats32) -> _Tree:
-    """Build the tree of triangles (t, 3, 3): each step joins mutual nearest neighbours, by joint area."""
+    """Build the tree of triangles with `corners` (t, 3, 3).
+
+    The tree begins with a cluster for each triangle. Each step joins the pairs of clusters that are mutual nearest
+    neighbours: the distance of two clusters is the area of the box around both.
+    """
     count = len(corners)
     low, high = np.empty((2, 3, 2 * count - 1), np.float32)
     low[:, :count], high[:, :count] = corners.min(axis=1).T, corners.max(axis=1).T
     children, steps = np.empty((2, count - 1), np.int64), [count]
+    # The nodes that are clusters at present, in the order of the Morton curve.
     nodes = np.argsort(_morton_numbers(low[:, :count] + high[:, :count]), kind="stable")
     while (remaining := len(nodes)) > 1:
         lowest, highest, indices = low[:, nodes], high[:, nodes], np.arange(remaining)
+        # The distance and the position of the nearest neighbour of each cluster, among those near it on the curve.
         nearest, neighbour = np.full(remaining, np.inf, np.float32), np.zeros(remaining, np.int64)
         for step in range(1, min(_NEIGHBOURS, remaining - 1) + 1):
             a, b = slice(None, -step), slice(step, None)
@@ -115,6 +127,7 @@ def _cluster_boxes(corners: Floats32) -> _Tree:
                 nearer = joint_area < nearest[side]
                 np.copyto(nearest[side], joint_area, where=nearer)
                 np.copyto(neighbour[side], indices[opposite], where=nearer)
+        # The positions of the clusters that join their neighbour: the first of each pair.
         joined = np.flatnonzero((neighbour[neighbour] == indices) & (indices < neighbour))
         if _MAX_CLUSTERS_PER_JOIN * len(joined) < remaining:
             joined = np.arange(0, remaining - 1, 2)
@@ -130,12 +143,14 @@ def _cluster_boxes(corners: Floats32) -> _Tree:
 
 
 def _lay_out_nodes(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
-    """Return the triangles in the order of leaves, and for each node its index, its size and its first triangle.
+    """Return the order of triangles (t,), and the index, the size and the first triangle (n,) of each node of a tree.
 
-    The index is the position in the traversal, -1 within leaves. The size is the number of nodes in the subtree, with
-    the node. A node becomes a leaf if testing its triangles costs less than testing its boxes.
+    The index is the position of the node in the traversal, -1 within leaves. The size is the number of nodes in its
+    subtree, itself included. The first triangle is an index in the order of triangles. A node becomes a leaf if testing
+    its triangles costs less than testing the boxes below it.
     """
     area, leaves = _half_area(tree.low, tree.high).astype(np.float64), tree.leaves
+    # From the leaves to the root: the cost of a subtree, and its numbers of triangles and of nodes.
     cost, counts, sizes = _TRIANGLE_COST * area, np.ones(len(area), np.int64), np.ones(len(area), np.int64)
     for begin, end in zip(tree.steps, tree.steps[1:], strict=False):
         # If a ray hits a box, both children are tested, the larger one first: rays hit it more often.
@@ -147,6 +162,7 @@ def _lay_out_nodes(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
         is_leaf = (counts[begin:end] <= _MAX_LEAF_TRIANGLES) & (leaf_cost <= inner_cost)
         cost[begin:end] = np.where(is_leaf, leaf_cost, inner_cost)
         sizes[begin:end] = np.where(is_leaf, 1, 1 + sizes[pair].sum(axis=0))
+    # From the root to the leaves: the index of a node in the traversal, and its first triangle.
     indices, first = np.full(len(area), -1), np.zeros(len(area), np.int64)
     indices[-1] = 0
     for begin, end in zip(tree.steps[-2::-1], tree.steps[:0:-1], strict=True):
@@ -162,18 +178,19 @@ def _lay_out_nodes(tree: _Tree) -> tuple[Ints, Ints, Ints, Ints]:
 
 
 def _half_area(low: Floats32, high: Floats32) -> Floats32:
-    """Return half the area (n,) of boxes (3, n)."""
+    """Return half the surface areas (n,) of boxes with corners `low` and `high` (3, n)."""
     x, y, z = high - low
     return np.asarray(x * y + y * z + z * x)
 
 
 def _morton_numbers(positions: Floats32) -> Ints:
-    """Return the numbers (n,) of positions (3, n) along the Morton curve."""
+    """Return the numbers (n,) of positions (3, n) along the Morton curve, which interleave the bits of coordinates."""
     low = positions.min(axis=1, keepdims=True)
     extent = max(float((positions - low).max()), np.finfo(np.float32).tiny)
     number = np.zeros(positions.shape[1], np.int64)
     for axis, row in enumerate((positions - low) / extent):
         x = (row * (_CELLS - 1)).astype(np.int64)
+        # Spread the 10 bits of x, so that two zeros follow each.
         for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
             x = (x | x << shift) & mask
         number |= x << axis

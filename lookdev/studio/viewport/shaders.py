@@ -25,12 +25,18 @@ precision highp usampler2D;
 """
 
 BSDF_SAMPLES, LIGHT_SAMPLES = 1, 1
-"""Samples per pixel and frame, of the BSDF and of the lights; if a look transmits, the lights' are per side."""
+"""Directions that a pixel samples in a frame: by the BSDF, and by the lights.
+
+A look that transmits samples the lights once for each side of the surface.
+"""
 
 
 @dataclass(frozen=True)
 class LookShaders:
-    """The fragment shaders of a look, for visibility and for light. Looks with equal text share a program."""
+    """The fragment shaders of a look: `visible` finds the surface that a pixel sees, and `relight` its light.
+
+    Looks with equal shaders share a WebGL program.
+    """
 
     visible: str
     relight: str
@@ -38,6 +44,7 @@ class LookShaders:
 
 @cache
 def _sections(name: str) -> Mapping[str, str]:
+    """Return the sections of a GLSL file, by name; a line ``//@ section NAME`` begins each."""
     text = (files("lookdev") / "shaders" / name).read_text(encoding="utf-8")
     parts = re.split(r"^//@ section (\w+)\n", text, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
@@ -45,6 +52,7 @@ def _sections(name: str) -> Mapping[str, str]:
 
 @cache
 def _sobol() -> str:
+    """Return the GLSL functions of Sobol points; the file is OSL, which differs from GLSL by one qualifier only."""
     text = (files("lookdev") / "shaders" / "sobol.h").read_text(encoding="utf-8")
     return re.sub(r"\boutput\b", "out", text)
 
@@ -63,7 +71,10 @@ def background_shader(rig: RigFunctions) -> str:
 
 
 def display_shader(view: str) -> str:
-    """Return the fragment shader that converts light to code values by OpenColorIO's GLSL function ``view``."""
+    """Return the fragment shader that converts light to code values of the display.
+
+    `view` is the text of a GLSL function ``view``, which OpenColorIO generates for the conversion.
+    """
     return "".join([_HEAD, "precision highp sampler3D;\n", view, _sections("display.glsl")["develop"]])
 
 
@@ -73,33 +84,40 @@ class Shadows(IntEnum):
     NONE = 0
     TRACED = 1
     BEHIND = 2
-    """Exactly the light from behind the surface is occluded."""
+    """The asset occludes all light from behind the surface, and no other light."""
 
     @classmethod
     def of(cls, asset: Asset, look: LookFunctions, rig: RigFunctions) -> Shadows:
-        """Return the shadows of a look on an asset; a convex asset occludes no light from the front of its surface."""
+        """Return the shadows of a look on an asset under a rig.
+
+        A convex asset occludes no light from the front of its surface. If it is a sheet, it occludes no light at all.
+        """
         if not asset.convex:
             return cls.TRACED
         if asset.sheet or not (look.program.transmits or look.program.see_through):
             return cls.NONE
-        # In a rig that is not plain, a shadow depends on the distance or the group of its occluder.
+        # In a rig that is not plain, whether light is occluded depends on the distance or the group of the occluder.
         return cls.BEHIND if rig.plain else cls.TRACED
 
 
 def look_shaders(
     look: LookFunctions, rig: RigFunctions, corners: CornerTexels, shadows: Shadows, convex: bool
 ) -> LookShaders:
-    """Return the fragment shaders of a look under a rig; `convex` states whether the asset is convex."""
+    """Return the fragment shaders of a look under a rig; `convex` states whether the asset is convex.
+
+    The sections of the shaders' files are joined with generated functions. Macros have the constants of the look, the
+    rig and the texture of `corners`.
+    """
     visible, relight = _sections("visible.glsl"), _sections("relight.glsl")
     shadow = (files("lookdev") / "shaders" / "shadow.glsl").read_text(encoding="utf-8")
     constants = {
         "TRANSMITS": int(look.program.transmits),
         "SEE_THROUGH": int(look.program.see_through),
-        "DRAWN": BSDF_SAMPLES,
-        "LIT": LIGHT_SAMPLES * (1 + look.program.transmits),
-        "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",
+        "DRAWN": BSDF_SAMPLES,  # directions that the BSDF samples
+        "LIT": LIGHT_SAMPLES * (1 + look.program.transmits),  # directions that the lights sample
+        "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",  # all directions, those of delta lobes included
         "SHADOWS": int(shadows),
-        "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),
+        "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),  # sides with a shadow ray
         "CONVEX": int(convex),
         "OCCLUDERS": corners.occluders,
         "OCCLUDER_NODES": corners.nodes,

@@ -1,4 +1,4 @@
-"""Conversion of a scene to the data of the page: plain data, and the buffers that it names."""
+"""Conversion of a scene for the viewport in the browser: data for JSON, and the buffers that the data names."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from lookdev.studio.viewport.shaders import (
 )
 
 INTERREFLECTION = "interreflection: light that other parts of the asset reflect or transmit"
-"""The light that no picture of the viewport has."""
+"""The line of `SceneView.left_out` about the light that no picture of the viewport has."""
 
 _HOLES = "light through holes: a surface with a presence below 1 casts a full shadow"
 
@@ -44,16 +44,23 @@ _HALF_MAX = 65504.0  # largest half float
 
 @dataclass(frozen=True, eq=False)
 class SceneView:
-    """A scene for the modules in ``static/``: `data` for JSON, and `buffers`, the bytes that `data` names by digest."""
+    """A scene for the scripts in ``static/``: `data` for JSON, and `buffers`, the bytes that `data` names by digest.
+
+    The data have the shaders, uniforms and textures of each look, and the range of its triangles. ``behind`` is the
+    shader of the background, and ``develop`` that which converts light to code values.
+    """
 
     data: Mapping[str, object]
     buffers: Mapping[str, bytes]
     left_out: tuple[str, ...]
-    """The effects that the picture lacks, a sentence for each."""
+    """The effects that the picture lacks, a line for each."""
 
 
 class _Part(TypedDict):
-    """A slot of the asset: its path, the number of its look, and its triangles, from `first` to `last` - 1."""
+    """What the page calls a part: a slot of the asset.
+
+    It has a path, the number of its look, and the triangles from number `first` to `last` - 1.
+    """
 
     path: str
     look: int
@@ -62,10 +69,10 @@ class _Part(TypedDict):
 
 
 def slider_constants(look: Look) -> LivePredicate:
-    """Return the constants of a look that are uniforms: those that the look states, and the masks above the base.
+    """Return which constants of a look are uniforms: those that the look states, and the masks of layers over the base.
 
-    A uniform changes without compilation. Other constants are folded: the shader of a look without sheen has no code of
-    sheen.
+    A uniform changes without compilation. Other constants are folded: the shader of a look without sheen has no code
+    for sheen.
     """
     is_stated = stated_constants(look)
     return lambda number, name: is_stated(number, name) or (name == "mask" and number > 0)
@@ -78,7 +85,10 @@ def view_scene(
     live: Callable[[Look], LivePredicate] = slider_constants,
     resolve: Callable[[Texture | Bump], Path] = image_file,
 ) -> SceneView:
-    """Return a scene for the page, in a view of a display; `live` and `resolve` are arguments of `look_functions`.
+    """Return a scene for the page, as `view`, a view of a display, shows it.
+
+    `live` returns the predicate of a look's constants that are uniforms. `resolve` returns the file of an image. Both
+    are arguments of `look_functions`.
 
     Raises
     ------
@@ -96,6 +106,7 @@ def view_scene(
     rig_origin = RigOrigin(scene.asset.center, scene.camera.pivot)
     rig = rig_functions(scene.lights, scene.slot_lights, rig_origin, scene.slot_groups)
     functions = [look_functions(look, resolve, live(look), split=rig.split) for look in looks]
+    # Slots with the same look follow each other, so that the triangles of a look are one range.
     order = tuple(sorted(range(len(look_numbers)), key=lambda slot: (look_numbers[slot], slot)))
     bindings = tuple(binding for look in functions for binding in look.program.attributes)
     shadows = [Shadows.of(scene.asset, look, rig) for look in functions]
@@ -129,7 +140,7 @@ def view_scene(
 
 
 def light_rows(scene: Scene) -> Floats32:
-    """Return the numbers of a scene's lights: the beginning of the texture ``rig_numbers``.
+    """Return the numbers that describe a scene's lights in the shaders: the beginning of the texture ``rig_numbers``.
 
     A change of a light's radiance changes these numbers, and no shader.
     """
@@ -146,6 +157,7 @@ def _parts(scene: Scene, look_numbers: Sequence[int], corners: CornerTexels) -> 
 
 
 def _geometry(corners: CornerTexels, buffers: Buffers) -> Mapping[str, object]:
+    """Add the arrays of `corners` to the buffers, and return the record of each."""
     return {
         "corners": buffers.rows(corners.texels, WIDTH),
         "vertices": buffers.array(corners.vertices),
@@ -154,6 +166,7 @@ def _geometry(corners: CornerTexels, buffers: Buffers) -> Mapping[str, object]:
 
 
 def _camera(camera: Camera) -> Mapping[str, object]:
+    """Return a camera for the page, in the units of `Camera`."""
     lens = camera.lens
     return {
         "fov": camera.fov,
@@ -171,6 +184,7 @@ def _camera(camera: Camera) -> Mapping[str, object]:
 def _look(
     look: Look, functions: LookFunctions, shaders: LookShaders, buffers: Buffers, parts: Sequence[_Part]
 ) -> Mapping[str, object]:
+    """Return a look for the page; its triangles are those of its `parts`, which follow each other."""
     textures = dict(_textures(functions, buffers))
     for k, table in enumerate(functions.program.tables):
         values = np.load(table.path).astype(np.float32).ravel()
@@ -188,7 +202,10 @@ def _look(
 
 
 def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str, Mapping[str, str | int]]]:
-    """Yield the images of a look by their samplers, as half floats if these suffice; slopes stay float32."""
+    """Yield the name of the sampler and the texture of each image of a look.
+
+    Texels are half floats if their range suffices; the slopes of a height map stay float32.
+    """
     for look_up in functions.program.look_ups:
         for tile, file in look_up.files.items():
             texels = read_exr(file.path, "RGBA")
@@ -198,6 +215,7 @@ def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str,
 
 
 def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, object]:
+    """Return the textures of a rig, by the names of their samplers (see `RigFunctions`)."""
     textures = {"rig_numbers": buffers.rows(rig.numbers, RIG_WIDTH)}
     if rig.tables is not None:
         textures["rig_tables"] = buffers.rows(rig.tables, TABLE_WIDTH)
@@ -211,6 +229,7 @@ def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, object]:
 
 
 def _dome(dome: Dome) -> Mapping[str, Elements]:
+    """Return the texels of a dome that is an image: its radiance, and the tables for drawing directions."""
     assert dome.points_file and dome.slots_file  # noqa: PT018
     return {
         "map": _colors(dome.radiance_file),
@@ -220,6 +239,6 @@ def _dome(dome: Dome) -> Mapping[str, Elements]:
 
 
 def _colors(file: Content) -> Floats32:
-    """Return an image of R, G, B as texels of four channels."""
+    """Return the RGB of an image as texels of four channels, since WebGL's texture formats here have one or four."""
     colors = read_exr(file.path, "RGB")
     return np.concatenate([colors, np.zeros_like(colors[..., :1])], axis=-1)

@@ -1,10 +1,12 @@
 // @ts-check
-// Draws pictures, wipes and differences on a canvas by WebGL 2, through the view of OpenColorIO.
+// The renderer of the review page: it draws pictures, wipes and differences of two frames, A and B,
+// on a canvas by WebGL 2, and converts them by OpenColorIO's view, which is a GLSL function.
 "use strict";
 
 review.MODES = { picture: 0, wipe: 1, difference: 2, noise: 3 };
 
-// Return the functions that draw on a canvas, or null if the browser has no WebGL 2.
+// Return the functions `draw` and `codeValues` of a canvas, or null if the browser has no WebGL 2.
+// `view` is the result of lookdev.output.review.view.view_shader.
 review.createRenderer = (canvas, view) => {
   const gl = canvas.getContext("webgl2", {
     alpha: false,
@@ -12,8 +14,9 @@ review.createRenderer = (canvas, view) => {
     preserveDrawingBuffer: true,
   });
   if (!gl) return null;
-  const MOST_FRAMES = 12; // with textures on the GPU
+  const MOST_FRAMES = 12; // largest number of frames with textures on the GPU
   const floatFiltering = gl.getExtension("OES_texture_float_linear");
+  // The textures of colour and error by the key of their frame, the least recently used first.
   const textures = new Map();
 
   const vertex = `#version 300 es
@@ -109,8 +112,8 @@ review.createRenderer = (canvas, view) => {
     }
   }
 
-  // The tables of the view use the texture units from 4 on. They are half floats where the browser
-  // does not filter floats.
+  // The tables that the view reads use the texture units from 4 on. They are half floats if the
+  // browser cannot interpolate float textures.
   view.textures.forEach((table, number) => {
     const bytes = Uint8Array.from(atob(table.texels), (c) => c.charCodeAt(0));
     const texels = new Float32Array(bytes.buffer);
@@ -158,8 +161,10 @@ review.createRenderer = (canvas, view) => {
     return pair;
   }
 
-  // Draw the pixels of A, and those of B unless it is null. `options` are mode, stops, split,
-  // amplify, behind, square.
+  // Draw the frame `a`, compared with the frame `b` unless this is null. `options` are the `mode`,
+  // a key of review.MODES; the exposure in `stops`; `split`, the position of the wipe as a fraction
+  // of the width; `amplify`, the factor of a difference; `behind`, the grey of the background; and
+  // `square`, the side in pixels of the squares over which z is computed.
   function draw(a, b, options) {
     if (canvas.width !== a.width || canvas.height !== a.height)
       [canvas.width, canvas.height] = [a.width, a.height];

@@ -1,9 +1,11 @@
 // @ts-check
-// The grid of looks and rigs, and the table of changes. `open` shows a cell, or a change, in the
-// viewer.
+// The grid of the review page, which has a cell for each look and rig, and the table of changes
+// between two versions. A reel has the frames of a turntable of a look under a rig. Functions
+// called `open` show a cell, or a change, in the viewer.
 "use strict";
 
-// Show one frame of a reel's sprite sheet in an element.
+// Show a thumbnail of a reel in an element. The sprite sheet of a reel is one picture with the
+// thumbnails of all its frames; `number` is the index of a frame in it.
 review.showSprite = (element, reel, number) => {
   const rows = Math.ceil(reel.count / reel.columns);
   const x = number % reel.columns,
@@ -30,12 +32,14 @@ review.createGrid = (target, names, open) => {
     { rootMargin: "200px" },
   );
 
+  // Load the sprite sheet of a cell's reel when the cell is visible.
   function loadSprite(cell) {
     if (!cell.visible || !cell.reel || cell.loaded === cell.reel.sprite) return;
     cell.loaded = cell.reel.sprite;
     cell.button.style.backgroundImage = `url("${cell.reel.sprite}")`;
   }
 
+  // Show the frame of a cell at the horizontal position of the pointer in the cell.
   function scrubCell(cell, event) {
     if (!cell.reel) return;
     const box = cell.button.getBoundingClientRect();
@@ -91,7 +95,7 @@ review.createGrid = (target, names, open) => {
       );
       button.toggleAttribute("aria-current", Boolean(isMarked[0]));
       if (!reel) continue;
-      // The reel may lack a frame of this number: the last one before it is shown.
+      // If the reel lacks a frame of this number, the last one before it is shown.
       cell.number = Math.max(
         0,
         reel.numbers.findLastIndex((other) => other <= number),
@@ -102,6 +106,7 @@ review.createGrid = (target, names, open) => {
   };
 };
 
+// The texts of the states of a comparison, in the order of the table.
 const STATE_TEXTS = {
   changed: "changed",
   "same picture": "same but for noise",
@@ -111,6 +116,7 @@ const STATE_TEXTS = {
   "other frames": "no frame in common",
 };
 
+// Show the comparisons of reels that lookdev.output.review.page writes, as a table in an element.
 review.showChanges = (target, changes, open) => {
   const { makeElement, formatNumber } = review;
   const stateOrder = Object.keys(STATE_TEXTS);

@@ -1,15 +1,18 @@
 // @ts-check
-// The pointer and the keys. `page` is the record of the state and its functions (viewer.js).
+// The pointer and the keys of the review page. `page` has the state of the page, and the functions
+// that change it (viewer.js).
 "use strict";
 
 review.clamp = (value, low, high) => Math.min(high, Math.max(low, value));
+// Return a whole number modulo `count`, which is never negative.
 review.wrap = (value, count) => ((value % count) + count) % count;
 
+// Act on the pointer over the picture.
 review.followPointer = (page) => {
   const { clamp, wrap } = review;
   const { state, stage, frameBox, setState, stepTurntable, setCursor } = page;
-  // A drag moves the wipe in its mode, and else turns the asset; with shift held, it shows the next
-  // turntable.
+  // In the mode "wipe", a drag moves the wipe. In other modes, it steps through the frames. A press
+  // with shift held first shows the next turntable.
   let drag = null;
   const pixelAt = (event) => {
     const area = frameBox.getBoundingClientRect(),
@@ -63,6 +66,7 @@ review.followPointer = (page) => {
   frameBox.addEventListener("dragstart", (event) => event.preventDefault());
 };
 
+// Act on keys, and list them in the dialog of help.
 review.followKeys = (page) => {
   const { clamp, makeElement } = review;
   const { state, names } = page;

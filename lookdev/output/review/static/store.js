@@ -1,16 +1,18 @@
 // @ts-check
-// Loads the page's data from disk: each script calls review.put() once, and the pixels in it are
-// decoded.
+// The store of the review page's data. A page from disk may not fetch files, so data are in
+// scripts: each script calls review.put() once, with a name and a value. The store loads scripts,
+// and decodes and caches the pixels of frames.
 "use strict";
 
 window.review = (() => {
-  const resolvers = new Map(); // of the promises in `scripts`, by name
-  const scripts = new Map();
+  const resolvers = new Map(); // the functions that fulfil the promises in `scripts`, by name
+  const scripts = new Map(); // the promises of scripts' values, by name
   const frameCache = new Map(); // { promise, value, bytes } by key, the least recently used first
+  // By the memory in GiB, which not all browsers tell.
   const CACHE_BYTES = (navigator.deviceMemory || 4) >= 4 ? 512e6 : 128e6;
   let cachedBytes = 0;
 
-  // The number of each bit pattern of a half float.
+  // The values of half floats, by their 16 bits.
   const HALF_TO_FLOAT = new Float32Array(65536);
   for (let h = 0; h < 65536; h++) {
     const exponent = (h >> 10) & 31,
@@ -26,6 +28,7 @@ window.review = (() => {
     HALF_TO_FLOAT[h] = h >> 15 ? -value : value;
   }
 
+  // Receive the value of a script.
   function put(name, value) {
     const resolve = resolvers.get(name);
     resolvers.delete(name);
@@ -54,14 +57,16 @@ window.review = (() => {
     return scripts.get(name);
   }
 
+  // Return the bytes that a text has in base64, compressed by zlib.
   async function inflate(text) {
     const compressed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
     const stream = new Blob([compressed]).stream().pipeThrough(new DecompressionStream("deflate"));
     return new Uint8Array(await new Response(stream).arrayBuffer());
   }
 
-  // A script has the planes R, G, B, A and, if the error is known, E. The high bytes of a plane
-  // precede its low bytes.
+  // Return the pixels of a frame by its key: RGBA and error, as the bits of half floats. Its script
+  // has the planes R, G, B, A and, if the error is known, that of the error. In a plane, all high
+  // bytes precede all low bytes.
   async function decodeFrame(key) {
     const entry = await loadScript(key, `data/frames/${key}.js`);
     scripts.delete(key); // the cache stores the decoded pixels instead
@@ -80,7 +85,7 @@ window.review = (() => {
     return { key, width: entry.width, height: entry.height, rgba, error };
   }
 
-  // Return the pixels of a frame, as a promise.
+  // Return the pixels of a frame by its key, as a promise; they stay in the cache.
   function loadPixels(key) {
     if (frameCache.has(key)) {
       const cached = frameCache.get(key);
@@ -117,7 +122,8 @@ window.review = (() => {
     return entry ? entry.value : null;
   }
 
-  // Return how many frames of this size are loaded ahead: half the cache.
+  // Return the number of frames, of a size in bytes, that are loaded ahead: they fill half the
+  // cache.
   function frameCapacity(bytes) {
     return Math.max(2, Math.floor(CACHE_BYTES / 2 / bytes));
   }

@@ -1,7 +1,10 @@
 // @ts-check
-// Elements, tables and formatted numbers; the values of a pixel; the headers of frames.
+// Functions of the review page that show numbers: the values of a pixel, the ratios z of
+// differences to noise, and the headers of frames; and that make elements and tables.
 "use strict";
 
+// Return an element. The attribute `on` has functions by the names of events; true sets an
+// attribute without a value, and false, null and undefined leave it out.
 review.makeElement = (tag, attributes = {}, ...children) => {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
@@ -18,6 +21,7 @@ review.makeElement = (tag, attributes = {}, ...children) => {
   return element;
 };
 
+// Return a table of rows, with a row of column titles `head` unless that is null.
 review.makeTable = (head, rows, attributes = {}) => {
   const { makeElement } = review;
   return makeElement(
@@ -33,13 +37,14 @@ review.makeTable = (head, rows, attributes = {}) => {
   );
 };
 
+// Return a number as text, with an exponent if it is very large or very small.
 review.formatNumber = (value, digits = 4) => {
   if (value === 0) return "0";
   const size = Math.abs(value);
   return size >= 1e-3 && size < 1e5 ? value.toPrecision(digits) : value.toExponential(digits - 2);
 };
 
-// Return colour, alpha and error of a pixel; the error is null if the frame has none.
+// Return `rgb`, `alpha` and `error` of a pixel of a frame; the error is null if the frame has none.
 review.pixelValues = (frame, x, y) => {
   const index = y * frame.width + x;
   const rgba = Array.from(
@@ -53,8 +58,9 @@ review.pixelValues = (frame, x, y) => {
   };
 };
 
-// Return z of all pixels, as lookdev.metrics.noise_ratio does; null if a frame has no error or the
-// sizes differ.
+// Return z of all pixels of two frames, as lookdev.metrics.noise_ratio defines it: their difference
+// in units of its noise. `size` is the side of the squares. The result is null if a frame has no
+// error, or if the frames differ in size.
 review.noiseRatios = (a, b, size) => {
   if (!a.error || !b.error || a.width !== b.width || a.height !== b.height) return null;
   const { HALF_TO_FLOAT } = review,
@@ -74,7 +80,7 @@ review.noiseRatios = (a, b, size) => {
       HALF_TO_FLOAT[a.error[i]] ** 2 + HALF_TO_FLOAT[b.error[i]] ** 2 + square * 2 ** -22;
   }
   const sums = new Float64Array(Math.max(width, height) + 1);
-  // Replace each value of a row or column by the sum of the window about it.
+  // Replace each value of a row or a column by the sum of the values at most `radius` away from it.
   const sumWindows = (plane, start, stride, length) => {
     for (let i = 0; i < length; i++) sums[i + 1] = sums[i] + plane[start + i * stride];
     for (let i = 0; i < length; i++) {
@@ -94,7 +100,7 @@ review.noiseRatios = (a, b, size) => {
   );
 };
 
-// Return the share of the asset's pixels with a ratio above a limit.
+// Return the fraction of the pixels of the asset, in either frame, whose ratio exceeds a limit.
 review.shareBeyond = (a, b, ratios, limit) => {
   const { HALF_TO_FLOAT } = review;
   let covered = 0,
@@ -107,6 +113,8 @@ review.shareBeyond = (a, b, ratios, limit) => {
   return covered ? beyond / covered : 0;
 };
 
+// Show the values of a pixel of the frames `a` and `b` (or null) in an element. `display` are its
+// code values on screen, and `ratios` the result of review.noiseRatios, or null.
 review.showValues = (target, x, y, a, b, display, ratios) => {
   const { makeElement, formatNumber, makeTable } = review;
   const row = (side, pixel) =>
@@ -159,6 +167,8 @@ const HEADER_LABELS = {
 };
 const HIDDEN_HEADERS = new Set(["look", "ibl", "turntable"]);
 
+// Show the headers of the frames `a` and `b` (or null) in an element, and the command that renders
+// `a` again. Digests come last, and versions before them.
 review.showProvenance = (target, a, b) => {
   const { makeElement, makeTable } = review;
   const columns = [a, b].filter(Boolean).map((frame) => ({ ...frame.header, file: frame.file }));

@@ -1,7 +1,9 @@
 // @ts-check
-// The page: its state, which the URL stores, and the functions that change it.
+// The entry of the review page: the state of the page, which its URL stores, and the functions that
+// change and show it. The page shows a frame A, alone or compared with a frame B.
 "use strict";
 
+// Start the page; `index` is the value that data/index.js passes (lookdev.output.review.page).
 review.start = (index) => {
   const { makeElement } = review;
   const $ = (id) => document.getElementById(id);
@@ -19,13 +21,15 @@ review.start = (index) => {
       reel,
     ]),
   );
+  // Return the reel of a side, which has a version, a look and a rig, or null if there is none.
   const findReel = (side, turntable = state.turntable) =>
     reels.get([side.version, side.look, side.rig, turntable].join("\n")) || null;
 
   const firstReel = index.reels[0];
   const state = {
     a: { version: 0, look: firstReel.look, rig: firstReel.rig },
-    // B is an old version, in A's look and rig; without one, B is another look, if there is one.
+    // If there is an old version, B is this version of A; else B is another look, if there is one.
+    // A look or rig of null is that of A.
     b: {
       version: versions.length - 1,
       look: versions.length > 1 ? null : names.looks[1] || names.looks[0],
@@ -43,6 +47,7 @@ review.start = (index) => {
     cursor: null,
     playing: false,
   };
+  // Return version, look and rig of B, without null.
   const sideB = () => ({
     version: state.b.version,
     look: state.b.look || state.a.look,
@@ -75,12 +80,13 @@ review.start = (index) => {
   let pixels = { a: null, b: null };
   let updateCount = 0;
 
-  // Reels may lack frames: A and B show the frame of the same number. `state.frame` is an index in
-  // A's reel.
+  // A and B show the frame of the same number, which is in the name of its file. `state.frame` is
+  // an index in A's reel, which may lack numbers.
   const frameNumber = () => {
     const reel = findReel(state.a);
     return reel ? reel.numbers[clamp(state.frame, 0, reel.count - 1)] : 1;
   };
+  // Return the entry of a side's frame: its key, file, header and command; null if there is none.
   async function loadFrame(side) {
     const reel = findReel(side),
       position = reel ? reel.numbers.indexOf(frameNumber()) : -1;
@@ -89,14 +95,15 @@ review.start = (index) => {
     return frames[position];
   }
 
-  // The state as text. The body's data-drawn is the text of the state on the canvas.
+  // The state as text. The attribute data-drawn of the body has the state that the canvas shows.
   const stateText = () =>
     URL_KEYS.map((key) => state[key])
       .concat(Object.values(state.a), Object.values(sideB()))
       .join(" ");
   Object.defineProperty(review, "stateText", { get: stateText });
 
-  // Show the state: first what is in memory, then what must be read.
+  // Show the state: at once by what is in memory, and then by what must be read. A later call ends
+  // this one.
   async function update() {
     const updateNumber = ++updateCount;
     updateControls();
@@ -124,7 +131,7 @@ review.start = (index) => {
     if (!renderer) return;
     clearTimeout(noticeTimer);
     noticeTimer = setTimeout(() => showNotice("reading …"), 400);
-    // While the pointer moves on, nothing is read.
+    // Wait a moment, so that nothing is read while the pointer moves on.
     await new Promise((resolve) => setTimeout(resolve, state.playing ? 0 : 60));
     if (updateNumber !== updateCount) return;
     try {
@@ -135,8 +142,10 @@ review.start = (index) => {
     }
   }
 
+  // The ratios z of the frames on the canvas, and the key of these frames; see review.noiseRatios.
   let ratios = null,
     ratiosKey = "";
+  // Draw the frames `a` and `b` (or null), whose pixels are in the cache.
   function draw(a, b) {
     const [pixelsA, pixelsB] = [a, b].map((frame) => frame && review.cachedPixels(frame.key));
     pixels = { a: pixelsA, b: pixelsB };
@@ -156,7 +165,7 @@ review.start = (index) => {
     review.drawnKeys = [a.key, b ? b.key : ""];
   }
 
-  // Read the other frames of the turntable, as many as fit into the cache.
+  // Read the frames of the turntable that follow, as many as half the cache holds.
   let prefetchedScript = "";
   async function prefetchFrames() {
     const reel = findReel(state.a);
@@ -181,6 +190,7 @@ review.start = (index) => {
     if (updateNumber === updateCount) showNotice(error.message);
   }
 
+  // Show a line that explains the colours of a difference, or why there is none.
   function showLegend(b) {
     const target = $("legend");
     target.hidden = state.mode === "picture" || (state.mode === "wipe" && Boolean(b));
@@ -203,6 +213,7 @@ review.start = (index) => {
     }
   }
 
+  // Set the size of the picture on the page by the zoom, and the positions of wipe and cursor.
   function resizeStage({ width, height }) {
     const scale =
       state.zoom === "fit"
@@ -328,10 +339,11 @@ review.start = (index) => {
     state.frame = Math.max(0, Math.floor(state.frame));
   }
 
+  // Change entries of the state, and show it.
   const setState = (changes) => {
     const number = frameNumber();
     Object.assign(state, changes);
-    // Another look shows the frame of the same number, or the last one before it.
+    // If A's reel is another one now, it shows the frame of the same number, or the last before it.
     const reel = findReel(state.a);
     if (reel && !("frame" in changes))
       state.frame = Math.max(
@@ -371,7 +383,7 @@ review.start = (index) => {
     setCursor(clamp(x + dx, 0, pixels.a.width - 1), clamp(y + dy, 0, pixels.a.height - 1), true);
   }
 
-  // Fill an element with radio buttons of a key of the state; `entries` are values with texts.
+  // Fill an element with radio buttons that set an entry of the state; `entries` are [value, text].
   function fillRadios(target, key, entries) {
     target.replaceChildren(
       ...entries.map(([value, text]) =>
@@ -410,7 +422,7 @@ review.start = (index) => {
     ["noise", "z (noise)"],
   ]);
 
-  // Add the selects of version, look and rig of a side; return them by these keys.
+  // Add selects that set version, look and rig of a side; return the selects by these names.
   function addSelects(side) {
     const sameAsA = side === "b" ? [["", "as A"]] : [];
     const lists = {
@@ -467,7 +479,7 @@ review.start = (index) => {
     });
   }
 
-  // Keys of the state, by the ids of their inputs.
+  // The entries of the state that inputs set, by the ids of the inputs.
   const INPUTS = {
     "frame-slider": "frame",
     split: "split",

@@ -1,7 +1,8 @@
-"""The panels of the Designer's page: a record each, in the order in which the page has them.
+"""The panels of the Designer's page, in their order on it: `PANELS`.
 
-A panel is a module of the page, `static/<name>.js`, whose record `panel` has the panel's HTML and its behaviour, and,
-if it has requests of its own, a class of `Routes` here. `lookdev.studio.designer.app` serves both.
+A panel is a JavaScript module, `static/<name>.js`, which exports the panel's HTML and behaviour as `panel`. A panel
+that sends requests to the server also has a class of `Routes`, in a module of this package.
+`lookdev.studio.designer.app` serves both.
 """
 
 from __future__ import annotations

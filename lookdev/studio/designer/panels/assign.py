@@ -1,4 +1,4 @@
-"""The panel of the picked part: the look that is assigned to it."""
+"""Requests of the panel that shows the look assigned to the picked part of the asset."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ class AssignRoutes(Routes):
 
     @json_route("/assign", "POST")
     def assign_look(self, query: Query) -> Mapping[str, Any]:
+        """Assign a look to parts, or unassign it."""
         return self.session.change_answer(self.document.assign_look(query.body))
 
     @json_route("/materials")
     def list_materials(self, query: Query) -> Mapping[str, Any]:
+        """Return the materials that can be assigned."""
         return self.document.list_materials()

@@ -1,4 +1,4 @@
-"""The panel of the exact picture."""
+"""The websocket of the panel that shows the exact picture."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lookdev.studio.designer.session import Session
 
 
 class ExactRoutes(Routes):
-    """The websocket of exact pictures."""
+    """The websocket on which the page receives exact pictures, and their renderer."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
@@ -19,6 +19,7 @@ class ExactRoutes(Routes):
 
     @socket_route("/exact")
     async def serve_pictures(self, socket: WebSocket) -> None:
+        """Answer the requests of a page over its websocket until the page is gone."""
         await ExactPictures(socket, self.session.scene_with_lights, self._exact).run()
 
     def close(self) -> None:

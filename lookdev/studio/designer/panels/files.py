@@ -1,4 +1,4 @@
-"""The panel of files: saving, files that changed on disk, and unsaved work of an earlier Designer."""
+"""Requests of the panel of files: saving, files that changed on disk, and unsaved work of an earlier Designer."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class FileRoutes(Routes):
-    """Saving, and answers to changes on disk."""
+    """Requests that save files, and that settle a change on disk or the unsaved work of an earlier Designer."""
 
     @json_route("/save", "POST")
     def save(self, query: Query) -> Mapping[str, Any]:
+        """Write all edited files, that of a ``look``, or a new file ``name``; ``over`` overwrites changes on disk."""
         look, name, over = (query.body.get(key) for key in ("look", "name", "over"))
         is_wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
         if is_wrong or (name is None and not isinstance(over, bool)):
@@ -23,6 +24,7 @@ class FileRoutes(Routes):
 
     @json_route("/disk", "POST")
     def settle_change_on_disk(self, query: Query) -> Mapping[str, Any]:
+        """Load files that have changed on disk, or keep their edits; restore or discard unsaved work."""
         match query.body.get("do"):
             case "load":
                 return self.session.change_answer(self.document.reload())

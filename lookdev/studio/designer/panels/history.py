@@ -1,4 +1,4 @@
-"""The panel of undo and redo."""
+"""Requests of the panel of undo and redo."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class HistoryRoutes(Routes):
-    """Steps through the history of edits."""
+    """Requests that undo or redo a step of the history."""
 
     @json_route("/history", "POST")
     def step_history(self, query: Query) -> Mapping[str, Any]:
+        """Redo a step if ``redo`` is true, else undo one."""
         redo = query.body.get("redo")
         if not isinstance(redo, bool):
             raise LookdevError("a step of the history has 'redo', true or false")

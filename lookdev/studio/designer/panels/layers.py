@@ -1,4 +1,4 @@
-"""The panel of layers: edits of a look's stack and of its parameters."""
+"""Requests of the panel of layers, which edits the stack of a look and the parameters of its layers."""
 
 from __future__ import annotations
 
@@ -10,14 +10,16 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class LayerRoutes(Routes):
-    """Edits of constants, operations on stacks, and the images that masks may read."""
+    """Requests that edit constants or the stack of layers, or list the images that masks may read."""
 
     @json_route("/edit", "POST")
     def edit(self, query: Query) -> Mapping[str, Any]:
+        """Change a constant of a layer."""
         return self.session.change_answer(self.document.edit(parse_edit(query.body)))
 
     @json_route("/stack", "POST")
     def edit_stack(self, query: Query) -> Mapping[str, Any]:
+        """Do the operation ``op`` on the stack of the look with number ``look``."""
         document, body, look = self.document, query.body, query.number("look")
         match body.get("op"):
             case "copy":
@@ -34,5 +36,6 @@ class LayerRoutes(Routes):
 
     @json_route("/images")
     def list_images(self, query: Query) -> Mapping[str, Any]:
+        """Return the images below the folder of the look with number ``look``."""
         look = query.parameters.get("look", "")
         return {"images": self.document.images(int(look) if look.isdecimal() else -1)}

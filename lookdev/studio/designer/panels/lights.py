@@ -1,4 +1,4 @@
-"""The panel of lights."""
+"""Requests of the panel of lights, which changes the lights of the visible rig."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from lookdev.studio.designer.routes import Query, Routes, json_route
 
 
 class LightRoutes(Routes):
-    """The settings of the visible rig's lights."""
+    """Requests that get, set or reset the settings of the visible rig's lights."""
 
     @json_route("/lights", "GET", "POST")
     def set_light(self, query: Query) -> Mapping[str, Any]:
+        """Set a light after a POST, or reset all lights if ``reset`` is true; return all lights with their settings."""
         scene, rig, lights = self.document.scene, self.document.scene_key[1], self.session.lights
         if query.body.get("reset") is True:
             lights.reset(rig)

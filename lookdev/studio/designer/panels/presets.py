@@ -1,4 +1,4 @@
-"""Routes of the preset dialogs: the presets of the library, and their thumbnails."""
+"""Requests of the dialogs that choose a preset: the presets of the library, and their thumbnails."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lookdev.studio.designer.session import Session
 
 
 class PresetRoutes(Routes):
-    """The presets of the library, and their thumbnails, which are drawn one at a time."""
+    """Requests for the list of presets and for their thumbnails, which are drawn one at a time."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
@@ -23,6 +23,7 @@ class PresetRoutes(Routes):
 
     @json_route("/presets")
     def list_presets(self, query: Query) -> Mapping[str, Any]:
+        """Return a record of each preset, and the faults of files in the library."""
         library = self.session.library()
         rows = [
             {"name": preset.name, "category": preset.category, "model": preset.model, "doc": preset.doc}
@@ -32,6 +33,7 @@ class PresetRoutes(Routes):
 
     @raw_route("/presets/{name}")
     async def send_thumbnail(self, request: Request) -> Response:
+        """Return the thumbnail of a preset, by its name."""
         name = request.path_params["name"]
 
         def draw() -> bytes | None:

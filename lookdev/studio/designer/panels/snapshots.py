@@ -1,4 +1,4 @@
-"""The panel of snapshots."""
+"""Requests of the panel of snapshots, which are pictures of the page with the state of the looks."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from lookdev.studio.designer.snapshots import MAX_PICTURE_BYTES
 
 
 class SnapshotRoutes(Routes):
-    """Requests that store a snapshot from their body, show or drop one, or get its picture."""
+    """Requests that store a snapshot, whose picture is their body, and that show, drop or get one."""
 
     uploads = ("/picture",)
 
     @raw_route("/picture", "POST")
     async def store_snapshot(self, request: Request) -> Response:
+        """Store a snapshot with the picture in the body of the request."""
         content = bytearray()
         async for chunk in request.stream():
             content += chunk
             if len(content) > MAX_PICTURE_BYTES:
-                break  # refused as too large
+                break  # `store_snapshot` refuses it as too large
 
         def store() -> Mapping[str, Any]:
             self.document.store_snapshot(bytes(content))
@@ -34,6 +35,7 @@ class SnapshotRoutes(Routes):
 
     @json_route("/snapshots", "POST")
     def use_snapshot(self, query: Query) -> Mapping[str, Any]:
+        """Go back to the snapshot with number ``number``, or delete it."""
         match query.body.get("do"):
             case "show":
                 return self.session.change_answer(self.document.show_snapshot(query.number("number")))
@@ -45,6 +47,7 @@ class SnapshotRoutes(Routes):
 
     @raw_route("/snapshots/{number:int}")
     async def send_snapshot(self, request: Request) -> Response:
+        """Return the picture of a snapshot, by its number."""
         try:
             snapshot = self.document.snapshots[int(request.path_params["number"])]
         except LookdevError as error:

@@ -1,4 +1,4 @@
-"""The panel of the turntable."""
+"""Requests of the panel that renders the job's turntables of the visible scene, and shows their pictures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.studio.designer.turntable import TurntableRuns
 
 
 class TurntableRoutes(Routes):
-    """Requests that start, cancel or describe a turntable of the visible scene, or get a picture of it."""
+    """Requests that start, cancel or describe a run of turntables of the visible scene, or get a picture of the run."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(session)
@@ -22,6 +22,7 @@ class TurntableRoutes(Routes):
 
     @json_route("/turntable", "GET", "POST")
     def render_turntable(self, query: Query) -> Mapping[str, Any]:
+        """Start or cancel a run, if ``do`` asks for it, and return the progress of the newest run."""
         if query.body.get("do") == "render":
             self._turntable.start(self.session.scene_with_lights, *self.document.scene_key)
         elif query.body.get("do") == "cancel":
@@ -30,6 +31,7 @@ class TurntableRoutes(Routes):
 
     @raw_route("/turntable/{run:int}/{number:int}.png")
     async def send_turntable_picture(self, request: Request) -> Response:
+        """Return the picture of a frame of a run, by the numbers of both."""
         file = self._turntable.picture(request.path_params["run"], request.path_params["number"])
         return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=NO_STORE)
 

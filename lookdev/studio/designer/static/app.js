@@ -1,5 +1,6 @@
 // @ts-check
-// The Designer's page. It consists of panels, each with its HTML and its behaviour.
+// The entry of the Designer's page. The page consists of panels, each with its HTML and behaviour:
+// this module inserts their HTML, mounts them, and calls their functions for keys.
 
 import { Designer, showMessage } from "./designer.js";
 import { byId } from "./viewport/elements.js";
@@ -7,12 +8,13 @@ import { panels } from "./panels.js";
 
 const POLL = 3000; // milliseconds between requests for the server's status
 
-/** Add the HTML of a panel to elements of the page, by their selectors. */
+/** Add the HTML of a panel to the page; `markup` has HTML by the selector of its parent. */
 function insertMarkup({ markup }) {
   for (const [selector, html] of Object.entries(markup))
     document.querySelector(selector).insertAdjacentHTML("beforeend", html);
 }
 
+/** Return the page's Designer; show the message of an error, such as of a missing WebGL 2. */
 function startDesigner() {
   try {
     return new Designer(byId("picture"));
@@ -28,17 +30,21 @@ function keyName(event) {
   return `Ctrl+${event.shiftKey ? "Shift+" : ""}${event.key.toLowerCase()}`;
 }
 
+/** Return whether keys in an element are text or a choice, not shortcuts. */
 const isTyping = ({ tagName, type }) =>
   ["SELECT", "TEXTAREA"].includes(tagName) ||
   (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));
 
-/** Return whether a key without Ctrl belongs to the focused element, or to a dialog. */
+/** Return whether a key without Ctrl acts on the focused element or a dialog, not on a panel. */
 const isTaken = ({ target, key }) =>
   isTyping(target) ||
   Boolean(document.querySelector("dialog[open]")) ||
   (target.tagName === "BUTTON" && key === " ");
 
-/** Call the panels' functions for a key, until one does not return false. */
+/**
+ * Call the panels' functions for a key, one after the other, until one has used the key: it then
+ * returns a value that is not false.
+ */
 function pressKey(designer, event) {
   const name = keyName(event);
   if (!name.startsWith("Ctrl+") && isTaken(event)) return;

@@ -1,6 +1,7 @@
 // @ts-check
-// The picked part: its look, the words of the job that assign it, and the dialog that assigns
-// another look.
+// The panel of the picked part of the asset: its look, the pattern in the job that assigns the
+// look, and the dialog that assigns another one. `prims` are patterns in a job: paths of parts,
+// globs over paths, or names of collections.
 
 import {
   byId,
@@ -42,10 +43,11 @@ const body = `
     </form>
   </dialog>`;
 
-const MOST_INSTANCES = 12; // that the dialog lists one by one
-const TYPED = "typed";
-const FILE = "a file";
+const MOST_INSTANCES = 12; // largest number of instances that the dialog lists one by one
+const TYPED = "typed"; // the choice of parts by prims that the user types
+const FILE = "a file"; // the origin of a look that the job does not name
 
+/** Return the regular expression of a glob, which also matches the paths below. */
 const globPattern = (text) =>
   new RegExp(
     `^${text
@@ -56,6 +58,7 @@ const globPattern = (text) =>
     "s",
   );
 
+/** Return whether the path of a part matches a prim of a job. */
 function matchesPrim(path, prim, collections) {
   if (prim.includes(".collection:")) return collections[prim]?.includes(path) ?? false;
   if (!/[*?[]/.test(prim)) return path === prim || path.startsWith(`${prim}/`);
@@ -66,12 +69,15 @@ function matchesPrim(path, prim, collections) {
   }
 }
 
-/** Count the parts that some prims match, as docs/jobs.md describes. */
+/** Return the number of parts that prims match, as docs/jobs.md describes. */
 function countParts({ paths, collections }, prims) {
   return paths.filter((path) => prims.some((prim) => matchesPrim(path, prim, collections))).length;
 }
 
-/** Return the choices of parts for the part with some paths: labels, with prims for the job. */
+/**
+ * Return the choices of parts that the dialog offers for a picked part: [label, prims] of each.
+ * `paths` are those of the picked part, one for each instance.
+ */
 function primChoices(job, paths) {
   const count = (prims) => {
     const parts = countParts(job, prims);
@@ -95,6 +101,7 @@ function primChoices(job, paths) {
   return [...choices, ["all to which nothing is assigned", []]];
 }
 
+/** Return a material of a job for the user: the name of its file, its prim and its variants. */
 const describeMaterial = ({ material, prim, variants }) =>
   [
     fileName(material)
@@ -104,6 +111,7 @@ const describeMaterial = ({ material, prim, variants }) =>
     ...Object.values(variants),
   ].join(", ");
 
+/** Return the last two names of an absolute path, with an ellipsis. */
 const shortPath = (path) =>
   path.startsWith("/") ? `…/${path.split("/").slice(-2).join("/")}` : path;
 
@@ -141,12 +149,13 @@ class AssignDialog {
     return byId("assigning-prims").value === TYPED;
   }
 
-  /** The chosen prims, as the job has them. */
+  /** The prims that the user has chosen or typed; none are all parts without an assignment. */
   get prims() {
     if (this.isTyped) return byId("assigning-typed").value.split(/\s+/).filter(Boolean);
     return this.choices[Number(byId("assigning-prims").value)][1];
   }
 
+  /** Show the number of matched parts, and the looks that contain the searched words. */
   show() {
     const { isTyped, job } = this,
       count = countParts(job, this.prims),
@@ -162,6 +171,7 @@ class AssignDialog {
     byId("assigning-none").hidden = looks.length > 0;
   }
 
+  /** Return the button of a look in the list of the dialog. */
   makeChoice(material) {
     const path = material.material,
       value = String(this.materials.indexOf(material)),
@@ -174,7 +184,10 @@ class AssignDialog {
     );
   }
 
-  /** Return the user's request, whose material is "" for a new look, or null for a cancel. */
+  /**
+   * Open the dialog; return the request to assign what the user chooses, or null for a cancel.
+   * The request's material is "" for a new look, which does not exist yet.
+   */
   async ask() {
     this.show();
     const closed = openDialog(byId("assigning"));
@@ -187,6 +200,7 @@ class AssignDialog {
   }
 }
 
+/** The panel, which shows the assignment of the picked part. */
 class Assign {
   constructor(designer) {
     this.designer = designer;
@@ -194,7 +208,7 @@ class Assign {
     byId("part").addEventListener("change", () => designer.pickPart(byId("part").selectedIndex));
   }
 
-  /** The assignment of the picked part: its paths, and the job's pattern. */
+  /** The record of the picked part's slot (`EditedJob.describe_assignments` in Python). */
   get assignment() {
     const { scene, part } = this.designer;
     return scene.job.assignments[part.path] ?? { paths: [], by: "asset" };
@@ -256,7 +270,7 @@ class Assign {
     }
   }
 
-  /** Ask for a preset and a file name, and assign a new look of this preset. */
+  /** Ask for a preset and a file name, and assign a new look whose base is this preset. */
   async assignNewLook(request) {
     const preset = await choosePreset(this.designer);
     if (!preset) return;

@@ -1,11 +1,11 @@
 // @ts-check
-// The record that the panels share: the viewport, the scene with its document, and requests to the
-// server.
+// The class `Designer`, whose one object all panels of the page share. It has the viewport and the
+// scene with the status of the document, and it sends requests to the server.
 
 import { byId, makeElement, makeOptions } from "./viewport/elements.js";
 import { Viewport } from "./viewport/viewport.js";
 
-const LARGEST_CANVAS = 1024; // pixels of its width
+const LARGEST_CANVAS = 1024; // largest width of the picture in pixels; a wider one is scaled up
 const SOON = 300; // milliseconds after which the page shows that it waits
 const WORKING = "working…";
 
@@ -15,6 +15,7 @@ export function showMessage(text, isError = false) {
   byId("status").classList.toggle("bad", isError);
 }
 
+/** Return the bytes of a buffer that the scene names, from the server. */
 async function fetchBuffer(name) {
   const answer = await fetch(`buffers/${name}`);
   if (!answer.ok) throw new Error(`buffer ${name}: ${answer.statusText}`);
@@ -32,11 +33,12 @@ export class Designer {
     this.partNumber = 0; // of the picked part
     /** The mounted panels, by name. */
     this.panels = {};
+    /** Is resolved when the server has answered all requests so far. */
     this.requests = Promise.resolve();
     this.say = showMessage;
   }
 
-  /** The picked part. */
+  /** The picked part of the scene: a slot of the asset, with its path and its look's number. */
   get part() {
     return this.scene.parts[this.partNumber];
   }
@@ -46,17 +48,21 @@ export class Designer {
     return this.part.look;
   }
 
-  /** The layers of the picked part's look, with their parameters. */
+  /** The stack of the picked part's look: its file, variants and layers with their parameters. */
   get stack() {
     return this.scene.stacks[this.look];
   }
 
-  /** The files with unsaved edits: the job's, and the looks'. */
+  /** The records of the job and of the stacks whose file has unsaved edits. */
   get unsaved() {
     return this.scene ? [this.scene.job, ...this.scene.stacks].filter((file) => file.unsaved) : [];
   }
 
-  /** Return the server's answer; `body` is an object, sent as JSON, or a Blob. */
+  /**
+   * Send a request, and return the server's answer. A request with a `body`, which is an object
+   * sent as JSON or a Blob, is a POST. The Error of a refusal lists files in `conflict`, if other
+   * programs have changed them.
+   */
   async fetchJson(path, body = undefined) {
     const isBlob = body instanceof Blob;
     const headers = { "content-type": isBlob ? body.type : "application/json" };
@@ -75,12 +81,15 @@ export class Designer {
     return this.requests;
   }
 
-  /** Run a function after all earlier requests; show an error as a message. */
+  /** Run a function after the server has answered all earlier requests; show its error. */
   enqueue(work, describeError = (error) => error.message) {
     this.requests = this.requests.then(work).catch((error) => this.say(describeError(error), true));
   }
 
-  /** Ask the server for a change, after all earlier requests; return the error, or "". */
+  /**
+   * Ask the server for a change, after all earlier requests, and show the answer. Returns the
+   * message of the error, or "". `message` is shown if there is no error.
+   */
   request(path, body, message = "") {
     const answered = this.requests.then(async () => {
       const waiting = setTimeout(() => this.say(WORKING), SOON);
@@ -101,7 +110,10 @@ export class Designer {
     return answered;
   }
 
-  /** Store the document's status from an answer, and show it in picture and panels. */
+  /**
+   * Store the document's status from an answer, and show it in picture and panels. If `compiles`
+   * is true, shaders have changed, and the scene is fetched anew.
+   */
   async adopt({ compiles, ...status }) {
     Object.assign(this.scene, status);
     if (compiles) {
@@ -112,7 +124,7 @@ export class Designer {
     this.update();
   }
 
-  /** Set the uniforms of a look to the values of its stack, as far as they differ. */
+  /** Set those uniforms of a look in the viewport that differ from the values of its stack. */
   setUniforms(look, stack) {
     const current = this.viewport.scene.looks[look].numbers,
       numbers = {};
@@ -156,7 +168,7 @@ export class Designer {
     });
   }
 
-  /** Ask for the server's status; load the scene, or show changed files, if it is new. */
+  /** Ask for the server's status; if it is new, load the scene, or show which files changed. */
   poll() {
     if (!this.scene) return;
     this.enqueue(
@@ -178,6 +190,7 @@ export class Designer {
     for (const panel of Object.values(this.panels)) panel.update?.(this.scene);
   }
 
+  /** Pick the part with a number in the scene, and show it in all panels. */
   pickPart(number) {
     this.partNumber = number;
     this.update();

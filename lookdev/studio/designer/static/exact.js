@@ -1,13 +1,15 @@
 // @ts-check
-// The exact picture: the renderer's picture of the viewport's scene. It replaces the viewport's
-// picture, stands beside a wipe, or is compared in a difference.
+// The panel of the exact picture: Cycles or Mitsuba renders the viewport's scene on the server, in
+// rounds of more samples. The picture replaces the viewport's own (mode "exact"), is shown to the
+// right of a handle (mode "wipe"), or its difference from the viewport's is shown.
 
 import { byId, makeElement } from "./viewport/elements.js";
 import { parsePacket } from "./viewport/packets.js";
 
 const REST = 150; // milliseconds without a change, after which the page requests a picture
 const RETRY = 2000; // milliseconds after which the page reconnects
-// Samples of the viewport: few until the first round arrives, because both use the processors.
+// Samples of the viewport: few until the first round arrives, because renderer and viewport use the
+// same processors.
 const SAMPLES_WAITING = 4,
   SAMPLES_ALONE = 4096,
   SAMPLES_COMPARED = 256,
@@ -18,7 +20,8 @@ const SAMPLES_WAITING = 4,
     difference: SAMPLES_COMPARED,
   };
 const MODES = { v: "viewport", e: "exact", w: "wipe", d: "difference" }; // by keys
-const STEP = 0.02; // share of the width by which a key moves the wipe
+const STEP = 0.02; // fraction of the width by which a key moves the wipe
+// A fraction as text, in percent, without and with its sign.
 const formatShare = (share) => `${(100 * share).toFixed(Math.abs(share) < 0.0995 ? 1 : 0)} %`;
 const formatSigned = (share) => (share > 0 ? "+" : "−") + formatShare(Math.abs(share));
 
@@ -51,6 +54,7 @@ const aside = `
     <p id="exact-facts" role="status" aria-live="off"></p>
   </section>`;
 
+/** The panel, with the requests for exact pictures and the newest round of the picture. */
 class ExactPicture {
   constructor(designer) {
     this.designer = designer;
@@ -59,7 +63,7 @@ class ExactPicture {
     /** The newest request that the server has not refused. */
     this.request = null;
     this.mode = "exact";
-    /** The newest round of the picture. */
+    /** The newest round of the picture: facts and arrays from the server, with their size. */
     this.round = null;
     this.problem = "";
     this.keys = Object.fromEntries(
@@ -77,7 +81,7 @@ class ExactPicture {
     this.choose(document.querySelector("input[name=mode]:checked").value);
   }
 
-  /** Show one of the four pictures. */
+  /** Show the picture of a mode. */
   choose(mode) {
     this.mode = mode;
     document.querySelector(`input[name=mode][value=${mode}]`).checked = true;
@@ -91,7 +95,7 @@ class ExactPicture {
     this.describe();
   }
 
-  /** Limit the samples of the viewport to those that the mode shows. */
+  /** Limit the samples of the viewport by the mode (`MAX_SAMPLES`). */
   limit() {
     const waits = this.mode !== "viewport" && !this.round && !this.problem;
     this.viewport.settings.maxSamples = waits
@@ -139,6 +143,7 @@ class ExactPicture {
     this.describe();
   }
 
+  /** Send a message to the server, and connect first if there is no open websocket. */
   async send(message) {
     if (!this.socket || this.socket.readyState > 1) this.connect();
     const { socket } = this;
@@ -146,6 +151,7 @@ class ExactPicture {
     if (socket === this.socket && socket.readyState === 1) socket.send(JSON.stringify(message));
   }
 
+  /** Open a websocket to the server; `opening` is resolved when it is open, or has failed. */
   connect() {
     const socket = (this.socket = new WebSocket(`ws://${location.host}/exact`));
     socket.binaryType = "arraybuffer";
@@ -163,6 +169,7 @@ class ExactPicture {
     };
   }
 
+  /** Take over a message of the server about the newest request: an error, a state or a round. */
   receive(answer) {
     const { request, viewport } = this;
     if (!request || answer.id !== request.id || request.version !== viewport.version) return;
@@ -175,6 +182,7 @@ class ExactPicture {
     this.describe();
   }
 
+  /** Show the picture of a round. */
   showRound(answer) {
     const { request, viewport } = this,
       [height, width] = answer.shapes.beauty;
@@ -185,7 +193,10 @@ class ExactPicture {
     if (this.mode === "difference") this.compare();
   }
 
-  /** Compare the round with the viewport's picture, if one of them is new. */
+  /**
+   * Compare the round with the viewport's picture. Does nothing if the viewport does not show the
+   * present version yet, or if this round was compared with about as many samples.
+   */
   compare() {
     const { viewport, round } = this,
       film = viewport.shownFilm;
@@ -233,6 +244,7 @@ class ExactPicture {
     ].join(" · ");
   }
 
+  /** Write the parts of the difference, and its causes, into the page. */
   describeDifference() {
     const { round, comparison } = this;
     if (!round || !comparison) {
@@ -262,11 +274,14 @@ class ExactPicture {
   }
 }
 
-/** The handle of the wipe. The pointer and keys move it; `onMove` is called with its share. */
+/**
+ * The handle of the wipe, which the pointer and keys move. `onMove` is called with its position,
+ * as a fraction of the picture's width.
+ */
 class Wipe {
   constructor(onMove) {
     this.onMove = onMove;
-    this.share = 0.5; // of the picture's width
+    this.share = 0.5;
     this.dragging = false;
     const handle = byId("wipe"),
       canvas = byId("picture");
@@ -307,7 +322,7 @@ class Wipe {
   }
 }
 
-/** Return the pixels of a round as red, green, blue and alpha, premultiplied. */
+/** Return the pixels of a round as premultiplied RGBA, 4 numbers a pixel. */
 function premultipliedRgba({ beauty, alpha }) {
   const pixels = new Float32Array(4 * alpha.length);
   for (let k = 0; k < alpha.length; k += 1) {
@@ -318,9 +333,9 @@ function premultipliedRgba({ beauty, alpha }) {
 }
 
 /**
- * Return the differences of a round and the viewport's pixels on the asset, as shares of the
- * round's light: `apart`, the mean of |difference|; `indirect`, the round's interreflection;
- * `rest`, the excess of the round's direct light.
+ * Return the differences of a round and the viewport's pixels (RGBA of the same size), summed over
+ * the asset and divided by the round's light: `apart`, the absolute differences; `indirect`, the
+ * round's indirect light; `rest`, the round's direct light minus the viewport's light.
  */
 function differences({ beauty, direct, alpha }, pixels) {
   let light = 0,
@@ -362,7 +377,10 @@ function resizePixels(pixels, width, height, newWidth, newHeight) {
   return means;
 }
 
-/** Return for each of `newCount` pixels the pixels of `count` that it covers, with their shares. */
+/**
+ * Return, for each of `newCount` new pixels along an axis, [pixel, weight] of each of the `count`
+ * old pixels that it covers; the weights of a new pixel sum to 1.
+ */
 function coverage(count, newCount) {
   return Array.from({ length: newCount }, (_, k) => {
     const [start, end] = [(k * count) / newCount, ((k + 1) * count) / newCount],

@@ -1,5 +1,6 @@
 // @ts-check
-// Files: saving, unsaved work of an earlier Designer, and files that changed on disk.
+// The panel of files: it saves edits, and shows notices of unsaved work that an earlier Designer
+// left, and of files that other programs have changed on disk.
 
 import {
   byId,
@@ -46,8 +47,8 @@ const body = `
   </dialog>`;
 
 /**
- * Ask for the kind and the name of a new file; `kinds` are [kind, label, the file beside it,
- * default name]. Call `write` with kind and name, unless the user cancels the dialog.
+ * Ask for the kind and the name of a new file, and call `write` with both, unless the user cancels
+ * the dialog. `kinds` are [kind, label, path of the file beside which it will be, default name].
  */
 export async function askFileName(kinds, write) {
   const show = () => {
@@ -65,12 +66,13 @@ export async function askFileName(kinds, write) {
   if ((await closed) === "save") await write(byId("naming-what").value, byId("name").value);
 }
 
+/** Return a notice: an element with a text and buttons. */
 function makeNotice(id, text, title, ...buttons) {
   const sentence = makeElement("p", { textContent: text, title });
   return makeElement("div", { className: "notice", id, role: "alert" }, sentence, ...buttons);
 }
 
-/** Return the notice of unsaved work that an earlier Designer left. */
+/** Return the notice of unsaved work; `act` is called with the action that the user chooses. */
 function recoveryNotice({ files, time }, act) {
   const names = (list) => list.map(({ file }) => fileName(file)).join(", ");
   const changed = names(files.filter((file) => file.changed));
@@ -86,7 +88,7 @@ function recoveryNotice({ files, time }, act) {
   );
 }
 
-/** Return the notice of files that other programs have changed. */
+/** Return the notice of `changed` files; `act` is called with the action that the user chooses. */
 function changeNotice(changed, unsaved, act) {
   const hasEdits = unsaved.some(({ file }) => changed.includes(file));
   const warning = hasEdits ? " You have unsaved edits of it." : "";
@@ -103,13 +105,14 @@ function changeNotice(changed, unsaved, act) {
   );
 }
 
-/** Show notices above the picture, if they are new. */
+/** Show notices above the picture; equal ones there stay, so that they keep the focus. */
 function showNotices(notices) {
   const text = (elements) => elements.map((notice) => notice.textContent).join();
   if (text([...byId("notices").children]) !== text(notices))
     byId("notices").replaceChildren(...notices);
 }
 
+/** The panel: its buttons, keys and notices. */
 class Files {
   constructor(designer) {
     this.designer = designer;
@@ -141,6 +144,7 @@ class Files {
     );
   }
 
+  /** Send a request to save; ask the user about conflicts with changes of other programs. */
   async write(request) {
     const { designer } = this;
     try {

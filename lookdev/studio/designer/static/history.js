@@ -1,5 +1,5 @@
 // @ts-check
-// Undo and redo.
+// The panel of undo and redo: two buttons, whose tooltips name the step.
 
 import { byId } from "./viewport/elements.js";
 

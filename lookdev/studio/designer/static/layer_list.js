@@ -1,6 +1,7 @@
 // @ts-check
-// The list of a look's layers, the top one first. The pointer and keys choose, move, mute and
-// rename layers.
+// The list of a look's layers in the panel of layers, the top one first. The pointer and keys
+// choose, move, mute, show alone (solo) and rename layers. The number of a layer is its position
+// in the stack; the base has number 0.
 
 import { byId, makeButton, makeElement, setLabel } from "./viewport/elements.js";
 
@@ -8,7 +9,7 @@ export class LayerList {
   /** `panel` is the panel of the layers (layers.js). */
   constructor(panel) {
     this.panel = panel;
-    this.dragged = null; // number of a layer
+    this.dragged = null; // number of the layer that the pointer drags
   }
 
   /** Return the list as an element. */
@@ -19,6 +20,7 @@ export class LayerList {
     return setLabel(list, `Layers of ${stack.name}, the top one first`);
   }
 
+  /** Return the item of a layer in the list. */
   item(layer) {
     const { number, name, mask } = layer,
       { stack } = this.panel,
@@ -50,6 +52,7 @@ export class LayerList {
     return item;
   }
 
+  /** Return the button with the name of a layer, which chooses the layer. */
   nameButton(layer) {
     const { number, name } = layer;
     const button = makeElement(
@@ -78,6 +81,7 @@ export class LayerList {
     this.panel.arrange({ op: "enable", layer: number, enabled: !enabled });
   }
 
+  /** Make the item of a layer draggable, and a target for other layers. */
   followDrag(item, layer) {
     const allowDrop = (event) => {
       if (this.dragged === null || layer.number === 0) return;
@@ -105,7 +109,7 @@ export class LayerList {
     });
   }
 
-  /** Move a layer to a number in the stack, and choose it. */
+  /** Move the layer of a number to another number, choose it, and focus the element `focus`. */
   move(layer, to, focus = "") {
     this.panel.selected = to;
     this.panel.arrange({ op: "move", layer, to }, focus);
@@ -123,7 +127,10 @@ export class LayerList {
     this.panel.arrange({ op: "remove", layer: number }, `layer-${number - 1}`);
   }
 
-  /** Return the action of a key on a layer, which may do nothing; undefined for other keys. */
+  /**
+   * Return the action of a key on a layer, or undefined if the key has none. An action does
+   * nothing where it is not possible, for example for the base.
+   */
   keyAct(name, layer) {
     const { number } = layer,
       top = this.panel.stack.layers.length - 1,
@@ -157,6 +164,7 @@ export class LayerList {
   }
 }
 
+/** Return a button that is pressed or not. */
 function makeToggle(text, title, pressed, act, properties) {
   const button = makeButton(text, title, act, { className: "toggle", ...properties });
   button.setAttribute("aria-pressed", String(pressed));

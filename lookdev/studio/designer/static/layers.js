@@ -1,5 +1,5 @@
 // @ts-check
-// The layers of the picked part's look: variants, the list with the top layer first, and the
+// The panel of the layers of the picked part's look: its variants, the list of its layers, and the
 // parameters of the chosen layer.
 
 import {
@@ -16,10 +16,13 @@ import { choosePreset, savePreset } from "./presets.js";
 
 const aside = `<section id="layers" aria-label="Layers"></section>`;
 
-const SEND_INTERVAL = 1000; // milliseconds between the edits of a gesture that are sent
-const LONGEST_PASTE = 60000; // characters
+const SEND_INTERVAL = 1000; // milliseconds after which a gesture sends an edit to the server
+const LONGEST_PASTE = 60000; // characters of a pasted layer, as USD text
 
-/** The user's gesture on a parameter: its edits are one step of the history. */
+/**
+ * The user's gesture on a parameter, such as a drag of its slider. All its edits are one step of
+ * the history.
+ */
 class Gesture {
   constructor(designer) {
     this.designer = designer;
@@ -27,8 +30,9 @@ class Gesture {
   }
 
   /**
-   * Set a parameter: its uniform at once, the document at the end of the gesture (`isFinal`) and
-   * once per interval before.
+   * Set a parameter. If it is a uniform, the picture changes at once. The document on the server
+   * changes at the end of the gesture (`isFinal`), and for a uniform also about once in
+   * `SEND_INTERVAL` before.
    */
   change(layer, parameter, value, isFinal) {
     const { look, viewport } = this.designer;
@@ -48,7 +52,7 @@ class Gesture {
     }
   }
 
-  /** Send an edit that the picture shows already. */
+  /** Send an edit that the picture shows already, so that the scene need not be updated. */
   send(edit) {
     const { designer } = this;
     this.sentAt = performance.now();
@@ -64,9 +68,9 @@ class Layers {
     this.designer = designer;
     /** The number of the chosen layer in the stack; null: the top one. */
     this.selected = null;
-    /** Ids of the rows whose source is open. */
+    /** The ids of the rows of parameters whose editor of a source is open. */
     this.openSources = new Set();
-    this.copiedText = ""; // text of a layer, where the browser's clipboard cannot be read
+    this.copiedText = ""; // the newest copied layer, for browsers whose clipboard cannot be read
     this.gesture = new Gesture(designer);
     this.list = new LayerList(this);
     const inList = () => document.activeElement?.closest("#stack");
@@ -92,7 +96,7 @@ class Layers {
     return layers.find(({ number }) => number === this.selected) ?? layers[layers.length - 1];
   }
 
-  /** Show the stack; keep the focus and the scroll position. */
+  /** Show the stack anew; the focus and the scroll position stay. */
   update() {
     const focused = document.activeElement?.closest("#layers") ? document.activeElement.id : "";
     const { stack, layer } = this;
@@ -107,6 +111,7 @@ class Layers {
     if (focused) byId(focused)?.focus({ preventScroll: true });
   }
 
+  /** Return the row of a variant set, which chooses one of its variants. */
   variantRow({ set, choices, chosen, by_job }) {
     const choice = makeElement("select", { id: `variant-${set}` }, ...makeOptions(choices, chosen));
     setLabel(choice, `Variant ${set}`);
@@ -120,6 +125,7 @@ class Layers {
     return makeElement("div", { className: "row", title }, label, choice);
   }
 
+  /** Return the buttons of operations on the chosen layer. */
   toolbar() {
     const { stack, layer } = this,
       { number } = layer,
@@ -172,6 +178,7 @@ class Layers {
     );
   }
 
+  /** Choose the layer of a number: its parameters are shown. */
   choose(number) {
     this.selected = number;
     this.designer.update();
@@ -182,7 +189,10 @@ class Layers {
     this.gesture.change(layer.index, parameter, value, isFinal);
   }
 
-  /** Ask for an operation on the stack, then focus an element; return the error, or "". */
+  /**
+   * Ask the server for an operation on the stack (`request`), then focus the element with the id
+   * `focus`. Returns the message of the error, or "".
+   */
   async arrange(request, focus = "") {
     const { designer } = this,
       count = this.stack.layers.length;
@@ -197,7 +207,7 @@ class Layers {
     return "";
   }
 
-  /** Show one layer alone, or all layers for null. */
+  /** Show the layer of a number alone, or all layers for null. */
   solo(layer) {
     return this.designer.request("stack", { look: this.designer.look, op: "solo", layer });
   }
@@ -207,6 +217,7 @@ class Layers {
     return (await this.designer.fetchJson(`images?look=${this.designer.look}`)).images;
   }
 
+  /** Ask for a preset, and lay it over the layers. */
   async add() {
     if (this.stack.locked) return;
     try {
@@ -217,6 +228,7 @@ class Layers {
     }
   }
 
+  /** Save the chosen layer as a preset of the library. */
   async toLibrary() {
     const { designer } = this;
     try {
@@ -227,6 +239,7 @@ class Layers {
     }
   }
 
+  /** Copy the chosen layer as USD text to the clipboard. */
   async copy() {
     const { designer, layer } = this,
       request = { look: designer.look, op: "copy", layer: layer.number };
@@ -239,6 +252,7 @@ class Layers {
     }
   }
 
+  /** Lay the layer in the clipboard over the layers. */
   async paste() {
     const text = (await navigator.clipboard?.readText().catch(() => "")) || this.copiedText;
     await this.pasteText(text);

@@ -1,5 +1,5 @@
 // @ts-check
-// The list of the light's effects that the viewport's picture lacks.
+// The panel that lists the effects of light that the viewport's picture lacks.
 
 import { byId, makeElement } from "./viewport/elements.js";
 

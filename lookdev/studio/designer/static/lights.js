@@ -1,6 +1,6 @@
 // @ts-check
-// The lights of the rig: intensity, tint, temperature, on or off. Like the exposure, these are
-// settings of the view.
+// The panel of the rig's lights: intensity, tint and temperature of each, on or off. Like the
+// exposure, these are settings of the view, and are not saved.
 
 import { fromHex, toHex } from "./viewport/color.js";
 import { byId, makeElement, makeRow, setLabel } from "./viewport/elements.js";
@@ -8,6 +8,7 @@ import { byId, makeElement, makeRow, setLabel } from "./viewport/elements.js";
 const NEUTRAL = 6500; // kelvin, where the temperature's slider begins
 const formatStops = (stops) => `${stops > 0 ? "+" : ""}${stops.toFixed(1)}`;
 const formatKelvin = (kelvin) => (kelvin === null ? "own" : `${kelvin} K`);
+/** Return whether a light has the settings of the rig. */
 const isUnchanged = ({ on, stops, kelvin, color }) =>
   on && stops === 0 && kelvin === null && color.every((x) => x === 1);
 
@@ -21,6 +22,7 @@ const aside = `
     </details>
   </section>`;
 
+/** The panel, with the list of the lights and their settings. */
 class Lights {
   constructor(designer) {
     this.designer = designer;
@@ -38,7 +40,10 @@ class Lights {
     this.showList();
   }
 
-  /** Set the lights of the viewport and the states of the list to the server's answer. */
+  /**
+   * Set the lights of the viewport, and the states in the list, to an answer of the server: the
+   * lights with settings, their numbers in the shaders (`rows`), and the ranges of sliders.
+   */
   apply({ lights, rows, kelvin, stops }) {
     this.lights = lights;
     this.kelvin = kelvin;
@@ -51,7 +56,10 @@ class Lights {
       byId("light-list").children[number]?.classList.toggle("off", !light.on);
   }
 
-  /** Send a setting; while one is on its way, only the newest waits. */
+  /**
+   * Send the setting of a light. While the server has not answered one, only the newest of the
+   * others waits. With `updatesList`, the answer is also shown in the list.
+   */
   async send(body, updatesList = false) {
     this.waiting = { body, updatesList };
     if (this.busy) return;

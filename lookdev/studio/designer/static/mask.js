@@ -1,6 +1,7 @@
 // @ts-check
-// The editors of a layer's mask, or of a parameter that varies over the surface: by an image, a
-// primvar, or an expression with a source for each of its names.
+// The editors of a source, in the panel of layers. A source gives a layer's mask, or a parameter
+// that varies over the surface, its value: an image, a primvar, or an expression. The names in an
+// expression have sources of their own.
 
 import {
   makeButton,
@@ -24,9 +25,10 @@ const PARAMETER_KINDS = {
   primvar: "a primvar of the asset",
   expression: "an expression",
 };
+// The names that have a meaning in every expression.
 const CONSTANTS = new Set(["PI", "E", "linear", "smooth", "gaussian", "view"]);
 
-/** Return the names of an expression that are neither functions nor constants. */
+/** Return the names of an expression that need a source: all but functions and constants. */
 function freeNames(expression) {
   const text = expression.replace(/#[^\n]*/g, " ");
   const names = [...text.matchAll(/(?<![\w.])[A-Za-z_]\w*(?!\w)(?!\s*\()/g)].map(([name]) => name);
@@ -34,9 +36,10 @@ function freeNames(expression) {
 }
 
 /**
- * The user's text that is not applied, by the key of its editor: the source that it replaces, its
- * kind, text and inputs, and the server's error. Each answer of the server makes a new editor; a
- * draft lasts until the source changes.
+ * The drafts: texts that the user has typed and not applied yet, by the key of their editor. Each
+ * answer of the server makes new editors, which begin with their draft. A draft lasts until its
+ * source changes. It has `version`, the source that it replaces, as JSON; `kind` and `text` of the
+ * new source; `typedSources`, the sources of names; and `problem`, the server's error.
  */
 const drafts = new Map();
 
@@ -79,10 +82,12 @@ export function sourceEditor(layer, parameter, id, panel) {
   }).element();
 }
 
+/** The editor of one source, from its kind to the inputs of this kind. */
 class SourceEditor {
   /**
-   * `source` is the file's. `target.request` returns the edit of the stack that sets a text and its
-   * inputs; `target.reset` is the edit that removes the source.
+   * `source` is the source in the look's file. `target` describes the mask or the parameter:
+   * `target.request` returns the edit of the stack that sets a source by its text and the sources
+   * of its names, and `target.reset` is the edit that removes the source.
    */
   constructor(panel, source, target) {
     this.panel = panel;
@@ -92,7 +97,7 @@ class SourceEditor {
     if (drafts.get(target.key)?.version !== this.version) drafts.delete(target.key);
     this.draft = drafts.get(target.key) ?? {};
     this.kind = this.draft.kind ?? source.kind;
-    /** The file's source, if it is of the chosen kind; else an empty one. */
+    /** The source in the file, if it is of the kind that the editor shows; else an empty one. */
     this.current = source.kind === this.kind ? source : { text: "", inputs: {} };
   }
 
@@ -114,6 +119,7 @@ class SourceEditor {
     return makeElement("div", { className: "mask" }, row, ...this.inputs(), this.problem);
   }
 
+  /** Return the select of the source's kind. "number" removes the source. */
   kindChoice() {
     const { id, key, kinds, owner, reset } = this.target;
     const choice = makeElement(
@@ -155,12 +161,16 @@ class SourceEditor {
     }
   }
 
+  /** Change entries of the draft; make it if there is none. */
   storeDraft(changes) {
     const { key } = this.target;
     drafts.set(key, { version: this.version, kind: this.kind, ...drafts.get(key), ...changes });
   }
 
-  /** Ask for the source in a text; show an error below the editor, even if the editor is new. */
+  /**
+   * Ask the server to set the source that a text describes. An error is shown below the editor,
+   * which the answer may have replaced by a new one.
+   */
   async apply(text, inputs = {}) {
     const { key, request } = this.target;
     this.storeDraft({ problem: "" });
@@ -177,7 +187,7 @@ class SourceEditor {
     if (problem) Object.assign(problem, { hidden: false, textContent: error });
   }
 
-  /** Offer images in an input: it fetches their list when it gets the focus. */
+  /** Offer images as values of an input; their list is fetched when the input gets the focus. */
   offerImages(input, list) {
     const fill = async () => list.replaceChildren(...makeOptions(await this.panel.listImages()));
     input.setAttribute("list", list.id);
@@ -222,7 +232,7 @@ class SourceEditor {
 
   expressionInputs() {
     const { id, owner } = this.target,
-      typedSources = { ...this.draft.typedSources }; // sources of names
+      typedSources = { ...this.draft.typedSources }; // by the names in the expression
     const text = makeElement("textarea", {
       id: `${id}-expression`,
       value: this.draft.text ?? this.current.text,
@@ -268,7 +278,10 @@ class SourceEditor {
     return makeField(name, input);
   }
 
-  /** Return the typed sources that differ from the file's. A name without one keeps its source. */
+  /**
+   * Return the typed sources, by name, that differ from those in the file. A name that is not in
+   * the result keeps its source.
+   */
   changedInputs(text, typedSources) {
     const names = freeNames(text).filter(
       (name) =>
@@ -278,6 +291,7 @@ class SourceEditor {
   }
 }
 
+/** Return an input of one line of text. */
 function makeTextInput(properties) {
   return makeElement("input", {
     type: "text",
@@ -287,6 +301,7 @@ function makeTextInput(properties) {
   });
 }
 
+/** Return a row with an input, which the label names, and further elements. */
 function makeField(label, input, ...more) {
   return makeRow(label, setLabel(input, label), ...more);
 }

@@ -1,5 +1,7 @@
 // @ts-check
-// The parameters of the chosen layer. Each has a row with a slider, a colour or a choice.
+// The rows of the chosen layer's parameters, in the panel of layers. Each parameter has a row with
+// a slider, a colour or a choice. A parameter is stated if the look gives it a value, and otherwise
+// has the model's default.
 
 import { fromHex, toHex } from "./viewport/color.js";
 import {
@@ -12,10 +14,11 @@ import {
 } from "./viewport/elements.js";
 import { maskEditor, sourceEditor } from "./mask.js";
 
+// The step of a slider over a range: about a two-hundredth of it, with one digit.
 const sliderStep = ([low, high]) => Number(((high - low) / 200).toPrecision(1));
 const formatComponent = (x) => String(Number(x.toFixed(2))).replace(/^0\./, ".");
 
-/** Return the chosen layer's title and rows; `panel` is the panel of the layers (layers.js). */
+/** Return an element with the chosen layer's title and rows; `panel` is that of layers.js. */
 export function layerInspector(panel) {
   const { layer, stack } = panel;
   const title = makeElement(
@@ -51,6 +54,7 @@ export function layerInspector(panel) {
   return box;
 }
 
+/** Return the row in which the user chooses how a layer combines with the layers beneath. */
 function modeRow(layer, panel) {
   const words = { over: "over what is beneath", transmit: "as a clear coat (transmit)" };
   const choice = makeElement(
@@ -70,7 +74,7 @@ function modeRow(layer, panel) {
 const rowId = (layer, parameter) => `p-${layer.number}-${parameter.name}`;
 const isStated = ({ value, varies }) => value !== null || varies !== "";
 
-/** Return the row of a parameter, and the editor of its source below it, if that is open. */
+/** Return the row of a parameter and, if it is open, the editor of its source (mask.js). */
 function parameterRows(parameter, panel) {
   const { layer, stack } = panel,
     { name, kind } = parameter,
@@ -93,7 +97,7 @@ function parameterRows(parameter, panel) {
   return isOpen ? [row, sourceEditor(layer, parameter, `${id}-source`, panel)] : [row];
 }
 
-/** Add to a row the button and the key that remove the parameter's value from the look. */
+/** Add to a row the button and the key by which the user removes the value from the look. */
 function addUnstate(row, parameter, panel) {
   const { layer } = panel,
     { name } = parameter,
@@ -116,6 +120,7 @@ function addUnstate(row, parameter, panel) {
   });
 }
 
+/** Return the row of a parameter: its name, and inputs, or a text if it varies or is fixed. */
 function parameterRow(parameter, panel) {
   const { layer, stack } = panel,
     { name, kind, varies } = parameter,
@@ -141,7 +146,7 @@ function parameterRow(parameter, panel) {
   };
   const addInputs = { float: addNumber, color: addColor, token: addChoice }[kind];
   if (varies) {
-    // It takes the focus, so that keys reach it.
+    // The text can have the focus, so that the row receives keys.
     const properties = { className: "varies", textContent: varies, title: varies, tabIndex: 0, id };
     row.append(makeElement("span", properties));
   } else if (addInputs) addInputs(row, parameter, addInput, change);
@@ -152,6 +157,7 @@ function parameterRow(parameter, panel) {
   return row;
 }
 
+/** Add a slider and a field for a number to a row. */
 function addNumber(row, { value, default: standard, soft, hard }, addInput, change) {
   const current = value ?? standard;
   const slider = addInput(
@@ -188,6 +194,7 @@ function addNumber(row, { value, default: standard, soft, hard }, addInput, chan
   });
 }
 
+/** Add the picker of a colour to a row. */
 function addColor(row, { value, default: standard }, addInput, change) {
   const current = value ?? standard;
   const picker = addInput(makeElement("input", { type: "color", value: toHex(current) }));
@@ -197,6 +204,7 @@ function addColor(row, { value, default: standard }, addInput, change) {
   row.append(makeElement("output", { textContent: text }));
 }
 
+/** Add the select of a token to a row. */
 function addChoice(row, { value, default: standard, choices }, addInput, change) {
   const current = value ?? standard;
   const choice = addInput(makeElement("select", {}, ...makeOptions(choices, current)));

@@ -1,14 +1,16 @@
 // @ts-check
-// The pointer and keys on the picture: they orbit, pan, zoom, pick, and turn the light.
+// The pointer and keys on the viewport's picture: they orbit, pan and zoom the camera, pick a part,
+// and rotate the light.
 
 import { pan, rotate, zoom } from "./viewport/camera.js";
 
-const DEGREES = 0.4; // of a pixel
+const DEGREES = 0.4; // of rotation for each pixel of a drag
 const STILL = 4; // pixels within which a press is a click
 
 /**
- * Follow the pointer on a canvas. `turnLight` is called with degrees, `pick` with a position in
- * pixels; `frameCamera` returns the camera that frames the asset as the job does.
+ * Act on the pointer and keys of a canvas, which shows `viewport`. `turnLight` is called with
+ * degrees, and `pick` with a position in pixels of the picture. `frameCamera` returns the camera
+ * of the job's frames.
  */
 export function followPointer(canvas, viewport, { turnLight, pick, frameCamera }) {
   followDrags(canvas, viewport, turnLight, pick);
@@ -41,12 +43,13 @@ export function followPointer(canvas, viewport, { turnLight, pick, frameCamera }
   });
 }
 
-/** The kind of a drag, by the button and the keys that are held as it begins. */
+/** Return the effect of a drag, by the button and the keys that are held when it begins. */
 function dragKind({ button, shiftKey, ctrlKey, metaKey }) {
   if (shiftKey) return "light";
   return button !== 0 || ctrlKey || metaKey ? "pan" : "orbit";
 }
 
+/** Act on drags of the pointer, and on clicks, which are drags of less than `STILL` pixels. */
 function followDrags(canvas, viewport, turnLight, pick) {
   let drag = null;
   canvas.addEventListener("pointerdown", (event) => {

@@ -1,5 +1,6 @@
 // @ts-check
-// The dialogs of presets: the user chooses one from the library by its picture, or saves one.
+// The dialogs of presets: in one, the user chooses a preset of the library by its picture, in the
+// other, the user saves a layer as a preset.
 
 import { byId, makeElement, makeOptions, openDialog, spaceWords } from "./viewport/elements.js";
 
@@ -29,21 +30,23 @@ const body = `
   </dialog>`;
 
 const SIZE = 56; // pixels of a picture
+// A transparent picture of one pixel, in place of a preset's picture until that is fetched.
 const EMPTY = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7";
 
 /** The presets of the library; null until they are fetched. */
 let presets = null;
 
-/** The pictures of presets. It fetches one at a time, so that other requests do not wait. */
+/** The pictures of presets, which are fetched one at a time, so that other requests do not wait. */
 class Pictures {
   constructor() {
+    /** The URLs of the pictures that are fetched, by the names of their presets. */
     this.urls = new Map();
     /** Images that are in view and have no picture yet. */
     this.queue = [];
     this.fetching = false;
   }
 
-  /** Fetch the pictures of an element's images when they come into view. */
+  /** Fetch pictures of images from now on when the images scroll into view in an element. */
   watch(root) {
     this.observer = new IntersectionObserver(
       (entries) => {
@@ -57,6 +60,7 @@ class Pictures {
     );
   }
 
+  /** Return the image of a preset, whose picture is fetched when the image comes into view. */
   makeImage(name) {
     const image = makeElement("img", { width: SIZE, height: SIZE, alt: "" });
     image.dataset.name = name;
@@ -92,7 +96,10 @@ class Pictures {
 
 const pictures = new Pictures();
 
-/** Return the presets of a category that have some words; those with them in the name are first. */
+/**
+ * Return the presets of a category, or of all, whose name, category or description contains a
+ * text. Presets whose name contains the text come first.
+ */
 function findPresets(words, category) {
   const matches = presets.filter(
     (preset) =>
@@ -106,6 +113,7 @@ function findPresets(words, category) {
   return words ? matches.sort((a, b) => rank(a) - rank(b)) : matches;
 }
 
+/** Show the presets with the searched words in the dialog. */
 function showPresets() {
   const words = byId("adding-search").value.trim().toLowerCase();
   const matches = findPresets(words, byId("adding-category").value);
@@ -139,7 +147,10 @@ export async function choosePreset(designer) {
   return name === "cancel" ? "" : name;
 }
 
-/** Ask for name and category of a new preset, and save a layer as it; return a message. */
+/**
+ * Ask for name and category of a new preset, and save a layer as this preset. Returns a message, or
+ * "" for a cancel.
+ */
 export async function savePreset(designer, look, layer) {
   byId("preset-name").value = layer.name.replace(/([a-z])([A-Z])/g, "$1_$2").toLowerCase();
   const closed = openDialog(byId("preset"));

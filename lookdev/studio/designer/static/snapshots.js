@@ -1,5 +1,6 @@
 // @ts-check
-// Snapshots: pictures with the state of the looks. The user compares two, and goes back to one.
+// The panel of snapshots, which are pictures with the state of the looks. A dialog compares two
+// pictures, and the user can go back to the state of one.
 
 import { byId, formatTime, openDialog } from "./viewport/elements.js";
 
@@ -21,7 +22,10 @@ const body = `
     </form>
   </dialog>`;
 
-/** Fill a side of the comparison with the snapshots and a picture of now. */
+/**
+ * Fill a side of the dialog, by its id, with a choice of the snapshots and of `picture`, which the
+ * viewport shows now. `first` is the value of the choice at first: a number, or "" for now.
+ */
 function fillSide(id, snapshots, first, picture, { goBack, drop }) {
   const side = byId(id),
     choice = side.querySelector("select"),

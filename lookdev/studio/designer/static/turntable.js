@@ -1,5 +1,6 @@
 // @ts-check
-// The turntable: the server renders it in the background, and a player replaces the viewport.
+// The panel of the turntable: the server renders the job's frames of the visible scene in the
+// background, and a player shows them in place of the viewport.
 
 import { byId } from "./viewport/elements.js";
 
@@ -47,14 +48,15 @@ function describeProgress(run) {
   return words[run.state]() + (run.output ? ` · ${run.output}` : "");
 }
 
+/** The panel and the player. A run is one render of the turntable by the server. */
 class Turntable {
   constructor(designer) {
     this.designer = designer;
     /** The newest run, as the server describes it. */
     this.run = { state: "none" };
-    /** The frames that have a picture: number and image. */
+    /** The frames that have a picture, in order: {number, image}. */
     this.frames = [];
-    this.index = 0; // of the visible frame
+    this.index = 0; // of the visible frame, in `frames`
     this.playing = false;
     this.keys = {
       " ": () => this.actIfOpen(() => this.play(!this.playing)),
@@ -80,7 +82,10 @@ class Turntable {
     await this.request({ do: "render" });
   }
 
-  /** Ask the server for the state of the run, and again while it renders. */
+  /**
+   * Send a request to start or cancel a run, or without a body for its state; show the answer. The
+   * state is requested again while the server renders.
+   */
   async request(body = undefined) {
     clearTimeout(this.timer);
     try {
@@ -91,6 +96,7 @@ class Turntable {
     if (this.run.state === "rendering") this.timer = setTimeout(() => this.request(), POLL);
   }
 
+  /** Show the state of a run, and open the player when the run is done. */
   showRun(run) {
     const previous = this.run;
     this.run = run;
@@ -112,7 +118,7 @@ class Turntable {
     this.showFacts(describeProgress(run), run.state === "failed");
   }
 
-  /** Load the picture of a frame, unless it is there. */
+  /** Load the picture of a frame, by its number, unless it is loaded. */
   addFrame(number) {
     if (this.frames.some((frame) => frame.number === number)) return;
     const src = `turntable/${this.run.run}/${number}.png?${this.run.done}`;
@@ -133,13 +139,14 @@ class Turntable {
     byId(open ? "turntable-play" : "picture").focus();
   }
 
-  /** Act if the player is open; return whether it is. */
+  /** Call a function if the player is open; return whether it is open. */
   actIfOpen(act) {
     const open = !byId("turntable").hidden;
     if (open) act();
     return open;
   }
 
+  /** Start or stop playing. */
   play(playing) {
     clearInterval(this.playTimer);
     this.playing = playing && this.frames.length > 0;
@@ -149,11 +156,13 @@ class Turntable {
     this.showFrame(Math.min(this.index, this.frames.length - 1));
   }
 
+  /** Show the next frame (1) or the previous one (-1). */
   step(direction) {
     this.play(false);
     this.showFrame((this.index + direction + this.frames.length) % this.frames.length);
   }
 
+  /** Show the frame at an index of `frames`, if its picture is loaded. */
   showFrame(index) {
     const frame = this.frames[index];
     if (!frame) return;

@@ -1,5 +1,6 @@
 // @ts-check
-// The view: exposure, rotations, background and shadow; the pointer on the picture; its progress.
+// The panel of the view: exposure, rotations, background and shadow. It also lets the pointer act
+// on the picture, and shows the picture's progress.
 
 import { byId } from "./viewport/elements.js";
 import { followPointer } from "./pointer.js";
@@ -28,6 +29,7 @@ const aside = `
 
 const SLIDERS = ["exposure", "lighting", "element"];
 
+/** The panel, whose inputs set the viewport. */
 class View {
   constructor(designer) {
     this.designer = designer;
@@ -82,6 +84,7 @@ class View {
     this.apply();
   }
 
+  /** Pick the part at a pixel of the picture. */
   pick(x, y) {
     const pickedPart = this.viewport.pick(x, y);
     if (!pickedPart) return;
@@ -89,7 +92,7 @@ class View {
     this.designer.pickPart(parts.findIndex((part) => part.path === pickedPart.path));
   }
 
-  /** Say whether the light has shadows; "" where none can be cast. */
+  /** Return a text that states whether the light has shadows; "" for an asset without shadows. */
   describeShadow() {
     if (!this.designer.scene?.shadows) return "";
     return this.viewport.settings.shadows ? " with cast shadow" : ", no shadow";

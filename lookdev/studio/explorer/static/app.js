@@ -1,5 +1,7 @@
 // @ts-check
-// The page: its tabs and options, the selected surface, keys, copying and saving.
+// The entry of the Explorer's page: its tabs of plots and their options, the selected surface with
+// its sphere, keys, copying and saving. `words` of a surface are the text by which the command line
+// and the server know it.
 import { SphereRenderer } from "./ball.js";
 import { byId, makeElement } from "./viewport/elements.js";
 import { ExactFrame } from "./exact.js";
@@ -32,6 +34,7 @@ import { waitForGpu } from "./viewport/gl.js";
 const status = byId("status"),
   dialog = byId("dialog");
 let statusTimer = 0;
+/** Show a message; a good one, which is not an error, disappears after a while. */
 const say = (text, isGood = false) => {
   status.textContent = text;
   status.className = text && !isGood ? "bad" : "";
@@ -54,7 +57,8 @@ const KIND_TITLES = {
   difference: "Difference",
   sampling: "Sampling",
 };
-// The title of an option, and the choices of its select, or the range, step and unit of its slider.
+// The controls of options: [title] of a check box, [title, choices] of a select, or [title, lowest
+// value, highest value, step, unit] of a slider.
 const OPTIONS = {
   axis: ["Over", { theta_h: "θh", theta_d: "θd", theta_i: "θi" }],
   theta: ["θ", 0, 89.9, 0.5, "°"],
@@ -68,7 +72,9 @@ const OPTIONS = {
   chroma: ["Chroma only"],
 };
 
-/** Return the next item of a list, or the previous one for -1; the ends of the list meet. */
+/**
+ * Return the item that is `step` places after an item of a list; after the last comes the first.
+ */
 const stepIn = (list, item, step) => list[(list.indexOf(item) + step + list.length) % list.length];
 
 const link = new Link(say);
@@ -116,6 +122,7 @@ const optionTitle = (name) => {
   return state.kind === "sphere" ? "Light θ" : "View θ";
 };
 
+/** Set an option; `held` is whether the pointer still moves the slider. */
 const changeOption = (name, value, event, held) => {
   setOption(name, value);
   if (name === "axis") showOptions();
@@ -173,6 +180,7 @@ const showOptions = () => {
   byId("options").replaceChildren(...names.map(optionField));
 };
 
+/** Show the name, the sliders and the sphere of the selected surface. */
 const showSelected = () => {
   const surface = selectedSurface(),
     right = byId("right");
@@ -213,14 +221,15 @@ const showLight = () => {
 };
 
 const ball = byId("ball");
-const SLOW_DRAW = 12; // milliseconds
-const REST = 100; // milliseconds without a move, after which the pointer rests
+const SLOW_DRAW = 12; // milliseconds of drawing the sphere above which the driver counts as slow
+const REST = 100; // milliseconds without a move after which the pointer rests
 let ballFrame = 0,
   isDrawingBall = false,
   ballTimer = 0,
   lastMove = -Infinity; // time of the pointer's last move
-// Milliseconds of the last draws. Compilations and other programs do not lengthen the shortest one.
+// Milliseconds of the last three draws. The shortest is used: it has no compilation in it.
 const ballTimes = [];
+/** Draw the sphere of the selected surface in the next frame, until it has all its passes. */
 const drawBall = () => {
   // With a slow graphics driver, the sphere waits until the pointer rests: the plot needs the same
   // processors.
@@ -291,7 +300,10 @@ const add = async (words) => {
   }
 };
 
-/** Update the values of a surface whose form has changed: a metal's name sets other parameters. */
+/**
+ * Get the values of a surface from the server after a change of a token, which can set other
+ * parameters, as the name of a metal does.
+ */
 const updateValues = async (surface) => {
   try {
     const { values, words } = await link.ask({ do: "describe", surface: wordsOf(surface) });
@@ -328,8 +340,8 @@ onChange((change, detail) => {
       state.exact = false;
       showLight();
     }
-    // The texture coordinates of a look are constants of its shader: it compiles when the pointer
-    // rests.
+    // The texture coordinates of a look are constants of its shader, which is compiled only when
+    // the pointer no longer holds the slider.
     if (!detail.held || !detail.surface.look) drawBall();
   }
   if (change === "options" || change === "light") drawBall();
@@ -363,7 +375,7 @@ for (const button of document.querySelectorAll("[data-light]")) {
     }
   });
 }
-let lastPoint = null; // of a drag
+let lastPoint = null; // of the pointer, while it drags the sphere
 const turnBallLight = (dx, dy) => {
   if (state.light !== "point" || state.exact) {
     state.light = "point";
@@ -414,7 +426,7 @@ const showDialog = (title, parts) => {
   byId("dialog-body").replaceChildren(...parts);
   if (!dialog.open) dialog.showModal();
 };
-/** Return the function that acts, and shows the message of an error. */
+/** Return a function that calls `act`, and shows the message of its error. */
 const reportErrors = (act) => async () => {
   try {
     await act();

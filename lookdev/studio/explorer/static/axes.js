@@ -1,12 +1,13 @@
 // @ts-check
-// Axes on a 2D canvas: scales, ticks, curves. Lengths are CSS pixels.
+// Axes of plots on a 2D canvas: scales, ticks and curves. Lengths are in CSS pixels.
 
-export const DECADES = 4; // of logarithmic radii
+export const DECADES = 4; // powers of ten that a logarithmic radius shows
 
+/** Return the colours and the font of the page's style sheet. */
 export const readTheme = () => {
   const style = getComputedStyle(document.body);
   const read = (name) => {
-    // The browser resolves light-dark() in an element's colour only.
+    // The browser resolves light-dark() only in the colour of an element, so an element gets it.
     probe.style.color = `var(${name})`;
     return getComputedStyle(probe).color;
   };
@@ -24,6 +25,7 @@ export const readTheme = () => {
   return colors;
 };
 
+/** Return about `count` round numbers from `low` to `high`, at equal distances. */
 const niceTicks = (low, high, count) => {
   const step = (high - low) / count,
     power = 10 ** Math.floor(Math.log10(step)),
@@ -35,6 +37,7 @@ const niceTicks = (low, high, count) => {
   return ticks;
 };
 
+/** Return a number as short text, with an exponent if it is very large or very small. */
 export const formatShort = (value) => {
   if (value === 0) return "0";
   const size = Math.abs(value);
@@ -45,8 +48,8 @@ export const formatShort = (value) => {
 
 const signedRoot = (value) => Math.sign(value) * Math.sqrt(Math.abs(value));
 
-// Return a scale with its ticks: `map` from values to [0, 1], and `invert` back. The kind is
-// "linear", "sqrt" or "log".
+// Return a scale of a kind, "linear", "sqrt" or "log": about `count` ticks, `map`, the function
+// from values to [0, 1], and `invert`, the inverse function.
 export const makeScale = (kind, low, high, count) => {
   if (kind === "log") {
     const [a, b] = [Math.log10(low), Math.log10(high)],
@@ -85,6 +88,7 @@ export const makeScale = (kind, low, high, count) => {
   };
 };
 
+/** Axes in a box {left, top, width, height} of a canvas, with scales `x` and `y`. */
 export class Axes {
   constructor(context, box, x, y, theme) {
     this.context = context;
@@ -94,6 +98,7 @@ export class Axes {
     this.theme = theme;
   }
 
+  /** Return the horizontal position of a value on the canvas. */
   toX(value) {
     return this.box.left + this.x.map(value) * this.box.width;
   }
@@ -101,6 +106,7 @@ export class Axes {
     return this.box.top + (1 - this.y.map(value)) * this.box.height;
   }
 
+  /** Draw lines at the ticks with their numbers, and the labels of both axes. */
   drawGrid(xLabel, yLabel) {
     const { context: c, box, theme } = this;
     c.font = `11px ${theme.font}`;
@@ -140,7 +146,8 @@ export class Axes {
     c.fillText(yLabel, box.left, box.top - 12);
   }
 
-  // Draw a curve of values at positions; points outside the box are clipped.
+  // Draw a curve of `values` at `xs`; what is outside the box is clipped. `band` has the half
+  // heights of a band around the curve.
   drawCurve(xs, values, color, { dash = [], width = 2, band = null } = {}) {
     const { context: c, box } = this;
     c.save();

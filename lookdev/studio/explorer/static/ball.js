@@ -1,9 +1,10 @@
 // @ts-check
-// Spheres under a point light, in one pass, or in the studio dome, by passes that accumulate.
+// The renderer of spheres in the Explorer, by WebGL: under a point light in one pass, or under the
+// dome "studio" by passes whose sum becomes less noisy.
 import { createColors, gl, bindTarget, linkProgram, parameterLookup, growCanvas } from "./gl.js";
 import { option, state } from "./state.js";
 
-const DOME_PASSES = 192; // of 4 samples
+const DOME_PASSES = 192; // passes of 4 samples each
 const DISPLAY = `#version 300 es
 precision highp float; precision highp sampler2D;
 uniform sampler2D sum;
@@ -28,11 +29,12 @@ export class SphereRenderer {
   constructor(link, shaders) {
     this.link = link;
     this.shaders = shaders;
-    this.films = new Map(); // by the names of spheres
+    this.films = new Map(); // the sum of passes of each sphere, by the sphere's name
     this.displayProgram = null;
     this.dome = null;
   }
 
+  /** Return the textures of the dome, which the server sends once: its map, and samples of it. */
   async loadDome() {
     this.dome ??= this.link.ask({ do: "dome" }).then(({ arrays, shapes }) => ({
       radiance: createColors(shapes.radiance[1], shapes.radiance[0], arrays.radiance),
@@ -42,8 +44,9 @@ export class SphereRenderer {
   }
 
   /**
-   * Add a pass to the sphere of a name, and call `copy` with the canvas and the picture's corner. A
-   * changed surface starts the sphere anew. Return whether the sphere lacks passes.
+   * Add a pass to the sphere with a name, and call `copy` with the canvas and the corner of the
+   * picture on it. If surface, light or size have changed, the sphere starts anew. `light` is
+   * "point" or "dome". Returns whether the sphere still lacks passes.
    */
   async draw(name, surface, light, width, height, exposure, copy) {
     this.displayProgram ??= linkProgram(DISPLAY);
@@ -76,7 +79,7 @@ export class SphereRenderer {
     return film.count < passes;
   }
 
-  /** Return the film of a name; another size makes a new one. */
+  /** Return the film of a sphere by its name; it is new if the size has changed. */
   film(name, width, height) {
     const current = this.films.get(name);
     if (current?.width === width && current.height === height) return current;

@@ -1,5 +1,6 @@
 // @ts-check
-// The renderer's frame of the selected surface, on request; it replaces the sphere.
+// The exact frame: on the user's request, the server renders the selected surface on a sphere by
+// Cycles. The frame replaces the sphere that the page draws.
 import { decodeSrgb } from "./viewport/color.js";
 import { drawColors } from "./views.js";
 import { option, selectedSurface, wordsOf } from "./state.js";
@@ -9,6 +10,7 @@ const [startButton, stopButton, progressBar, facts] = ["render", "cancel", "prog
 );
 
 export class ExactFrame {
+  /** `onFrame` is called when a frame has arrived. */
   constructor(link, onFrame) {
     this.link = link;
     this.onFrame = onFrame;
@@ -21,11 +23,12 @@ export class ExactFrame {
     });
   }
 
-  // Return the frame, if it shows the surface as it is now, or null.
+  // Return the frame if it shows a surface as the surface is now, else null.
   frameOf(surface) {
     return this.frame && surface && this.frame.words === wordsOf(surface) ? this.frame : null;
   }
 
+  /** Request a frame of the selected surface, and show its progress. */
   async render() {
     const surface = selectedSurface();
     if (!surface || this.busy) return;
@@ -64,12 +67,13 @@ export class ExactFrame {
     stopButton.hidden = progressBar.hidden = true;
   }
 
+  /** Draw the frame in the middle of a canvas. */
   draw(context, width, height) {
     const { arrays, shapes } = this.frame,
       [rows, columns] = shapes.beauty;
     if (this.flipped?.frame !== this.frame || this.flipped.exposure !== option("exposure")) {
       const flipped = new Float32Array(arrays.beauty.length);
-      // The linear grey behind the sphere, which the exposure leaves as it is.
+      // The linear grey behind the sphere, divided by the factor of the exposure that follows.
       const grey = decodeSrgb(0x1a / 255) / 2 ** option("exposure");
       for (let y = 0; y < rows; y++)
         for (let i = 0; i < 3 * columns; i++)

@@ -1,16 +1,17 @@
 // @ts-check
-// The websocket: requests and their answers. A slot has one request at a time; after it, the newest
-// follows.
+// The websocket to the server, which answers requests. A slot names what an answer updates, such as
+// a plot. It has one request at a time; of the others, only the newest follows.
 
 import { parsePacket } from "./viewport/packets.js";
 
 export class Link {
+  /** `report` is called with a message, and whether it is good, when the connection changes. */
   constructor(report) {
     this.report = report;
     this.nextId = 1;
-    this.requests = new Map();
-    this.slots = new Map();
-    this.retryDelay = 250;
+    this.requests = new Map(); // those without an answer, by id
+    this.slots = new Map(); // {busy, waiting} by the name of the slot
+    this.retryDelay = 250; // milliseconds until the page reconnects
     this.connect();
   }
 
@@ -50,7 +51,8 @@ export class Link {
     else request.resolve(answer);
   }
 
-  // Return the server's answer to a request; throws the server's errors.
+  // Return the server's answer to a request; throws the server's errors. `progress` is called with
+  // reports before the answer.
   async ask(request, progress) {
     await this.ready;
     const id = this.nextId++;
@@ -60,8 +62,8 @@ export class Link {
     });
   }
 
-  // Ask in a slot. While a request of the slot is open, only the newest one waits; the requests
-  // between resolve with null.
+  // Return the server's answer to a request of a slot. While the slot has an open request, only its
+  // newest other request waits; earlier ones resolve with null.
   askNewest(slot, request) {
     return new Promise((resolve, reject) => {
       const state = this.slots.get(slot) ?? { busy: false, waiting: null };
@@ -72,6 +74,7 @@ export class Link {
     });
   }
 
+  /** Send the waiting request of a slot, and after its answer the next one, if there is any. */
   async sendNext(slot, state) {
     const { request, resolve, reject } = state.waiting;
     state.waiting = null;

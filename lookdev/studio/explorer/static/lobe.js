@@ -1,6 +1,6 @@
 // @ts-check
-// The lobe in three dimensions: a surface whose radius is f, over all directions of light above the
-// horizon.
+// The plot of lobes in three dimensions, by WebGL. A lobe is a mesh whose radius, in a direction to
+// the light above the horizon, is the value of the BSDF f for one view.
 import { gl, bindTarget, linkProgram, parameterLookup, growCanvas, isSupported } from "./gl.js";
 import { DECADES } from "./axes.js";
 import { luminance } from "./viewport/color.js";
@@ -25,10 +25,10 @@ void main() {
     result = vec4(color.rgb * light * color.a, color.a);
 }`;
 
-const COUNT = 72;
+const COUNT = 72; // polar angles of directions to the light; there are twice as many azimuths
 
-// Return angles of which a third are even and the others dense about a center, as
-// `lookdev.plotting.solid` has them.
+// Return increasing angles from `low` to `high`: a third evenly spaced, the others dense near
+// `center`, as `lookdev.plotting.solid` has them.
 const denseAngles = (low, high, center, count) => {
   const even = Math.max(Math.floor(count / 3), 2);
   const angles = Array.from({ length: even }, (_, i) => low + ((high - low) * i) / (even - 1));
@@ -55,7 +55,11 @@ export class LobeRenderer {
       : null;
   }
 
-  /** Return f of a surface over a grid of lights, with its peak. */
+  /**
+   * Return the lobe of a surface for a view at angles `theta` and `phi` in radians: `f` at a grid
+   * of directions `wi` to the light (rows x columns), its `peak`, and the direction `view`. With
+   * `cosine`, f is multiplied by the cosine of the light.
+   */
   async evaluate(surface, theta, phi, cosine) {
     if (surface.delta)
       throw new Error(
@@ -90,13 +94,13 @@ export class LobeRenderer {
     for (let i = 0; i < count; i++) {
       const value = luminance(pairs, 4 * i);
       f[i] = cosine ? value : value / wi[3 * i + 2];
-      // Some models have no bound towards the horizon.
+      // The peak leaves out the last degree above the horizon, where some models have no bound.
       if (wi[3 * i + 2] > 0.0175) peak = Math.max(peak, f[i]);
     }
     return { f, wi, rows: thetas.length, columns: phis.length, peak, view };
   }
 
-  /** Draw lobes, solid or as nets. */
+  /** Draw lobes: those that are `solid` as surfaces, others as nets of lines. */
   draw(lobes, width, height, scale, colors, ink) {
     const canvas = growCanvas(width, height);
     bindTarget(null, width, height);
@@ -128,7 +132,7 @@ export class LobeRenderer {
       if (index === 0) this.drawLines([0, 0, 0, 1.1 * x, 1.1 * y, 1.1 * z], gl.LINES, [...ink, 1]);
       if (lobe.solid) this.drawMesh(lobe, radius, colors[index]);
     });
-    // Nets show through the lobes before them.
+    // Nets are also visible through solid lobes in front of them.
     gl.disable(gl.DEPTH_TEST);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
@@ -155,6 +159,7 @@ export class LobeRenderer {
     gl.drawArrays(mode, 0, positions.length / 3);
   }
 
+  /** Draw a lobe; `radius` maps values of f to lengths. */
   drawMesh({ f, wi, rows, columns, solid }, radius, color) {
     const count = rows * columns,
       positions = new Float32Array(3 * count),
@@ -202,7 +207,7 @@ export class LobeRenderer {
     gl.drawElements(solid ? gl.TRIANGLES : gl.LINES, index.length, gl.UNSIGNED_INT, 0);
   }
 
-  /** Return the matrices of an orthographic camera, z up, in which the hemisphere fits. */
+  /** Return the matrices of an orthographic camera, z up, which shows the whole hemisphere. */
   camera(width, height) {
     const [azimuth, elevation] = state.lobeAngles,
       [ca, sa, ce, se] = [
@@ -230,6 +235,7 @@ export class LobeRenderer {
     };
   }
 
+  /** Return the position of a point on the canvas, in pixels from the upper left corner. */
   project(view, [x, y, z], width, height) {
     const at = (row) => view[row] * x + view[4 + row] * y + view[8 + row] * z + view[12 + row];
     return [((at(0) + 1) / 2) * width, ((1 - at(1)) / 2) * height];

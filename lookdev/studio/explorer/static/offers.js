@@ -1,5 +1,6 @@
 // @ts-check
-// The left side: the surfaces in the plots, and the models, presets, looks and files to add.
+// The left side of the Explorer's page: the list of the surfaces in the plots, and the list of the
+// models, presets, looks and files that the user can add as surfaces (offers).
 import { makeElement } from "./viewport/elements.js";
 import { colorOf, nameOf, notify, removeSurface, state } from "./state.js";
 
@@ -7,6 +8,7 @@ const surfaceList = document.getElementById("surfaces"),
   offers = document.getElementById("offers"),
   searchInput = document.getElementById("search");
 
+// The paths of icons, in SVG.
 const ICONS = {
   visible:
     "M1.5 8S4 3.5 8 3.5 14.5 8 14.5 8 12 12.5 8 12.5 1.5 8 1.5 8Z " +
@@ -40,6 +42,7 @@ const makeButton = (text, label, act, className = "plain") => {
   return element;
 };
 
+/** Show the list of the surfaces in the plots. */
 export const showSurfaces = () => {
   surfaceList.replaceChildren(
     ...state.surfaces.map((surface, index) => {
@@ -86,7 +89,8 @@ const removeAndFocus = (index) => {
   (surfaceList.querySelector(".selected .select") ?? searchInput).focus();
 };
 
-// Return the groups of the list: titles, with entries of words for the command line, name and text.
+// Return the groups of offers: [title, entries] of each. An entry is [words, name, description],
+// where `words` is the text of the surface on the command line.
 const offerGroups = () => {
   const { models, presets, looks, measured } = state.catalogue,
     /** @type {[string, any[][]][]} */
@@ -126,6 +130,7 @@ const offerGroups = () => {
   return groups;
 };
 
+/** Show the offers that contain the searched text; `add` is called with the words of one. */
 export const showOffers = (add) => {
   const search = searchInput.value.trim().toLowerCase(),
     elements = [];
@@ -154,6 +159,7 @@ export const showOffers = (add) => {
   offers.replaceChildren(...elements);
 };
 
+/** Show offers while the user types. Enter adds the first offer, or the typed words. */
 export const watchSearch = (add) => {
   searchInput.addEventListener("input", () => showOffers(add));
   searchInput.addEventListener("keydown", (event) => {
@@ -167,7 +173,7 @@ export const watchSearch = (add) => {
   });
 };
 
-/** Upload a file; return its name on the server. */
+/** Upload a file; return its name on the server. `showProgress` is called with a fraction. */
 const upload = (file, showProgress) =>
   new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
@@ -183,7 +189,7 @@ const upload = (file, showProgress) =>
     request.send(file);
   });
 
-/** Upload files, and add each as a surface. */
+/** Upload files, and add each as a surface; `say` shows the message of an error. */
 const addFiles = async (files, add, say) => {
   const bar = document.getElementById("uploading");
   const showProgress = (share) => {
@@ -209,7 +215,9 @@ const addFiles = async (files, add, say) => {
   bar.hidden = true;
 };
 
-/** Call a function with files that the user drops on the page. A veil shows the drop area. */
+/**
+ * Call a function with the files that the user drops on the page, which a veil covers meanwhile.
+ */
 const watchDrags = (send) => {
   const veil = document.getElementById("veil");
   let depth = 0;

@@ -1,5 +1,6 @@
 // @ts-check
-// The plot: requests and caches the numbers of each surface, and draws those that have arrived.
+// The plot of the Explorer's page. It requests and caches the numbers of each surface, and draws
+// those that have arrived; spheres and lobes are drawn by WebGL, without numbers from the server.
 import { DECADES, formatShort, readTheme } from "./axes.js";
 import { hexCodes } from "./viewport/color.js";
 import {
@@ -16,14 +17,16 @@ import {
 import { layOutSquares, VIEWS } from "./views.js";
 
 const canvas = document.getElementById("plot");
-// The canvas stays in memory: a software graphics driver would take longer than the drawing.
+// The option keeps the canvas in the main memory: with a software graphics driver, copying it would
+// take longer than drawing.
 const context = canvas.getContext("2d", { willReadFrequently: true });
 const readout = document.getElementById("readout"),
   notice = document.getElementById("notice"),
   legend = document.getElementById("legend");
 const SCALE_WORDS = { log: `log, ${DECADES} decades`, sqrt: "square root" };
+// The options that do not change the numbers of a plot, only its drawing.
 const PAGE_OPTIONS = new Set(["scale", "angles", "channels", "exposure", "chroma"]);
-const GPU_KINDS = new Set(["lobe3d", "sphere"]); // drawn by GLSL
+const GPU_KINDS = new Set(["lobe3d", "sphere"]); // kinds of plots that are drawn by WebGL
 
 // Milliseconds from each move of the pointer until its plot was drawn, and until the frame that
 // shows it. Tests read them.
@@ -35,16 +38,16 @@ export class Plots {
     this.link = link;
     this.spheres = spheres;
     this.lobes = lobes;
-    this.cache = new Map();
-    this.requests = new Map();
-    this.moveTimes = [];
-    this.readAt = null;
+    this.cache = new Map(); // the numbers of surfaces, {key, kind, data}, by the surface's id
+    this.requests = new Map(); // the key of the newest request of each surface, by its id
+    this.moveTimes = []; // times of the moves of the pointer that are not drawn yet
+    this.readAt = null; // the function from a point of the canvas to the text of the readout
     this.frameRequest = 0;
     this.paintCount = 0;
     this.paintEnd = 0;
     this.paintDuration = 0;
     onChange((change, detail) => this.applyChange(change, detail));
-    // Reading the size of the canvas in `paint` would lay out the page at each move.
+    // The size is stored, because reading it in `paint` would lay out the page at each move.
     this.size = [canvas.clientWidth, canvas.clientHeight];
     new ResizeObserver(() => {
       this.size = [canvas.clientWidth, canvas.clientHeight];
@@ -65,6 +68,7 @@ export class Plots {
     this.followDrags();
   }
 
+  /** Draw the plot anew, and request numbers, as far as a change of the state needs it. */
   applyChange(change, detail) {
     if (change === "parameter")
       this.requestNumbers(detail.surface, {
@@ -79,7 +83,7 @@ export class Plots {
     } else this.requestAll(change === "options" ? detail : {});
   }
 
-  // Return the request of a surface's numbers. It lacks the options that only the page reads.
+  // Return the request for the numbers of a surface, without `PAGE_OPTIONS`. A draft is coarser.
   makeRequest(surface, draft) {
     const options = Object.fromEntries(
       Object.entries(changedOptions()).filter(([name]) => !PAGE_OPTIONS.has(name)),
@@ -104,11 +108,16 @@ export class Plots {
     this.draw();
   }
 
+  /** Return the visible surfaces, up to the largest number that the kind of plot shows. */
   plottedSurfaces() {
     const { most } = state.catalogue.kinds[state.kind];
     return visibleSurfaces().slice(0, most);
   }
 
+  /**
+   * Request the numbers of a surface, unless they are requested already, and draw them. `moving` is
+   * the parameter that a slider moves, and `moveTime` the time of the pointer's move.
+   */
   async requestNumbers(surface, { moving = "", draft = false, moveTime = 0 }) {
     surface.movedParameter = moving || surface.movedParameter || "";
     surface.problem = "";
@@ -138,8 +147,8 @@ export class Plots {
           moving: surface.movedParameter,
         });
         if (!data) return;
-        // While the pointer moves on, the plot shows older answers, too: those of a slot come in
-        // order.
+        // Also show an answer that is no longer the newest: while the pointer moves on, the plot
+        // follows. Answers of a slot arrive in the order of its requests.
         this.cache.set(surface.id, { key, kind: request.kind, data });
         this.draw(moveTime);
         if (this.requests.get(surface.id) !== key) return;
@@ -154,9 +163,9 @@ export class Plots {
     }
   }
 
-  // Draw in the next frame. The plot of a move of the pointer, at the time `moveTime`, is drawn at
-  // once, so that the frame about to begin has it. Answers that arrive faster than they are drawn
-  // share a frame.
+  // Draw the plot in the next frame of the browser. After a move of the pointer, at the time
+  // `moveTime`, it is drawn at once, so that the next frame has it already. But answers that arrive
+  // faster than the plot is drawn share a frame.
   draw(moveTime = 0) {
     if (moveTime) this.moveTimes.push(moveTime);
     const paint = () => {
@@ -173,6 +182,7 @@ export class Plots {
     else this.frameRequest ||= requestAnimationFrame(paint);
   }
 
+  /** Draw the plot now. */
   async paint() {
     const began = performance.now(),
       [width, height] = this.size,
@@ -228,7 +238,7 @@ export class Plots {
     if (this.pointer) this.showReadout(...this.pointer);
   }
 
-  /** Draw the numbers of surfaces, as far as they have arrived. */
+  /** Draw the numbers of those surfaces whose numbers have arrived. */
   drawNumbers(surfaces, width, height, clear) {
     const kind = state.kind === "difference" ? "slice" : state.kind,
       items = [];
@@ -238,14 +248,14 @@ export class Plots {
     }
     clear();
     this.readAt = null;
-    // A view returns a function, or a sentence about what it lacks.
+    // A view returns the function for the readout, or a sentence if it lacks a surface.
     const result =
       items.length || !surfaces.length
         ? VIEWS[state.kind](context, items, width, height, this.theme)
         : null;
     if (typeof result === "string") clear();
     else this.readAt = result;
-    // The numbers that a view lacks may be on their way.
+    // The sentence is shown only if no numbers are still to arrive.
     const isWaiting = surfaces.some(
       (surface) => !surface.problem && !items.some((item) => item.surface === surface),
     );
@@ -298,7 +308,7 @@ export class Plots {
       bottom: 10,
       gap: 14,
     });
-    // The two spheres of a surface, under the point light and in the dome, are neighbours.
+    // The two spheres of a surface, under the point light and under the dome, are side by side.
     const pictures = [],
       names = new Set(["ball"]);
     let lacksPasses = false;
@@ -405,12 +415,13 @@ export class Plots {
     names.forEach((name, i) => context.fillText(name, 18, 50 + 18 * i));
   }
 
+  /** Show the values of the plot at a point of the canvas as text. */
   showReadout(x, y) {
     this.pointer = [x, y];
     readout.textContent = this.readAt?.(x, y) ?? "";
   }
 
-  // Arrow keys move the point of the readout, or turn the lobe and the light.
+  // Let arrow keys move the point of the readout, or rotate the lobe or the light.
   pressKey(event) {
     const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[
       event.key
@@ -429,6 +440,7 @@ export class Plots {
     );
   }
 
+  /** Rotate the lobe, or move the light of the spheres, by pixels of a drag. */
   rotate(dx, dy) {
     if (state.kind === "lobe3d") {
       state.lobeAngles = [
@@ -458,7 +470,7 @@ export class Plots {
   }
 }
 
-// Move the point light over the sphere, by pixels.
+// Move the point light over the sphere, as the pointer moves by `dx` and `dy` pixels.
 export const turnLight = (dx, dy) => {
   const [theta, phi] = state.lightAngles.map((degrees) => (degrees * Math.PI) / 180);
   const x = Math.sin(theta) * Math.cos(phi) + dx * 0.008,

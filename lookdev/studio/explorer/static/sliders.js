@@ -1,12 +1,13 @@
 // @ts-check
-// The parameters of the selected surface: sliders with units and ranges, and the publication's
-// sentence about each.
+// The panel of the selected surface's parameters. Each has sliders or a select, and the sentence of
+// the model's publication about it. A parameter has a `soft` range for its slider, and a `hard`
+// range of valid values.
 import { fromHex, toHex } from "./viewport/color.js";
 import { makeElement, setLabel } from "./viewport/elements.js";
 import { parameterGroup, parameterLookup } from "./gl.js";
 import { notify, nameOf, selectedSurface, state } from "./state.js";
 
-/** Return a name as a title: "clearcoatGloss" is "Clearcoat gloss". */
+/** Return the name of a parameter as a title: "clearcoatGloss" becomes "Clearcoat gloss". */
 const titleOf = (name) => {
   const text = name.replace(/([a-z])([A-Z0-9])/g, "$1 $2");
   return text[0].toUpperCase() + text.slice(1).toLowerCase();
@@ -14,7 +15,8 @@ const titleOf = (name) => {
 const formatNumber = (value) => Number(value.toPrecision(4)).toString();
 const clamp = (value, [low, high]) => Math.min(high, Math.max(low, value));
 
-// The slider of a long range, as that of an exponent, moves the cube root of the value.
+// The position of a slider is in [0, 1]. For a long range, such as that of an exponent, it is the
+// cube root of the value's position in the range, so that small values can be set.
 const isLong = ([low, high]) => low >= 0 && high >= 100;
 const toSlider = (value, range) => {
   const t = (value - range[0]) / (range[1] - range[0]);
@@ -25,20 +27,20 @@ const fromSlider = (t, range) => {
   return Number(value.toPrecision(isLong(range) ? 3 : 4));
 };
 
-/** Set a slider to a share of its range, which its style shows. */
+/** Show the position of a slider by its style, which colours that fraction of its track. */
 const setShare = (slider, share) =>
   slider.style.setProperty("--share", `${100 * clamp(share, [0, 1])}%`);
 
 const makeSlider = (properties) =>
   makeElement("input", { type: "range", min: 0, max: 1, ...properties });
 
-/** Call a function with the event, and whether the pointer holds the input. */
+/** Call `act` at each change of an input, with the event and whether the pointer still holds it. */
 const followInput = (input, act) => {
   input.addEventListener("input", (event) => act(event, true));
   input.addEventListener("change", (event) => act(event, false));
 };
 
-/** Return the publication's sentence about a parameter, or its help. */
+/** Return an element with the publication's sentence about a parameter, or else with its help. */
 function makeSentence({ name, quote, help }, model) {
   const sentence = makeElement("p", { className: "sentence", id: `p-${name}-s` });
   if (quote)
@@ -56,8 +58,8 @@ function makeNumber([min, max], properties = {}) {
 }
 
 /**
- * Return a slider and a field for a component of a vector, and `showNumber`, which sets both. `set`
- * is called with a number, or with null if the entry is not a number.
+ * Return a slider and a field for one component of a vector, and `showNumber`, which sets both.
+ * `set` is called with the user's number, or with null if what the user typed is not a number.
  */
 function componentInputs(label, soft, hard, set) {
   const slider = setLabel(makeSlider({ step: 0.002 }), `${label}, slider`),
@@ -84,6 +86,7 @@ export class Sliders {
     this.panel = document.getElementById("parameters");
   }
 
+  /** Show the parameters of a surface, in their groups. */
   show(surface) {
     const { models } = state.catalogue,
       model = models[surface.model];
@@ -129,7 +132,7 @@ export class Sliders {
     }
   }
 
-  // Show the texture coordinates at which the stack of a look is plotted.
+  // Show sliders for the texture coordinates at which the layers of a look are plotted.
   showCoordinates(surface) {
     const [, stem, , u, v] = surface.base.match(/^(.*?)(@([\d.]+),([\d.]+))?$/),
       st = [u ?? 0.5, v ?? 0.5].map(Number);
@@ -186,6 +189,7 @@ export class Sliders {
     return element;
   }
 
+  /** Return the button that sets a parameter back to its default. */
   resetButton(surface, { name }) {
     const button = makeElement("button", {
       type: "button",
@@ -304,7 +308,8 @@ export class Sliders {
     element.append(row, grid, sentence);
   }
 
-  // Replace a name that sets other parameters, such as a metal's, by the values that it sets.
+  // Replace a token that sets other parameters, such as the name of a metal, by the values that it
+  // sets, because the user now changes one of them.
   replacePresets(surface, parameter) {
     const model = state.catalogue.models[surface.model];
     const presets = model.parameters.filter(
@@ -324,7 +329,7 @@ export class Sliders {
     queueMicrotask(() => this.show(surface));
   }
 
-  // Request all values anew, after a change of form.
+  // Request all values from the server anew, after a change of a token.
   async requestValues(surface) {
     notify("form", { surface });
     if (selectedSurface() === surface)

@@ -1,6 +1,6 @@
 // @ts-check
-// The state of the page: surfaces, kind of plot, options, light. The URL has all of it, as words of
-// the command line.
+// The state of the Explorer's page: its surfaces, the kind of plot, options and lights. The URL of
+// the page has all of it.
 
 const formatNumber = (value) => Number(value.toPrecision(7)).toString();
 const formatValue = (value) =>
@@ -10,7 +10,8 @@ const formatValue = (value) =>
       ? formatNumber(value)
       : value;
 
-// The words of a surface: its label, its base, and its given parameters.
+// Return the words of a surface, which is its text on the command line: its base, such as a model
+// or a preset, the parameters that the user has given, and with `hasLabel` its label.
 export const wordsOf = (surface, hasLabel = false) => {
   const parameters = Object.entries(surface.given).map(
     ([name, value]) => `${name}=${formatValue(value)}`,
@@ -19,19 +20,20 @@ export const wordsOf = (surface, hasLabel = false) => {
   return hasLabel && surface.label ? `${surface.label}=${words}` : words;
 };
 
+// Return the name of a surface for the user: its label, or its base or file without folders.
 export const nameOf = (surface) =>
   surface.label ||
   (surface.given.file ?? surface.base).replace(/^uploads\/[0-9a-f]{8}-/, "").replace(/^.*\//, "");
 
 export const state = {
-  catalogue: null, // what the server offers
-  surfaces: [],
-  selected: 0,
+  catalogue: null, // what the server offers: lookdev.studio.explorer.catalogue
+  surfaces: [], // as the server describes them, with id, color, hidden and open groups
+  selected: 0, // the index of the selected surface
   kind: "cartesian",
   options: {},
   light: "dome", // or "point"
-  exact: false, // the exact frame replaces the sphere
-  lightAngles: [35, 40], // degrees from the view, and of azimuth
+  exact: false, // whether the exact frame replaces the sphere
+  lightAngles: [35, 40], // of the point light, in degrees: from the view, and its azimuth
   lobeAngles: [-0.6, 0.42], // azimuth and elevation of the lobe, radians
 };
 
@@ -41,8 +43,8 @@ export const onChange = (listener) => listeners.add(listener);
 
 let writeTimer = 0;
 // Call the listeners with a change and its detail, and write the URL soon. Changes are "surfaces",
-// "kind", "options", "parameter", "selected", "light", "turn", "label", "form", "duplicate",
-// "theme".
+// "kind", "options", "parameter", "selected", "light", "turn" (of the lobe), "label", "form" (a
+// token of a model), "duplicate" (of a surface) and "theme".
 export const notify = (change, detail = {}) => {
   for (const listener of listeners) listener(change, detail);
   clearTimeout(writeTimer);
@@ -52,6 +54,7 @@ export const notify = (change, detail = {}) => {
 export const selectedSurface = () => state.surfaces[state.selected];
 export const visibleSurfaces = () => state.surfaces.filter((surface) => !surface.hidden);
 
+// Return the colour of a surface in plots, which is lighter on a dark page if it is too dark there.
 export const colorOf = (surface) => {
   const color = state.catalogue.colors[surface.color % state.catalogue.colors.length];
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
@@ -64,6 +67,7 @@ export const colorOf = (surface) => {
       : color;
 };
 
+// Add a surface as the server describes it, with the first free colour; return it.
 export const addSurface = (description, hidden = false) => {
   const usedColors = new Set(state.surfaces.map((surface) => surface.color));
   let color = 0;
@@ -80,7 +84,7 @@ export const removeSurface = (index) => {
   notify("surfaces");
 };
 
-// The options of the current kind that differ from their defaults.
+// Return the options of the current kind of plot that differ from their defaults.
 export const changedOptions = () => {
   const { uses } = state.catalogue.kinds[state.kind];
   return Object.fromEntries(
@@ -90,8 +94,8 @@ export const changedOptions = () => {
   );
 };
 
-// The index of the light's angle that an option sets, or -1. On spheres, theta and phi are the
-// angles of the light.
+// Return the index in `lightAngles` that an option sets, or -1: in the plot of spheres, theta and
+// phi are the angles of the light.
 const lightAngleIndex = (name) => (state.kind === "sphere" ? ["theta", "phi"].indexOf(name) : -1);
 export const option = (name) =>
   lightAngleIndex(name) >= 0
@@ -102,6 +106,7 @@ export const setOption = (name, value) => {
   else state.options[name] = value;
 };
 
+// Return the URL of the page with its state.
 export const pageUrl = () => {
   const query = new URLSearchParams();
   for (const surface of state.surfaces) query.append("s", wordsOf(surface, true));
@@ -121,13 +126,14 @@ const writeUrl = () => {
   if (state.surfaces.length) history.replaceState(null, "", pageUrl());
 };
 
+// Return the two numbers in a text, or the default value.
 const parsePair = (text, defaultValue) => {
   const numbers = (text ?? "").split(",").map(Number);
   return numbers.length === 2 && numbers.every(Number.isFinite) ? numbers : defaultValue;
 };
 
-// Set the state to that of the URL, as far as it is valid; return the surfaces' words, the selected
-// one and the hidden ones.
+// Set the state to what is valid in the URL, except for the surfaces. Return the words of the
+// surfaces, the index of the selected one, and the indices of the hidden ones.
 export const readUrl = () => {
   const query = new URLSearchParams(location.hash.slice(1));
   const { options, choices, kinds } = state.catalogue;

@@ -1,14 +1,16 @@
 // @ts-check
-// Compares the browser's values at random pairs of directions with those of the models in float64.
+// The comparison of the page's shaders with the float64 models in Python, at random pairs of
+// directions.
 import { makeElement } from "./viewport/elements.js";
 import { parameterLookup } from "./gl.js";
 import { nameOf, visibleSurfaces, wordsOf } from "./state.js";
 
-export const TOLERANCE = 2e-4;
-const SHARE = 0.99; // of the channels that must agree
+export const TOLERANCE = 2e-4; // largest relative difference of values that agree
+const SHARE = 0.99; // fraction of the channels that must agree
 
-// Return the differences relative to each expected value, or to a thousandth of the median if that
-// is larger. `values` has texels of 4, `expected` of `width` numbers.
+// Return the differences of `values` and `expected`, relative to each expected value, or to a
+// thousandth of the median if that is larger. For each pair of directions, `values` has 4 numbers,
+// and `expected` has `width`.
 const relativeDifferences = (values, expected, width) => {
   const sizes = Float32Array.from(expected, Math.abs).sort(),
     floor = 1e-3 * Math.max(1, sizes[sizes.length >> 1]),
@@ -22,8 +24,8 @@ const relativeDifferences = (values, expected, width) => {
   return differences;
 };
 
-// Return for each surface the number of channels, and the 99 % quantile and the maximum of their
-// differences.
+// Return a row for each visible surface: the number of channels, the 99 % quantile and the largest
+// of their relative differences, and whether the surface agrees.
 export const verifySurfaces = async (link, shaders) => {
   const rows = [];
   for (const surface of visibleSurfaces()) {

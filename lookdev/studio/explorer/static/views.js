@@ -1,17 +1,20 @@
 // @ts-check
-// Draws the numbers of surfaces for each kind of plot. A view draws `items`, surfaces with their
-// numbers, and returns the function from a point of the canvas to the text of its readout.
+// The views, one for each kind of plot. A view is a function that draws `items`, which are surfaces
+// with their numbers from the server, on a canvas. It returns the function from a point of the
+// canvas to the text of the readout. f is the BSDF.
 import { Axes, DECADES, formatShort, makeScale } from "./axes.js";
 import { encodeSrgb, luminance } from "./viewport/color.js";
 import { colorOf, nameOf, option, state } from "./state.js";
 
+// The colours of the curves of channels, on a light and on a dark page.
 const RGB = { r: ["#c8322d", "#ff7a70"], g: ["#2b8a3e", "#6fcf87"], b: ["#2454c5", "#86a8ff"] };
 const DASHES = [[], [7, 4], [2, 3], [7, 3, 2, 3]];
 const AXIS = { theta_h: "θh", theta_d: "θd", theta_i: "θi" };
 
 const isDark = () => matchMedia("(prefers-color-scheme: dark)").matches;
 
-// Return the curves of colours (n, 3): one of luminance, or one of each channel.
+// Return the curves of each item's colours, the array `name` (n, 3): one of the luminance, or one
+// for each channel.
 const curvesOf = (items, name = "f") =>
   items.flatMap(({ surface, data }, index) => {
     const f = data.arrays[name],
@@ -29,6 +32,7 @@ const curvesOf = (items, name = "f") =>
     return [{ surface, data, color: colorOf(surface), dash: [], label: nameOf(surface), values }];
   });
 
+// Return the index of the number nearest to x among increasing numbers.
 const nearestIndex = (xs, x) => {
   let [low, high] = [0, xs.length - 1];
   while (high - low > 1) {
@@ -39,6 +43,7 @@ const nearestIndex = (xs, x) => {
   return x - xs[low] < xs[high] - x ? low : high;
 };
 
+// Return the box of the axes on a canvas, within margins for labels.
 const plotBox = (width, height) => ({
   left: width < 500 ? 48 : 64,
   top: 40,
@@ -50,16 +55,16 @@ const valueLabel = () => (option("cosine") ? "f cos θi (1/sr)" : "f (1/sr)");
 
 const SCALE_WORDS = { log: ["log", `${DECADES} decades`], sqrt: ["square root"] };
 
-/** Return the function that formats the value of a curve at an angle. */
+/** Return the function that formats the value of a curve at an angle in degrees. */
 const curveReadout =
   (angle) =>
   ({ data, values, label }) =>
     `${label} ${formatShort(values[nearestIndex(data.arrays.x, angle)])}`;
 
-/** Format the half and difference angles of a cell of a slice. */
+/** Return theta_h and theta_d of a cell of a slice as text; `cell` is that of `sliceCell`. */
 const formatAngles = (cell) => `θh ${cell[2].toFixed(1)}°  θd ${cell[3].toFixed(1)}°`;
 
-/** Return the view of curves over an angle, as `lookdev.plotting.curves` draws them. */
+/** Return a view of curves over an angle, which draws as `lookdev.plotting.curves` does. */
 const makeCurvesView =
   ({ xLabel, yLabel, name = "f", range = null, drawExtra = null, title, hasUnitLine = false }) =>
   (c, items, width, height, theme) => {
@@ -116,8 +121,8 @@ const makeCurvesView =
   };
 
 /**
- * Return the centre and the radius of a polar plot, and `at`, the function from degrees and a share
- * of the radius to pixels.
+ * Return the radius and the centre (x0, y0) of a polar plot, and `at`, the function from an angle
+ * in degrees and a fraction of the radius to a point of the canvas.
  */
 const polarFrame = (width, height) => {
   const radius = Math.min(width / 2 - 46, height - 110),
@@ -130,7 +135,10 @@ const polarFrame = (width, height) => {
   return { radius, x0, y0, at };
 };
 
-/** Return `size`, the function from values to shares of the radius, and the values of the rings. */
+/**
+ * Return `size`, the function from values to fractions of the radius, and `rings`, the values that
+ * have a ring.
+ */
 const polarScale = (scale, peak) => {
   const floor = peak * 10 ** -DECADES;
   const share = {
@@ -222,13 +230,14 @@ const drawPolar = (c, items, width, height, theme) => {
   };
 };
 
-// The sRGB codes of linear values in [0, 1].
+// The sRGB codes of linear values k / 16384, by k.
 const SRGB_CODES = Uint8ClampedArray.from({ length: 16385 }, (_, i) =>
   Math.round(255 * encodeSrgb(i / 16384)),
 );
 const colorImages = new WeakMap();
 
-// Return an image of colours, row 0 at the bottom; it is cached by the array.
+// Return a canvas with a picture of linear colours, 3 numbers each, whose row 0 is at the bottom.
+// It is cached for the array.
 export const drawColors = (array, width, height, exposure, chroma) => {
   const key = `${exposure} ${chroma}`,
     cached = colorImages.get(array);
@@ -263,7 +272,8 @@ export const drawColors = (array, width, height, exposure, chroma) => {
   return canvas;
 };
 
-// Return the largest squares that fit side by side.
+// Return the positions {x, y, size} of `count` equal squares in rows on a canvas, as large as
+// possible. Each has margins for its title and its axes.
 export const layOutSquares = (
   count,
   width,
@@ -289,6 +299,8 @@ export const layOutSquares = (
   }));
 };
 
+// Texts on a slice: horizontal and vertical position in [0, 1], text, rotation in degrees,
+// alignment.
 /** @type {[number, number, string, number, CanvasTextAlign][]} */
 const SLICE_LABELS = [
   [0.035, 0.5, "specular peak", -90, "center"],
@@ -298,6 +310,7 @@ const SLICE_LABELS = [
   [0.5, 0.5, "diffuse", 0, "center"],
 ];
 
+// Draw the frame of a slice with its title and ticks.
 const frameSlice = (c, { x, y, size }, theme, title, color) => {
   c.strokeStyle = theme.edge;
   c.lineWidth = 1;
@@ -323,6 +336,7 @@ const frameSlice = (c, { x, y, size }, theme, title, color) => {
   c.fillText(title, x, y - 10, size);
 };
 
+// Draw the slice of a surface in a square; a labelled one has the texts of its regions.
 const drawSlice = (c, square, data, theme, title, color, isLabelled) => {
   const [rows, columns] = data.shapes.f;
   c.imageSmoothingEnabled = square.size * devicePixelRatio < columns;
@@ -353,7 +367,8 @@ const drawSlice = (c, square, data, theme, title, color, isLabelled) => {
   c.textBaseline = "alphabetic";
 };
 
-// Return column, row, θh and θd of a point in a square, or null outside.
+// Return column, row, θh and θd of a point in the square of a slice, or null outside; a slice has
+// `count` cells along a side.
 const sliceCell = (square, x, y, count) => {
   const [u, v] = [(x - square.x) / square.size, 1 - (y - square.y) / square.size];
   return u < 0 || u >= 1 || v < 0 || v >= 1
@@ -379,8 +394,9 @@ const drawSlices = (c, items, width, height, theme) => {
   };
 };
 
+// Return the colour of t in [0, 1]: blue at 0, white in the middle, red at 1.
 const blueRed = (t) => {
-  // ColorBrewer's RdBu, reversed: interpolated between its ends and its middle.
+  // The ends and the middle of ColorBrewer's RdBu, reversed; colours between them are interpolated.
   const [a, b] =
       t < 0.5
         ? [
@@ -397,9 +413,9 @@ const blueRed = (t) => {
 };
 
 /**
- * Return a picture of values, whose first row is the lowest.
- *
- * `scale` maps a value to a number, which is clipped to [0, 1], and `colormap` that to a colour.
+ * Return a canvas with a picture of values (rows x columns), whose first row is the lowest. `scale`
+ * maps a value to a number, which is clipped to [0, 1], and `colormap` maps this number to a
+ * colour.
  */
 const makePicture = (values, columns, rows, scale, colormap) => {
   const picture = new OffscreenCanvas(columns, rows),
@@ -462,7 +478,7 @@ const drawDifference = (c, items, width, height, theme) => {
   };
 };
 
-// Five colours of viridis.
+// Five colours of matplotlib's colormap viridis, at equal distances.
 const VIRIDIS = [
   [68, 1, 84],
   [59, 82, 139],
@@ -470,13 +486,16 @@ const VIRIDIS = [
   [94, 201, 98],
   [253, 231, 37],
 ];
+// Return the colour of t in [0, 1].
 const viridis = (t) => {
   const k = Math.min(3, Math.floor(t * 4)),
     s = t * 4 - k;
   return VIRIDIS[k].map((x, i) => x + (VIRIDIS[k + 1][i] - x) * s);
 };
 
-/** Return the heat map of an array, over the six decades below `top`. */
+/**
+ * Return a picture of an array in the colours of viridis, over the six powers of ten below `top`.
+ */
 const makeHeatMap = (array, top, width, height) =>
   makePicture(
     array,
@@ -486,7 +505,10 @@ const makeHeatMap = (array, top, width, height) =>
     viridis,
   );
 
-/** Draw numbers over the sphere of directions; return the rectangle that they fill. */
+/**
+ * Draw numbers over the sphere of directions, by azimuth and cosine. Returns the numbers with the
+ * rectangle that they fill.
+ */
 const drawDirections = (c, { left, top, width, height }, numbers, peak, theme) => {
   const { array, rows, columns, title } = numbers;
   c.imageSmoothingEnabled = false;

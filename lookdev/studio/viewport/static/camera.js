@@ -1,5 +1,6 @@
 // @ts-check
-// Cameras, as in lookdev/scene/camera.py: degrees, metres, z up.
+// Cameras of the viewport, as lookdev/scene/camera.py defines them: angles in degrees, lengths in
+// metres, z up. The functions also return what the shaders need of a camera and of rotations.
 
 const radians = (degrees) => (degrees * Math.PI) / 180;
 const cross = (a, b) => [
@@ -7,13 +8,14 @@ const cross = (a, b) => [
   a[2] * b[0] - a[0] * b[2],
   a[0] * b[1] - a[1] * b[0],
 ];
+/** Return the vector a + scale * b. */
 export const sum = (a, b, scale = 1) => a.map((x, i) => x + scale * b[i]);
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 /** Return half the width of the frame at depth 1. */
 export const halfWidth = (camera) => Math.tan(radians(camera.fov) / 2);
 
-/** Return the unit vectors to the right, up and backwards. */
+/** Return the camera's unit vectors to the right, up and backwards. */
 export function basis(camera) {
   const azimuth = radians(camera.azimuth - 90),
     elevation = radians(camera.elevation),
@@ -43,8 +45,8 @@ export function orbit(camera, degrees) {
 }
 
 /**
- * Return the camera after a rotation about its target. The elevation stops before the poles, where
- * the vector to the right is undefined.
+ * Return the camera after a rotation about its target, by degrees of azimuth and of elevation
+ * (`rise`). The elevation stops before the poles, where the vector to the right is undefined.
  */
 export function rotate(camera, degrees, rise) {
   const elevation = Math.max(-89.9, Math.min(89.9, camera.elevation + rise));
@@ -52,8 +54,8 @@ export function rotate(camera, degrees, rise) {
 }
 
 /**
- * Return the camera, moved by shares of the frame's width, so that points at the target's depth
- * follow the pointer.
+ * Return the camera after the pointer has moved to the right (`across`) and up (`along`), as
+ * fractions of the frame's width: points at the target's depth follow the pointer.
  */
 export function pan(camera, across, along) {
   const [right, up] = basis(camera),
@@ -64,9 +66,10 @@ export function pan(camera, across, along) {
 /** Return the camera nearer to its target by a factor. */
 export const zoom = (camera, factor) => ({ ...camera, distance: camera.distance / factor });
 
-// Roberts' additive recurrence in four dimensions, shifted at random by a seed (Cranley and
-// Patterson 1976).
+// The sample points are Roberts' additive recurrence in four dimensions: each point is the one
+// before it plus STEPS, modulo 1. A seed shifts all points at random (Cranley and Patterson 1976).
 const STEPS = [1, 2, 3, 4].map((k) => 1.1673039782614187 ** -k);
+// Return the shift, in [0, 1), of coordinate k of the points of a seed.
 function randomShift(seed, k) {
   let x = Math.imul(seed + 1, 0x9e3779b9) ^ Math.imul(k + 1, 0x632be5ab); // Wellons' "lowbias32"
   x = Math.imul(x ^ (x >>> 16), 0x7feb352d);
@@ -77,8 +80,11 @@ const samplePoint = (number, seed) =>
   STEPS.map((step, k) => (randomShift(seed, k) + step * (number + 1)) % 1);
 
 /**
- * Return the uniforms of a view relative to `center`, for the point `number` of the pixels' area
- * and of the lens. With `centred`, the point is the middle of the pixel.
+ * Return the uniforms that describe the view of a camera. Positions are relative to `center`, that
+ * of the asset. The asset stands still: the camera orbits by `-element` degrees instead. All pixels
+ * of a view are sampled at one point of their area and of the lens, that of `number` in the
+ * sequence of `seed`; with `centred`, in the middle of their area. `depths` are the nearest and the
+ * farthest depth of the asset, which is inside a ball of `radius`.
  */
 export function viewUniforms(
   camera,
@@ -112,8 +118,9 @@ export function viewUniforms(
 }
 
 /**
- * Return sine and cosine of the rotation of the lights that turn with the rig, and of the lights
- * that stay.
+ * Return the sine and cosine of the rotation of the lights that rotate with the rig, by `lighting`
+ * degrees, and of the other lights: four numbers. Rotations are relative to the asset, which is
+ * itself rotated by `element` degrees.
  */
 export function lightRotations(element, lighting) {
   return [lighting - element, -element].flatMap((angle) => [

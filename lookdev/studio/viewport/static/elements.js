@@ -1,15 +1,16 @@
 // @ts-check
-// HTML elements, and names as a person reads them.
+// Functions for all panels that make HTML elements, and that write names as a person reads them.
 
 export const byId = (id) => document.getElementById(id);
 
+/** Return an element with a tag, properties and children. */
 export function makeElement(tag, properties = {}, ...children) {
   const element = Object.assign(document.createElement(tag), properties);
   element.append(...children);
   return element;
 }
 
-/** Return a button; its title is the tooltip, with its key. */
+/** Return a button that calls `act`; its title is the tooltip, which states its key, if any. */
 export function makeButton(text, title, act, properties = {}) {
   const element = makeElement("button", {
     type: "button",
@@ -31,23 +32,26 @@ export function makeRow(label, ...inputs) {
   );
 }
 
-/** Return a sentence in small, quiet letters. */
+/** Return a paragraph with a sentence, which the style sheet shows small and grey. */
 export function makeSentence(text) {
   return makeElement("p", { className: "sentence", textContent: text });
 }
 
-/** Return options of a select; `value` is the selected one. `words` maps values to texts. */
+/**
+ * Return the options of a select for some values; that of `value` is selected. `words` has the
+ * text of a value, if the user should not see the value itself.
+ */
 export function makeOptions(values, value = undefined, words = {}) {
   return values.map((name) => new Option(words[name] ?? name, name, false, name === value));
 }
 
-/** Name an element for assistive technology; return the element. */
+/** Set the name of an element for assistive technology; return the element. */
 export function setLabel(element, label) {
   element.setAttribute("aria-label", label);
   return element;
 }
 
-/** Return a name of a program in words: "surface_color" and "surfaceColor" are "surface color". */
+/** Return an identifier in words: "surface_color" and "surfaceColor" become "surface color". */
 export function spaceWords(name) {
   return name
     .replace(/_/g, " ")
@@ -60,7 +64,7 @@ export function fileName(path) {
   return path.split(/[\\/]/).pop();
 }
 
-/** Return seconds of the epoch as a date and a time. */
+/** Return a time in seconds since the epoch as text: the date and the time of day. */
 export function formatTime(seconds) {
   const time = new Date(seconds * 1000);
   return time.toLocaleString([], { dateStyle: "medium", timeStyle: "short" });

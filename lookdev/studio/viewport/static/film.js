@@ -1,22 +1,25 @@
 // @ts-check
-// A film: the visible triangle of each pixel, one sample of its light, and the sum of all samples
-// so far, in floats.
+// The film of the viewport, which is a set of textures of one size: the visible triangle of each
+// pixel, one sample of its light, the sum of all samples so far, and the picture for the display.
 
 import { createTexture } from "./gl.js";
 
-const MAX_SUBPIXELS = 8; // along each axis of a pixel
-const MAX_POINTS = 1024; // along the longer side of a film with fewer pixels
+const MAX_SUBPIXELS = 8; // largest number of points along each axis of a pixel
+const MAX_POINTS = 1024; // largest number of points along the longer side of a film
 
 export class Film {
+  /**
+   * `subpixels` is the number of points along each axis of a pixel that have a visible triangle.
+   */
   constructor(gl, width, height, subpixels = null) {
-    // Finding triangles takes as long for few pixels as for many: small films find them at several
-    // points of a pixel.
+    // Finding the visible triangles takes as long for few points as for many. So a small film finds
+    // them at several points of a pixel, for several samples.
     const fit = Math.floor(Math.log2(Math.max(1, MAX_POINTS / Math.max(width, height))));
     this.gl = gl;
     this.width = width;
     this.height = height;
     this.subpixels = subpixels ?? Math.min(MAX_SUBPIXELS, 2 ** fit);
-    this.count = 0;
+    this.count = 0; // samples in the sums
     /** The uniforms of the view of the triangles in `visible`; null before there are any. */
     this.view = null;
     this.visible = gl.createTexture();
@@ -34,12 +37,14 @@ export class Film {
     );
     this.visibleTarget = this.createTarget(this.visible);
     gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, this.depth);
+    // The sums of an even and of an odd number of samples, the sample, and the background.
     this.floats = [0, 1, 2, 3].map(() => createTexture(gl, "RGBA32F", width, height));
     this.targets = this.floats.map((floats) => this.createTarget(floats));
     this.developed = createTexture(gl, "RGBA8", width, height);
     this.developedTarget = this.createTarget(this.developed);
   }
 
+  /** Return a framebuffer that draws into a texture. */
   createTarget(attachment) {
     const { gl } = this,
       framebuffer = gl.createFramebuffer();
@@ -99,7 +104,9 @@ export class Film {
     this.count += 1;
   }
 
-  /** Set the means (height x width x 4), row 0 at the top, as of one sample. */
+  /**
+   * Set the sums to means of samples (height x width x 4), row 0 at the top, and their count to 1.
+   */
   write(means) {
     const { gl, width, height } = this,
       rows = new Float32Array(means.length);
@@ -114,7 +121,7 @@ export class Film {
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.FLOAT, rows);
   }
 
-  /** Return the means (height x width x 4), row 0 at the top. */
+  /** Return the means of all samples (height x width x 4), row 0 at the top. */
   read() {
     const { gl, width, height } = this,
       rows = new Float32Array(4 * width * height);

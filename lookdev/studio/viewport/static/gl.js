@@ -1,7 +1,8 @@
 // @ts-check
-// WebGL 2: programs that compile in the background, textures by the digests of their content, and
-// fences.
+// Wrappers of WebGL 2 for the viewport: programs that compile in the background, textures of
+// buffers that the server names by digests, triangles, and waiting for the GPU.
 
+// The channels, the type and the array of texels, by WebGL's internal format of a texture.
 const FORMATS = {
   R32F: ["RED", "FLOAT", Float32Array],
   RGB32F: ["RGB", "FLOAT", Float32Array],
@@ -44,13 +45,13 @@ export async function waitForGpu(gl) {
   return performance.now() - started;
 }
 
-/** Programs by their texts; equal texts share a program. */
+/** All programs, by the texts of their shaders; equal texts share a program. */
 export class Programs {
   constructor(gl) {
     this.gl = gl;
     this.parallel = gl.getExtension("KHR_parallel_shader_compile");
     this.programs = new Map();
-    this.compiled = 0; // number of programs so far
+    this.compiled = 0; // number of programs that were compiled so far
   }
 
   /**
@@ -63,6 +64,7 @@ export class Programs {
     return this.programs.get(key);
   }
 
+  /** Return a new program, once it is linked; throws an Error with the logs if it fails. */
   async link(vertex, fragment) {
     const { gl } = this,
       handle = gl.createProgram();
@@ -177,7 +179,7 @@ export function createTexture(gl, format, width, height, data = null) {
   return handle;
 }
 
-/** Write the first numbers of a texture R32F, row by row. */
+/** Write numbers to the beginning of a texture R32F with a width in texels, row by row. */
 export function writeNumbers(gl, handle, width, numbers) {
   gl.activeTexture(gl.TEXTURE0);
   gl.bindTexture(gl.TEXTURE_2D, handle);
@@ -188,8 +190,8 @@ export function writeNumbers(gl, handle, width, numbers) {
 }
 
 /**
- * Triangles by vertices and indices, as in lookdev.studio.viewport.geometry. A vertex is three
- * floats and a whole number.
+ * Triangles on the GPU, by vertices and indices, as lookdev.studio.viewport.geometry describes
+ * them. A vertex has 16 bytes: its position, three floats, and a whole number.
  */
 export class Triangles {
   constructor(gl, vertices, indices) {
@@ -212,6 +214,7 @@ export class Triangles {
     this.gl.bindVertexArray(this.array);
   }
 
+  /** Draw the triangles from number `first` to before `last`. */
   draw(first, last) {
     this.gl.drawElements(this.gl.TRIANGLES, 3 * (last - first), this.gl.UNSIGNED_INT, 12 * first);
   }
@@ -222,7 +225,10 @@ export class Triangles {
   }
 }
 
-/** Textures of buffers; it fetches each buffer once, by its digest. */
+/**
+ * All textures of buffers; each buffer is fetched once. The description of a texture has the
+ * digest of its `buffer`, its `format`, `width` and `height`.
+ */
 export class Textures {
   /** `fetchBuffer` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
   constructor(gl, fetchBuffer) {
@@ -231,7 +237,7 @@ export class Textures {
     this.textures = new Map();
   }
 
-  /** Return the textures of descriptions, by name; fetch the new ones. */
+  /** Return the textures of descriptions, by the names of the descriptions. */
   async loadAll(descriptions) {
     const entries = Object.entries(descriptions).map(async ([name, description]) => [
       name,
@@ -240,6 +246,7 @@ export class Textures {
     return Object.fromEntries(await Promise.all(entries));
   }
 
+  /** Return the texture of a description, as a promise; fetch its buffer if it is new. */
   load(description) {
     const key = textureKey(description);
     if (!this.textures.has(key)) {
@@ -252,6 +259,7 @@ export class Textures {
     return this.textures.get(key);
   }
 
+  /** Return a new texture with the texels in some bytes; throws an Error if it is too large. */
   upload({ format, width, height }, bytes) {
     const limit = this.gl.getParameter(this.gl.MAX_TEXTURE_SIZE);
     if (Math.max(width, height) > limit) {

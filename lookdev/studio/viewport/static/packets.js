@@ -1,7 +1,8 @@
 // @ts-check
-// Packets of the server, as lookdev/studio/packets.py writes them: a header, and named arrays of
-// floats.
+// The reader of packets, which are messages of the server with a header and arrays of float32, as
+// lookdev/studio/packets.py writes them.
 
+/** Return the entries of a packet's header, its `arrays` by name, and their `shapes` by name. */
 export function parsePacket(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));

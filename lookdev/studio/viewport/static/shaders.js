@@ -1,8 +1,11 @@
 // @ts-check
-// The shaders that depend on no scene: they add up samples, and draw the picture on the canvas.
+// The shaders of the viewport that do not depend on the scene: they add up samples, and draw the
+// picture on the canvas.
 
+// The vertex shader of one triangle that covers all pixels.
 export const OVER_ALL = `#version 300 es
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }`;
+// Add a new sample to the sums, if there are any.
 export const ADD = `#version 300 es
 precision highp float;
 precision highp sampler2D;
@@ -15,8 +18,10 @@ void main() {
     if (hasSums > 0.0) total += texelFetch(sums, texel, 0);
 }`;
 
-// The picture on the canvas. While a coarse film shows a change of the surface, the background
-// stays sharp. Right of the wipe is the exact picture, or its difference from the film.
+// Draw the picture on the canvas, from a film that may have fewer pixels. With `keep`, pixels off
+// the asset come from `whole`, a film of the canvas's size, so that the background stays sharp. To
+// the right of `wipe`, a fraction of the width, is the exact picture. With `differs`, the canvas
+// shows the difference of the exact picture and the film instead.
 export const PRESENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;

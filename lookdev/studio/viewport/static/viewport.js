@@ -1,7 +1,7 @@
 // @ts-check
-// The viewport: a scene of lookdev.studio.viewport under an orbiting camera. Samples add up over
-// frames. A change shows at once, at a resolution that the machine draws in time, and then at the
-// full one.
+// The viewport: it draws a scene, which lookdev.studio.viewport prepares, under a camera that the
+// user orbits. Samples of the light add up. A change is shown at once, at a resolution that the
+// machine draws in time, and then at the full resolution.
 
 import * as cameras from "./camera.js";
 import { Film } from "./film.js";
@@ -16,17 +16,18 @@ import {
 } from "./gl.js";
 import { ADD, OVER_ALL, PRESENT } from "./shaders.js";
 
-const FIRST_PICTURE_TIME = 45; // at most, in milliseconds, after a change
+const FIRST_PICTURE_TIME = 45; // milliseconds that the first picture after a change may take
 const STRIP_TIME = 25; // milliseconds of drawing between checks for a change
-// Samples of the light for each view: finding the visible triangles takes longer than the light.
+// Samples of the light for each view, which is a point of the pixels' area and of the lens. Several
+// samples share a view, because finding its visible triangles takes longer than the light.
 const SAMPLES_PER_VIEW = 4;
-// Milliseconds of a sample of all pixels. If it takes longer, ever finer pictures precede it.
+// Milliseconds. If a sample of all pixels takes longer, ever finer pictures precede it.
 const LONG_SAMPLE_TIME = 300;
-const TRIANGLES_PER_DRAW = 1 << 16; // between checks for a change
+const TRIANGLES_PER_DRAW = 1 << 16; // triangles that are drawn between checks for a change
 const DIFFERENCE = 4; // gain of a difference: a quarter of white has full colour
 // Height above the facet where a ray leaves a surface, in radii of the asset, as in the renderer.
 const LIFT = 1e-6;
-const SCALES = [1, 2, 4, 8, 16]; // by which films are smaller than the canvas
+const SCALES = [1, 2, 4, 8, 16]; // the width of the canvas by that of a film
 
 export class Viewport extends EventTarget {
   /** `fetchBuffer` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
@@ -50,15 +51,15 @@ export class Viewport extends EventTarget {
     };
     /** @type {[number, number] | null} The size in pixels; null for the scene's resolution. */
     this.size = null;
-    this.scale = 3; // of SCALES
-    this.rate = null; // pixels a millisecond
-    this.version = 0;
-    this.viewVersion = 0; // of the visible triangles
-    this.lightVersion = 0; // of the lights' numbers
-    this.shownVersion = -1; // version of the last picture
-    this.awaitedSamples = 0; // by `accumulate`
-    this.frames = 0;
-    /** @type {(() => void) | null} */
+    this.scale = 3; // index in SCALES of the film for the first picture after a change
+    this.rate = null; // measured speed in pixels a millisecond
+    this.version = 0; // counts changes
+    this.viewVersion = 0; // the version that last changed the visible triangles
+    this.lightVersion = 0; // counts changes of the lights' numbers
+    this.shownVersion = -1; // the version of the last picture
+    this.awaitedSamples = 0; // samples for which `accumulate` waits
+    this.frames = 0; // counts first pictures after a change
+    /** @type {(() => void) | null} The function that ends the wait of `run` for a change. */
     this.resume = null;
     this.stopped = false;
     this.running = this.run();
@@ -120,6 +121,7 @@ export class Viewport extends EventTarget {
     this.resize(...(this.size ?? data.resolution));
   }
 
+  /** Set the size of the canvas in pixels. */
   resize(width, height) {
     this.films?.forEach((film) => film?.delete());
     [this.canvas.width, this.canvas.height] = [width, height];
@@ -127,19 +129,24 @@ export class Viewport extends EventTarget {
     this.change(true);
   }
 
+  /** Return the film at an index of SCALES. */
   film(scale) {
     const size = (pixels) => Math.max(1, Math.round(pixels / SCALES[scale]));
     this.films[scale] ??= new Film(this.gl, size(this.canvas.width), size(this.canvas.height));
     return this.films[scale];
   }
 
-  /** Change numbers of a look: uniforms, by their names. */
+  /** Set uniforms of the look with a number; `numbers` has their values by name. */
   setNumbers(look, numbers) {
     Object.assign(this.scene.looks[look].numbers, numbers);
     this.change();
   }
 
-  /** Change settings: element and lighting are degrees, exposure is in stops. */
+  /**
+   * Change settings. `element` and `lighting` are the rotations of asset and lights in degrees,
+   * `exposure` is in stops, and `behind` is the grey of a background without light. `wipe` and
+   * `differs` show the exact picture, see `PRESENT` in shaders.js.
+   */
   set(settings) {
     const differs = (name) => name in settings && settings[name] !== this.settings[name];
     const viewChanges = differs("element") || differs("seed");
@@ -149,7 +156,7 @@ export class Viewport extends EventTarget {
     else this.redraw();
   }
 
-  /** Change the rig's first numbers, those of its lights: their radiance, for instance. */
+  /** Set the numbers that describe the lights in the shaders, such as their radiance. */
   setLights(numbers) {
     writeNumbers(
       this.gl,
@@ -175,12 +182,13 @@ export class Viewport extends EventTarget {
     this.resume?.();
   }
 
+  /** Draw the film again, for a change that needs no new samples. */
   redraw() {
     this.needsRedraw = true;
     this.resume?.();
   }
 
-  /** Return the visible part at a pixel of the canvas, y from the top, or null. */
+  /** Return the part of the scene at a pixel of the canvas, y from the top; null for none. */
   pick(x, y) {
     if (!this.shownFilm) return null;
     const scale = (value, size, whole) => Math.min(size - 1, Math.floor((value * size) / whole));
@@ -211,7 +219,7 @@ export class Viewport extends EventTarget {
     return this.shownFilm.read();
   }
 
-  /** Return how many samples the film shall have: first those that `accumulate` waits for. */
+  /** Return the number of samples to draw: first that for which `accumulate` waits. */
   sampleGoal() {
     return this.film(0).count < this.awaitedSamples
       ? this.awaitedSamples
@@ -225,12 +233,14 @@ export class Viewport extends EventTarget {
     if (this.failed) throw this.failed;
   }
 
+  /** End the drawing; return a promise of its end. */
   stop() {
     this.stopped = true;
     this.resume?.();
     return this.running;
   }
 
+  /** Draw what is to be drawn, and wait for changes, until the viewport is stopped. */
   async run() {
     try {
       while (!this.stopped) {
@@ -249,7 +259,9 @@ export class Viewport extends EventTarget {
     }
   }
 
-  /** Draw one sample of all pixels after a change, at the finest scale that was in time. */
+  /**
+   * Draw one sample of all pixels after a change, and adapt the scale to the time that it takes.
+   */
   async drawFirst() {
     const { version } = this,
       film = this.film(this.scale),
@@ -273,13 +285,17 @@ export class Viewport extends EventTarget {
     else if (duration < FIRST_PICTURE_TIME / 5 && this.scale > 0) this.scale -= 1;
   }
 
-  /** Add a sample to the whole film in strips, or as many samples as fit in a strip's time. */
+  /**
+   * Draw a finer picture, or add samples to the whole film: one in strips, or as many as fit into
+   * the time of a strip.
+   */
   async drawMore() {
     const finer = this.finerFilm();
     if (finer) {
       if (await this.drawStrips(finer)) this.showFilm(finer);
       return;
     }
+    // `fit` is the number of samples that fit into the time of a strip.
     const { gl, version } = this,
       film = this.film(0),
       fit = this.rate ? (this.rate * STRIP_TIME) / (film.width * film.height) : 0;
@@ -300,7 +316,10 @@ export class Viewport extends EventTarget {
     if (fit >= 2) this.measureRate(Math.floor(fit) * film.width * film.height, started);
   }
 
-  /** Return the film twice as fine as the one shown if the whole film takes long, or null. */
+  /**
+   * Return the film that is twice as fine as the visible one, if a sample of the whole film takes
+   * long; else null.
+   */
   finerFilm() {
     const whole = this.film(0),
       scale = this.films.indexOf(this.shownFilm);
@@ -330,12 +349,16 @@ export class Viewport extends EventTarget {
     return true;
   }
 
-  /** Measure the pixels a millisecond; the rate at most doubles: one quick strip proves little. */
+  /**
+   * Update the rate in pixels a millisecond by a measurement. It at most doubles, because a single
+   * fast strip does not show that all strips are fast.
+   */
   measureRate(pixels, started) {
     const now = pixels / Math.max(performance.now() - started, 0.1);
     this.rate = this.rate ? Math.min(now, 2 * this.rate) : now;
   }
 
+  /** Show a film on the canvas, and dispatch an event. */
   showFilm(film) {
     this.shownFilm = film;
     this.draw(film);
@@ -347,8 +370,8 @@ export class Viewport extends EventTarget {
   }
 
   /**
-   * Find the visible triangle of each pixel of a film for its next sample, unless the film has it;
-   * return whether the film has it. With `interruptible`, a change ends the search.
+   * Find the visible triangles of a film for its next sample, unless the film has them already.
+   * With `interruptible`, a change ends the search. Returns whether the film has them now.
    */
   async findVisible(film, interruptible = false) {
     const { gl, scene, version } = this,
@@ -392,7 +415,7 @@ export class Viewport extends EventTarget {
     return true;
   }
 
-  /** Compute the light of the rows of a film from `top` to before `bottom`. */
+  /** Draw a sample of the light in the rows of a film from `top` to before `bottom`. */
   relight(film, top, bottom) {
     const { gl, scene, settings } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, film.targets[2]);
@@ -445,8 +468,8 @@ export class Viewport extends EventTarget {
   }
 
   /**
-   * Show the exact picture of a version; `mean` has width * height * 4 numbers, row 0 at the top.
-   * All changes end it, except those of the exposure and the background.
+   * Set the exact picture of a version; `mean` has width * height * 4 numbers, row 0 at the top. It
+   * is shown until the version changes, but settings of exposure and background still apply to it.
    */
   setExact(mean, width, height, version) {
     const { gl } = this;
@@ -462,7 +485,7 @@ export class Viewport extends EventTarget {
     this.redraw();
   }
 
-  /** Return the numbers and textures of `PRESENT` for the exact picture, right of the wipe. */
+  /** Return the uniforms and textures of `PRESENT` that concern the exact picture. */
   exactInputs(film) {
     const { wipe, differs } = this.settings,
       { exact } = this,
@@ -502,7 +525,7 @@ export class Viewport extends EventTarget {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** The values on which the light behind the asset depends. */
+  /** A text that changes whenever the light behind the asset changes. */
   get backgroundKey() {
     const { element, lighting } = this.settings;
     return JSON.stringify([
@@ -538,7 +561,7 @@ export class Viewport extends EventTarget {
   }
 }
 
-/** Return ranges of triangles with adjacent ones merged. */
+/** Return ranges of triangles; of the given ones, those that follow each other are merged. */
 function mergeRanges(ranges) {
   const mergedRanges = [];
   for (const { first, last } of ranges) {
