@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lookdev.arrays import Bools, Floats32, Indices
-from lookdev.asset.normals import blocks, concatenate, run_starts
+from lookdev.asset.normals import concatenate, face_blocks, run_starts
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.tangents import mix_bits
 from lookdev.errors import AssetError
@@ -38,11 +38,11 @@ class Faces:
     """
 
     shapes: Sequence[PolygonShape]
-    all_points: Indices
-    all_faces: Indices
-    all_corners: Indices
-    faces: Indices
-    corners: Indices
+    all_point_starts: Indices
+    all_face_starts: Indices
+    all_corner_starts: Indices
+    face_starts: Indices
+    corner_starts: Indices
     sizes: Indices
     face_source: Indices
     corner_source: Indices | None
@@ -114,7 +114,7 @@ class Faces:
                 for i, j in first_in_runs(wrong, starts)
             )
         elements = np.array([_ELEMENT_NUMBERS[attribute.interpolation] for _, attribute in attributes], np.intp)
-        counts = np.diff(self.corners)[shape_numbers]
+        counts = np.diff(self.corner_starts)[shape_numbers]
         if (elements == elements[0]).all():
             index = self._value_indices(elements[0], shape_numbers, starts)
         else:
@@ -131,22 +131,22 @@ class Faces:
         `shape_numbers` (k,) are the numbers of these shapes; `value_starts` (k,) are the indices of their first values.
         The values belong to one type of element: `element` is its number in `_ELEMENT_NUMBERS`.
         """
-        counts = np.diff(self.corners)[shape_numbers]
+        counts = np.diff(self.corner_starts)[shape_numbers]
         if element == 0:
             return np.repeat(value_starts, counts)
         if element == 1:
-            indices, begins = np.repeat(self.face_source, self.sizes), self.all_faces
+            indices, begins = np.repeat(self.face_source, self.sizes), self.all_face_starts
         elif element == 2:
-            indices, begins = self.corner_points, self.all_points
+            indices, begins = self.corner_points, self.all_point_starts
         else:
             source = self.corner_source
             indices = np.arange(len(self.corner_points)) if source is None else source
-            begins = self.all_corners
+            begins = self.all_corner_starts
         shift = value_starts - begins[shape_numbers]
         if len(shape_numbers) < len(self.shapes):
             is_selected = np.zeros(len(self.shapes), bool)
             is_selected[shape_numbers] = True
-            indices = indices[np.repeat(is_selected, np.diff(self.corners))]
+            indices = indices[np.repeat(is_selected, np.diff(self.corner_starts))]
         return indices + np.repeat(shift, counts) if shift.any() else indices
 
     def _count_fault(self, number: int, attribute: Attribute) -> str:
@@ -247,7 +247,7 @@ def _distinct_faces(points: Indices, sizes: Indices) -> Bools:
     corner a face starts with. `points` (m,) is the point at each corner; `sizes` (f,) is the number of corners.
     """
     distinct, key = np.ones(len(sizes), bool), np.zeros(len(sizes), np.uint64)
-    for faces, corners in blocks(sizes):
+    for faces, corners in face_blocks(sizes):
         block_sizes, block_points = sizes[faces], points[corners].astype(np.uint64)
         starts = run_starts(block_sizes)
         # Faces of equal size are compared together.

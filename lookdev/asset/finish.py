@@ -15,7 +15,7 @@ import numpy as np
 from lookdev.arrays import Floats, Floats32, Indices
 from lookdev.asset.faces import Faces, first_in_runs, raise_faults
 from lookdev.asset.mesh import Mesh, Subdivision
-from lookdev.asset.normals import area_vectors, batch_slices, blocks, concatenate, normalize_or, run_starts, sum_by
+from lookdev.asset.normals import area_vectors, batch_slices, concatenate, face_blocks, normalize_or, run_starts, sum_by
 from lookdev.asset.shape import MAX_COORDINATE, Attribute, PolygonShape
 from lookdev.errors import AssetError
 
@@ -67,31 +67,31 @@ def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]
     points, corner_points = concatenate([shape.points for shape in shapes]), faces.corner_points
     if len(used_points) < len(points):
         points, corner_points = points[used_points], point_numbers[corner_points]
-    point_starts = np.searchsorted(used_points, faces.all_points)
+    point_starts = np.searchsorted(used_points, faces.all_point_starts)
     if y_up:
         points = _to_z_up(points)
-    float32_points = _single_precision(points, shapes, used_points, faces.all_points)
+    float32_points = _single_precision(points, shapes, used_points, faces.all_point_starts)
     attributes = _corner_attributes(shapes, faces)
     normals = _corner_normals(shapes, faces, points, corner_points, y_up)
     uvs = [_uv_sets(shape, values) for shape, values in zip(shapes, attributes, strict=True)]
     mesh_corner_points = corner_points.astype(np.int32)
     if len(shapes) > 1:
-        mesh_corner_points -= np.repeat(point_starts[:-1].astype(np.int32), np.diff(faces.corners))
+        mesh_corner_points -= np.repeat(point_starts[:-1].astype(np.int32), np.diff(faces.corner_starts))
     sizes = faces.sizes.astype(np.int32)
 
     meshes: list[Mesh | None] = []
     for i, (shape, values) in enumerate(zip(shapes, attributes, strict=True)):
-        face_slice = slice(faces.faces[i], faces.faces[i + 1])
-        corner_slice = slice(faces.corners[i], faces.corners[i + 1])
+        face_slice = slice(faces.face_starts[i], faces.face_starts[i + 1])
+        corner_slice = slice(faces.corner_starts[i], faces.corner_starts[i + 1])
         if faces.holes[face_slice].all():  # all faces are holes, or there are none
             meshes.append(None)
             continue
         slots = np.zeros(face_slice.stop - face_slice.start, np.int32)
-        if shape.parts is not None:
-            slots = shape.parts[faces.face_source[face_slice] - faces.all_faces[i]].astype(np.int32)
+        if shape.face_parts is not None:
+            slots = shape.face_parts[faces.face_source[face_slice] - faces.all_face_starts[i]].astype(np.int32)
         subdivision = shape.subdivision
         if subdivision is not None:
-            new_numbers = point_numbers[faces.all_points[i] : faces.all_points[i + 1]] - point_starts[i]
+            new_numbers = point_numbers[faces.all_point_starts[i] : faces.all_point_starts[i + 1]] - point_starts[i]
             subdivision = _renumber_rules(shape, subdivision, new_numbers, np.flatnonzero(faces.holes[face_slice]))
         meshes.append(
             Mesh(
@@ -115,7 +115,7 @@ def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]
 
 def _used_points(faces: Faces) -> tuple[Indices, Indices]:
     """Return the new number of each point (n,), -1 if no face uses it, and the indices of the used points."""
-    is_used = np.zeros(faces.all_points[-1], bool)
+    is_used = np.zeros(faces.all_point_starts[-1], bool)
     is_used[faces.corner_points] = True
     return np.where(is_used, np.cumsum(is_used) - 1, -1), np.flatnonzero(is_used)
 
@@ -174,7 +174,7 @@ def _corner_normals(
     authored = [(i, shape.normals) for i, shape in enumerate(shapes) if shape.normals is not None]
     flat = np.empty((len(faces.sizes), 3), np.float32)
     areas = np.empty(flat.shape) if smooth.any() or authored else None
-    for block, corners in blocks(faces.sizes):
+    for block, corners in face_blocks(faces.sizes):
         block_areas = area_vectors(points.take(corner_points[corners], axis=0), faces.sizes[block])
         flat[block] = normalize_or(block_areas, np.array([0.0, 0.0, 1.0]))
         if areas is not None:
@@ -186,12 +186,12 @@ def _corner_normals(
         has_normal = (sums != 0.0).any(axis=1)
         if smooth.all() and has_normal.all():
             return np.asarray(units[corner_points])
-        is_smooth = np.repeat(smooth, np.diff(faces.corners)) & has_normal[corner_points]
+        is_smooth = np.repeat(smooth, np.diff(faces.corner_starts)) & has_normal[corner_points]
     normals = np.repeat(flat, faces.sizes, axis=0)
     if smooth.any():
         normals[is_smooth] = units[corner_points[is_smooth]]
     for (i, _), values in zip(authored, faces.corner_values(authored) if authored else (), strict=True):
-        face_slice, corner_slice = slice(*faces.faces[i : i + 2]), slice(*faces.corners[i : i + 2])
+        face_slice, corner_slice = slice(*faces.face_starts[i : i + 2]), slice(*faces.corner_starts[i : i + 2])
         sizes = faces.sizes[face_slice]
         if areas is not None and len(sizes):
             vectors = _to_z_up(values) if y_up else values
@@ -199,7 +199,7 @@ def _corner_normals(
             # If the agreement is negative, the authored normals mostly point against the winding.
             sign = -1.0 if agreement < 0.0 else 1.0
             shape_normals = normals[corner_slice]
-            for _, block in blocks(sizes):
+            for _, block in face_blocks(sizes):
                 shape_normals[block] = normalize_or(sign * vectors[block].astype(np.float64), shape_normals[block])
     return normals
 

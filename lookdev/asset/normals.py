@@ -17,7 +17,7 @@ from lookdev.arrays import Floats, Indices, Ints, Ints32, Reals
 AnyInts = Ints | Ints32 | Indices
 _Number = TypeVar("_Number", bound=np.generic)
 
-_BLOCK_CORNERS = 1 << 13  # the corners of a slice of faces that `blocks` yields
+_BLOCK_CORNERS = 1 << 13  # the corners of a slice of faces that `face_blocks` yields
 _BATCH_CORNERS = 1 << 18  # the corners of a slice of meshes that `batch_slices` yields
 # The most corners of a face for `_same_size_area_vectors`. NumPy adds up to seven numbers in their order, whatever
 # their layout in memory.
@@ -42,7 +42,7 @@ def next_corners(face_sizes: AnyInts) -> Indices:
     return following
 
 
-def blocks(face_sizes: AnyInts) -> Iterator[tuple[slice, slice]]:
+def face_blocks(face_sizes: AnyInts) -> Iterator[tuple[slice, slice]]:
     """Yield pairs of slices: some consecutive faces, and the corners of these faces.
 
     Arrays over one slice fit into the processor's cache.

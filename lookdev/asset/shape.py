@@ -57,5 +57,5 @@ class PolygonShape:
     left_handed: bool = False
     holes: Indices | None = None
     subdivision: Subdivision | None = None
-    parts: Indices | None = None
+    face_parts: Indices | None = None
     default_uv: str = "st"

@@ -20,7 +20,16 @@ from numpy.typing import NDArray
 
 from lookdev.arrays import Floats, Floats32, Indices, Reals
 from lookdev.asset.mesh import Mesh
-from lookdev.asset.normals import AnyInts, batch_slices, blocks, dot, next_corners, normalize_or, run_starts, sum_by
+from lookdev.asset.normals import (
+    AnyInts,
+    batch_slices,
+    dot,
+    face_blocks,
+    next_corners,
+    normalize_or,
+    run_starts,
+    sum_by,
+)
 from lookdev.brdf import vectors
 
 _ROUNDS = 8  # the rounds in which `_group_corners` compares values, before it compares hashes
@@ -74,7 +83,7 @@ def corner_tangents(
     if uvs is None:
         return _longitude_tangents(points.astype(np.float64), corner_points, face_sizes, normals, meshes)
     orientation, tangents = np.empty(len(face_sizes)), np.empty((len(corner_points), 3))
-    for faces, corners in blocks(face_sizes):
+    for faces, corners in face_blocks(face_sizes):
         sizes, uv = face_sizes[faces], uvs[corners].astype(np.float64)
         following = next_corners(sizes)
         orientation[faces] = _orientation(sizes, following, uv)
@@ -86,7 +95,7 @@ def corner_tangents(
     group, example = _group_corners(positions, normals, uvs, np.repeat(orientation.astype(np.int8), face_sizes))
     sums = sum_by(group, tangents, len(example))
     means = np.empty((len(example), 3), np.float32)
-    for _, block in blocks(np.ones(len(example), np.intp)):
+    for _, block in face_blocks(np.ones(len(example), np.intp)):
         # A sum of unit vectors that is shorter than 1e-6 is rounding error, and becomes 0.
         reliable_sums = sums[block] * (dot(sums[block], sums[block]) > 1e-12)
         # The corners of a group have equal normals, to which the mean is orthogonal except for rounding.
@@ -164,7 +173,7 @@ def _longitude_tangents(
     x, y, z = (points - np.repeat(middle, np.diff(np.append(starts, len(points))), axis=0)).T
     around = np.stack([-y, x, 0.0 * z], axis=-1)
     tangents = np.empty((len(corner_points), 3), np.float32)
-    for _, corners in blocks(face_sizes):
+    for _, corners in face_blocks(face_sizes):
         n = normals[corners].astype(np.float64)
         # It is done twice, since the normals have unit length only to float32 precision.
         by_corner = _orthogonalize(_orthogonalize(around[corner_points[corners]], n), n)
@@ -202,7 +211,7 @@ def _group_corners(
         example[positions[remaining]] = remaining
         number = np.cumsum(example >= 0) + (count - 1)
         equal = np.empty(len(remaining), bool)
-        for _, block in blocks(np.ones(len(remaining), np.intp)):
+        for _, block in face_blocks(np.ones(len(remaining), np.intp)):
             corner, other = remaining[block], example[positions[remaining[block]]]
             equal[block] = np.logical_and.reduce([column[corner] == column[other] for column in columns])
         group[remaining[equal]] = number[positions[remaining[equal]]]

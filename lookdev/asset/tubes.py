@@ -21,7 +21,7 @@ _MAX_CUT = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Rings:
+class CurveSamples:
     """The r samples of c curves, in order along each curve.
 
     - positions (r, 3): points on the curve
@@ -61,7 +61,7 @@ class Strips:
     face_curves: Indices
 
 
-def tubes(rings: Rings, sides: int) -> Strips:
+def tubes(rings: CurveSamples, sides: int) -> Strips:
     """Return tubes of `sides` faces around each curve, with flat caps; a tube with radius 0 at an end ends in a point.
 
     In `st`, u grows around the curve, counter-clockwise when seen against the direction of the curve. v grows from 0 to
@@ -84,7 +84,7 @@ def tubes(rings: Rings, sides: int) -> Strips:
     )
 
     # The caps of the open curves: `rims` has the rings at their ends, and `end_sign` is -1 at a start and 1 at an end.
-    starts, ends = group_ends(rings.curves)
+    starts, ends = run_ends(rings.curves)
     rims = np.concatenate([starts, ends])
     end_sign = np.repeat([-1.0, 1.0], len(starts))
     has_cap = ~np.tile(rings.closed, 2) & (rings.radii[rims] > 0.0)
@@ -103,7 +103,7 @@ def tubes(rings: Rings, sides: int) -> Strips:
     )
 
 
-def ribbons(rings: Rings, facing: Floats) -> Strips:
+def ribbons(rings: CurveSamples, facing: Floats) -> Strips:
     """Return flat ribbons whose normals are `facing` (r, 3), made perpendicular to the curve.
 
     In `st`, u grows across the ribbon, to the right if the curve runs upwards. v grows from 0 to 1 with the length
@@ -116,7 +116,7 @@ def ribbons(rings: Rings, facing: Floats) -> Strips:
     return _strips(rings, outward, np.stack([normals, normals], axis=1), u, _relative_lengths(rings))
 
 
-def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions: Floats) -> Strips:
+def _strips(rings: CurveSamples, outward: Floats, normals: Floats, u: Floats, fractions: Floats) -> Strips:
     """Return the faces between consecutive rings of each piece; a ring has c points, in columns along the curve.
 
     - outward (r, c, 3): unit vectors from the curve towards the points
@@ -156,23 +156,23 @@ def _strips(rings: Rings, outward: Floats, normals: Floats, u: Floats, fractions
     )
 
 
-def group_ends(groups: Indices) -> tuple[Indices, Indices]:
+def run_ends(groups: Indices) -> tuple[Indices, Indices]:
     """Return the indices of the first and of the last element of each run of equal numbers in `groups`, two arrays."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     return starts, np.append(starts[1:], len(groups)) - 1
 
 
-def _relative_lengths(rings: Rings) -> Floats:
+def _relative_lengths(rings: CurveSamples) -> Floats:
     """Return the length from the start of the curve to each ring (r,), as a fraction of the curve's length."""
     steps = np.linalg.norm(np.diff(rings.positions, axis=0, prepend=rings.positions[:1]), axis=1)
     total = np.cumsum(steps)
-    starts, ends = group_ends(rings.curves)
+    starts, ends = run_ends(rings.curves)
     return np.asarray((total - total[starts][rings.curves]) / (total[ends] - total[starts])[rings.curves])
 
 
-def _slopes(rings: Rings) -> Floats:
+def _slopes(rings: CurveSamples) -> Floats:
     """Return the derivative (r,) of the radius by the length along the curve at each ring, from its neighbours."""
-    starts, ends = group_ends(rings.pieces)
+    starts, ends = run_ends(rings.pieces)
     ring = np.arange(len(rings.radii))
     before, after = np.maximum(ring - 1, starts[rings.pieces]), np.minimum(ring + 1, ends[rings.pieces])
     length = sum(np.linalg.norm(rings.positions[ring] - rings.positions[other], axis=1) for other in (before, after))
@@ -180,24 +180,24 @@ def _slopes(rings: Rings) -> Floats:
     return np.where(length > 0.0, change / np.where(length > 0.0, length, 1.0), 0.0)
 
 
-def _cut_normals(rings: Rings) -> Floats:
+def _cut_normals(rings: CurveSamples) -> Floats:
     """Return a normal (r, 3), not normalised, of the plane of each ring's cross-section."""
     planes = rings.directions.copy()
     # The last ring of a piece and the first ring of the next piece of the same curve have one plane, which bisects.
     last = np.flatnonzero((rings.pieces[:-1] != rings.pieces[1:]) & (rings.curves[:-1] == rings.curves[1:]))
-    starts, ends = group_ends(rings.curves)
+    starts, ends = run_ends(rings.curves)
     last, first = np.append(last, ends[rings.closed]), np.append(last + 1, starts[rings.closed])
     planes[last] = planes[first] = rings.directions[last] + rings.directions[first]
     return planes
 
 
-def _frames(rings: Rings, fractions: Floats) -> Floats:
+def _frames(rings: CurveSamples, fractions: Floats) -> Floats:
     """Return a unit vector (r, 3) at each ring, perpendicular to the curve, with as little rotation as possible.
 
     On a closed curve, the vectors at the start and at the end differ by a rotation about the curve. This rotation is
     subtracted evenly along the curve, so that the ends meet. `fractions` (r,) are the relative lengths along the curve.
     """
-    starts, ends = group_ends(rings.curves)
+    starts, ends = run_ends(rings.curves)
     number = np.arange(len(rings.curves)) - starts[rings.curves]
     rotations = _smallest_rotations(np.roll(rings.directions, 1, axis=0), rings.directions)
     rotations[starts] = [1.0, 0.0, 0.0, 0.0]

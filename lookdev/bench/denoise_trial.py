@@ -53,24 +53,24 @@ class Trial:
     element: float  # rotation of the asset, degrees
     lighting: float  # rotation of the light, degrees
     samples: int  # per pixel
-    raw: float  # true relMSE of the raw picture
+    raw_relmse: float  # true relMSE of the raw picture
     raw_estimate: float  # estimated relMSE of the raw picture
-    denoised: float  # true relMSE of the denoised picture
-    estimate: float  # estimated relMSE of the denoised picture
+    denoised_relmse: float  # true relMSE of the denoised picture
+    denoised_estimate: float  # estimated relMSE of the denoised picture
     raw_flip: float
-    flip: float  # of the denoised picture
-    reference: float  # relMSE of the reference itself
+    denoised_flip: float  # of the denoised picture
+    reference_relmse: float  # relMSE of the reference itself
     seconds: float  # measured in the worker
 
     @property
     def ratio(self) -> float:
         """The estimated error over the true one, of the denoised picture."""
-        return self.estimate / self.denoised
+        return self.denoised_estimate / self.denoised_relmse
 
     @property
     def raw_ratio(self) -> float:
         """The estimated error over the true one, of the raw picture."""
-        return self.raw_estimate / self.raw
+        return self.raw_estimate / self.raw_relmse
 
 
 def trial_looks() -> dict[str, Callable[[], Look]]:
@@ -157,8 +157,8 @@ def measure_trial(cell: Cell, pose: Pose, rendered: WorkerFrame, truth: Referenc
 
 def _trial_text(trial: Trial) -> str:
     return (
-        f"{trial.asset}, {trial.light}, {trial.look}: {trial.samples} samples, raw {trial.raw:.2e} "
-        f"(estimate x{trial.raw_ratio:.2f}), denoised {trial.denoised:.2e} (x{trial.ratio:.2f})"
+        f"{trial.asset}, {trial.light}, {trial.look}: {trial.samples} samples, raw {trial.raw_relmse:.2e} "
+        f"(estimate x{trial.raw_ratio:.2f}), denoised {trial.denoised_relmse:.2e} (x{trial.ratio:.2f})"
     )
 
 
@@ -169,7 +169,7 @@ def summarize_trials(trials: Sequence[Trial]) -> str:
     """
     if not trials:
         return "no frame was measured"
-    reference = max(trial.reference for trial in trials)
+    reference = max(trial.reference_relmse for trial in trials)
     lines = [f"{len(trials)} frames, references' own relMSE at most {reference:.1e}"]
     for name, ratios in (
         ("denoised", [trial.ratio for trial in trials]),
@@ -181,11 +181,15 @@ def summarize_trials(trials: Sequence[Trial]) -> str:
             f"estimate of {name} frames / truth: within {USUAL_RATIO:g} for {within:.0%}, "
             f"least {min(ratios):.2f} ({low} below {MIN_RATIO:g}), median {statistics.median(ratios):.2f}"
         )
-    worse = [trial.denoised / trial.raw for trial in trials if trial.denoised > _ROUNDING_FACTOR * trial.raw]
+    worse = [
+        trial.denoised_relmse / trial.raw_relmse
+        for trial in trials
+        if trial.denoised_relmse > _ROUNDING_FACTOR * trial.raw_relmse
+    ]
     lines.append(f"worse than raw: {len(worse)}" + (f", at most x{max(worse):.3f}" if worse else ""))
     for samples in sorted({trial.samples for trial in trials}):
         subset = [trial for trial in trials if trial.samples == samples]
-        gain = statistics.geometric_mean(trial.raw / trial.denoised for trial in subset)
+        gain = statistics.geometric_mean(trial.raw_relmse / trial.denoised_relmse for trial in subset)
         raw, denoised = (statistics.fmean(getattr(trial, name) for trial in subset) for name in ("raw_flip", "flip"))
         lines.append(f"{samples} samples: error / {gain:.2f}, FLIP {raw:.4f} raw, {denoised:.4f} denoised")
     return "\n".join(lines)

@@ -70,7 +70,7 @@ class Growth:
     of frames that are rendered at the end of a quarter of the sequence.
     """
 
-    of: str
+    quantity: str
     backend: str
     rows: tuple[GrowthRow, ...]
 

@@ -47,10 +47,10 @@ class Series(NamedTuple):
     """The renders that one curve shows: those of a backend whose pictures are made in the same way."""
 
     backend: str
-    way: PictureKind = "raw"
+    picture_kind: PictureKind = "raw"
 
     def __str__(self) -> str:
-        return self.backend if self.way == "raw" else f"{self.backend}, {self.way}"
+        return self.backend if self.picture_kind == "raw" else f"{self.backend}, {self.picture_kind}"
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Measurement:
     ibl: str
     look: str
     backend: str
-    way: PictureKind
+    picture_kind: PictureKind
     samples: int
     repeat: int
     seed: int
@@ -86,7 +86,7 @@ class Measurement:
 
     @property
     def series(self) -> Series:
-        return Series(self.backend, self.way)
+        return Series(self.backend, self.picture_kind)
 
 
 @dataclass(frozen=True)
@@ -232,7 +232,9 @@ class CellRun:
         finally:
             measured = {row.series for row in self.measurements}
             pairs = [Series(candidate.backend, way) for candidate in self.candidates for way in PICTURES]
-            self.curves = {series: self._curve(series) for series in pairs if series.way == "raw" or series in measured}
+            self.curves = {
+                series: self._curve(series) for series in pairs if series.picture_kind == "raw" or series in measured
+            }
             self._pictures.clear()
 
     def _attempt(self, candidate: Candidate, step: Callable[..., object], *arguments: float) -> None:
@@ -248,7 +250,7 @@ class CellRun:
     def _obtain_reference(self, candidate: Candidate) -> None:
         """Read the reference of a backend from the cache, or render it."""
         options = self.options
-        finer = _ENOUGH_PARTS if options.enough else 1
+        finer = _ENOUGH_PARTS if options.reference_relmse else 1
         # The samples of a part, and the number of parts.
         amount = max(options.samples[-1] // finer, 2), options.reference * finer
 
@@ -256,7 +258,7 @@ class CellRun:
             self.report(f"{self.cell}: {candidate.backend}: {text}")
 
         self.references[candidate.backend] = obtain_reference(
-            candidate.key, *amount, candidate.render, report, enough=options.enough, fresh=options.fresh
+            candidate.key, *amount, candidate.render, report, enough=options.reference_relmse, fresh=options.fresh
         )
 
     def _render(self, candidate: Candidate, samples: int, seed: int) -> TimedPicture:
@@ -277,7 +279,7 @@ class CellRun:
             series = Series(candidate.backend, way)
             rows.append(self._record_picture(series, repeat, seed, picture))
             self._pictures.setdefault((series, samples), []).append(picture)
-        if repeat == 0 and all(row.relmse is None or row.relmse <= self.options.until for row in rows):
+        if repeat == 0 and all(row.relmse is None or row.relmse <= self.options.stop_relmse for row in rows):
             self._max_samples[candidate.backend] = samples
 
     def _render_to_aim(self, candidate: Candidate, repeat: int) -> None:
@@ -285,7 +287,7 @@ class CellRun:
 
         A kind of picture that does not reach the error with the most samples is rendered only once.
         """
-        aim = self.options.aim
+        aim = self.options.target_estimate
         if aim is None or candidate.backend != EXACT:
             return
         ways: dict[PictureKind, str] = {"aimed": "off", "aimed, denoised": "measured"}
@@ -337,7 +339,7 @@ class CellRun:
 
     def ratio(self, other: Series, target: float) -> Ratio | None:
         """Return the time of ``exact`` to the relMSE `target` over that of a series; None if one was not measured."""
-        pair = Series(EXACT, other.way), other
+        pair = Series(EXACT, other.picture_kind), other
         if other.backend == EXACT or not all(series in self.curves for series in pair):
             return None
         value, by_samples = (
@@ -371,7 +373,7 @@ class CellRun:
             return effort_to_error(*curve, target)
         # Raw noise is extrapolated without limit, with the slope of independent samples. The error of a denoised
         # picture falls more slowly, so its slope may be smaller, and its extrapolation is limited.
-        raw = series.way == "raw"
+        raw = series.picture_kind == "raw"
         limit = None if raw else _MAX_EXTRAPOLATION_DENOISED
         return effort_to_error(*curve, target, limit=limit, slopes=(float(raw), 1.0))
 

@@ -74,9 +74,9 @@ class BenchOptions:
     frames: int = 100  # of the sequence that `growth` measures, or of the denoise trial
     targets: tuple[float, ...] = (1e-3, 1e-4)  # the relMSEs to which the time is measured
     denoise: bool = False  # each render is also denoised
-    aim: float | None = None  # the backend `exact` also renders until it estimates this relMSE
-    until: float = 0.0  # a backend that reaches this relMSE is not rendered with more samples
-    enough: float = 0.0  # a reference with this relMSE takes no more samples
+    target_estimate: float | None = None  # the backend `exact` also renders until it estimates this relMSE
+    stop_relmse: float = 0.0  # a backend that reaches this relMSE is not rendered with more samples
+    reference_relmse: float = 0.0  # a reference with this relMSE takes no more samples
     # Curves are extrapolated as those of independent samples: relMSE times samples stays constant.
     independent: bool = False
 

@@ -74,12 +74,12 @@ def cell_blocks(cells: Sequence[CellRun], options: BenchOptions) -> Iterator[str
         ["", *(f"{series}: samples, s, relMSE" for series in all_series)],
         [[str(cell.cell), *(_point_text(cell.curves.get(series)) for series in all_series)] for cell in cells],
     )
-    if options.aim is not None and (rows := list(_estimate_rows(cells))):
-        yield f"#### Estimates, and frames that end at {options.aim:g}"
+    if options.target_estimate is not None and (rows := list(_estimate_rows(cells))):
+        yield f"#### Estimates, and frames that end at {options.target_estimate:g}"
         yield (
             "The relMSE that `exact` estimates of a frame, over that against the reference: the median of all frames, "
             "the least and the most. Then frames that are rendered until they estimate "
-            f"{options.aim:g}, with at most {options.samples[-1]} samples: seconds, samples, true relMSE."
+            f"{options.target_estimate:g}, with at most {options.samples[-1]} samples: seconds, samples, true relMSE."
         )
         head = ("", "raw: estimate over truth", "denoised", "raw: s", "samples", "relMSE")
         yield TextTable((*head, "denoised: s", "samples", "relMSE"), rows)
@@ -90,7 +90,7 @@ def _time_rows(cells: Sequence[CellRun], others: Sequence[str], way: PictureKind
 
     `others` are the backends beside ``exact``, `way` is the kind of picture, and `target` the relMSE.
     """
-    cells = [cell for cell in cells if any(series.way == way for series in cell.curves)]
+    cells = [cell for cell in cells if any(series.picture_kind == way for series in cell.curves)]
     for cell in cells:
         row = [str(cell.cell), _seconds_text(cell, Series(EXACT, way), target)]
         for series in (Series(backend, way) for backend in others):
@@ -183,8 +183,8 @@ def _aimed_texts(rows: Sequence[Measurement]) -> tuple[str, str, str]:
 
 def growth_blocks(growth: Sequence[Growth]) -> Iterator[str | TextTable]:
     """Yield a heading and a table for each quantity; a table has a row for each size."""
-    for name in dict.fromkeys(result.of for result in growth):
-        group = [result for result in growth if result.of == name]
+    for name in dict.fromkeys(result.quantity for result in growth):
+        group = [result for result in growth if result.quantity == name]
         rows: dict[int, list[str]] = {
             size: [] for size in sorted({row.size for result in group for row in result.rows})
         }
@@ -219,7 +219,7 @@ def bias_warnings(cells: Sequence[CellRun]) -> list[str]:
         "picture; --fresh makes a new one"
         for result in cells
         for series, curve in result.curves.items()
-        if series.way == "raw"  # denoised pictures are biased in any case
+        if series.picture_kind == "raw"  # denoised pictures are biased in any case
         for point in curve
         if abs(point.bias) > BIAS_LIMIT * point.bias_error
     ]
@@ -260,7 +260,7 @@ def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
     for series, curve in result.curves.items():
         if points := [(point.seconds, point.relmse) for point in curve if point.relmse is not None]:
             style = {"markersize": 3.0, "color": COLORS.get(series.backend, "black"), "label": str(series)}
-            axes.plot(*zip(*points, strict=True), "o-" if series.way == "raw" else "o--", **style)
+            axes.plot(*zip(*points, strict=True), "o-" if series.picture_kind == "raw" else "o--", **style)
     for target in targets:
         axes.axhline(target, color="0.7", linewidth=0.8)
     title = f"{result.cell.scene}, {result.cell.ibl}"
@@ -271,10 +271,10 @@ def _draw_cell(axes: Any, result: CellRun, targets: Sequence[float]) -> None:
 
 def draw_growth(growth: Sequence[Growth], file: Path) -> Path:
     """Draw the seconds of a frame over its size, with a panel for each quantity; return `file`."""
-    quantities = list(dict.fromkeys(result.of for result in growth))
+    quantities = list(dict.fromkeys(result.quantity for result in growth))
     with _draw_panels(file, "seconds of a frame", len(quantities), 3) as panels:
         for axes, quantity in zip(panels, quantities, strict=True):
-            for result in (result for result in growth if result.of == quantity):
+            for result in (result for result in growth if result.quantity == quantity):
                 sizes, seconds = [row.size for row in result.rows], [row.seconds for row in result.rows]
                 spread = zip(*((row.seconds - row.low, row.high - row.seconds) for row in result.rows), strict=True)
                 style: dict[str, Any] = {"fmt": "o-", "markersize": 3.0, "color": COLORS.get(result.backend, "black")}

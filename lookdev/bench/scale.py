@@ -153,7 +153,7 @@ class StartTimes:
     """
 
     case: str
-    way: ImportProgram
+    program: ImportProgram
     planned: float
     sample: float
     memory: tuple[int, ...]
@@ -192,7 +192,7 @@ class ScaleBenchmark(Benchmark):
 
         The memory of a run, in bytes, is the sum over its processes.
         """
-        starts = [start for start in self.starts if (start.case, start.way) == (case, way)]
+        starts = [start for start in self.starts if (start.case, start.program) == (case, way)]
         planned, sample = (
             statistics.median(getattr(start, name) for start in starts) for name in ("planned", "sample")
         )
@@ -201,7 +201,7 @@ class ScaleBenchmark(Benchmark):
     def blocks(self) -> Iterator[str | TextTable]:
         yield from self.header()
         rows = []
-        for case, way in dict.fromkeys((start.case, start.way) for start in self.starts):
+        for case, way in dict.fromkeys((start.case, start.program) for start in self.starts):
             planned, sample, memory = self.medians(case, way)
             row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / MEGABYTE:.0f}", "", ""]
             if way != "lookdev":

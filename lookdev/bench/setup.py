@@ -49,20 +49,20 @@ class SetupBenchmark(Benchmark):
     ROWS = "taken"
     DEFAULTS = {"repeats": 5}  # noqa: RUF012
 
-    taken: list[StepTimes] = field(default_factory=list)
+    steps: list[StepTimes] = field(default_factory=list)
 
     def measure(self) -> Iterator[None]:
         with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
             for times in measure_setup(Path(scratch), self.options.repeats):
                 self.report(f"{times.step}: {Spread.of(times.seconds).text()} s")
-                self.taken.append(times)
+                self.steps.append(times)
                 yield
 
     def blocks(self) -> Iterator[str | TextTable]:
         yield from self.header()
         rows = [
             (times.step, *(Spread.of(seconds).text() if seconds else "" for seconds in (times.seconds, times.cpu)))
-            for times in self.taken
+            for times in self.steps
         ]
         yield TextTable(("", "seconds", "CPU seconds"), rows)
 

@@ -148,7 +148,7 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
         return frame(resolution, camera.horizontal_fov)
     strip, fov = job.charts.strip(resolution), camera.horizontal_fov
     reach = math.tan(math.radians(0.5 * fov))
-    pixels_across_strip = strip.resolution[0 if strip.upright else 1]
+    pixels_across_strip = strip.resolution[0 if strip.is_vertical else 1]
     half_angle = math.atan(reach * pixels_across_strip / resolution[0])
     # The largest fraction of the frame that the asset covers, in the direction across the strip. With `margin`, it is a
     # ratio of two tangents: of half the angle that the asset's sphere subtends, and of half the angle of view.
@@ -197,8 +197,8 @@ def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[A
             orbited = camera.orbit(-angle)
             right, up, back = ((points - orbited.position) @ orbited.frame.T).T
             depth = np.where(back < 0.0, -back, np.inf)
-            x = 0.5 * width * (1.0 + right / depth / camera.reach - 2.0 * camera.shift[0])
-            y = 0.5 * height - 0.5 * width * (up / depth / camera.reach - 2.0 * camera.shift[1])
+            x = 0.5 * width * (1.0 + right / depth / camera.half_width - 2.0 * camera.shift[0])
+            y = 0.5 * height - 0.5 * width * (up / depth / camera.half_width - 2.0 * camera.shift[1])
             across = x.max() > box.left and x.min() < box.left + box.width
             if across and y.max() > box.top and y.min() < box.top + box.height:
                 yield (

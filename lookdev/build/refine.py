@@ -78,7 +78,7 @@ class Refiner:
         meshes = refine_all(list(missing.values()), [level for _, level in missing])
         self._meshes |= {cage_key: (mesh, missing[cage_key]) for cage_key, mesh in zip(missing, meshes, strict=True)}
         meshes = [self._meshes[id(cage), level][0] for cage, level in zip(asset.meshes, levels, strict=True)]
-        flags = {"convex": asset.convex, "sheet": asset.sheet, "revolved": asset.revolved}
+        flags = {"convex": asset.is_convex, "sheet": asset.is_sheet, "revolved": asset.is_revolved}
         refined = make_asset(asset.name, meshes, asset.instances, asset.slots, **flags)
         if not has_shared_mesh:
             file = Content.store_copy(save_asset(refined))
@@ -88,8 +88,8 @@ class Refiner:
     def _levels(self, asset: Asset, camera: Camera, displaced: Collection[int]) -> Refinement:
         """Return the level of refinement of each mesh, and notes for the user."""
         if self._level == "auto":
-            pixel_size = orbit_pixel_size(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
-            view = [*camera.position.tolist(), *camera.pivot, camera.reach, self._width]
+            pixel_size = orbit_pixel_size(camera.position.tolist(), camera.pivot, 2.0 * camera.half_width / self._width)
+            view = [*camera.position.tolist(), *camera.pivot, camera.half_width, self._width]
             key = geometry_key(asset, displaced, view)
             refinement = _load_levels(key, len(asset.meshes))
             if refinement is None:

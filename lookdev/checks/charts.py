@@ -166,7 +166,7 @@ def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]
     """
     scene, gain = task.scene, 2.0**task.exposure
     lights = scene.lights_of_shader(scene.slot_shaders[-1])
-    is_far = all(light.far for light in lights)
+    is_far = all(light.is_infinitely_far for light in lights)
     pixel, samples = np.zeros((1, 2), np.int64), _SAMPLES[not is_far]
     first = next(iter(PATCHES))
     predictions: dict[str, tuple[Floats, Floats]] = {}

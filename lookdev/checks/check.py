@@ -137,7 +137,7 @@ def _read_setups(
         if backend is not None:
             raise LookdevError(f"{file}: the backend of a job is 'backend' in its table [render], not --backend")
         job_setups = read_setups(file)
-        return job_setups.setups, job_setups.turns
+        return job_setups.setups, job_setups.turntable_frames
     backends = list(job_backends())
     if backend is not None and backend not in backends:
         raise LookdevError(f"there is no backend '{backend}' ({nearest_hint(backend, backends)})")

@@ -59,7 +59,7 @@ class Agreement:
     error: Floats  # standard error of the difference
     t: Floats  # difference / error
     freedom: Floats  # degrees of freedom of the error
-    claimed: Floats  # the standard error of the frame, from the spread of its halves alone
+    frame_error: Floats  # the standard error of the frame, from the spread of its halves alone
 
 
 def choose_pixels(alpha: Reals, count: int, seed: int = 0) -> Ints:
@@ -154,7 +154,7 @@ def check_frame(
         "bias_error": float(bias_error[worst_bias]),
         "bias_limit": float(bias_limit[worst_bias]),
         "relmse": max(relmse, 0.0),
-        "relmse_claimed": float(np.mean((agreement.claimed / scale) ** 2)),
+        "relmse_claimed": float(np.mean((agreement.frame_error / scale) ** 2)),
     }
     pictures = [frame_picture("frame", halves.mean(axis=0)), _difference_picture(agreement, alpha.shape, pixels)]
     skipped = ""

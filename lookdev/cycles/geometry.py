@@ -17,7 +17,7 @@ from mathutils import Matrix
 from lookdev.arrays import Elements, Floats, Floats32, Indices, Ints
 from lookdev.asset.gather import join_small_meshes, move_stretch_to_meshes
 from lookdev.asset.mesh import Asset, Mesh
-from lookdev.asset.normals import blocks, run_starts
+from lookdev.asset.normals import face_blocks, run_starts
 from lookdev.asset.tangents import handedness
 from lookdev.asset.triangles import triangulate
 from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding, GeneratedSource, short_name
@@ -260,12 +260,14 @@ def _compact_values(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
     at_faces = values[run_starts(sizes)]
     if all(
         np.array_equal(values[corners], np.repeat(at_faces[faces], sizes[faces], axis=0))
-        for faces, corners in blocks(sizes)
+        for faces, corners in face_blocks(sizes)
     ):
         return at_faces, "FACE"
     at_points = np.zeros((len(mesh.points), *values.shape[1:]), np.float32)
     at_points[mesh.corner_points] = values
-    if all(np.array_equal(values[corners], at_points[mesh.corner_points[corners]]) for _, corners in blocks(sizes)):
+    if all(
+        np.array_equal(values[corners], at_points[mesh.corner_points[corners]]) for _, corners in face_blocks(sizes)
+    ):
         return at_points, "POINT"
     return values, "CORNER"
 

@@ -88,7 +88,7 @@ class Light(Emitter):
     version: ClassVar[int] = 1
     """The version of the kind's code, part of `digest`: raise it when equal fields give other radiance or samples."""
 
-    far: ClassVar[bool] = True
+    is_infinitely_far: ClassVar[bool] = True
     """Whether it is infinitely far: its radiance depends on the direction alone."""
 
     one_sided: ClassVar[bool] = False
@@ -152,7 +152,7 @@ class Light(Emitter):
     @property
     def world_dome(self) -> Dome | None:
         """Its `map_dome` if it is infinitely far, else None. Such a dome is a world in Blender or Mitsuba."""
-        return self.map_dome if self.far else None
+        return self.map_dome if self.is_infinitely_far else None
 
     @property
     def shape_name(self) -> str:

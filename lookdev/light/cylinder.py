@@ -18,7 +18,7 @@ from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
 from lookdev.light.shape import FAR, LampShape, cone_about
 from lookdev.light.spherical_rectangle import RectanglePoint, SphericalRectangle, density, draw, project_rectangle
-from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
+from lookdev.light.usd import PlacedPrim, UsdLight, UsdLightShape
 
 _MARGIN = 1e-6  # relative margin of the covering rectangle's width
 _TINY = 1e-30  # replaces divisors of 0
@@ -162,9 +162,11 @@ def covering_rectangle(point: Floats, length: Floats | float, radius: Floats | f
     )
 
 
-def _read(prim: PlacedPrim) -> LightShape:
+def _read(prim: PlacedPrim) -> UsdLightShape:
     radius, length = prim.radius("treatAsLine", "cylinder", (2,)), prim.length("length", prim.scale[0])
-    return LightShape.without_image(CylinderLight(length=length, radius=radius, position=prim.position, axes=prim.axes))
+    return UsdLightShape.without_image(
+        CylinderLight(length=length, radius=radius, position=prim.position, axes=prim.axes)
+    )
 
 
 CYLINDER = LightKind(CylinderLight, CylinderLight.example, {"CylinderLight": UsdLight(_read)})

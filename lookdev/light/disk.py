@@ -19,7 +19,7 @@ from lookdev.light.placed import PlacedLight
 from lookdev.light.rect import RectangleShape
 from lookdev.light.shape import FAR, LampShape, cone_about
 from lookdev.light.spherical_rectangle import approximate_solid_angle, intersect_rectangle
-from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
+from lookdev.light.usd import PlacedPrim, UsdLight, UsdLightShape
 
 
 @dataclass(frozen=True)
@@ -88,10 +88,10 @@ class DiskLight(PlacedLight):
         return math.pi * self.radii[0] * self.radii[1]
 
 
-def _read(prim: PlacedPrim) -> LightShape:
+def _read(prim: PlacedPrim) -> UsdLightShape:
     radius = prim.length("radius", 1.0)
     x, y = prim.scale[0] * radius, prim.scale[1] * radius
-    return LightShape.without_image(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes))
+    return UsdLightShape.without_image(DiskLight(radii=(x, y), position=prim.position, axes=prim.axes))
 
 
 DISK = LightKind(DiskLight, DiskLight.example, {"DiskLight": UsdLight(_read)})

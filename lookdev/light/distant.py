@@ -19,7 +19,7 @@ from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, Lamp
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes
 from lookdev.light.shape import FAR, INFINITE_DISTANCE, LampShape, draw_uniform, uniform_pdf
-from lookdev.light.usd import LIGHT_ATTRIBUTES, LightShape, PlacedPrim, UsdLight
+from lookdev.light.usd import LIGHT_ATTRIBUTES, PlacedPrim, UsdLight, UsdLightShape
 from lookdev.space import Color
 
 _MIN_HALF_ANGLE = math.radians(0.005)  # radians: the smallest half angle that float32 distinguishes from 0
@@ -125,9 +125,9 @@ class DistantLight(Lamp):
         return 1.0 if self._half_angle >= _MIN_HALF_ANGLE else self.size_factor / projected
 
 
-def _read(prim: PlacedPrim) -> LightShape:
+def _read(prim: PlacedPrim) -> UsdLightShape:
     light = DistantLight(angle=prim.light.number("inputs:angle", least=0.0), axes=prim.axes)
-    return LightShape(lambda _: light, size=light.size_factor)
+    return UsdLightShape(lambda _: light, size=light.size_factor)
 
 
 DISTANT = LightKind(DistantLight, DistantLight.example, {"DistantLight": UsdLight(_read, LIGHT_ATTRIBUTES)})

@@ -225,7 +225,7 @@ def rig_code(rig: CodedRig, *, sampled: bool, rig_origin: RigOrigin) -> LightCod
         "RIG_SPARED": len(excluded_sets),
         "RIG_GROUPS": group_count,
         "RIG_MARKS": group_count * len(excluded_sets),
-        "RIG_LOCAL_DOMES": int(any(not dome_light.far for dome_light in rig.domes)),
+        "RIG_LOCAL_DOMES": int(any(not dome_light.is_infinitely_far for dome_light in rig.domes)),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
     }

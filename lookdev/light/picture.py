@@ -41,7 +41,7 @@ def look_up(picture: Floats, u: Floats, v: Floats) -> Floats:
     return interpolate(picture, u * width - 0.5, v * height - 0.5)
 
 
-def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
+def mean_pyramid(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
     """Return the means of a texture (H, W, 3) over the cells of each level: an array (2^k, 2^k) for level k.
 
     The luminance of a texel is the mean of its channels. Row and column 0 of an array are at (-x, -y) of the light. A
@@ -59,7 +59,7 @@ def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
     return tuple(tree)
 
 
-def flat_tree(tree: tuple[Floats, ...]) -> Floats:
+def flatten_pyramid(tree: tuple[Floats, ...]) -> Floats:
     """Return the means (n,) of a tree from level 1 on, in the order in which `draw_cell` reads them."""
     return np.concatenate([level.ravel() for level in tree[1:]])
 
@@ -79,7 +79,7 @@ def _coverage(texels: int, cells: int) -> Floats:
 def draw_cell(means: NumberTable, start: Real, point: Floats, width: Real, height: Real, u: Floats) -> RectanglePoint:
     """Map points u (..., 2) of the unit square to points of the rectangle as seen from shading points (..., 3).
 
-    `means` is a column of numbers that has the texture's `flat_tree` from row `start` on.
+    `means` is a column of numbers that has the texture's `flatten_pyramid` from row `start` on.
     """
     u1, u2 = u[..., 0], u[..., 1]
     row, column = np.zeros_like(u1), np.zeros_like(u1)

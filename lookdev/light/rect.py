@@ -18,10 +18,10 @@ from lookdev.light import spherical_rectangle as spherical
 from lookdev.light.base import LightKind
 from lookdev.light.dome.environment import EnvironmentMap, map_in_space, read_exr
 from lookdev.light.emission import WHITE
-from lookdev.light.picture import cell_pdf, draw_cell, flat_tree, look_up, luminance_tree, prepare_texture
+from lookdev.light.picture import cell_pdf, draw_cell, flatten_pyramid, look_up, mean_pyramid, prepare_texture
 from lookdev.light.placed import PlacedLight
 from lookdev.light.shape import FAR, LampShape, cone_about
-from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
+from lookdev.light.usd import PlacedPrim, UsdLight, UsdLightShape
 from lookdev.space import Space
 
 
@@ -59,7 +59,7 @@ class RectangleShape:
 class TexturedRectangle(RectangleShape):
     """The `LampShape` of a rectangle whose directions are drawn in proportion to a texture.
 
-    `means` is a column of numbers with the texture's `flat_tree` from row `start` on.
+    `means` is a column of numbers with the texture's `flatten_pyramid` from row `start` on.
     """
 
     means: NumberTable
@@ -130,8 +130,8 @@ class RectLight(PlacedLight):
 
     @cached_property
     def means(self) -> NumberTable | None:
-        """The `flat_tree` of the texture as a column, for sampling."""
-        return None if self.picture is None else NumberTable(flat_tree(luminance_tree(self.picture))[:, None])
+        """The `flatten_pyramid` of the texture as a column, for sampling."""
+        return None if self.picture is None else NumberTable(flatten_pyramid(mean_pyramid(self.picture))[:, None])
 
     def _radiance_factor(self, point: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
@@ -141,7 +141,7 @@ class RectLight(PlacedLight):
         return np.asarray(look_up(self.picture, 1.0 - hit.s, 1.0 - hit.t))
 
 
-def _read(prim: PlacedPrim) -> LightShape:
+def _read(prim: PlacedPrim) -> UsdLightShape:
     width, height = (prim.length(name, prim.scale[i]) for i, name in enumerate(("width", "height")))
     light = RectLight(width=width, height=height, position=prim.position, axes=prim.axes)
     image, space = prim.image
@@ -149,7 +149,7 @@ def _read(prim: PlacedPrim) -> LightShape:
     def make(picture: EnvironmentMap | None) -> RectLight:
         return light if picture is None else replace(light, texture=prepare_texture(picture))
 
-    return LightShape(make, light.size_factor, lengths=light.shape_numbers, image=image, space=space)
+    return UsdLightShape(make, light.size_factor, lengths=light.shape_numbers, image=image, space=space)
 
 
 RECT = LightKind(RectLight, RectLight.example, {"RectLight": UsdLight(_read)})

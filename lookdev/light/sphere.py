@@ -14,7 +14,7 @@ from lookdev.brdf.vectors import Real, cross, dot
 from lookdev.light.base import LightKind
 from lookdev.light.placed import PlacedLight
 from lookdev.light.shape import FAR, LampShape, cone_about, draw_uniform, orient_to_axis, uniform_pdf
-from lookdev.light.usd import LightShape, PlacedPrim, UsdLight
+from lookdev.light.usd import PlacedPrim, UsdLight, UsdLightShape
 
 
 @dataclass(frozen=True)
@@ -87,9 +87,9 @@ def intersect_sphere(point: Floats, direction: Floats, radius: Real) -> Floats:
     return np.where(hits, approach - np.sqrt(np.maximum(discriminant, 0)), FAR)
 
 
-def _read(prim: PlacedPrim) -> LightShape:
+def _read(prim: PlacedPrim) -> UsdLightShape:
     radius = prim.radius("treatAsPoint", "sphere", (0, 2))
-    return LightShape.without_image(SphereLight(radius=radius, position=prim.position, axes=prim.axes))
+    return UsdLightShape.without_image(SphereLight(radius=radius, position=prim.position, axes=prim.axes))
 
 
 SPHERE = LightKind(SphereLight, SphereLight.example, {"SphereLight": UsdLight(_read)})

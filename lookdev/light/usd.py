@@ -1,6 +1,6 @@
 """Lights of UsdLux: the interface through which each kind of light reads its own prims.
 
-A kind has a `UsdLight` with a function that turns a `PlacedPrim` into a `LightShape`. The emission is read separately,
+A kind has a `UsdLight` with a function that turns a `PlacedPrim` into a `UsdLightShape`. The emission is read separately,
 in `lookdev.light.rig.emission`. A scale that differs between axes is supported where the kind's shape allows it.
 """
 
@@ -30,7 +30,7 @@ FALLOFF_ATTRIBUTES = tuple(f"falloff:{name}" for name in ("virtualDistance", "ex
 
 
 @dataclass(frozen=True)
-class LightShape:
+class UsdLightShape:
     """The content of a light prim without its emission.
 
     Parameters
@@ -60,7 +60,7 @@ class LightShape:
     format: str = ""
 
     @classmethod
-    def without_image(cls, light: PlacedLight) -> LightShape:
+    def without_image(cls, light: PlacedLight) -> UsdLightShape:
         """Return the shape of a light without an image."""
         return cls(lambda _: light, light.size_factor, lengths=light.shape_numbers)
 
@@ -72,7 +72,7 @@ class UsdLight:
     `read` reports a wrong value as a fault, and continues with the default of that value.
     """
 
-    read: Callable[[PlacedPrim], LightShape]
+    read: Callable[[PlacedPrim], UsdLightShape]
     attributes: tuple[str, ...] = (*LIGHT_ATTRIBUTES, *FALLOFF_ATTRIBUTES)
 
 

@@ -126,7 +126,7 @@ def check_images(texture: Texture) -> None:
         image_header(tile.file)
 
 
-def lacks_negatives(texture: Texture) -> bool:
+def is_uncentred_normal_map(texture: Texture) -> bool:
     """Return whether a normal map lacks negative x and y: its texels are from 0 to 1, and scale and bias keep them so.
 
     A map has negative components if scale and bias take the middle value 0.5 to 0 in x and y. This also holds for a map

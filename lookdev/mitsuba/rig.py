@@ -98,7 +98,7 @@ class _RigDome(LampRows):
     def __init__(self, mi: Mitsuba, dome: Light, rows: Floats32, links: Bools | None) -> None:
         super().__init__(mi, rows, links)
         assert dome.map_dome is not None, "a dome has a map"
-        self.is_local = not dome.far
+        self.is_local = not dome.is_infinitely_far
         self.map = DomeLight(mi, dome.map_dome, local=self.is_local)
         self.first = mi.UInt32(0)
         self.radiance_factor = self.color(self.first)

@@ -42,7 +42,7 @@ class KernelView:
         orbited = camera.orbit(-pose.element)
         right, up, back = orbited.frame
         width, height = resolution
-        across, along = camera.reach * right, camera.reach * up
+        across, along = camera.half_width * right, camera.half_width * up
         shifted_back = back - 2.0 * camera.shift[0] * across - 2.0 * camera.shift[1] * along
         vectors = (orbited.position - center, across, along * height / width, shifted_back)
         opaque = [dr.opaque(mi.Float, float(x)) for vector in vectors for x in vector]

@@ -78,7 +78,7 @@ def _disc_of_confusion(camera: Camera, width: int) -> Floats:
     """
     lens = camera.lens
     # In pixels. Rays of such a point are parallel: on the plane of focus, they are apart by as much as on the lens.
-    radius = 0.0 if lens is None else 0.5 * lens.aperture / lens.focus / camera.reach * width / 2.0
+    radius = 0.0 if lens is None else 0.5 * lens.aperture / lens.focus / camera.half_width * width / 2.0
     if radius < 1.0 / _DISC_GRID:
         return np.ones((1, 1))
     edge = math.ceil(radius)

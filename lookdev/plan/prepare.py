@@ -42,7 +42,7 @@ class JobSetups:
     charts: tuple[Setup, ...] = ()  # the setups of reference props, one for each light
 
     @property
-    def turns(self) -> TurntableFrames:
+    def turntable_frames(self) -> TurntableFrames:
         """The turntables of the job."""
         return TurntableFrames(self.job.turntable, self.job.output, self.job.camera.azimuth)
 
@@ -88,7 +88,7 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Plan
     charts = Charts(job_setups.charts, job.charts.strip(job.render.resolution)) if job.charts else None
     plan = build_plan(
         job_setups.setups,
-        job_setups.turns,
+        job_setups.turntable_frames,
         read_header,
         labels=labels,
         frame_suffixes=job.outputs.frame_suffixes,

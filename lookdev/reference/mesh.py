@@ -127,7 +127,7 @@ class MeshScene:
     def points(self, hits: MeshHits) -> Floats:
         return self._interpolate_corners(self._positions[hits["triangle"]], hits)
 
-    def is_lit_by(self, hits: MeshHits, light: int) -> Bools | None:
+    def is_reached_by(self, hits: MeshHits, light: int) -> Bools | None:
         """Return a mask (N,) of the hits that the light with a number lights, or None if all lights light all slots."""
         if self._lit_by is None:
             return None

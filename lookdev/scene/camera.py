@@ -66,7 +66,7 @@ class Camera:
         return 1e-3 * self.distance, 1e3 * self.distance
 
     @property
-    def reach(self) -> float:
+    def half_width(self) -> float:
         """Half the width of the frame at depth 1: the tangent of half the angle of view."""
         return math.tan(math.radians(self.fov) / 2.0)
 
@@ -115,8 +115,8 @@ def camera_rays(
     width, height = resolution
     shift_x, shift_y = camera.shift
     # The offsets to the right and up, at depth 1, from the camera's axis.
-    sx = (2.0 * np.asarray(x, dtype=np.float64) / width - 1.0 + 2.0 * shift_x) * camera.reach
-    sy = ((1.0 - 2.0 * np.asarray(y, dtype=np.float64) / height) * height / width + 2.0 * shift_y) * camera.reach
+    sx = (2.0 * np.asarray(x, dtype=np.float64) / width - 1.0 + 2.0 * shift_x) * camera.half_width
+    sy = ((1.0 - 2.0 * np.asarray(y, dtype=np.float64) / height) * height / width + 2.0 * shift_y) * camera.half_width
     direction = -back + sx[..., None] * right + sy[..., None] * up
     origin = orbited.position
     if camera.lens is not None and u is not None:

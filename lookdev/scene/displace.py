@@ -44,7 +44,7 @@ def as_cage(mesh: Mesh) -> Mesh:
     return replace(mesh, primvars=carried, subdivision=rules)
 
 
-def displace(asset: Asset, look_of_part: Mapping[str, Look]) -> Asset:
+def displace(asset: Asset, look_of_slot: Mapping[str, Look]) -> Asset:
     """Return the asset with displaced meshes; meshes that looks displace have been refined before.
 
     `look_of_part` maps the paths of slots to looks, as `Scene.look_of_slot`. A height h moves a point by
@@ -58,7 +58,7 @@ def displace(asset: Asset, look_of_part: Mapping[str, Look]) -> Asset:
     AssetError
         A height is not finite, or the mesh lacks a UV set that the height depends on.
     """
-    looks = [look_of_part[slot.path] for slot in asset.slots]
+    looks = [look_of_slot[slot.path] for slot in asset.slots]
     meshes: list[Mesh] = []
     instances: list[Instance] = []
     instances_of_mesh: dict[int, list[Instance]] = {}

@@ -132,7 +132,7 @@ def frame_fill(
         return float(ahead @ normals[0]), float(behind @ normals[1]), float(ahead[2] + behind[2])
 
     width, height = resolution
-    slopes = fill * unit_camera.reach, fill * unit_camera.reach * height / width
+    slopes = fill * unit_camera.half_width, fill * unit_camera.half_width * height / width
     nearest, farthest = float(farthest_point(frame[2]) @ frame[2]), float(farthest_point(-frame[2]) @ frame[2])
     depth = max(sum(support_values(direction, slope)[:2]) / (2.0 * slope) for direction, slope in enumerate(slopes))
     depth = max(depth, nearest + _MIN_GAP * (nearest - farthest))

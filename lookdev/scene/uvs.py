@@ -23,7 +23,7 @@ def look_uvs(look: Look) -> tuple[str, ...]:
 
 
 def add_missing_uvs(
-    asset: Asset, look_of_part: Mapping[str, Look], bound: Collection[str] = ()
+    asset: Asset, look_of_slot: Mapping[str, Look], bound: Collection[str] = ()
 ) -> tuple[Asset, tuple[str, ...]]:
     """Return the asset with the UV sets that its looks read, and notes on replaced sets.
 
@@ -31,7 +31,7 @@ def add_missing_uvs(
     comes from the asset itself. If a mesh has no UV set and only such looks read one, they read (0, 0), as USD's own
     readers do.
     """
-    looks = [look_of_part[slot.path] for slot in asset.slots]
+    looks = [look_of_slot[slot.path] for slot in asset.slots]
     uv_names = {id(look): look_uvs(look) for look in looks}
     is_bound = [slot.path in bound for slot in asset.slots]
     lacking: dict[tuple[str, str], list[Mesh]] = {}  # by the missing set, and the set that replaces it or ""
@@ -57,9 +57,9 @@ def add_missing_uvs(
     return replace(completed, digest=asset_digest(completed)), notes
 
 
-def missing_primvar_notes(asset: Asset, look_of_part: Mapping[str, Look]) -> tuple[str, ...]:
+def missing_primvar_notes(asset: Asset, look_of_slot: Mapping[str, Look]) -> tuple[str, ...]:
     """Return notes on primvars that looks read and meshes lack; `look_of_part` is `Scene.look_of_slot`."""
-    looks = [look_of_part[slot.path] for slot in asset.slots]
+    looks = [look_of_slot[slot.path] for slot in asset.slots]
     primvar_names = {id(look): {leaf.name for leaf in _leaves(look) if isinstance(leaf, Primvar)} for look in looks}
     lacking: dict[str, list[Mesh]] = {}
     for mesh in asset.meshes if any(primvar_names.values()) else ():

@@ -27,7 +27,7 @@ class ComputationCancelled(LookdevError):
 
 
 @dataclass
-class Ticket:
+class CancelToken:
     """A computation for a page, which the page can cancel."""
 
     cancelled: threading.Event = field(default_factory=threading.Event)
@@ -45,12 +45,12 @@ class PageSocket:
     cancelled, when the page is gone.
     """
 
-    def __init__(self, socket: WebSocket, cancel: Callable[[Ticket], None]) -> None:
+    def __init__(self, socket: WebSocket, cancel: Callable[[CancelToken], None]) -> None:
         self._socket = socket
         self._cancel = cancel
         self._sending = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._ticket: Ticket | None = None
+        self._ticket: CancelToken | None = None
 
     async def serve(self, handle: Callable[[Any], Coroutine[Any, Any, None]]) -> None:
         """Call `handle` with the text of each message, or with None for a message of bytes, until the page is gone."""
@@ -66,10 +66,10 @@ class PageSocket:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    def replace_ticket(self) -> Ticket:
+    def replace_ticket(self) -> CancelToken:
         """Cancel the newest ticket and return a new one."""
         self.cancel()
-        self._ticket = Ticket()
+        self._ticket = CancelToken()
         return self._ticket
 
     def cancel(self) -> None:

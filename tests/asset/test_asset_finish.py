@@ -45,7 +45,7 @@ def random_shape(rng: np.random.Generator, name: str) -> PolygonShape:
         left_handed=rng.random() < 0.5,
         holes=np.flatnonzero(rng.random(len(sizes)) < 0.2),
         subdivision=Subdivision("catmullClark") if is_cage else None,
-        parts=rng.integers(0, 3, len(sizes)) if rng.random() < 0.5 else None,
+        face_parts=rng.integers(0, 3, len(sizes)) if rng.random() < 0.5 else None,
     )
 
 

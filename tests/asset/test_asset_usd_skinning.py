@@ -96,7 +96,7 @@ def test_the_skeleton_places_the_points_and_the_mesh_does_not(rig):
     UsdGeom.Xformable(rig.skeleton).AddTranslateOp().Set((0, 0, 5))
     UsdGeom.Xformable(rig.root).AddRotateZOp().Set(90.0)
     assert rig.deformed().space == rig.skeleton.GetPrim()
-    assert Skinning(EARLY).space(rig.mesh.GetPrim()) == rig.skeleton.GetPrim()
+    assert Skinning(EARLY).placing_prim(rig.mesh.GetPrim()) == rig.skeleton.GetPrim()
     np.testing.assert_allclose(rig.world()[2], (1, 0, 6), atol=1e-6)
 
 
@@ -297,7 +297,7 @@ def test_what_usd_does_not_deform_is_noted(rig, spoil, note):
     spoil(rig)
     skinning = Skinning(Usd.TimeCode(10.0))
     assert skinning.deform(rig.mesh.GetPrim()) is None
-    assert skinning.space(rig.mesh.GetPrim()) == rig.mesh.GetPrim()
+    assert skinning.placing_prim(rig.mesh.GetPrim()) == rig.mesh.GetPrim()
     assert len(skinning.notes) == 1
     assert skinning.notes[0].startswith(note)
 

@@ -79,15 +79,15 @@ def test_true_errors_are_without_the_references_own(tmp_path: Path) -> None:
     relative = float((1.0 / (image[alpha > 0.0] ** 2 + EPSILON)).mean())
     for trial in trials:
         # The reference has 8 times the largest count; squares of 8,000 values spread by some percent.
-        assert trial.reference == pytest.approx(NOISE**2 / (8 * SAMPLES[-1]) * relative, rel=0.2)
-        assert trial.raw == pytest.approx(NOISE**2 / trial.samples * relative, rel=0.1)
-        assert trial.denoised == pytest.approx(BIAS**2 * relative, rel=0.1)
-        assert (trial.raw_estimate, trial.estimate) == (3.0, 2.0)
+        assert trial.reference_relmse == pytest.approx(NOISE**2 / (8 * SAMPLES[-1]) * relative, rel=0.2)
+        assert trial.raw_relmse == pytest.approx(NOISE**2 / trial.samples * relative, rel=0.1)
+        assert trial.denoised_relmse == pytest.approx(BIAS**2 * relative, rel=0.1)
+        assert (trial.raw_estimate, trial.denoised_estimate) == (3.0, 2.0)
     # What an eye sees of noise is less than its error.
-    assert trials[0].flip < 0.5 * trials[0].raw_flip
+    assert trials[0].denoised_flip < 0.5 * trials[0].raw_flip
     with (tmp_path / "out" / DenoiseTrial.FILE).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert [float(row["denoised"]) for row in rows] == [trial.denoised for trial in trials]
+    assert [float(row["denoised"]) for row in rows] == [trial.denoised_relmse for trial in trials]
 
 
 def test_frames_share_no_seed_and_references_are_kept(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ def test_all_quantities_for_the_backends_that_can_show_them() -> None:
     fakes = processes()
     grown: dict[str, dict[str, tuple[GrowthRow, ...]]] = {}
     for result in measure_growth(fakes, "exact", "principled", "mitsuba-principled").growth:
-        grown.setdefault(result.of, {})[result.backend] = result.rows
+        grown.setdefault(result.quantity, {})[result.backend] = result.rows
     assert list(grown) == list(growth.QUANTITIES)
     assert fakes.open == 0
     blender = ["exact", "principled"]
@@ -102,4 +102,4 @@ def test_a_quantity_that_fails_is_named_and_the_others_are_measured(monkeypatch:
     monkeypatch.setitem(growth.QUANTITIES, "lights", growth.Quantity("lights", fails))
     table = measure_growth(processes(), "exact")
     assert table.failures == ["growth with lights: no lamp"]
-    assert {result.of for result in table.growth} == set(growth.QUANTITIES) - {"lights"}
+    assert {result.quantity for result in table.growth} == set(growth.QUANTITIES) - {"lights"}

@@ -92,14 +92,14 @@ def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     results.run(tmp_path, document)
     assert results.complete
     assert results.failures == []
-    assert {result.of for result in results.growth} == set(growth.QUANTITIES)
+    assert {result.quantity for result in results.growth} == set(growth.QUANTITIES)
     (cell,) = results.cells
     here = [name for name in options.backends if name not in results.missing]
     assert list(cell.curves) == [Series(name, way) for name in here for way in PICTURES]
     for series, curve in cell.curves.items():
         raw = cell.curves[Series(series.backend)]
         assert all(point.seconds > of_raw.seconds for point, of_raw in zip(curve, raw, strict=True)) == (
-            series.way == "denoised"
+            series.picture_kind == "denoised"
         )
     # Recesses of copper are noisy: 16 samples leave more than a denoiser's bias, with every renderer's guides.
     for name in here:
@@ -134,5 +134,5 @@ def test_a_small_scale(tmp_path: Path) -> None:
     assert len(results.starts) == 6
     for start in results.starts:
         assert 0.1 < start.planned < start.sample
-        assert len(start.memory) == (2 if start.way == "lookdev" else 1)
+        assert len(start.memory) == (2 if start.program == "lookdev" else 1)
         assert min(start.memory) > 1e8

@@ -71,7 +71,7 @@ def test_both_ways_alternate_after_one_start_to_warm_up(processes: list[list[str
         (ours, "warm.toml"),
         *[(ours, "a.toml"), (plain, "a.json"), (ours, "b.toml"), (plain, "b.json")] * 2,
     ]
-    assert [(start.case, start.way) for start in results.starts[:2]] == [("a", "lookdev"), ("a", "blender")]
+    assert [(start.case, start.program) for start in results.starts[:2]] == [("a", "lookdev"), ("a", "blender")]
     assert all(0.0 < start.planned <= start.sample and start.memory == (3, 4) for start in results.starts)
     assert len(json.loads((tmp_path / "scale.json").read_text())["starts"]) == 8
 

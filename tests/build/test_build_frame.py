@@ -109,7 +109,7 @@ def test_the_camera_frames_the_limit_surface(make: Make) -> None:
         right, up, back = camera.orbit(-Pose(float(angle), 0.0).element).frame
         seen = points - camera.orbit(-angle).position
         depth = -(seen @ back)
-        extents.append(np.abs(np.stack([seen @ right, seen @ up]) / depth).max(axis=1) / camera.reach)
+        extents.append(np.abs(np.stack([seen @ right, seen @ up]) / depth).max(axis=1) / camera.half_width)
     # Points of the refined level; between two poses the extent differs by less than the square of half a degree.
     assert np.max(extents) == pytest.approx(0.7, abs=1e-4)
 

@@ -98,7 +98,7 @@ def test_a_camera_of_a_file_is_read(folder: Path) -> None:
     prepared = build_scenes(job_of(folder, 'usd = "/Shot"'))
     (camera,) = {scene.camera for scene in prepared.scenes.values()}
     np.testing.assert_allclose(camera.position, [0.0, 0.0, 9.0], atol=1e-9)
-    assert (camera.elevation, camera.reach, camera.pivot) == (90.0, pytest.approx(0.4), (0.0, 0.0))
+    assert (camera.elevation, camera.half_width, camera.pivot) == (90.0, pytest.approx(0.4), (0.0, 0.0))
     assert prepared.notes == ()
     (folder / "shot.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, 7)").replace("= 18", "= 32"))
     prepared = build_scenes(job_of(folder, 'usd = "/Shot"\nfile = "shot.usda"'))

@@ -6,7 +6,7 @@ from looks import quick_among
 
 from lookdev.arrays import Floats
 from lookdev.light import RectLight, make_environment
-from lookdev.light.picture import draw_cell, look_up, luminance_tree, prepare_texture
+from lookdev.light.picture import draw_cell, look_up, mean_pyramid, prepare_texture
 
 
 def textured(picture: Floats, **fields) -> RectLight:
@@ -36,7 +36,7 @@ def test_a_picture_is_upright_for_whom_it_shines_on() -> None:
 def test_the_tree_has_the_means_of_bilinear_look_ups(shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(3)
     picture = rng.random((*shape, 3)) * (rng.random((*shape, 1)) < 0.3)
-    tree = luminance_tree(picture, 3)
+    tree = mean_pyramid(picture, 3)
     assert [len(level) for level in tree] == [1, 2, 4, 8]
     # The look-up is bilinear on squares of half a texel. Midpoints give the exact mean if cells are whole squares.
     many = (np.arange(16 * shape[1]) + 0.5) / (16 * shape[1]), (np.arange(16 * shape[0]) + 0.5) / (16 * shape[0])

@@ -19,7 +19,7 @@ def project(camera: Camera, point: np.ndarray) -> np.ndarray:
     """Return the pixel of a point in the frame of a camera at pose 0."""
     right, up, toward = camera.frame @ (point - camera.position)
     width, height = SIZE
-    x, y = (np.array([right, up]) / -toward / camera.reach / 2.0 - camera.shift) * width
+    x, y = (np.array([right, up]) / -toward / camera.half_width / 2.0 - camera.shift) * width
     return np.array([width / 2.0 + x, height / 2.0 - y])
 
 

@@ -48,7 +48,7 @@ def test_props_are_in_their_strip_and_apart(side: str, resolution: tuple[int, in
         assert outer.left <= box.left <= outer.left + outer.width - box.width + 1e-9
         assert outer.top <= box.top <= outer.top + outer.height - box.height + 1e-9
     for a, b in pairwise(strip.props):
-        apart = (b.left - a.left - a.width, b.top - a.top - a.height)[strip.upright]
+        apart = (b.left - a.left - a.width, b.top - a.top - a.height)[strip.is_vertical]
         assert apart > 0.0
     assert len(strip.measured_boxes) == 25
     chart = strip.props[2]
@@ -65,8 +65,8 @@ def test_a_strip_that_is_too_thick_names_the_greatest_that_fits(side: str) -> No
         strip = Strip(side, size, resolution)
         chrome, _, chart = strip.props
         assert (strip.fit_fault() == ("", "")) == fits
-        assert ((chrome.top if strip.upright else chrome.left) >= 0.0) == fits
-        assert ((chart.top + chart.height if strip.upright else chart.left + chart.width) <= 300.0) == fits
+        assert ((chrome.top if strip.is_vertical else chrome.left) >= 0.0) == fits
+        assert ((chart.top + chart.height if strip.is_vertical else chart.left + chart.width) <= 300.0) == fits
 
 
 def test_a_chart_has_four_rows_of_six_patches_of_one_size() -> None:
@@ -98,8 +98,8 @@ def test_rays_through_a_prop_meet_it(camera: Camera) -> None:
     # They are as far as the asset's middle, in the middle of the frame, and a pixel there is as large.
     right, up, depth = camera.frame @ (np.array(seen.target) - camera.position) * (1.0, 1.0, -1.0)
     assert depth == pytest.approx((camera.position - (*camera.pivot, 0.7)) @ camera.frame[2])
-    np.testing.assert_allclose(np.array([right, up]) / (2.0 * camera.reach * depth), camera.shift, atol=1e-8)
-    assert seen.reach * seen.distance == pytest.approx(camera.reach * depth)
+    np.testing.assert_allclose(np.array([right, up]) / (2.0 * camera.half_width * depth), camera.shift, atol=1e-8)
+    assert seen.half_width * seen.distance == pytest.approx(camera.half_width * depth)
     grey = Look("grey", (Layer("a", "lambert"),))
     for name, box in zip(("chrome", "grey", "chart"), strip.props, strict=True):
         scene = MeshScene(asset_of_props(strip, seen, [name]), [grey])
@@ -157,8 +157,8 @@ def test_no_asset_reaches_into_the_strip(tmp_path, side: str, framed: str, built
     for angle in range(0, 360, 15):
         seen = camera.orbit(-angle)
         right, up, back = ((points - seen.position) @ seen.frame.T).T
-        x = 160 * ((right / -back) / camera.reach + 1 - 2 * camera.shift[0])
-        y = 120 - 160 * ((up / -back) / camera.reach - 2 * camera.shift[1])
+        x = 160 * ((right / -back) / camera.half_width + 1 - 2 * camera.shift[0])
+        y = 120 - 160 * ((up / -back) / camera.half_width - 2 * camera.shift[1])
         reach = 1e-4  # pixels: places of cameras are rounded
         inside = (x > box.left + reach) & (x < box.left + box.width - reach)
         inside &= (y > box.top + reach) & (y < box.top + box.height - reach)

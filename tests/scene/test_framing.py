@@ -62,7 +62,7 @@ def covered(camera: Camera, points: Floats, angles: Floats, resolution: tuple[in
     right, up, toward = (
         sum(axis[i] * turned[i] for i in range(3)) - axis @ (camera.position - pivot) for axis in camera.frame
     )
-    seen = np.stack([right, up]) / -toward / camera.reach * resolution[0] / 2.0
+    seen = np.stack([right, up]) / -toward / camera.half_width * resolution[0] / 2.0
     return seen.min(axis=(1, 2)), seen.max(axis=(1, 2))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
-from lookdev.asset.subdivision.topology import Level, connect
+from lookdev.asset.subdivision.topology import HalfEdges, connect
 from lookdev.errors import AssetError
 
 INFINITE_SHARPNESS = 10.0
@@ -26,7 +26,7 @@ class Cage:
     surface.
     """
 
-    half_edges: Level
+    half_edges: HalfEdges
     is_manifold: Bools
     is_hidden: Bools
 
@@ -151,7 +151,7 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
     return Cage(level, manifold, hidden)
 
 
-def _find_edges(level: Level, pairs: Indices) -> Indices:
+def _find_edges(level: HalfEdges, pairs: Indices) -> Indices:
     """Return the edge (k,) between each pair of points (k, 2), or -1 if there is none."""
     count = len(level.point_sharpness)
     # An edge has the key low * count + high of its points' numbers.

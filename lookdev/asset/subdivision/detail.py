@@ -23,7 +23,7 @@ from lookdev.asset.subdivision.cage import build_cage
 from lookdev.asset.subdivision.limit import complete_normals, limit_surface
 from lookdev.asset.subdivision.refine import mask_rules, refined_values
 from lookdev.asset.subdivision.rules import interpolate
-from lookdev.asset.subdivision.topology import Level, first_child, split_faces
+from lookdev.asset.subdivision.topology import HalfEdges, first_child, split_faces
 
 SURFACE_TOLERANCE = 0.1
 """Pixels between the limit surface and its facets: not visible in an antialiased silhouette."""
@@ -265,7 +265,7 @@ def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, co
     return np.maximum(np.maximum(level, lowest), 0)
 
 
-def _turn_angles(level: Level, normals: Floats32, first: Indices) -> Floats:
+def _turn_angles(level: HalfEdges, normals: Floats32, first: Indices) -> Floats:
     """Return the angle (m,), in radians, that the normal turns along each half-edge of the cage.
 
     It is the turn to the edge's middle plus the turn from there to the end. `normals` are those of level 1, and `first`
@@ -276,7 +276,7 @@ def _turn_angles(level: Level, normals: Floats32, first: Indices) -> Floats:
     return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * halves, 1.0)).sum(axis=0))
 
 
-def _sharpness_delay(level: Level) -> Floats:
+def _sharpness_delay(level: HalfEdges) -> Floats:
     """Return the number of levels (m,) before the turn along a half-edge decreases.
 
     It is the largest finite sharpness at the ends of the half-edge, of points or edges.

@@ -18,7 +18,7 @@ import numpy as np
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import FaceVaryingRule
 from lookdev.asset.subdivision.cage import Cage
-from lookdev.asset.subdivision.topology import Connectivity, Level, connect
+from lookdev.asset.subdivision.topology import Connectivity, HalfEdges, connect
 
 _CORNERS_PLUS_RULES: tuple[FaceVaryingRule, ...] = ("cornersPlus1", "cornersPlus2")
 
@@ -41,7 +41,7 @@ def weld(points: Indices, values: Floats, count: int) -> tuple[Indices, Indices]
     return numbers, np.concatenate([np.arange(count), points[other][first]])
 
 
-def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, rule: FaceVaryingRule) -> Level:
+def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, rule: FaceVaryingRule) -> HalfEdges:
     """Return the half-edges of values by a rule; `value_numbers` (m,) and `value_points` (v,) are `weld`'s results."""
     surface = cage.half_edges
     level, connectivity = connect(value_numbers, surface.sizes, len(value_points))
@@ -95,7 +95,7 @@ class _ValueFans:
     corner_sharpness: Floats
 
 
-def _find_fans(level: Level, connectivity: Connectivity, surface: Level) -> _ValueFans:
+def _find_fans(level: HalfEdges, connectivity: Connectivity, surface: HalfEdges) -> _ValueFans:
     """Return the faces around each value; `connectivity` is that of the values."""
     count = len(level.point_sharpness)
     faces = np.bincount(level.points, minlength=count)
@@ -113,7 +113,7 @@ def _find_fans(level: Level, connectivity: Connectivity, surface: Level) -> _Val
     return _ValueFans(faces > 0, faces, connectivity.fan_counts, sharp_edge_count, corner_sharpness)
 
 
-def _seam_points(level: Level, surface: Level) -> Bools:
+def _seam_points(level: HalfEdges, surface: HalfEdges) -> Bools:
     """Return which points (n,) of the surface are ends of a seam."""
     seams = (level.twins < 0) & (surface.twins >= 0)
     seams |= _nonmanifold_seams(level, surface)
@@ -122,7 +122,7 @@ def _seam_points(level: Level, surface: Level) -> Bools:
     return is_seam_point
 
 
-def _nonmanifold_seams(level: Level, surface: Level) -> Bools:
+def _nonmanifold_seams(level: HalfEdges, surface: HalfEdges) -> Bools:
     """Return which half-edges (m,) are on an edge of the surface that corresponds to several edges of values.
 
     This finds the seams at edges of three or more faces, where half-edges of the surface have no twins.

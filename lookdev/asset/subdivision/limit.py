@@ -15,7 +15,7 @@ from lookdev.arrays import Bools, Floats, Floats32, Indices
 from lookdev.asset.normals import area_vectors, dot, flat_normals, normalize_or, sum_by
 from lookdev.asset.subdivision.masks import Masks, SectorKind, limit_masks
 from lookdev.asset.subdivision.rules import Rules, interpolate
-from lookdev.asset.subdivision.topology import Level, first_child, split_faces
+from lookdev.asset.subdivision.topology import HalfEdges, first_child, split_faces
 
 # Two tangents span a plane if their cross product, over the squared length of the ring's longest edge, exceeds this.
 # Angles in a float32 asset are far larger; rounding errors of float64 are far smaller.
@@ -43,7 +43,7 @@ class Sectors:
     sector_of_corner: Indices
 
 
-def find_sectors(level: Level, selected: Bools) -> Sectors:
+def find_sectors(level: HalfEdges, selected: Bools) -> Sectors:
     """Return the sectors at the points that are marked in `selected` (n,); semi-sharp features count as smooth."""
     edges = level.sharp_edges(_FINITE)
     is_corner_point = np.isinf(level.point_sharpness) | (edges > 2)
@@ -98,7 +98,7 @@ def _number_corners(starts: Indices, ahead: Indices, sector_of_corner: Indices, 
 
 
 def limit_surface(
-    level: Level, values: Floats, rules: Rules, selected: Bools | None = None, needs_normals: bool = True
+    level: HalfEdges, values: Floats, rules: Rules, selected: Bools | None = None, needs_normals: bool = True
 ) -> tuple[Floats, Floats32]:
     """Return the limit (n, k) of values (n, k) at the selected points, and unit normals (m, 3) at their corners.
 
@@ -126,7 +126,7 @@ def limit_surface(
     return limits, normals
 
 
-def complete_normals(level: Level, positions: Floats, normals: Floats32) -> None:
+def complete_normals(level: HalfEdges, positions: Floats, normals: Floats32) -> None:
     """Replace zeros in unit normals (m, 3) by the area-weighted mean normal of the faces of the corner's sector.
 
     `positions` (n, 3) are the points of the level.
@@ -145,14 +145,14 @@ def complete_normals(level: Level, positions: Floats, normals: Floats32) -> None
     normals[corners[ring_corners]] = normalize_or(means, flat_normals(areas, ring.sizes)[ring_corners])
 
 
-def _faces_around(level: Level, points: Bools) -> Bools:
+def _faces_around(level: HalfEdges, points: Bools) -> Bools:
     """Return which faces (f,) have at least one of the marked points (n,)."""
     faces = np.zeros(len(level.sizes), bool)
     faces[level.faces[points[level.points]]] = True
     return faces
 
 
-def _patch_normals(level: Level, values: Floats) -> Floats32:
+def _patch_normals(level: HalfEdges, values: Floats) -> Floats32:
     """Return the unit cross product (m, 3) of the two edges at each corner; zero if they are parallel."""
     position = values[level.points, :3]
     ahead, back = position[level.next] - position, position[level.previous] - position
@@ -169,7 +169,7 @@ def _unit_normals(cross: Floats, squared_length: Floats) -> Floats32:
     return unit.astype(np.float32)
 
 
-def _semi_sharp_points(level: Level) -> Bools:
+def _semi_sharp_points(level: HalfEdges) -> Bools:
     """Return which points (n,) have a finite sharpness above 0, or an edge with one."""
     is_semi_sharp = (level.point_sharpness > 0.0) & np.isfinite(level.point_sharpness)
     is_semi_sharp[level.ends[(level.edge_sharpness > 0.0) & np.isfinite(level.edge_sharpness)]] = True
@@ -177,7 +177,7 @@ def _semi_sharp_points(level: Level) -> Bools:
 
 
 def _apply_masks(
-    level: Level, values: Floats, rules: Rules, selected: Bools, needs_normals: bool
+    level: HalfEdges, values: Floats, rules: Rules, selected: Bools, needs_normals: bool
 ) -> tuple[Floats, Floats32]:
     """Return the result of `limit_surface` for points without semi-sharp features, by the masks of their sectors."""
     limits, sectors = values.copy(), find_sectors(level, selected)
@@ -199,7 +199,7 @@ def _apply_masks(
     return limits, normals[sectors.sector_of_corner] if needs_normals else normals[:0]
 
 
-def _ring_sums(level: Level, values: Floats, half_edges: Indices, masks: Masks) -> tuple[Floats, Floats]:
+def _ring_sums(level: HalfEdges, values: Floats, half_edges: Indices, masks: Masks) -> tuple[Floats, Floats]:
     """Return the sums (r, s, k) of values (n, k) over the rings of s sectors, weighted by the r rows of masks.
 
     Also return the squared length (s,) of the longest edge of each ring. The sectors begin at `half_edges` (s,).

@@ -16,7 +16,7 @@ from lookdev.asset.subdivision.cage import Cage, ControlMesh, build_cage
 from lookdev.asset.subdivision.face_varying import connect_values, weld
 from lookdev.asset.subdivision.limit import complete_normals, limit_surface
 from lookdev.asset.subdivision.rules import Rules, interpolate
-from lookdev.asset.subdivision.topology import Level, parent_faces, split_corners, split_faces
+from lookdev.asset.subdivision.topology import HalfEdges, parent_faces, split_corners, split_faces
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class _ValueGroup:
     number of columns. With `linear_boundary`, values along a boundary are refined linearly.
     """
 
-    half_edges: Level
+    half_edges: HalfEdges
     values: Floats
     columns: list[tuple[int, int]]
     linear_boundary: bool = False
@@ -165,7 +165,7 @@ def _scatter_corner_values(rows: Indices, values: Floats, count: int) -> Floats:
     return scattered
 
 
-def _refine_group(group: _ValueGroup, rules: Rules, level: int) -> tuple[Level, Floats]:
+def _refine_group(group: _ValueGroup, rules: Rules, level: int) -> tuple[HalfEdges, Floats]:
     """Return the half-edges of a group after `level` refinements, and the limit (n, k) of its values."""
     half_edges, values = group.half_edges, group.values
     for _ in range(level):
@@ -179,7 +179,7 @@ def _refine_group(group: _ValueGroup, rules: Rules, level: int) -> tuple[Level, 
 
 
 def _assign_columns(
-    half_edges: Level, values: Floats, columns: list[tuple[int, int]], corner_columns: list[Floats32]
+    half_edges: HalfEdges, values: Floats, columns: list[tuple[int, int]], corner_columns: list[Floats32]
 ) -> None:
     """Write the values of a group to `corner_columns`, by their index in `ControlMesh.values`, as arrays over corners.
 
@@ -192,7 +192,7 @@ def _assign_columns(
         start += width
 
 
-def _polygon_normals(half_edges: Level, points: Floats, rules: Rules) -> Floats32:
+def _polygon_normals(half_edges: HalfEdges, points: Floats, rules: Rules) -> Floats32:
     """Return the normals (m, 3) at the corners of an unrefined cage: flat if bilinear, otherwise means at points."""
     if rules.scheme == "bilinear":
         areas = area_vectors(points[half_edges.points], half_edges.sizes)
@@ -203,7 +203,7 @@ def _polygon_normals(half_edges: Level, points: Floats, rules: Rules) -> Floats3
 
 
 def _visible_faces(
-    cage: Cage, half_edges: Level, points: Floats, normals: Floats32, origin: Indices, values: list[Floats32]
+    cage: Cage, half_edges: HalfEdges, points: Floats, normals: Floats32, origin: Indices, values: list[Floats32]
 ) -> RefinedCage:
     """Return the refined faces, except those that come from hidden faces of the cage."""
     is_visible = ~cage.is_hidden[origin]

@@ -15,7 +15,7 @@ import numpy as np
 from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.mesh import Scheme
 from lookdev.asset.normals import run_starts, sum_by
-from lookdev.asset.subdivision.topology import Level
+from lookdev.asset.subdivision.topology import HalfEdges
 
 _TRIANGLE_WEIGHT = 0.470
 """The weight of a triangle's centroid in an edge's new point with USD's triangle rule `smooth`; normally it is 1/4."""
@@ -37,7 +37,7 @@ class Rules:
         return self.scheme == "loop"
 
 
-def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
+def interpolate(level: HalfEdges, values: Floats, rules: Rules) -> Floats:
     """Return the values (n', k) at the points of the next level, from the values (n, k) at the points of `level`.
 
     The points of the next level are the old points, then a point for each edge and, except with the scheme loop, a
@@ -56,7 +56,7 @@ def interpolate(level: Level, values: Floats, rules: Rules) -> Floats:
     return np.concatenate([_refine_points(level, values, around, rules), edge_points, means])
 
 
-def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
+def _soft_edges(level: HalfEdges) -> tuple[Indices, Indices, Floats]:
     """Return the edges (k,) of sharpness below 1, one half-edge (k,) of each, and their sharpness (k, 1).
 
     These edges have two faces, since boundaries and edges of more faces are infinitely sharp.
@@ -67,7 +67,7 @@ def _soft_edges(level: Level) -> tuple[Indices, Indices, Floats]:
     return edges, half_edges[edges], level.edge_sharpness[edges, None]
 
 
-def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules) -> None:
+def _smooth_edges(level: HalfEdges, means: Floats, edge_points: Floats, rules: Rules) -> None:
     """Overwrite the points of edges of sharpness below 1 in `edge_points` (e, k), which has the edges' middles.
 
     A smooth edge's point is the mean of its ends and of both faces' centroids, `means` (f, k) (Catmull and Clark 1978).
@@ -83,7 +83,7 @@ def _smooth_edges(level: Level, means: Floats, edge_points: Floats, rules: Rules
     edge_points[edges] = sharpness * edge_points[edges] + (1.0 - sharpness) * smooth
 
 
-def _smooth_loop_edges(level: Level, values: Floats, edge_points: Floats) -> None:
+def _smooth_loop_edges(level: HalfEdges, values: Floats, edge_points: Floats) -> None:
     """Overwrite the points of edges of sharpness below 1 in `edge_points` (e, k), which has the edges' middles.
 
     A smooth edge's point has weights of 3/8 for both ends and 1/8 for both opposite points (Loop 1987). With a
@@ -96,7 +96,7 @@ def _smooth_loop_edges(level: Level, values: Floats, edge_points: Floats) -> Non
     edge_points[edges] = sharpness * edge_points[edges] + (1.0 - sharpness) * smooth
 
 
-def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -> Floats:
+def _refine_points(level: HalfEdges, values: Floats, around: Floats, rules: Rules) -> Floats:
     """Return the values (n, k) of the old points at the next level.
 
     `around` (m, k) has a term for each corner. The new value of a smooth point contains the sum of the terms of the
@@ -126,14 +126,14 @@ def _refine_points(level: Level, values: Floats, around: Floats, rules: Rules) -
     return result
 
 
-def _corners_and_creases(level: Level, above: float) -> tuple[Bools, Bools]:
+def _corners_and_creases(level: HalfEdges, above: float) -> tuple[Bools, Bools]:
     """Return which points (n,) are corners and which lie on creases, counting features sharper than `above`."""
     edges = level.sharp_edges(above)
     corner = (level.point_sharpness > above) | (edges > 2)
     return corner, (edges == 2) & ~corner
 
 
-def _transition_weights(level: Level) -> Floats:
+def _transition_weights(level: HalfEdges) -> Floats:
     """Return the weight (n,) of a point's present mask if it has another mask at the next level.
 
     The weight is the mean of all sharpness at the point, its own and that of its edges, that falls to zero.

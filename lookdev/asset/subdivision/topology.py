@@ -20,7 +20,7 @@ _Array = TypeVar("_Array", Floats, Indices)
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class HalfEdges:
     """The f faces, m half-edges, e edges and n points of one level of refinement.
 
     - sizes (f,): the number of corners of each face
@@ -66,7 +66,7 @@ class Level:
         """Return the number of edges sharper than `above` at each point (n,)."""
         return np.bincount(self.ends[self.edge_sharpness > above].ravel(), minlength=len(self.point_sharpness))
 
-    def extract(self, faces: Bools) -> tuple[Level, Indices, Indices]:
+    def extract(self, faces: Bools) -> tuple[HalfEdges, Indices, Indices]:
         """Return the marked faces (f,) as a level, and the indices in this level of its corners and of its points.
 
         Edges at which the faces are cut off from the others become infinitely sharp.
@@ -81,7 +81,9 @@ class Level:
         sharpness = self.edge_sharpness[old_edges]
         sharpness[edges[twins < 0]] = np.inf
         renumbered = np.searchsorted(old_points, self.ends[old_edges])
-        level = Level(self.sizes[faces], points, edges, twins, renumbered, sharpness, self.point_sharpness[old_points])
+        level = HalfEdges(
+            self.sizes[faces], points, edges, twins, renumbered, sharpness, self.point_sharpness[old_points]
+        )
         return level, corners, old_points
 
 
@@ -98,7 +100,7 @@ class Connectivity:
     fan_counts: Indices
 
 
-def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connectivity]:
+def connect(points: Indices, sizes: Indices, count: int) -> tuple[HalfEdges, Connectivity]:
     """Return the half-edges of faces, and their connectivity.
 
     `points` (m,) is the point at each corner, a number below `count`, and `sizes` (f,) is the number of corners of each
@@ -121,7 +123,7 @@ def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connect
     is_nonmanifold = use_counts != 1
     is_nonmanifold[shared_edges[is_paired]] = False
     is_nonmanifold |= low[first] == high[first]
-    level = Level(
+    level = HalfEdges(
         sizes=sizes,
         points=points,
         edges=edges,
@@ -133,7 +135,7 @@ def connect(points: Indices, sizes: Indices, count: int) -> tuple[Level, Connect
     return level, Connectivity(is_nonmanifold, _fan_counts(level))
 
 
-def _fan_counts(level: Level) -> Indices:
+def _fan_counts(level: HalfEdges) -> Indices:
     """Return the number of fans (n,) around each point, from the connected components of half-edges."""
     # These imports take half of a program's start-up time, and few files need them.
     from scipy.sparse import coo_array
@@ -149,7 +151,7 @@ def _fan_counts(level: Level) -> Indices:
     return np.bincount(fan_points, minlength=len(level.point_sharpness))
 
 
-def split_faces(level: Level, triangles: bool) -> Level:
+def split_faces(level: HalfEdges, triangles: bool) -> HalfEdges:
     """Return the next level: each face becomes quads, one for each corner, or with `triangles`, four triangles.
 
     The points of the next level are those of this level, then one for each edge and, unless `triangles`, one for each
@@ -191,7 +193,7 @@ def split_faces(level: Level, triangles: bool) -> Level:
         inner_ends = np.stack([next_edge_points, face_points], axis=-1)
         sizes, new_points = np.full(len(corners), 4), edge_count + len(level.sizes)
     halves = np.repeat(next_sharpness(level.edge_sharpness), 2)
-    return Level(
+    return HalfEdges(
         sizes=sizes,
         points=points,
         edges=edges,
@@ -207,12 +209,12 @@ def first_child(corners: Indices, triangles: bool) -> Indices:
     return 3 * (corners + corners // 3) if triangles else 4 * corners
 
 
-def parent_faces(level: Level, triangles: bool) -> Indices:
+def parent_faces(level: HalfEdges, triangles: bool) -> Indices:
     """Return, for each face of the next level, the face of `level` from which it comes."""
     return np.repeat(np.arange(len(level.sizes)), 4) if triangles else level.faces
 
 
-def split_corners(level: Level, values: Floats, triangles: bool) -> Floats:
+def split_corners(level: HalfEdges, values: Floats, triangles: bool) -> Floats:
     """Return values (m', k) at the corners of the next level, bilinear over each face, from (m, k) at corners."""
     before = level.previous
     middles = 0.5 * (values + values[level.next])

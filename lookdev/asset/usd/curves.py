@@ -24,7 +24,7 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or, run_starts
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines
-from lookdev.asset.tubes import Rings, group_ends, ribbons, tubes
+from lookdev.asset.tubes import CurveSamples, ribbons, run_ends, tubes
 from lookdev.asset.usd.attributes import check_array, check_interpolation, read_array, read_token
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
@@ -247,7 +247,7 @@ def _path_lengths(positions: Floats, starts: Indices) -> Floats:
 
 def _rings(
     samples: _Samples, is_used: Bools, positions: Floats, radii: Floats, slopes: Floats
-) -> tuple[Rings, Indices]:
+) -> tuple[CurveSamples, Indices]:
     """Return rings at the samples that are used, and the number (c,) of the spline of each of the rings' c curves.
 
     `slopes` (r, 3) are the derivatives of the positions by t.
@@ -265,11 +265,11 @@ def _rings(
     is_slow = dot(slopes, slopes) <= dot(chords, chords) * (_COINCIDENCE / (t[after] - t[before])[:, None]) ** 2
     directions = normalize_or(np.where(is_slow, chords, slopes), np.array([0.0, 0.0, 1.0]))
     # A curve is closed if its ends agree in position, radius and direction.
-    first, last = group_ends(curves)
+    first, last = run_ends(curves)
     gaps = np.linalg.norm(positions[first] - positions[last], axis=1) / _path_lengths(positions, first)
     is_closed = (gaps < _COINCIDENCE) & (np.abs(radii[first] - radii[last]) <= _COINCIDENCE * radii[first])
     is_closed &= (directions[first] * directions[last]).sum(axis=1) > 0.0
-    return Rings(positions, directions, radii, pieces, curves, is_closed | samples.splines.periodic), numbers
+    return CurveSamples(positions, directions, radii, pieces, curves, is_closed | samples.splines.periodic), numbers
 
 
 def _splines(prim: Usd.Prim, time: Usd.TimeCode, counts: Indices) -> Splines:

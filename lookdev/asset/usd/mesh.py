@@ -57,7 +57,7 @@ def mesh_shape(
         left_handed=is_left_handed,
         holes=holes,
         subdivision=None if is_flat else _read_subdivision(prim, time, scheme, authored, len(points)),
-        parts=parts,
+        face_parts=parts,
         default_uv=default_uv,
     ), subsets
 

@@ -144,7 +144,7 @@ class UsdScene:
                     if copies is not None and len(copies) == 0:
                         self._note("without a point of a width, left out", prim)
                         continue
-                    placed_gprim = self._walk.place_in_space(gprim, self._gprims.skinning.space(prim), copies)
+                    placed_gprim = self._walk.place_in_space(gprim, self._gprims.skinning.placing_prim(prim), copies)
                     inherited = self._gprims.primvars.inherited_primvars(prim)
                     surfaces.append(_PlacedSurface(placed_gprim, number, surface.subsets, inherited))
             except AssetError as error:

@@ -118,7 +118,7 @@ class Skinning:
         """Lines for the user about bindings without effect, of the prims read so far, with USD's rule that applies."""
         return (*self._notes, *self._skeletons.notes)
 
-    def space(self, prim: Usd.Prim) -> Usd.Prim:
+    def placing_prim(self, prim: Usd.Prim) -> Usd.Prim:
         """Return the prim whose transform places a gprim: the skeleton that deforms it, or else the gprim itself.
 
         Raises AssetError as `deform` does.

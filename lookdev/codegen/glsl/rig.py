@@ -143,12 +143,12 @@ def rig_functions(
     numbers.append(
         np.array([[group not in excluded for group in groups] for excluded in rig.shadow_excluded], np.float64).ravel()
     )
-    is_near = any(not light.far for light in (*rig.lamps, *rig.domes))
+    is_near = any(not light.is_infinitely_far for light in (*rig.lamps, *rig.domes))
     constants = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_DOMES": len(domes),
         "RIG_LIGHTS": len(lights),
-        "RIG_LOCAL_DOMES": int(any(not light.far for light in rig.domes)),
+        "RIG_LOCAL_DOMES": int(any(not light.is_infinitely_far for light in rig.domes)),
         "RIG_MARKS": marks_start,
         "RIG_CASTING": casting_start,
         "RIG_SLOTS": len(lights_by_slot),
@@ -168,7 +168,7 @@ def rig_functions(
         lines += [line for line in Dome.table_constants() if "{" not in line]
         lines += [_array("dome_cells", bins.CELLS), _array("dome_first", bins.FIRST), _array("dome_starts", bin_starts)]
         lines += [_array("dome_constant", [int(light.constant) for light in rig.domes])]
-        lines += [_array("dome_local", [int(not light.far) for light in rig.domes])]
+        lines += [_array("dome_local", [int(not light.is_infinitely_far) for light in rig.domes])]
         lines += expand_template("dome.glsl", {}).splitlines()
     generated = {"lamp_functions": [*_lamp_functions(rig)], "dome_functions": [*_dome_functions(rig.domes)]}
     lines.append(expand_template("rig.glsl", generated))
@@ -254,7 +254,7 @@ def _dome_functions(domes: Sequence[Light]) -> Iterator[str]:
     """Yield the samplers of domes, the functions of domes with a finite radius, and those that read dome number k."""
     if not domes:
         return
-    if any(not light.far for light in domes):
+    if any(not light.is_infinitely_far for light in domes):
         yield from _traced_functions(ball_operations(field=_FIELD), "ball", _BALL)
     textured = [number for number, light in enumerate(domes) if not light.constant]
     for k in textured:

@@ -13,7 +13,7 @@ from lookdev.light.dome import Dome, example_dome, prepare_light
 from lookdev.light.dome.environment import EnvironmentMap, load_environment
 from lookdev.light.dome.local import LocalDome, example_local_dome
 from lookdev.light.placement import checked_axes
-from lookdev.light.usd import LIGHT_ATTRIBUTES, LightShape, PlacedPrim, UsdLight
+from lookdev.light.usd import LIGHT_ATTRIBUTES, PlacedPrim, UsdLight, UsdLightShape
 
 DOME_Y: Floats = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 DOME_Z: Floats = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -32,7 +32,7 @@ BALLS = ("mirroredBall", "angular")
 FORMATS = ("automatic", "latlong", *BALLS, "cubeMapVerticalCross")
 
 
-def _read(prim: PlacedPrim) -> LightShape:
+def _read(prim: PlacedPrim) -> UsdLightShape:
     light, local = prim.light, "lookdev:local:radius"
     pole_axis = light.text("poleAxis", "scene", ("scene", "Y", "Z")) if prim.kind == "DomeLight_1" else "Y"
     pole = DOME_Y if pole_axis == "Y" or (pole_axis == "scene" and prim.y_up) else DOME_Z
@@ -62,7 +62,7 @@ def _read(prim: PlacedPrim) -> LightShape:
         return LocalDome(dome=dome, position=prim.position, radius=radius, edge=edge)
 
     lengths = () if radius is None else (radius,)
-    return LightShape(make, lengths=lengths, image=image, space=space, format=image_format)
+    return UsdLightShape(make, lengths=lengths, image=image, space=space, format=image_format)
 
 
 _READER = UsdLight(_read, (*LIGHT_ATTRIBUTES, "local:radius", "local:edge"))

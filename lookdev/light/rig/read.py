@@ -24,7 +24,7 @@ from lookdev.light.rig.change import LightValue, change_values
 from lookdev.light.rig.emission import read_emission
 from lookdev.light.rig.find import ALL_PRIMS, USD_LIGHTS, check_attribute_owners, find_lights, is_light
 from lookdev.light.rig.images import LightImage, load_light_image
-from lookdev.light.usd import LightShape, PlacedPrim
+from lookdev.light.usd import PlacedPrim, UsdLightShape
 from lookdev.stage import Composed, Composition, compose, error_message, prim_and_ancestors, quote, usd_errors_as_faults
 from lookdev.stage.units import Z_UP, is_y_up, unit_faults
 
@@ -134,7 +134,7 @@ class _PendingLight:
     """A light whose prim is read, and whose image is not yet read."""
 
     path: str
-    shape: LightShape
+    shape: UsdLightShape
     emission: Emission
 
     @property
@@ -250,7 +250,7 @@ class _Reader:
         return True
 
 
-def _size_in_units(shape: LightShape | None, unit: float) -> float:
+def _size_in_units(shape: UsdLightShape | None, unit: float) -> float:
     """Return UsdLux's divisor of the radiance if the power is normalized; its areas are in units of the stage."""
     if shape is None:
         return 1.0

@@ -17,7 +17,7 @@ from lookdev.brdf import MODELS, Parameter
 from lookdev.errors import Fault, LookError, TextureError, close_hint
 from lookdev.material import Bump, Displacement, Input, Layer, Look, Mask, Texture
 from lookdev.material import InputSource as FormulaSource
-from lookdev.material.textures import lacks_negatives, udim_tiles
+from lookdev.material.textures import is_uncentred_normal_map, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders, layer_parameters
 from lookdev.material.usd import VariantChoice, check_composition, find_material, read_look_at, read_material
 from lookdev.material.usd.network import TERMINAL, Network, OutputSource, shader_id
@@ -303,7 +303,7 @@ class _Material:
 
         Raises NotCarriedError for a normal in world space.
         """
-        if node_category(source.shader) not in _TANGENT_SPACE_SHADERS and not term.tangent:
+        if node_category(source.shader) not in _TANGENT_SPACE_SHADERS and not term.is_tangent_normal:
             hint = "only one of a normalmap or a bump, in tangent space, is supported"
             raise NotCarriedError(f"is a normal in world space; {hint}")
         if not isinstance(texture := term.leaf, Texture):
@@ -312,7 +312,7 @@ class _Material:
             message = f"{texture.file.name} is decoded as {texture.colorspace}, but a normal map is data"
             self.add_fault(attribute, message, "it is carried as it stands; set inputs:sourceColorSpace to 'raw'")
         try:
-            if lacks_negatives(texture):
+            if is_uncentred_normal_map(texture):
                 file = next(iter(udim_tiles(texture).values()), texture).file
                 message = f"{file.name} holds 0 to 1, so no normal has a negative component"
                 self.add_fault(attribute, message, "it is carried as it stands; set scale and bias of the texture")

@@ -32,7 +32,7 @@ from lookdev.material import (
 from lookdev.material import InputSource as FormulaInput
 from lookdev.material.definitions import USD_TYPES
 from lookdev.material.expression import ExpressionError, ExpressionKind, parse
-from lookdev.material.textures import check_images, lacks_negatives, resolve_texture
+from lookdev.material.textures import check_images, is_uncentred_normal_map, resolve_texture
 from lookdev.material.usd.network import Network, OutputSource, asset_file, image_path, is_authored, shader_id
 from lookdev.space import Color
 
@@ -227,7 +227,7 @@ def _check_normal_map(network: Network, source: OutputSource, texture: Texture) 
     if texture.colorspace == "sRGB":
         message = f"{texture.file} would be decoded as sRGB, but a normal map is data"
         network.add_fault(f"{source.path}.inputs:sourceColorSpace", message, "set it to 'raw'")
-    if lacks_negatives(texture):
+    if is_uncentred_normal_map(texture):
         message = "the image holds 0 to 1, so no normal has a negative component"
         hint = "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)"
         network.add_fault(f"{source.path}.inputs:bias", message, hint)

@@ -94,7 +94,7 @@ def _read_dot(node: UsdNode) -> NodeValue:
 def _read_convert(node: UsdNode) -> NodeValue:
     """Read a convert, which changes the number of channels."""
     term = node.read_any_term("in", 0.0)
-    return replace(convert_channels(term, node.width), tangent=term.tangent)
+    return replace(convert_channels(term, node.width), tangent=term.is_tangent_normal)
 
 
 def _read_extract(node: UsdNode) -> NodeValue:
@@ -201,7 +201,7 @@ def _read_magnitude(node: UsdNode) -> NodeValue:
 def _read_normalize(node: UsdNode) -> NodeValue:
     """Read a normalize: a vector divided by its length."""
     vector = node.read_any_term("in", 0.0, 0.0)
-    if vector.tangent:  # a normal, which inputs of layers accept with any length
+    if vector.is_tangent_normal:  # a normal, which inputs of layers accept with any length
         return vector
     return node.terms.apply("{a} / {b}", {"a": vector, "b": _read_magnitude(node)})
 

@@ -66,7 +66,7 @@ class NodeValue:
     numbers: tuple[float, ...] | None = None
     leaf: Leaf | None = None
     alpha: NodeValue | None = None
-    tangent: bool = False
+    is_tangent_normal: bool = False
 
     @property
     def kind(self) -> ExpressionKind:
@@ -166,8 +166,8 @@ class Terms:
             raise NotCarriedError(f"makes an expression of more than {MAX_LENGTH} characters")
         inputs = {name: leaf for operand in operands.values() for name, leaf in operand.inputs.items()}
         vectors = [operand for operand in operands.values() if operand.width > 1 and operand.numbers is None]
-        tangent = bool(vectors) and all(vector.tangent for vector in vectors)
-        return NodeValue(text, max(operand.width for operand in operands.values()), inputs, tangent=tangent)
+        tangent = bool(vectors) and all(vector.is_tangent_normal for vector in vectors)
+        return NodeValue(text, max(operand.width for operand in operands.values()), inputs, is_tangent_normal=tangent)
 
     def _fold(self, template: str, operands: Mapping[str, NodeValue], name: str) -> NodeValue | None:
         """Fold a template into its only operand `name` that is not constant, in which it is linear.

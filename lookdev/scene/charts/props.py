@@ -104,20 +104,20 @@ class Strip:
         return cls(cast("FrameSide", side), float(size), resolution)
 
     @property
-    def upright(self) -> bool:
+    def is_vertical(self) -> bool:
         """Whether the props are above one another."""
         return self.side in ("left", "right")
 
     @property
     def thickness(self) -> float:
         """The thickness in pixels."""
-        return self.size * self.resolution[0 if self.upright else 1]
+        return self.size * self.resolution[0 if self.is_vertical else 1]
 
     @property
     def picture_size(self) -> tuple[float, float]:
         """The width and height in pixels of the frame without the strip, where the picture of the asset is."""
         width, height = self.resolution
-        return (width - self.thickness, float(height)) if self.upright else (float(width), height - self.thickness)
+        return (width - self.thickness, float(height)) if self.is_vertical else (float(width), height - self.thickness)
 
     @property
     def shift(self) -> tuple[float, float]:
@@ -131,7 +131,7 @@ class Strip:
         """The rectangle of the whole strip."""
         width, height = self.resolution
         across = self.thickness
-        if self.upright:
+        if self.is_vertical:
             return Box(0.0 if self.side == "left" else width - across, 0.0, across, float(height))
         return Box(0.0, 0.0 if self.side == "top" else height - across, float(width), across)
 
@@ -140,14 +140,14 @@ class Strip:
         """The rectangles of the chrome ball, the grey ball and the chart, centred along the strip."""
         across = (1.0 - 2.0 * _PADDING) * self.thickness
         aspect = _COLUMNS / _ROWS
-        sizes = [(across, across)] * 2 + [(across, across / aspect) if self.upright else (across * aspect, across)]
+        sizes = [(across, across)] * 2 + [(across, across / aspect) if self.is_vertical else (across * aspect, across)]
         gap = _GAP * self.thickness
         x, y = self.box.center
-        lengths = [size[self.upright] for size in sizes]
-        along = (y if self.upright else x) - 0.5 * (sum(lengths) + 2.0 * gap)
+        lengths = [size[self.is_vertical] for size in sizes]
+        along = (y if self.is_vertical else x) - 0.5 * (sum(lengths) + 2.0 * gap)
         boxes = []
         for (width, height), length in zip(sizes, lengths, strict=True):
-            left, top = (x - 0.5 * width, along) if self.upright else (along, y - 0.5 * height)
+            left, top = (x - 0.5 * width, along) if self.is_vertical else (along, y - 0.5 * height)
             boxes.append(Box(left, top, width, height))
             along += length + gap
         return boxes[0], boxes[1], boxes[2]
@@ -169,8 +169,8 @@ class Strip:
     def fit_fault(self) -> tuple[str, str]:
         """Return the reason why the props do not fit into the strip, and a hint; both "" if they fit."""
         chrome, _, chart = self.props
-        length = self.resolution[1 if self.upright else 0]
-        used = chart.top + chart.height - chrome.top if self.upright else chart.left + chart.width - chrome.left
+        length = self.resolution[1 if self.is_vertical else 0]
+        used = chart.top + chart.height - chrome.top if self.is_vertical else chart.left + chart.width - chrome.left
         if used > length:
             most = math.floor(1e3 * self.size * length / used) / 1e3
             problem = f"the props need {math.ceil(used)} pixels along the {self.side} edge, the frame has {length}"
@@ -201,9 +201,9 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     depth = float((camera.position - middle) @ back)
     if depth <= 0.0:
         raise AssetError("the middle of the asset is behind the camera, and with it the props of [charts]")
-    shift_x, shift_y = (2.0 * shift * camera.reach for shift in camera.shift)
+    shift_x, shift_y = (2.0 * shift * camera.half_width for shift in camera.shift)
     target = camera.position + depth * (shift_x * right + shift_y * up - back)
-    distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))
+    distance = camera.half_width * depth / math.tan(math.radians(0.5 * _LENS))
     # Numbers are rounded, so that frames have the same digest on every machine.
     digits = 9 - math.floor(math.log10(distance))
     x, y, z = np.round(target, digits).tolist()
@@ -243,7 +243,7 @@ def crop_camera(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera
     x, y = box.center
     part = box.width / width
     shift = (x - 0.5 * width) / width, (0.5 * height - y) / width
-    fov = math.degrees(2.0 * math.atan(part * camera.reach))
+    fov = math.degrees(2.0 * math.atan(part * camera.half_width))
     return replace(camera, fov=fov, shift=(shift[0] / part, shift[1] / part))
 
 
@@ -252,7 +252,7 @@ def _place_prop(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
     chrome, grey, chart = strip.props
     box = {"chrome": chrome, "grey": grey, "chart": chart}[name]
     width, height = strip.resolution
-    pixel = 2.0 * camera.reach * camera.distance / width
+    pixel = 2.0 * camera.half_width * camera.distance / width
     right, up, back = camera.frame
     x, y = box.center
     position = np.array(camera.target) + pixel * ((x - 0.5 * width) * right + (0.5 * height - y) * up)

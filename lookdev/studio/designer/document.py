@@ -25,7 +25,7 @@ from lookdev.studio.designer.edited_job import EditedJob, ParsedJob, shipped_lig
 from lookdev.studio.designer.edits import Edit, check_value, shader_shape
 from lookdev.studio.designer.history import EditState
 from lookdev.studio.designer.looks import JobLooks, distinct_looks
-from lookdev.studio.designer.operations import FolderOperation, parse_operation
+from lookdev.studio.designer.operations import FileEdit, parse_operation
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.studio.designer.rows import layer_rows
 from lookdev.studio.designer.snapshots import Snapshots
@@ -279,7 +279,7 @@ class Document:
         """Return the folders whose images a look may read."""
         return list(dict.fromkeys([location.file.parent, self._edited_job.file.parent, Path.cwd()]))
 
-    def _edit_file(self, number: int, label: str, edit: FolderOperation, gesture: str = "") -> bool:
+    def _edit_file(self, number: int, label: str, edit: FileEdit, gesture: str = "") -> bool:
         """Edit the content of a look's file, as a step of the history with a label; return whether shaders change.
 
         Nothing changes if the edit fails, or if the new scene cannot be shown.

@@ -31,7 +31,7 @@ from lookdev.rendering.scene import scene_task
 from lookdev.rendering.task import SceneTask, frame_task
 from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
-from lookdev.studio.websocket import ComputationCancelled, Ticket
+from lookdev.studio.websocket import CancelToken, ComputationCancelled
 
 MAX_SIDE = {"mitsuba": 640, "exact": 320}
 """Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""
@@ -97,7 +97,7 @@ class ExactRenderer:
         self.thread = ThreadPoolExecutor(1, "exact")
         self._worker: Worker | None = None
         self._command: tuple[str, ...] = ()  # the command line of the worker
-        self._current: Ticket | None = None  # the picture that is being rendered
+        self._current: CancelToken | None = None  # the picture that is being rendered
         self._digest = ""  # the digest of its current frame, by which the worker cancels it
         self._count = 0  # of all frames
         self._closed = False
@@ -107,14 +107,14 @@ class ExactRenderer:
         """The process id of the worker; None if it has not started."""
         return None if self._worker is None else self._worker.pid
 
-    def cancel(self, ticket: Ticket) -> None:
+    def cancel(self, ticket: CancelToken) -> None:
         """Cancel the picture of a ticket; the worker ends its frame soon."""
         ticket.cancelled.set()
         worker, digest = self._worker, self._digest
         if self._current is ticket and worker is not None and digest:
             worker.cancel(digest)
 
-    def render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
+    def render(self, scene: Scene, view: RequestedView, ticket: CancelToken, deliver: Deliver) -> None:
         """Render rounds of a scene until the error is small, and deliver their mean after each round.
 
         The caller runs this in `thread`. `deliver` receives facts about the picture, and arrays: ``beauty`` (h, w, 3),
@@ -129,7 +129,7 @@ class ExactRenderer:
         finally:
             self._current, self._digest = None, ""
 
-    def _render(self, scene: Scene, view: RequestedView, ticket: Ticket, deliver: Deliver) -> None:
+    def _render(self, scene: Scene, view: RequestedView, ticket: CancelToken, deliver: Deliver) -> None:
         """Do what `render` describes, while `_current` is the ticket."""
         began = time.perf_counter()
         name = fastest_backend(scene)
@@ -164,7 +164,7 @@ class ExactRenderer:
         deliver({"done": True}, {})
 
     def _render_round(
-        self, task: SceneTask, view: RequestedView, samples: int, number: int, ticket: Ticket, deliver: Deliver
+        self, task: SceneTask, view: RequestedView, samples: int, number: int, ticket: CancelToken, deliver: Deliver
     ) -> WorkerFrame:
         """Return the round of a number, which is also its seed, with `samples` samples a pixel."""
         worker = self._start_worker(task.backend, deliver)

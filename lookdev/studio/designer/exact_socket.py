@@ -13,10 +13,10 @@ from lookdev.safe_text import TextError, parse_json
 from lookdev.scene import Scene
 from lookdev.studio.designer.exact import ExactRenderer, parse_view
 from lookdev.studio.packets import encode_packet
-from lookdev.studio.websocket import PageSocket, Ticket
+from lookdev.studio.websocket import CancelToken, PageSocket
 
 
-class ExactPictures:
+class ExactPictureSocket:
     """The server's end of the websocket of one page: it answers the page's requests for pictures of a scene.
 
     ``do`` of a request is ``render`` or ``cancel``. A request to render has an ``id`` and a view (see `parse_view`).
@@ -40,7 +40,7 @@ class ExactPictures:
         elif request["do"] == "render":
             self._socket.start_task(self._render(request, self._socket.replace_ticket()))
 
-    async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
+    async def _render(self, request: Mapping[str, Any], ticket: CancelToken) -> None:
         """Render the picture of a request, and send each round to the page."""
         loop, reply = asyncio.get_running_loop(), {"id": request["id"]}
 

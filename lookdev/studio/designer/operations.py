@@ -22,7 +22,7 @@ from lookdev.material.library.stack import LookOutline
 from lookdev.studio.designer.rows import read_source
 from lookdev.studio.designer.sources import LookLocation, OpenedLook
 
-FolderOperation = Callable[[Path], object]
+FileEdit = Callable[[Path], object]
 """A function that edits the file at a path; the Designer calls it with a hidden copy beside the look's file."""
 
 
@@ -32,7 +32,7 @@ def parse_operation(
     opened: OpenedLook,
     variants: Mapping[str, str],
     roots: Sequence[Path],
-) -> tuple[str, FolderOperation]:
+) -> tuple[str, FileEdit]:
     """Return the label and the edit of a request for a look; raise LookdevError if the request is not valid.
 
     ``op`` of the request `body` names the operation. `location` and `opened` are those of the look, `variants` has the
@@ -47,7 +47,7 @@ def parse_operation(
 
 def _parse_stack_operation(
     body: Mapping[str, Any], location: LookLocation, outline: LookOutline, variants: Mapping[str, str]
-) -> tuple[str, FolderOperation] | None:
+) -> tuple[str, FileEdit] | None:
     """Return the label and the edit of a request that changes layers or variants, or None for another request."""
     prim, name = location.prim, partial(_layer_name, outline)
     match body:
@@ -84,7 +84,7 @@ def _parse_stack_operation(
 
 def _parse_source_operation(
     body: Mapping[str, Any], location: LookLocation, opened: OpenedLook, variants: Mapping[str, str], roots: list[Path]
-) -> tuple[str, FolderOperation] | None:
+) -> tuple[str, FileEdit] | None:
     """Return the label and the edit of a request that changes a mask or a parameter, or None for another request."""
     prim, folder, name = location.prim, location.file.parent, partial(_layer_name, opened.outline)
     match body:

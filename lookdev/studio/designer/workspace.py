@@ -12,7 +12,7 @@ from typing import Any
 from lookdev.cache import write_file
 from lookdev.errors import LookdevError
 from lookdev.studio.designer.history import EditState, History
-from lookdev.studio.designer.operations import FolderOperation
+from lookdev.studio.designer.operations import FileEdit
 from lookdev.studio.designer.recovery import Recovery, UnsavedWork
 from lookdev.studio.designer.sources import ConflictError, SourceFiles, digest
 
@@ -39,7 +39,7 @@ class Workspace:
         """Return the present content of a file: its edited content, or its original one."""
         return self.sources.content(self.state.files, file)
 
-    def apply_edit(self, file: Path, operation: FolderOperation) -> EditState:
+    def apply_edit(self, file: Path, operation: FileEdit) -> EditState:
         """Return the state after an operation on a file; the present state does not change."""
         with self.sources.copy_beside(file, self.content(file)) as copy:
             operation(copy)

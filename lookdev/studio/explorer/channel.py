@@ -25,7 +25,7 @@ from lookdev.studio.explorer import shading, usd
 from lookdev.studio.explorer.frames import ExactFrames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import encode_packet
-from lookdev.studio.websocket import PageSocket, SocketMessage, Ticket, log
+from lookdev.studio.websocket import CancelToken, PageSocket, SocketMessage, log
 
 _MAX_WAITING = 64  # requests of a page that wait; the oldest is dropped for a further one
 _MAX_LOGGED = 20  # refusals of a page that are logged
@@ -100,7 +100,7 @@ class ExplorerConnection:
             request = self._waiting.pop(next(iter(self._waiting)))
             await self._socket.answer(request, partial(_compute, self._surfaces, request), self._threads)
 
-    async def _render(self, request: Mapping[str, object], ticket: Ticket) -> None:
+    async def _render(self, request: Mapping[str, object], ticket: CancelToken) -> None:
         """Answer a request for an exact frame, and send its progress meanwhile."""
         loop = asyncio.get_running_loop()
 

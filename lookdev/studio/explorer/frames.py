@@ -24,7 +24,7 @@ from lookdev.rendering.worker import Worker, explain_error
 from lookdev.scene import Sampling, Scene
 from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
-from lookdev.studio.websocket import Ticket
+from lookdev.studio.websocket import CancelToken
 
 BACKEND = "exact"  # Cycles, with the models as published
 SIZE = 288
@@ -44,10 +44,10 @@ class ExactFrames:
         self._folder = tempfile.TemporaryDirectory(prefix="lookdev-explore-")
         self._render_lock = threading.Lock()
         self._worker: Worker | None = None
-        self._current: Ticket | None = None
+        self._current: CancelToken | None = None
 
     def render(
-        self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
+        self, look: Look, ticket: CancelToken, report: Callable[[dict[str, object]], None]
     ) -> tuple[dict[str, float], PlotValues]:
         """Render a look on a sphere under the dome `DOME`; return facts about the frame, and its pixels.
 
@@ -69,7 +69,7 @@ class ExactFrames:
             self._render_lock.release()
 
     def _render_frame(
-        self, look: Look, ticket: Ticket, report: Callable[[dict[str, object]], None]
+        self, look: Look, ticket: CancelToken, report: Callable[[dict[str, object]], None]
     ) -> tuple[dict[str, float], PlotValues]:
         """Do what `render` describes, while no other frame is rendered."""
         began = time.perf_counter()
@@ -100,7 +100,7 @@ class ExactFrames:
         """The file to which the worker writes its log."""
         return Path(self._folder.name) / "worker.log"
 
-    def cancel(self, ticket: Ticket) -> None:
+    def cancel(self, ticket: CancelToken) -> None:
         """Cancel the frame of a ticket; if the worker is rendering it, end the worker."""
         ticket.cancelled.set()
         worker = self._worker

@@ -59,8 +59,8 @@ class CornerTexels:
     stride: int
     ranges: tuple[TriangleRange, ...]
     attributes: dict[AttributeBinding, tuple[int, int]]
-    occluders: int = 0
-    nodes: int = 0
+    hierarchy_start: int = 0
+    hierarchy_nodes: int = 0
 
     def attribute_expression(self, binding: AttributeBinding) -> str:
         """Return the GLSL expression of an attribute; ``carried(texel)`` interpolates a texel of the three corners."""

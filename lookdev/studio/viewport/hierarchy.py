@@ -28,8 +28,8 @@ _NEIGHBOURS = 8  # clusters on each side along the Morton curve among which the 
 _MAX_CLUSTERS_PER_JOIN = 32
 _MAX_LEAF_TRIANGLES = 4  # largest number of triangles in a leaf
 _TRIANGLE_COST = 1.2  # cost of a triangle test, relative to that of a box test
-_CELLS = 1 << 10  # cells of the Morton curve along each axis
-_BINS = 1 << 15  # cells of the grid of boxes along the longest axis
+_MORTON_CELLS = 1 << 10  # cells of the Morton curve along each axis
+_GRID_CELLS = 1 << 15  # cells of the grid of boxes along the longest axis
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Hierarchy:
         texels = np.zeros((1 + nodes + 3 * len(corners), 4), np.float32)
         start = tree.low[:, -1]
         # The box of the root has two cells fewer than the grid: the rounding below, and its margin, enlarge boxes.
-        cell = max(float((tree.high[:, -1] - start).max()) / (_BINS - 2), float(np.finfo(np.float32).tiny))
+        cell = max(float((tree.high[:, -1] - start).max()) / (_GRID_CELLS - 2), float(np.finfo(np.float32).tiny))
         texels[0] = (*start, cell)
         low, high = (
             (corner[:, traversal_nodes].T.astype(np.float64) - start) / np.float32(cell)
@@ -90,7 +90,7 @@ class Hierarchy:
         )
         # The margin of 0.01 cells is larger than the rounding of a ray to float32.
         low, high = np.floor(np.maximum(low - 0.01, 0.0)), np.ceil(high + 0.01)
-        bits = low.astype(np.uint32) | (high.astype(np.uint32) << np.uint32(_BINS.bit_length() - 1))
+        bits = low.astype(np.uint32) | (high.astype(np.uint32) << np.uint32(_GRID_CELLS.bit_length() - 1))
         texels[1 : 1 + nodes, :3] = (bits + np.uint32(FIRST_BITS)).view(np.float32)
         texels[1 : 1 + nodes, 3] = np.where(size == 1, -1 - first[traversal_nodes], np.arange(nodes) + size)
         triangles = texels[1 + nodes :].reshape(-1, 3, 4)
@@ -189,7 +189,7 @@ def _morton_numbers(positions: Floats32) -> Ints:
     extent = max(float((positions - low).max()), np.finfo(np.float32).tiny)
     number = np.zeros(positions.shape[1], np.int64)
     for axis, row in enumerate((positions - low) / extent):
-        x = (row * (_CELLS - 1)).astype(np.int64)
+        x = (row * (_MORTON_CELLS - 1)).astype(np.int64)
         # Spread the 10 bits of x, so that two zeros follow each.
         for shift, mask in ((16, 0x30000FF), (8, 0x300F00F), (4, 0x30C30C3), (2, 0x9249249)):
             x = (x | x << shift) & mask

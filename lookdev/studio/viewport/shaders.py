@@ -92,9 +92,9 @@ class Shadows(IntEnum):
 
         A convex asset occludes no light from the front of its surface. If it is a sheet, it occludes no light at all.
         """
-        if not asset.convex:
+        if not asset.is_convex:
             return cls.TRACED
-        if asset.sheet or not (look.program.transmits or look.program.see_through):
+        if asset.is_sheet or not (look.program.transmits or look.program.see_through):
             return cls.NONE
         # In a rig that is not plain, whether light is occluded depends on the distance or the group of the occluder.
         return cls.BEHIND if rig.plain else cls.TRACED
@@ -119,8 +119,8 @@ def look_shaders(
         "SHADOWS": int(shadows),
         "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),  # sides with a shadow ray
         "CONVEX": int(convex),
-        "OCCLUDERS": corners.occluders,
-        "OCCLUDER_NODES": corners.nodes,
+        "OCCLUDERS": corners.hierarchy_start,
+        "OCCLUDER_NODES": corners.hierarchy_nodes,
         "FIRST_BITS": f"{FIRST_BITS}u",
         "STRIDE": corners.stride,
         "CORNERS_WIDTH": WIDTH,

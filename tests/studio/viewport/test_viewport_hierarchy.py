@@ -83,9 +83,9 @@ def test_few_boxes_are_tested() -> None:
     """Rays start on a surface of 15744 triangles, and pass close to others."""
     asset = load_asset(builtin="suzanne")
     hierarchy, rng = pack_corners(asset, tuple(range(len(asset.slots))), (), occluding=True), np.random.default_rng(4)
-    triangles = hierarchy.texels[: hierarchy.occluders].reshape(-1, 3, hierarchy.stride, 4)
+    triangles = hierarchy.texels[: hierarchy.hierarchy_start].reshape(-1, 3, hierarchy.stride, 4)
     places, normals = triangles[:, :, 0, :3].astype(np.float64), triangles[:, :, 1, :3].astype(np.float64)
-    hierarchy = Hierarchy(hierarchy.texels[hierarchy.occluders :], hierarchy.nodes)
+    hierarchy = Hierarchy(hierarchy.texels[hierarchy.hierarchy_start :], hierarchy.hierarchy_nodes)
     counts = []
     for number in rng.integers(0, len(places), 200):
         normal, w = normals[number].mean(axis=0), rng.normal(size=3)

@@ -198,7 +198,7 @@ def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
     origin, ray = camera_rays(camera, POSE, (across, along), x, y)
     hit, _ = MeshScene(scene.asset, scene.looks).intersect(origin, ray)
     share = side / width
-    fov = math.degrees(2.0 * math.atan(share * camera.reach))
+    fov = math.degrees(2.0 * math.atan(share * camera.half_width))
     for k in np.flatnonzero(hit)[:count]:
         shift = (x[k] / across - 0.5) / share, (0.5 - y[k] / along) * along / across / share
         yield replace(scene, camera=replace(camera, fov=fov, shift=shift), film=Film((side, side)))

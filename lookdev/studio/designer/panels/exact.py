@@ -5,7 +5,7 @@ from __future__ import annotations
 from starlette.websockets import WebSocket
 
 from lookdev.studio.designer.exact import ExactRenderer
-from lookdev.studio.designer.exact_socket import ExactPictures
+from lookdev.studio.designer.exact_socket import ExactPictureSocket
 from lookdev.studio.designer.routes import Routes, socket_route
 from lookdev.studio.designer.session import Session
 
@@ -20,7 +20,7 @@ class ExactRoutes(Routes):
     @socket_route("/exact")
     async def serve_pictures(self, socket: WebSocket) -> None:
         """Answer the requests of a page over its websocket until the page is gone."""
-        await ExactPictures(socket, self.session.scene_with_lights, self._exact).run()
+        await ExactPictureSocket(socket, self.session.scene_with_lights, self._exact).run()
 
     def close(self) -> None:
         self._exact.close()
