@@ -1,7 +1,8 @@
-"""Workers on this machine: one, or several that render different frames at the same time.
+"""The executor for this machine: one worker, or several that render different frames at the same time.
 
-Each worker has a thread, which tries a frame again where the process dies. The thread of the run assigns frames. A
-worker of short frames gets its next frame ahead, so that it does not wait until a frame is written.
+A worker is a process. Each worker has a thread in this process, which tries a frame again if the worker dies. The
+thread of the run assigns frames to these threads. If frames are short, a worker gets its next frame ahead of time, so
+that it need not wait while a frame is written.
 """
 
 from __future__ import annotations
@@ -31,35 +32,41 @@ from lookdev.rendering.threads import share_of_cores
 from lookdev.rendering.worker import Worker
 
 _MEASURED_SECONDS = 4.0
-"""Seconds over which the idle cores are measured."""
+"""Seconds over which idle cores are measured."""
 
 _SHORT_FRAME = 5.0
-"""Seconds of a frame up to which a worker gets one ahead; of longer ones, others would wait for it at the end."""
+"""A worker whose last frame took at most this many seconds gets its next frame ahead of time.
+
+With longer frames, the other workers would be idle at the end while this frame waits for its worker.
+"""
 
 
 @dataclass(frozen=True)
 class _ThreadError:
-    """The thread of a worker raised an error that ends the run."""
+    """A report that the thread of a worker raised an error, which ends the run."""
 
     error: BaseException
 
 
 class _WorkerThread:
-    """A worker and its thread, which renders the assigned frames and reports to a queue that all threads share."""
+    """A worker and its thread, which has the worker render assigned frames and reports to a queue.
+
+    All threads share the queue. Its entries are a thread and an event or error.
+    """
 
     def __init__(
         self, worker: Worker, reports: queue.Queue[tuple[_WorkerThread, ExecutorEvent | _ThreadError]]
     ) -> None:
         self.worker = worker
-        self.assigned = 0  # frames that are not finished
-        self.seconds: float | None = None  # of its last frame
-        self._inbox: queue.SimpleQueue[FrameTask | None] = queue.SimpleQueue()
+        self.assigned = 0  # number of assigned frames that are not finished
+        self.seconds: float | None = None  # duration of its last frame
+        self._inbox: queue.SimpleQueue[FrameTask | None] = queue.SimpleQueue()  # None ends the thread
         self._reports = reports
         self._thread: threading.Thread | None = None
         self._closing = False
 
     def assign(self, task: FrameTask) -> None:
-        """Render a frame, after those assigned before."""
+        """Queue a frame, to be rendered after those that were assigned before."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._serve, daemon=True)
             self._thread.start()
@@ -70,7 +77,7 @@ class _WorkerThread:
         """End the process and the thread, and drop the assigned frames."""
         self._closing = True
         self._inbox.put(None)
-        # The thread may be starting another process just then.
+        # The thread may be starting the worker's process again at this moment, so it is stopped until the thread ends.
         while self._thread is not None and self._thread.is_alive():
             self.worker.stop()
             self._thread.join(0.05)
@@ -106,11 +113,11 @@ class LocalExecutor:
     Parameters
     ----------
     files
-        The files of logs and scratch, and the workers' command and timeout.
+        The files of logs, the scratch folder, and the command and timeout of workers.
     workers
-        Their number. None starts one, and others while cores and memory are idle.
+        The number of workers. None starts one worker, and adds others while cores and memory are idle.
     devices
-        Environment variables that give a worker its devices; workers take turns with the entries.
+        Sets of environment variables, as `device_environments` returns them. Worker i takes set i modulo their number.
     """
 
     def __init__(
@@ -132,14 +139,14 @@ class LocalExecutor:
             thread.close()
 
     def launch(self) -> None:
-        """Start the first worker without waiting for it; the first frame raises the error if that fails."""
+        """Start the first worker without waiting for it. If that fails, the first frame raises the error."""
         try:
             self._threads[0].worker.launch()
         except WorkerError:
             return
 
     def prepare(self, scene: SceneTask) -> None:
-        """Send a scene to the first worker while that is starting."""
+        """Send a scene to the first worker, which prepares it if it is still starting."""
         self._threads[0].worker.prepare(scene)
 
     def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
@@ -175,7 +182,10 @@ class LocalExecutor:
             yield event
 
     def _is_worker_worthwhile(self, shares: FrameQueue, memory: int, seconds: float) -> bool:
-        """Return whether another worker is worth it, by the cores and the memory that were idle in the last seconds."""
+        """Return whether another worker is worth it, by idle cores since the last measurement and by free memory.
+
+        memory : bytes that a worker takes; seconds : those of a frame.
+        """
         now = CpuUse.of(pid for thread in self._threads if (pid := thread.worker.pid) is not None)
         before = self._use_before
         if before is None or now.clock < before.clock + _MEASURED_SECONDS:
@@ -184,11 +194,11 @@ class LocalExecutor:
         self._use_before = now
         idle, count = idle_cores(before, now), len(self._threads)
         is_worth_it = is_worker_worthwhile(count, idle, len(shares) * seconds / count, memory, free_memory())
-        self._use_before = None if is_worth_it else now  # measured anew when the next worker renders
+        self._use_before = None if is_worth_it else now  # after a new worker, the measurement starts anew
         return is_worth_it
 
     def _assign_frames(self, thread: _WorkerThread, shares: FrameQueue, is_needed: FrameFilter) -> None:
-        """Assign frames to a worker until it has enough."""
+        """Assign frames to a worker until it has one, or two if its frames are short."""
         limit = 2 if thread.seconds is not None and thread.seconds < _SHORT_FRAME else 1
         while thread.assigned < limit and (task := shares.next_frame(thread)) is not None:
             if is_needed(task):
@@ -199,7 +209,7 @@ class LocalExecutor:
     def _new_thread(self) -> _WorkerThread:
         number = len(self._threads)
         name = f"worker-{number + 1}" if number else "worker"
-        # The pixels do not depend on the cores: each pixel is one sum, in the order of its samples.
+        # The number of cores does not change pixels: the samples of a pixel are summed up in their order.
         count = self._workers or 1
         cores = share_of_cores(number, count) if count > 1 else None
         files, variables = self._files, self._devices[number % len(self._devices)]
