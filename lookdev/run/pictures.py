@@ -1,7 +1,11 @@
-"""The outputs of a plan: files that are made of finished frames, and made again only where they would differ.
+"""Makes files that show finished frames, such as PNGs, movies and contact sheets, if they are missing or outdated.
 
-A ledger (`lookdev.run.ledger`) records the digest of each file, and its inputs: frame digests and options. So a new
-view, another number of frames, or a damaged file is detected even if no frame was rendered.
+An output is a kind of such files (`lookdev.output`). A ledger (`lookdev.run.ledger`) records for each file the digest
+of its content, and a key: a digest of its inputs, which are frames and options. A new view, another number of frames or
+a damaged file is therefore detected even if no frame was rendered.
+
+A job may have reference props, such as a colour chart. They are rendered as frames of their own, and composited over
+the frames of looks.
 """
 
 from __future__ import annotations
@@ -32,27 +36,29 @@ RenderBackground = Callable[[FrameTask], Reals]
 
 @dataclass(frozen=True, eq=False)
 class PictureFile:
-    """A file to make, with the same content at all of its paths; its frames in order, and a label for each frame."""
+    """A file to make of finished frames. It has several paths if several turntables show the same frame."""
 
     output: Output
     paths: tuple[Path, ...]
     title: str
-    frames: dict[Path, FrameTask]
-    labels: tuple[str, ...]
-    columns: int | None = None
+    frames: dict[Path, FrameTask]  # by their EXR, in their order in the file
+    labels: tuple[str, ...]  # a label for each frame
+    columns: int | None = None  # the number of frames in a row of a contact sheet of a wedge
 
 
 class PictureWriter:
-    """The writer of the files that outputs make of frames.
+    """The writer of the files that show the frames of a plan.
 
     Parameters
     ----------
     plan, outputs
-        The frames, and the outputs that are made of them.
-    background, light
-        The background of the frames, as the ledger records it, and its light.
+        The frames, and the kinds of files to make of them.
+    background
+        The background of the frames as a value for JSON, which is a part of each file's key.
+    light
+        The function that returns the light of that background.
     ledger
-        The record of files that earlier runs and other runs have made; the caller closes it.
+        The record of files that earlier runs and other runs have made. The caller closes it.
     """
 
     def __init__(
@@ -76,9 +82,10 @@ class PictureWriter:
     def refresh_pictures(
         self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None
     ) -> None:
-        """Make the files of a single frame that are missing or outdated, if the props in front of it are `done`.
+        """Make the files that show this frame alone and are missing or outdated.
 
-        With `pixels`, the beauty and the alpha of a new frame, all its files are made from them.
+        A file is not made yet if reference props are composited over the frame and are not among the `done` files of
+        frames. `pixels` are the beauty and the alpha of a new frame: all its files are then made from these.
 
         Raises
         ------
@@ -94,14 +101,14 @@ class PictureWriter:
                 self.write(file, due, pixels)
 
     def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
-        """Make the due files of the single frames that are `done` and that show the props of a new frame in front."""
+        """Call `refresh_pictures` for all frames that are `done` and over which a new frame of props is composited."""
         frames = {self._tasks[frame].files for frame, props in self._plan.charts.items() if props in task.files}
         for files in frames:
             if files[0] in done:
                 self.refresh_pictures(self._tasks[files[0]], done)
 
     def finished_sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
-        """Yield the files of several frames whose frames are all done; with `task`, only those that show its frame."""
+        """Yield the files that show several frames, if all of these are done; with `task`, only those that show it."""
         for file in self._sheets:
             inputs = file.frames.keys() | self._props_over(file)
             if inputs <= done and not (task is not None and inputs.isdisjoint(task.files)):
@@ -112,9 +119,13 @@ class PictureWriter:
         return not self._is_current(file.paths[0], self._key(file))
 
     def write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
-        """Write a file to some paths: from `pixels`, the beauty and alpha of its only frame, or from frames on disk."""
+        """Write a file to some of its paths, and record it in the ledger.
+
+        `pixels` are the beauty and the alpha of its only frame. Without them, frames are read from disk.
+        """
 
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
+            """Return the premultiplied light and the alpha of a frame, with reference props composited over it."""
             props = self._plan.charts.get(frame)
             if pixels is None:
                 layer = read_rec709(frame)
@@ -123,6 +134,7 @@ class PictureWriter:
             return layer if props is None else composite_layers(read_rec709(props), layer)
 
         def light(frame: Path) -> Floats32:
+            """Return the light of a frame over the background."""
             return composite(*layers(frame), self._background_light(file.frames[frame]))
 
         frames = FrameSequence(
@@ -136,11 +148,11 @@ class PictureWriter:
             self._ledger.add(self._name(path), key, digest)
 
     def _props_over(self, file: PictureFile) -> set[Path]:
-        """Return the frames of props that are shown in front of the frames of a file."""
+        """Return the frames of reference props that are composited over the frames of a file."""
         return {self._plan.charts[frame] for frame in file.frames if frame in self._plan.charts}
 
     def _key(self, file: PictureFile) -> str:
-        """Return a digest of the inputs of a file."""
+        """Return the key of a file: a digest of its frames, their labels, the background and the options."""
         digests = [task.digest for task in file.frames.values()]
         digests += [self._tasks[self._plan.charts[frame]].digest for frame in file.frames if frame in self._plan.charts]
         inputs = [digests, file.labels, self._background, self._options(file.output)]
@@ -148,6 +160,7 @@ class PictureWriter:
         return hashlib.sha256(json.dumps(inputs, default=attrgetter("digest")).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
+        """Return the options of an output, as `FrameSequence.options`."""
         options = {name: getattr(self._outputs, name) for name in output.options}
         burn_in = {"burn_in": True} if output.name in self._outputs.burn_in else {}
         return {"view": self._outputs.display_view(output.name), **burn_in, **options}
@@ -160,13 +173,13 @@ class PictureWriter:
 
 
 def link_to_first(paths: Sequence[Path]) -> None:
-    """Link or copy the file of the first path to the others."""
+    """Make the file at the first path appear at the others, too, by links or copies."""
     for path in paths[1:]:
         link_or_copy(paths[0], path)
 
 
 def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
-    """Yield the files of an output."""
+    """Yield all files that an output makes of the frames of a plan, by the output's scope."""
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
 
     def file(paths: Iterable[Path], title: Iterable[str], frames: Iterable[Path], labels: Iterable[str]) -> PictureFile:
@@ -200,4 +213,5 @@ def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
 
 
 def _digits(frame: Path) -> str:
+    """Return the frame number of a file, as in its name."""
     return FrameName.of(frame).digits
