@@ -117,7 +117,7 @@ def _angles(axes: Axes) -> tuple[float, float, float]:
 
 
 def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> bpy.types.Light:
-    """Add Blender's data of a light. The colour is scaled so that its largest channel is 1, the power by the inverse."""
+    """Add Blender's data of a light. Its colour is scaled to a largest channel of 1, and its power by the inverse."""
     data = bpy.data.lights.new(name, kind)
     largest = max(color) or 1.0
     data.color = [channel / largest for channel in color]

@@ -138,6 +138,7 @@ def next_round(sampling: Sampling, halves: tuple[Half, Half], rounds: int, error
 
 
 def _whole_frame_round(samples: float, half: Half) -> Round:
+    """Return a round over the whole frame, in both halves, with the largest power of two of at most `samples`."""
     return (region := _whole_frame(half, _power_of_two_below(samples), is_whole_frame=True),), (region,)
 
 
@@ -168,8 +169,8 @@ def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_
     def is_affordable(price: float) -> bool:
         return tree.cut(2.0**price).samples <= max_samples
 
-    # Prices here are base 2 logarithms. The search starts around the decrease of the frame's error that one more sample
-    # per pixel brings, divided by the time of that sample.
+    # Prices are searched as base 2 logarithms, in a range about a usual price: the decrease of the frame's error by one
+    # more sample per pixel, over the time of that sample.
     usual_price = np.log2(error / (mean_samples((half,)) * tree.time[0]))
     price_range = usual_price - 30.0, usual_price + 10.0
     price = max(_bisect(*price_range, is_too_high)[0], _bisect(*price_range, is_affordable)[1])
@@ -189,6 +190,13 @@ class _Cut:
 class _Tree:
     """A binary tree of rectangles of tiles. Node 0 is the whole frame; `_split_tiles` splits nodes down to one tile.
 
+    Parameters
+    ----------
+    half, other
+        The half whose rectangles are planned, and the half from which errors are taken.
+    most
+        The most samples per pixel of a rectangle.
+
     Attributes
     ----------
     remaining_error
@@ -203,12 +211,13 @@ class _Tree:
         covered = (other.coverage > 0.0).astype(np.float64)
         error, area = self._sums_of_tiles(other.error), self._sums_of_tiles(covered)
         time = area + _BACKGROUND_COST * (self._sums_of_tiles(np.ones_like(covered)) - area)
+        # All pixels of a tile have the same number of samples, since rounds are over whole tiles.
         samples = half.samples[np.ix_(*(edges[:-1] for edges in self._edges))]
         self._boxes, self._children = _split_tiles(error, time)
         self._sizes = np.array([0, *(2**power for power in range(int(most).bit_length()))])
         self.remaining_error = self._sums_of_boxes(error[..., None] / (samples[..., None] + self._sizes))
         self.time = self._sums_of_boxes(time)
-        self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)
+        self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)  # of the asset's pixels, in each node
 
     def cut(self, price: float) -> _Cut:
         """Return the rectangles and samples for which the remaining error plus the price of the time is least."""

@@ -44,6 +44,7 @@ def blender_version() -> str:
 
 
 def _cycles_version() -> str:
+    """Return `Backend.version` of the backends on Cycles."""
     return f"{blender_version()} {RENDER_VERSION}"
 
 

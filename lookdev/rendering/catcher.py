@@ -12,8 +12,9 @@ colour contains the rest of G: light that the asset reflects onto the ground, it
 shadow.
 
 Composited over a picture of the bare ground, the frame gives A + G for any s: the picture of the asset on that ground.
-For where a pixel shows only ground or asset, ``1 - alpha`` is ``s g``, and B is a share g of the picture below.
-Composited over another picture, the frame multiplies that by s where it shows the ground, too.
+In a pixel that shows nothing but asset and ground, a + g is 1, so ``1 - alpha`` is ``s g``. The picture of the bare
+ground is B / g there, and adds s B to the colour. Another picture below is multiplied by s in the same way, where the
+frame shows the ground.
 
 Both halves and the frame have the same s. The difference of the halves therefore measures the noise of B and of A + G,
 the frame over the ground.
@@ -45,7 +46,7 @@ def combine_catcher_halves(first: Half, second: Half) -> tuple[Floats, Floats, F
 def remaining_share(ground: Floats, bare: Floats) -> Floats:
     """Return the share s (...) of light `bare` (..., 3) that remains in every channel of `ground` (..., 3).
 
-    A channel where `bare` is 0 counts as 1.
+    The ratio of a channel where `bare` is 0 counts as 1.
     """
     ratio = np.divide(ground, bare, out=np.ones_like(bare), where=bare > 0.0)
     return np.asarray(np.clip(ratio.min(axis=-1), 0.0, 1.0))

@@ -101,7 +101,8 @@ def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats32) -> Floats32:
     """
     order = np.argsort(ids, axis=1, kind="stable")
     ids, coverage = np.take_along_axis(ids, order, 1), np.take_along_axis(coverage, order, 1)
-    # At the last of equal ids, the difference of running sums is their total.
+    # Equal ids are now adjacent. The total of an id is the difference between the running sum at its last entry and
+    # the running sum at the last entry of the id before.
     sums = coverage.cumsum(axis=1, dtype=np.float64)
     last = np.concatenate([ids[:, 1:] != ids[:, :-1], np.ones((len(ids), 1), bool)], axis=1)
     before = np.maximum.accumulate(np.where(last, sums, 0.0), axis=1)

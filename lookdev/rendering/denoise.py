@@ -24,8 +24,8 @@ _USUAL_BIAS = 0.1  # this share of the raw error is added to the measured error 
 # A residual is a mixed half minus its raw half, relative to the colour. Residuals are clipped to the larger of two
 # limits: the number _LARGE_RESIDUAL, and the quantile _USUAL_RESIDUALS of the frame's absolute residuals.
 _LARGE_RESIDUAL, _USUAL_RESIDUALS = 0.3, 0.8
-# The least quotient of the raw error of a frame and the mixed one. Below it, the raw halves are returned, because both
-# errors are estimates.
+# The raw error of a frame must be at least this factor of the mixed error. Otherwise the raw halves are returned,
+# because both errors are estimates.
 _LEAST_GAIN = 1.1
 
 
@@ -53,10 +53,11 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats
     without m. The result mixes raw and denoised colours in each pixel with the weight of least error. The errors for
     this weight are averaged over the neighbours of the pixel.
 
-    A few pixels with rare bright paths have most of the noise of the second term. For the error of the frame, the
-    residuals ``D(a) - a`` are therefore clipped, relative to the colour, and the term is at least 0 over the frame. The
-    error then misses the light of rare paths that the denoiser removes. (The error of the raw halves misses paths that
-    neither half has sampled.)
+    The error of the frame is measured by the same formula, with the mixed halves in place of D(a) and D(b). A few
+    pixels with rare bright paths have most of the noise of the second term. Residuals, which are mixed halves minus raw
+    halves, are therefore clipped, relative to the colour, and the term is at least 0 over the frame. The error then
+    misses the light of rare paths that the denoiser removes. (The error of the raw halves misses paths that neither
+    half has sampled.)
     """
     covered = alpha > 0.0
     if not covered.any():
@@ -109,6 +110,7 @@ def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, sca
     # `both` is the covariance of the smooth mean and the raw mean. The noise of a smooth half comes from its own raw
     # half alone, so the product of half the differences estimates the covariance.
     both = _neighbourhood_mean(0.25 * (smooth_a - smooth_b) * (a - b) * scale, covered)
+    # The error of ``raw + weight * (smooth - raw)`` is a quadratic function of the weight. This is its minimum.
     spread = raw + smooth - 2.0 * both
     weight = np.clip((raw - both) / np.where(spread > 0.0, spread, 1.0), 0.0, 1.0)
     return np.asarray(np.where(spread > 0.0, weight, 0.0)[..., None])

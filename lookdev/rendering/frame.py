@@ -23,7 +23,9 @@ from lookdev.rendering.task import FrameTask
 # `Sampling.seed` share none.
 _SEEDS_PER_FRAME = 64
 FEATURE_SAMPLES = 16
-"""Samples per pixel of the albedos and normals that guide a denoiser: only edges, lenses and textures are noisy."""
+"""Samples per pixel of the pictures of albedos and normals that guide a denoiser.
+
+Few suffice, because only edges, lenses and textures make these pictures noisy."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +104,15 @@ def render_halves(
     smooth = denoiser() if sampling.denoise != "off" else None
     denoising_seconds = time.perf_counter() - start
     result: Denoised | None = None
-    done = number = 0
-    while any(regions := next_round(sampling, halves, number, error)):
+    done = rounds = 0
+    while any(regions := next_round(sampling, halves, rounds, error)):
         for index, half in enumerate(halves):
-            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + index
+            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * rounds + index
             for region in regions[index]:
                 half.add(region, *render(seed, region))
             done = round(2.0 * mean_samples(halves))
-            progress(done, sampling.samples, error if number else None)
-        number += 1
+            progress(done, sampling.samples, error if rounds else None)
+        rounds += 1
         a, b, alpha = combine(*halves)
         error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
         if smooth is not None:

@@ -1,6 +1,6 @@
 """Finds the libraries with which Dr.Jit compiles Mitsuba's kernels: LLVM for the CPU, the driver of an NVIDIA GPU.
 
-Backend `mitsuba` checks by it that a device can be used here, before a worker starts.
+Backend `mitsuba` uses this to check, before a worker starts, that a device can be used on this machine.
 """
 
 from __future__ import annotations

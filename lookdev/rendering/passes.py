@@ -74,7 +74,7 @@ ALWAYS_WRITTEN = ("beauty", "alpha", "error")
 """Names that a job may list among its passes although every frame has these arrays anyway."""
 
 LIGHTS_PASS = "lights"
-"""The name of the pass whose arrays depend on the scene: it has one for each group of lights."""
+"""The name of the pass whose arrays depend on the scene: one array for each group of lights."""
 
 
 def light_layer(group: str) -> str:

@@ -102,9 +102,10 @@ def load_result(done: ResultMessage, scene: SceneTask, blender: str) -> WorkerFr
 def load_arrays(
     done: ResultMessage, shapes: Mapping[str, tuple[int, ...]]
 ) -> tuple[dict[str, Floats32], dict[str, list[str]]]:
-    """Return the arrays of a result, by name, and the names in its mattes, by matte; remove the result's file.
+    """Return the arrays of a result, by name, and remove the result's file.
 
-    `shapes` has the right shape of each array, by its name. Raises as `load_result`.
+    The second member of the tuple has the names of the objects in each cryptomatte, by the name of the matte. `shapes`
+    has the right shape of each array, by its name. Raises as `load_result`.
     """
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:

@@ -53,13 +53,13 @@ class SceneTasks:
         EnvironmentMapError
             The backend cannot render some lights; the message has a line for each.
         """
-        every_group = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()
+        every_group = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()  # also of idle lights
         scene = scene.without_idle_lights()  # the pass of a light that reaches nothing is black
         self._check_support(scene)
         surfaces, surface_of_slot = _distinct_surfaces(scene)
         groups = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()
         layers = tuple(dict.fromkeys((*groups, *every_group)))
-        numbers = tuple(layers.index(group) for group in groups)  # by light: the number of the array with its light
+        layer_of_light = tuple(layers.index(group) for group in groups)
         # Many surfaces share a set of lights: the code of the lights is generated once for each set.
         lights = {surface.lights: tuple(scene.lights[number] for number in surface.lights) for surface in surfaces}
         codes = {
@@ -71,7 +71,7 @@ class SceneTasks:
             """Return the source of each surface."""
             sources = []
             for surface in surfaces:
-                group_numbers = tuple(numbers[number] for number in surface.lights) if numbers else ()
+                group_numbers = tuple(layer_of_light[number] for number in surface.lights) if layer_of_light else ()
                 setting = SourceSetting(lights[surface.lights], scene.film.resolution, sampling, shadows)
                 setting = replace(
                     setting, catching=surface.catching, light_groups=group_numbers, space=scene.film.space
@@ -83,6 +83,7 @@ class SceneTasks:
         asset = scene.asset
         effective = replace(sampling, bounces=0) if asset.convex else sampling
         sources = generate(effective, not asset.convex)
+        # A sheet is convex and flat: light that it transmits does not hit it again, either.
         if asset.convex and not asset.sheet and any(source.transmits or source.see_through for source in sources):
             effective = sampling
             sources = generate(effective, True)
@@ -91,8 +92,8 @@ class SceneTasks:
         # Equal looks of two materials share a source, unless their names in messages differ.
         keys = [(source.name, source.digest, surface.lights) for source, surface in zip(sources, surfaces, strict=True)]
         sources_by_key = dict(zip(keys, sources, strict=True))
-        order = {key: number for number, key in enumerate(sources_by_key)}
-        shaders, slots = tuple(sources_by_key.values()), tuple(order[keys[surface]] for surface in surface_of_slot)
+        numbers = {key: number for number, key in enumerate(sources_by_key)}
+        shaders, slots = tuple(sources_by_key.values()), tuple(numbers[keys[surface]] for surface in surface_of_slot)
         return SceneTask(
             asset=Content.store_copy(
                 save_asset(asset, _meshes_with_tangents(asset, [shaders[number] for number in slots]))

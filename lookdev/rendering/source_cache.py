@@ -37,7 +37,7 @@ def cached_source(
     if image_digests is None:
         return backend.generate(look, setting)
     settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
-    inputs = replace(look, source=""), *settings
+    inputs = replace(look, source=""), *settings  # without the path of the look's own file, which affects no pixel
     # The digest is over the code of the whole package, because many subpackages contribute to a source.
     text = f"{code_digest()} {backend.name} {inputs!r} {image_digests} {light_code!r}"
     key = hashlib.sha256(text.encode()).hexdigest()

@@ -29,10 +29,12 @@ _Real = TypeVar("_Real", np.float32, np.float64)
 
 @cache
 def _adapter(kind: type[GeneratedSource]) -> TypeAdapter[GeneratedSource]:
+    """Return pydantic's reader of a type of source."""
     return TypeAdapter(kind)
 
 
 def _read_sources(values: list[object], info: ValidationInfo) -> tuple[GeneratedSource, ...]:
+    """Return sources from their JSON values; pydantic has read the field `backend` before."""
     name = info.data.get("backend")
     if name not in BACKENDS:
         raise ValueError(f"no backend '{name}' is registered here")

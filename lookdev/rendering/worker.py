@@ -87,7 +87,7 @@ class Worker:
         self._timeout = timeout
         self._cores = cores
         self._process: subprocess.Popen[bytes] | None = None
-        self._scene_sender: threading.Thread | None = None
+        self._scene_sender: threading.Thread | None = None  # writes the scene of `prepare` to the process
         self._ready = False
         self._blender = ""
         log.write_bytes(b"")
@@ -256,6 +256,7 @@ class Worker:
             timer.join()  # otherwise it could kill a later process group with the same id
 
     def _send(self, process: subprocess.Popen[bytes], line: str) -> None:
+        """Write a line to the process; raises WorkerError where it has ended or hangs."""
         assert process.stdin is not None
         with self._kill_when_silent(process) as hung:
             try:
@@ -265,6 +266,7 @@ class Worker:
                 raise WorkerError(self._end_of_process(process, hung)) from None
 
     def _receive(self, process: subprocess.Popen[bytes]) -> WorkerMessage:
+        """Return the next answer; raises WorkerError where the process ends or hangs, or the answer is invalid."""
         assert process.stdout is not None
         with self._kill_when_silent(process) as hung:
             line = process.stdout.readline(MAX_MESSAGE_BYTES)

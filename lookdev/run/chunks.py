@@ -1,11 +1,12 @@
 """The chunks of a job: its frames, divided in the same way for all runs, on any machine at any time.
 
-A chunk consists of consecutive frames of the plan. ``lookdev render JOB --chunk 2/8`` renders the second of eight.
+A chunk consists of consecutive frames of the plan. ``lookdev render JOB --chunk 2/8`` renders the second of eight. A
+`Division` states the number of chunks and, if it is known, the number of machines.
 
 By default, the frames are divided by estimated costs. This division depends only on the job and on the numbers of
 chunks and machines. It does not depend on the frames on disk, which change while chunks are rendered. On request,
-before the first chunk is rendered, the frames are divided by measured times. The state folder of the output then stores
-this division for all runs.
+before the first chunk is rendered, the frames are divided by measured times. The state folder in the output folder then
+stores this division for all runs.
 """
 
 from __future__ import annotations

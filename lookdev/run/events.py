@@ -118,3 +118,4 @@ class SheetWritten:
 
 Event = Noted | RunJoined | RunStarted | RunEnded | FrameEvent | SheetWritten
 ReportEvent = Callable[[Event], None]
+"""A function that is called with each event of a run."""

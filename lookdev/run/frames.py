@@ -97,7 +97,7 @@ class RunFrames:
         self._pictures = pictures
         self._props = set(plan.charts.values())  # frames of reference props, which are composited over other frames
         self._force = force
-        self._done: set[Path] = set()  # files of frames
+        self._done: set[Path] = set()  # all files of frames that are done
         self._rendered = 0  # frames that this run has rendered
         self._failures: list[FailedFrame] = []
         self._sheets_of_others: list[PictureFile] = []  # sheets that other runs have claimed
@@ -186,12 +186,14 @@ class RunFrames:
 
         With `skip_scenes`, a frame is not rendered either if it follows a claimed frame of its scene. The returned
         frames are sorted by scene, from the last frame of a scene to its first. The order of the scenes is random, and
-        different for each run. Runs that help others thus spread over the scenes, and seldom change their scene.
+        different for each run. Several runs that render these frames next thus spread over the scenes, and seldom
+        change their scene.
         """
         claimed: list[FrameTask] = []
         scenes: set[int] = set()
 
         def should_render(task: FrameTask) -> bool:
+            """Return whether this run is to render a frame; if so, it has claimed the frame."""
             if (skip_scenes and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
                 claimed.append(task)
                 scenes.add(id(task.scene))
@@ -292,6 +294,7 @@ class RunFrames:
             time.sleep(wait)
 
     def _name(self, task: FrameTask) -> str:
+        """Return the name of a frame: that of its first file."""
         return str(FrameName.of(task.files[0]))
 
 

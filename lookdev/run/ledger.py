@@ -24,7 +24,10 @@ LedgerEntry = tuple[str, str]
 
 
 class Ledger:
-    """The entries of an output folder, read from its state folder. `run` is the id of the run that adds entries."""
+    """The entries of an output folder.
+
+    `state` is the state folder in the output folder, `run` the id of the run that adds entries.
+    """
 
     def __init__(self, state: Path, run: str = "") -> None:
         self._file = state / "pictures.json"
@@ -53,7 +56,7 @@ class Ledger:
     def has(self, name: str, key: str, file: Path) -> bool:
         """Return whether `file`, recorded under `name`, has the content that is made from the inputs with this key."""
         for is_retry in (False, True):
-            if is_retry:
+            if is_retry:  # another run may have recorded the file in the meantime
                 self._read_runs()
             digests = {digest for entry_key, digest in self._entries.get(name, ()) if entry_key == key}
             if digests:
@@ -93,6 +96,7 @@ class Ledger:
                         self._add_entry(name, (key, digest))
 
     def _add_entry(self, name: str, entry: LedgerEntry) -> None:
+        """Add an entry of a file to those in memory."""
         self._latest[name] = entry
         self._entries.setdefault(name, set()).add(entry)
 

@@ -81,6 +81,7 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
     """
 
     def name(path: Path) -> str:
+        """Return the path of a file relative to `output`."""
         return path.relative_to(output).as_posix()
 
     return {

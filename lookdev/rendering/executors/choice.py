@@ -1,6 +1,7 @@
 """The kinds of executors, and the choice of one by options of the command line.
 
-An executor renders the frames of a run on workers: on this machine, on a Dask cluster, or on a worker that is kept.
+An executor renders the frames of a run on workers: those of this machine, those of a Dask cluster, or a warm worker,
+which stays alive between runs.
 """
 
 from __future__ import annotations

@@ -113,6 +113,7 @@ class DaskExecutor:
         self._store, self._command = store, command
         self._run = secrets.token_hex(4)  # a random name of the run, so that runs on one cluster differ
         self._stack = ExitStack()
+        # Chunks that have ended, and events of frames, from threads of Dask.
         self._incoming: queue.SimpleQueue[_Chunk | ExecutorEvent] = queue.SimpleQueue()
         self._task_of_digest: dict[str, FrameTask] = {}
         self._started: set[str] = set()  # digests of the frames that a renderer has started
@@ -254,7 +255,7 @@ class DaskExecutor:
         return mark
 
     def _submit_chunk(self, chunk: _Chunk) -> None:
-        """Submit a chunk; its place in `_incoming` follows when Dask has the result."""
+        """Submit a chunk to Dask. When it has ended, it is put into `_incoming`."""
         self._number += 1
         chunk.future = self._client.submit(
             render_chunk,
@@ -383,6 +384,7 @@ class DaskExecutor:
         return [address for address in self._addresses() if address not in self._unfit]
 
     def _addresses(self) -> list[str]:
+        """Return the addresses of all workers; raises WorkerError where the scheduler does not answer."""
         try:
             return list(self._client.nthreads())
         except Exception as error:
@@ -392,6 +394,7 @@ class DaskExecutor:
 
     @property
     def _cluster(self) -> str:
+        """The name of the cluster in messages."""
         return f"the scheduler {self._address}" if self._address else "the cluster of Dask on this machine"
 
     def _on_event(self, event: tuple[float, WorkerEvent]) -> None:

@@ -52,7 +52,8 @@ class ChunkRequest:
     store: StoreFrame | None = None  # writes a frame to the shared output folder; without it, answers have pixels
     shared_marker: Path | None = None  # a file in the shared output folder, by which a worker checks that it sees it
     command: tuple[str, ...] | None = None  # of the renderer; replaces that of the backend, in tests
-    workers_per_machine: int = 1  # how many workers share the cores of a machine; if several, names are their numbers
+    # How many workers share the cores of a machine. If there are several, the name of each is its number.
+    workers_per_machine: int = 1
 
 
 @dataclass(frozen=True)
@@ -184,8 +185,11 @@ def _render_frame(
     dask_worker: DaskWorker,
     is_cancelled: Callable[[], bool],
 ) -> FrameAnswer:
-    """Render one frame of a chunk, write it if the request asks for it, and log its events."""
-    started, last_report = time.monotonic(), [0.0]
+    """Render one frame of a chunk, write it if the request asks for it, and log its events.
+
+    `number` is the index of the frame in the chunk. `is_cancelled` returns whether the chunk is cancelled.
+    """
+    started, last_report = time.monotonic(), [0.0]  # a list, which `on_progress` can change
 
     def log_event(**fields: Unpack[WorkerEvent]) -> None:
         dask_worker.log_event(request.topic, {"digest": task.digest, **fields})
@@ -263,6 +267,7 @@ class _Renderer:
                 self._idle.start()
 
     def _end_if_idle(self) -> None:
+        """End the renderer, unless a thread uses it."""
         if self._lock.acquire(blocking=False):
             try:
                 self._end_renderer()
@@ -270,6 +275,7 @@ class _Renderer:
                 self._lock.release()
 
     def _end_renderer(self) -> None:
+        """End the renderer if it runs, and remove its temporary files."""
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.kill()

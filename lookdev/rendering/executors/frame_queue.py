@@ -32,7 +32,7 @@ class FrameQueue:
             # All frames of a scene refer to the same `SceneTask`. Its id identifies the scene, without a slow
             # comparison of values.
             self._waiting.setdefault(id(task.scene), deque()).append(task)
-        self._scene_of: dict[Hashable, int] = {}
+        self._scene_of: dict[Hashable, int] = {}  # by worker
         # By scene: the seconds of its latest frame, without frames that came first after a worker's change of scene.
         self._seconds: dict[int, float] = {}
         self._change_seconds = _CHANGE_SECONDS
@@ -79,10 +79,10 @@ class FrameQueue:
             return free[0]
         if not waiting:
             return None
-        widest = max(waiting, key=lambda scene: len(self._waiting[scene]) / others.count(scene))
-        part = len(self._waiting[widest]) / (others.count(widest) + 1)
-        seconds = self._seconds.get(widest)
-        return widest if seconds is None or part * seconds > self._change_seconds else None
+        largest = max(waiting, key=lambda scene: len(self._waiting[scene]) / others.count(scene))
+        share = len(self._waiting[largest]) / (others.count(largest) + 1)
+        seconds = self._seconds.get(largest)
+        return largest if seconds is None or share * seconds > self._change_seconds else None
 
 
 class ChunkQueue:
@@ -109,7 +109,10 @@ class ChunkQueue:
         self._frames.remove_worker(worker)
 
     def next_chunk(self, worker: str, workers: int) -> list[FrameTask]:
-        """Return frames of one scene for a worker, out of `workers`; none if other workers are to render the rest."""
+        """Return frames of one scene for a worker; none if other workers are to render the waiting frames.
+
+        `workers` is the number of all workers.
+        """
         frames: list[FrameTask] = []
         while (task := self._frames.next_frame(worker)) is not None:
             if frames and frames[0].scene is not task.scene:

@@ -77,13 +77,14 @@ class _WorkerThread:
         """End the process and the thread, and drop the assigned frames."""
         self._closing = True
         self._inbox.put(None)
-        # The thread may be starting the worker's process again at this moment, so it is stopped until the thread ends.
+        # The thread may start the worker's process again, so the process is stopped repeatedly until the thread ends.
         while self._thread is not None and self._thread.is_alive():
             self.worker.stop()
             self._thread.join(0.05)
         self.worker.kill()
 
     def _serve(self) -> None:
+        """Render the assigned frames, in the thread, until it is to end."""
         while (task := self._inbox.get()) is not None and not self._closing:
             try:
                 self._render(task)
@@ -92,6 +93,7 @@ class _WorkerThread:
                 return
 
     def _render(self, task: FrameTask) -> None:
+        """Render a frame, and report its events."""
         start = time.monotonic()
         self._report(Started(task))
 
@@ -103,6 +105,7 @@ class _WorkerThread:
         self._report(result if isinstance(result, GivenUp) else Finished(task, result, seconds))
 
     def _report(self, event: ExecutorEvent | _ThreadError) -> None:
+        """Put an event into the shared queue, unless the thread is to end."""
         if not self._closing:
             self._reports.put((self, event))
 
@@ -151,13 +154,13 @@ class LocalExecutor:
 
     def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
         """Render tasks, as `Executor.render`."""
-        shares = FrameQueue(tasks)
+        frames = FrameQueue(tasks)
         self._use_before = None
         scene_of: dict[_WorkerThread, object] = {}
         while len(self._threads) < min(self._workers or 1, len(tasks)):
             self._threads.append(self._new_thread())
         for thread in self._threads:
-            self._assign_frames(thread, shares, is_needed)
+            self._assign_frames(thread, frames, is_needed)
         while any(thread.assigned for thread in self._threads):
             thread, event = self._reports.get()
             match event:
@@ -166,22 +169,22 @@ class LocalExecutor:
                 case Finished(task, rendered, seconds):
                     first = scene_of.get(thread) is not task.scene
                     scene_of[thread] = task.scene
-                    shares.record_time(task, seconds, first=first)
+                    frames.record_time(task, seconds, first=first)
                     thread.seconds = seconds
                     assert isinstance(rendered, WorkerFrame)  # workers of this machine do not write frames
                     if (
                         self._workers is None
                         and not first
-                        and self._is_worker_worthwhile(shares, rendered.memory, seconds)
+                        and self._is_worker_worthwhile(frames, rendered.memory, seconds)
                     ):
                         self._threads.append(self._new_thread())
-                        self._assign_frames(self._threads[-1], shares, is_needed)
+                        self._assign_frames(self._threads[-1], frames, is_needed)
             if isinstance(event, Finished | GivenUp):
                 thread.assigned -= 1
-                self._assign_frames(thread, shares, is_needed)
+                self._assign_frames(thread, frames, is_needed)
             yield event
 
-    def _is_worker_worthwhile(self, shares: FrameQueue, memory: int, seconds: float) -> bool:
+    def _is_worker_worthwhile(self, frames: FrameQueue, memory: int, seconds: float) -> bool:
         """Return whether another worker is worth it, by idle cores since the last measurement and by free memory.
 
         memory : bytes that a worker takes; seconds : those of a frame.
@@ -193,20 +196,21 @@ class LocalExecutor:
             return False
         self._use_before = now
         idle, count = idle_cores(before, now), len(self._threads)
-        is_worth_it = is_worker_worthwhile(count, idle, len(shares) * seconds / count, memory, free_memory())
+        is_worth_it = is_worker_worthwhile(count, idle, len(frames) * seconds / count, memory, free_memory())
         self._use_before = None if is_worth_it else now  # after a new worker, the measurement starts anew
         return is_worth_it
 
-    def _assign_frames(self, thread: _WorkerThread, shares: FrameQueue, is_needed: FrameFilter) -> None:
+    def _assign_frames(self, thread: _WorkerThread, frames: FrameQueue, is_needed: FrameFilter) -> None:
         """Assign frames to a worker until it has one, or two if its frames are short."""
         limit = 2 if thread.seconds is not None and thread.seconds < _SHORT_FRAME else 1
-        while thread.assigned < limit and (task := shares.next_frame(thread)) is not None:
+        while thread.assigned < limit and (task := frames.next_frame(thread)) is not None:
             if is_needed(task):
                 thread.assign(task)
         if not thread.assigned:
-            shares.remove_worker(thread)
+            frames.remove_worker(thread)
 
     def _new_thread(self) -> _WorkerThread:
+        """Return a further worker with its thread, its log, and its share of devices and cores."""
         number = len(self._threads)
         name = f"worker-{number + 1}" if number else "worker"
         # The number of cores does not change pixels: the samples of a pixel are summed up in their order.

@@ -40,7 +40,7 @@ class WarmExecutor(LocalExecutor):
     """Renders on the warm worker at a socket."""
 
     def __init__(self, files: WorkerFiles, path: Path) -> None:
-        _send_question(path, {"ping": True})
+        _send_request(path, {"ping": True})
         super().__init__(replace(files, command=relay_command(path, files.command)))
 
     def prepare(self, scene: SceneTask) -> None:
@@ -63,7 +63,7 @@ def start(path: Path, backend: str, idle: int = IDLE_SECONDS) -> None:
     if len(os.fsencode(path.absolute())) > _MAX_PATH_BYTES:
         raise LookdevError(f"{path}: a socket's path has at most {_MAX_PATH_BYTES} bytes: choose a shorter one")
     with suppress(WorkerError):
-        _send_question(path, {"ping": True})
+        _send_request(path, {"ping": True})
         raise LookdevError(f"{path}: a worker is kept there already; 'lookdev warm stop {path}' ends it")
     log = path.with_name(path.name + ".log")
     try:
@@ -87,7 +87,7 @@ def start(path: Path, backend: str, idle: int = IDLE_SECONDS) -> None:
     deadline = time.monotonic() + _START_TIMEOUT
     while os.waitpid(server, os.WNOHANG) == (0, 0) and time.monotonic() < deadline:
         with suppress(WorkerError):
-            _send_question(path, {"ping": True})
+            _send_request(path, {"ping": True})
             return
         time.sleep(0.05)
     raise WorkerError(f"{path}: the worker does not start (log: {log})")
@@ -96,7 +96,7 @@ def start(path: Path, backend: str, idle: int = IDLE_SECONDS) -> None:
 def stop(path: Path) -> bool:
     """End the server at a socket, and return whether there was one."""
     try:
-        _send_question(path, {"stop": True})
+        _send_request(path, {"stop": True})
     except WorkerError:
         return False
     deadline = time.monotonic() + _START_TIMEOUT
@@ -105,13 +105,13 @@ def stop(path: Path) -> bool:
     return True
 
 
-def _send_question(path: Path, question: dict[str, bool]) -> None:
+def _send_request(path: Path, request: dict[str, bool]) -> None:
     """Send a request to the server at a socket, and wait for its answer; raises WorkerError where no server answers."""
     try:
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(_START_TIMEOUT)
             connection.connect(str(path))
-            connection.sendall(json.dumps(question).encode() + b"\n")
+            connection.sendall(json.dumps(request).encode() + b"\n")
             connection.recv(1)
     except OSError as error:
         raise WorkerError(
@@ -120,7 +120,19 @@ def _send_question(path: Path, question: dict[str, bool]) -> None:
 
 
 class WarmServer:
-    """A renderer, and the socket through which runs use it, one after the other."""
+    """A renderer, and the socket through which runs use it, one after the other.
+
+    Parameters
+    ----------
+    path
+        The path of the socket.
+    command
+        The command of the renderer.
+    idle
+        Seconds without a run after which `serve` returns.
+    scratch
+        The folder for temporary files of the renderer.
+    """
 
     def __init__(self, path: Path, command: tuple[str, ...], idle: float, scratch: Path) -> None:
         self._path, self._command, self._idle = path, command, idle
@@ -222,6 +234,7 @@ class WarmServer:
         return self._process
 
     def _end_renderer(self) -> None:
+        """Kill the renderer if there is one, and close its pipes."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
