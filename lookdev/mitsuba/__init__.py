@@ -34,12 +34,14 @@ def _register_plugins(old: str | None, new: str | None) -> None:
 
 
 def _create_model_bsdf(name: str, properties: mitsuba.Properties) -> mitsuba.BSDF:
+    """Return the BSDF of a model, by the model's name."""
     from lookdev.mitsuba.plugins import model_bsdf  # imported here, as the worker needs no plug-ins
 
     return model_bsdf(name, properties)
 
 
 def _create_look_bsdf(properties: mitsuba.Properties) -> mitsuba.BSDF:
+    """Return the BSDF of a look in a USD file, which the properties name."""
     from lookdev.mitsuba.plugins import look_bsdf
 
     return look_bsdf(properties)

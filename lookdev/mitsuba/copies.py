@@ -56,6 +56,7 @@ def _bounds_center(asset: Asset, mesh: int) -> Floats:
 
 
 def _translation(offset: Floats) -> Floats:
+    """Return the matrix (4, 4) of a translation."""
     matrix = np.eye(4)
     matrix[:3, 3] = offset
     return matrix
@@ -85,10 +86,11 @@ class Copies:
         self._count = len(first)
         if not bodies:
             return
+        # The following arrays have an entry for each copy.
         transforms = np.array([np.eye(4), *matrices.values()])
         linear = transforms[:, :3, :3]
-        self._next_firsts = device_array(mi.UInt32, [*first[1:], _LAST])
-        self._row_shifts = device_array(mi.UInt32, np.subtract(first, row))
+        self._next_firsts = device_array(mi.UInt32, [*first[1:], _LAST])  # the first triangle of the next copy
+        self._row_shifts = device_array(mi.UInt32, np.subtract(first, row))  # the number of a triangle minus its row
         self._instance_numbers = device_array(mi.UInt32, [0, *matrices])
         self._linear_parts = device_array(mi.Float, linear)
         self._inverse_transposes = device_array(mi.Float, np.linalg.inv(linear).swapaxes(1, 2))
@@ -129,9 +131,10 @@ class Copies:
             indices = [self._registry_index(shapes.get(f"instance{number}")) for number in self.matrices]
             firsts = np.zeros(max(indices) + 1, np.uint32)
             firsts[indices] = self._firsts[1:]
-            self._first_of = device_array(self._mi.UInt32, firsts)
+            self._first_of = device_array(self._mi.UInt32, firsts)  # by number in the registry: the first triangle
 
     def _registry_index(self, instance: object) -> int:
+        """Return the number of an instance's shape in Dr.Jit's registry, 0 if there is none."""
         if instance is None:  # its mesh has no area
             return 0
         return int(np.asarray(dr.reinterpret_array(self._mi.UInt32, self._mi.ShapePtr(instance)))[0])

@@ -41,7 +41,7 @@ from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
-_LAUNCH_SAMPLES = 1 << 21  # the most samples of a launch, divided by 1 + P for P derivatives
+_LAUNCH_SAMPLES = 1 << 21  # a launch has at most this number of samples, divided by 1 + P for P derivatives
 
 
 class DerivativeScene:
@@ -87,9 +87,9 @@ class DerivativeScene:
 
 
 class LiveSurface(SurfacePoints):
-    """Points of a surface where the responses of the look have derivatives.
+    """Points of a surface where the responses of the look have derivatives by the numbers that `symbols` names.
 
-    `symbols` names the numbers by which is differentiated. With `split`, the diffuse part of a response is separate.
+    With `split`, the diffuse part of a response is separate. `position` is as in `SurfacePoints`.
     """
 
     def __init__(
@@ -103,6 +103,7 @@ class LiveSurface(SurfacePoints):
             evaluation.prepare(*filter(evaluation.has, outputs))
 
     def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
+        """Return the response, followed by its derivatives, and the pdf, as `SurfacePoints.respond`."""
         mi = self.looks.mi
 
         def respond(evaluation: Evaluation, wi: Vector3f) -> tuple[Dual, Dual, Float]:
@@ -117,6 +118,7 @@ class LiveSurface(SurfacePoints):
         return [Response(pair, [], split) for pair in zip(value, diffuse, strict=True)], pdf
 
     def absence(self) -> Dual:
+        """Return 1 minus the presence, followed by its derivatives."""
         mi = self.looks.mi
 
         def presence(evaluation: Evaluation) -> Dual:
@@ -124,10 +126,11 @@ class LiveSurface(SurfacePoints):
                 return [mi.Color3f(1.0), *(mi.Color3f(0.0) for _ in self._symbols)]
             return self._dual(evaluation, "presence", mi.Color3f)
 
-        present, *slopes = self._call_programs(presence, active=self.active)
-        return [1.0 - present, *(-slope for slope in slopes)]
+        present, *derivatives = self._call_programs(presence, active=self.active)
+        return [1.0 - present, *(-derivative for derivative in derivatives)]
 
     def delta(self, number: int) -> tuple[Vector3f, Dual, Float]:
+        """Return a delta direction, its factor followed by derivatives, and its group, as `SurfacePoints.delta`."""
         mi = self.looks.mi
 
         def delta(evaluation: Evaluation) -> Dual:
@@ -142,8 +145,8 @@ class LiveSurface(SurfacePoints):
         """Return an output of a program, followed by its derivatives by the symbols, as colours that `kind` makes."""
         names = [derivative_name(output, symbol) for symbol in self._symbols]
         zero = self.looks.mi.Color3f(0.0)
-        slopes = [kind(*evaluation.values(name, **inputs)) if evaluation.has(name) else zero for name in names]
-        return [kind(*evaluation.values(output, **inputs)), *slopes]
+        derivatives = [kind(*evaluation.values(name, **inputs)) if evaluation.has(name) else zero for name in names]
+        return [kind(*evaluation.values(output, **inputs)), *derivatives]
 
 
 class DerivativeEstimator(Estimator):

@@ -35,7 +35,7 @@ class DomeLight:
 
     def __init__(self, mi: Mitsuba, dome: Dome, *, local: bool = False) -> None:
         self._mi = mi
-        self.number = mi.Float
+        self.number = mi.Float  # the type of numbers
         self.sampled = dome.slots_file is not None and not (dome.constant and not local)
         self._texels = file_array(mi.Float, dome.radiance_file, lambda path: pad_to_rgba(read_exr(path, "RGB")))
         self._width, self._height = dome.width, dome.height
@@ -44,6 +44,7 @@ class DomeLight:
             self._points = file_array(mi.Float, dome.points_file, lambda path: read_exr(path, "RGBA"))
             self._slots = file_array(mi.UInt32, dome.slots_file, lambda path: np.load(path).view(np.uint32))
             self._bins = file_array(mi.Float, dome.bins_file, np.load)
+            # By row of bins: the number of cells, and the number of the first bin.
             self._cells, self._first = device_array(mi.UInt32, bins.CELLS), device_array(mi.UInt32, bins.FIRST)
 
     def radiance(self, w: Vector3f, active: Bool) -> Color3f:
@@ -59,6 +60,7 @@ class DomeLight:
         bottom = dr.minimum(top + 1, self._height - 1)
 
         def texel(row: UInt, column: UInt) -> Color3f:
+            """Return the radiance of texels."""
             rgba = dr.gather(mi.Vector4f, self._texels.array, row * self._width + column, active)
             return mi.Color3f(rgba.x, rgba.y, rgba.z)
 
@@ -121,6 +123,7 @@ class NormalBin:
         kind = self._light.number
         # The constants are arbitrary odd numbers, so that this random number differs from others of the seed.
         u = sobol.random(kind, seed ^ (number * 0x2C1B3C6D + 0x297A2D39))
+        # The slot is the upper log2(SLOTS) bits of the reversed number.
         return self._sample(dr.brev(number) >> (33 - slots.SLOTS.bit_length()), u, active)
 
     def draw_uniform(self, u1: Float, u2: Float, active: Bool) -> tuple[Vector3f, Color3f, Float]:

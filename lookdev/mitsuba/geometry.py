@@ -39,6 +39,7 @@ class Geometry:
         self.asset = asset
         self.center = np.array(asset.center)
         self._bodies = bodies_of(asset, self.center)
+        # By mesh: the corners (n, 3) and the face (n,) of each triangle.
         split = {body.mesh: corner_triangles(asset.meshes[body.mesh]) for body in self._bodies}
         count = sum(len(faces) for _, faces in split.values())
         instanced = sum(len(split[instance.mesh][1]) for instance in asset.instances)
@@ -52,6 +53,7 @@ class Geometry:
         starts = np.cumsum([0, *(len(mesh.corner_points) for mesh in meshes)])
         points = [_transform_points(asset.meshes[body.mesh].points, body.matrix) for body in self._bodies]
         first = np.cumsum([0, *map(len, points)])
+        # The tables of triangles, one row for each: points (3), corners (3), slot, handedness and body.
         vertices, corners, slots, hands, body_of_row = [], [], [], [], []
         for number, (body, mesh) in enumerate(zip(self._bodies, meshes, strict=True)):
             triangles, faces = split[body.mesh]
@@ -64,7 +66,7 @@ class Geometry:
         index = np.concatenate(vertices)
         sides = position[index].astype(np.float64)
         facets = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
-        has_area = _lengths(facets) > 0.0
+        has_area = _lengths(facets) > 0.0  # triangles without area are left out
         index, sides, facets = index[has_area], sides[has_area], facets[has_area]
         self._facets = device_array(mi.Float, _unit(facets))
         self._corners = device_array(mi.UInt32, np.concatenate(corners)[has_area])

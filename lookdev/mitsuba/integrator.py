@@ -7,7 +7,8 @@ are one set of low-discrepancy points.
 
 Light is a dual (`lookdev.mitsuba.dual`): here, a list of the light and of the parts of it that passes record. In
 `lookdev.mitsuba.derivatives`, it is a list of the light and its derivatives. `w` is a direction in world space, `wi`
-the same direction in the shading frame.
+the same direction in the shading frame. Hexadecimal constants are arbitrary odd numbers: each random number that is
+derived from a seed has another one.
 """
 
 from __future__ import annotations
@@ -367,9 +368,9 @@ class Estimator:
         Returns
         -------
         path
-            The path to continue, if there is one: the sum of the weights of all hits, the dual of the selected hit's
-            weight over its colour's mean, triangle, barycentric coordinates, direction back, whether the path is still
-            straight since the camera, and the shares of groups of lobes in the throughput.
+            The path to continue, if there is one: the sum of the weights of all hits; for the selected hit, its weight,
+            a dual, over the mean of the weight's colour; its triangle, barycentric coordinates and direction back;
+            whether the path is still straight since the camera; the shares of groups of lobes in the throughput.
         light
             The reflected light, as `_reflect` returns it.
         background
@@ -490,8 +491,8 @@ class Estimator:
 
 def _contributes(responses: list[Response]) -> Bool:
     """Return where the response to a direction, or one of its derivatives, is not negligible."""
-    first, *slopes = responses
+    first, *derivatives = responses
     contributes = dr.max(first.value) > _NEGLIGIBLE
-    for slope in slopes:
-        contributes |= dr.max(dr.abs(slope.value)) > _NEGLIGIBLE
+    for derivative in derivatives:
+        contributes |= dr.max(dr.abs(derivative.value)) > _NEGLIGIBLE
     return contributes

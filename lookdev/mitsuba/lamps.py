@@ -71,9 +71,11 @@ class LampRows:
         return self._mi.Color3f(self._vector(lamp, "red", "green", "blue"))
 
     def _vector(self, lamp: UInt, *names: str) -> Vector3f:
+        """Return three fields of lamps as vectors."""
         return self._mi.Vector3f(*(self.field(lamp, name) for name in names))
 
     def _axis(self, lamp: UInt, axis: str) -> Vector3f:
+        """Return an axis, ``"x"``, ``"y"`` or ``"z"``, of lamps."""
         return self._vector(lamp, *(f"{axis}{i}" for i in range(3)))
 
     def evaluate(self, program: Program, lamp: UInt, name: str, **inputs: Float | Vector3f) -> tuple[Float, ...]:

@@ -168,7 +168,7 @@ class SceneLights(ABC):
         ]
 
     def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
-        """Return whether a set of parts, by its number in `shadow_excluded`, is the one that lights exclude."""
+        """Return where lights exclude the set of parts that has a number in `shadow_excluded`."""
         return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
 
     def shadow_shares(
@@ -190,6 +190,7 @@ class SceneLights(ABC):
         if self.shadowed:
 
             def value(name: str) -> Float:
+                """Return the value of a symbol of the shadow's program."""
                 return dr.select(occluded, occluder, 0.0) if name == "distance" else values[name]
 
             transmitted = mi.Color3f(*Evaluation(self._shadow_program, value).values("passed"))
@@ -248,7 +249,7 @@ class _DomeLighting:
         return [(arriving_light, arriving_light)]
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
-        start = sobol.hash_integers(seed ^ 0x2545F491)
+        start = sobol.hash_integers(seed ^ 0x2545F491)  # an arbitrary constant, so that other uses of the seed differ
         front, bin = self._bins[0]
         back = number >= front
         sample = bin.draw_numbered(start ^ (index * front + number), seed, active)

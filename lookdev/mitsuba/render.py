@@ -1,6 +1,7 @@
 """Renders the frames of a scene in Mitsuba: launches the kernel of the path tracer for parts of a frame.
 
-A launch computes some samples. A half of a frame, and a region of it, is described in `lookdev.rendering.adaptive`.
+A launch computes the samples of some pixels. Halves of a frame, and their regions, are described in
+`lookdev.rendering.adaptive`.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def scene_lights(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> SceneLight
 
 
 class RigSampler(SceneLights):
-    """The lamps and domes of a rig."""
+    """The lamps and domes of a rig; `center` (3,) is that of the geometry."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.shader_lights
@@ -53,7 +53,8 @@ class RigSampler(SceneLights):
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
         values = rig.rows(RigOrigin((x, y, z), task.camera.pivot))
-        self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))
+        self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))  # added to points: `RigOrigin`
+        # Rows are in the order of `CodedRig`: lamps, then domes.
         order = [
             n for has_map in (False, True) for n, light in enumerate(lights) if (light.map_dome is not None) is has_map
         ]
@@ -62,6 +63,7 @@ class RigSampler(SceneLights):
         link_table = np.array([[n in numbers for n in order] for numbers in links], np.bool_) if links else None
 
         def links_of(part: slice) -> Bools | None:
+            """Return the links of some rows: whether each source is reached by each of these lights."""
             return None if link_table is None else link_table[:, part]
 
         count = len(rig.lamps)
@@ -109,7 +111,7 @@ class _RigDome(LampRows):
         assert dome.map_dome is not None, "a dome has a map"
         self.is_local = not dome.far
         self.map = DomeLight(mi, dome.map_dome, local=self.is_local)
-        self.first = mi.UInt32(0)
+        self.first = mi.UInt32(0)  # the number of the only row
         self.radiance_factor = self.color(self.first)
         if dome.constant:
             # The colour in the row of a constant dome already includes the radiance of the map.
@@ -168,6 +170,7 @@ class _RigLighting:
         self._bins = [self._side_bins(dome) for dome in rig.domes]
         domes = [*enumerate(rig.domes)]
         self._dome_points = {n: self._frames.point(dome, dome.first) for n, dome in domes if dome.is_local}
+        # The share of a dome's light that arrives at the point: that of a local dome fades towards its radius.
         self._shares = [
             dome.ball("share", p=self._dome_points[n])[0] if dome.is_local else mi.Float(1.0) for n, dome in domes
         ]
@@ -187,7 +190,8 @@ class _RigLighting:
         weight = dome.mean * math.pi
         if dome.map.sampled:
             scale = self._bins[number][side].scale
-            # The mean irradiance of a surface, over its orientations, is a quarter of the integral.
+            # 1 / scale is the integral of the map: times the widened cosine of the bin or, for a local dome, alone. The
+            # mean irradiance of a surface, over its orientations, is a quarter of the latter.
             around = 0.25 * self._shares[number] if dome.is_local else 1.0
             weight = dr.select(scale > 0.0, around * dome.mean / scale, 0.0)
         return weight * dome.link_of(dome.first, self._surface.source)
@@ -243,6 +247,7 @@ class _RigLighting:
         return sum((count * pdf for count, pdf in zip(counts, pdfs, strict=True)), self._mi.Float(0.0))
 
     def arriving(self, direction: Direction) -> list[Arriving]:
+        """Return the light from all lights, as `Lighting.arriving`."""
         total = self._rig.zero_light()
         for number in range(len(self._rig.domes)):
             total = _add_arriving(total, self._arriving_from_dome(number, direction))
@@ -277,6 +282,7 @@ class _RigLighting:
         density_factor: Float | float = 1.0
         if dome.is_local:
             point = self._dome_points[number]
+            # The factor is the solid angle of the map over that at the point; the field b is the radius of the ball.
             inside, distance, density_factor = dome.ball("meet", p=point, w=local)
             map_direction = (point + distance * local) / dome.field(dome.first, "b")
             active = active & (inside > 0.0)
@@ -299,6 +305,7 @@ class _RigLighting:
         return total
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
+        """Draw a direction, as `Lighting.draw`: those with the first numbers in front, the others behind."""
         mi = self._mi
         front = self._counts[0]
         back = (number >= front) if len(self._sides) > 1 else mi.Bool(False)
@@ -309,7 +316,7 @@ class _RigLighting:
         )
         target = u1 * dr.select(back, self._side_sums[-1], self._side_sums[0])
         # The weights of the lights are consecutive intervals. The light is selected whose interval contains the target.
-        # The position of the target in the interval, from 0 to 1, is the first random number for sampling that light.
+        # The position of the target in the interval, clipped to [0, 1), is the first random number for that light.
         end = mi.Float(0.0)
         none = self._rig.no_controls
         result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE_DISTANCE), mi.Float(0.0), none)

@@ -49,7 +49,7 @@ def points(kind: type[Float], index: UInt, seed: UInt) -> tuple[Float, Float]:
 
 
 def _laine_karras(x: UInt, seed: UInt) -> UInt:
-    """Permute integers at random, so that each bit is flipped depending on the bits below it only."""
+    """Permute integers at random: whether a bit is flipped depends only on the bits below it."""
     x = (x ^ (x * 0x3D20ADEA)) + seed
     x *= (seed >> 16) | 1
     x ^= x * 0x05526C56

@@ -52,13 +52,14 @@ class SceneLooks:
     ) -> None:
         self.mi, self.inputs, self.geometry = mi, inputs, geometry
         sources, numbers = _distinct_sources(task)
-        self._numbers = device_array(mi.UInt32, numbers)
+        self._numbers = device_array(mi.UInt32, numbers)  # by the task's source: the number of its program
         self.sources = sources
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{image.name: Images(mi, image) for image in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
         self.see_through = any(source.see_through for source in sources)
         self.deltas = max(source.deltas for source in sources)
+        # Load the attributes that the programs read.
         for source in sources:
             for binding in source.attributes:
                 if binding.parameter not in self.inputs:
@@ -122,7 +123,7 @@ class Response:
         self._parts, self._split = parts, split
 
     def to(self, arriving: Arriving) -> Color3f:
-        """Return the light that is reflected of the arriving light."""
+        """Return the light that the surface reflects of the arriving light."""
         return self._reflect_light((self.value, self.diffuse), arriving)
 
     def parts_to(self, arriving: Arriving) -> list[Color3f]:
@@ -263,6 +264,8 @@ class SurfacePoints:
         looks = self.looks
 
         def call_of(number: int) -> Callable[..., _Result]:
+            """Return the call for the points where the look has program `number`."""
+
             def call(
                 triangle: UInt, uv: UV, viewer: Vector3f, wo: Vector3f, *arguments: AnyArray, active: Bool
             ) -> _Result:
@@ -293,6 +296,7 @@ class _Symbols:
         self._values: dict[str, Any] = {"viewer": viewer, **looks.inputs}
 
     def __call__(self, name: str) -> Any:
+        """Return the value of a symbol, which may be a component of a vector, as ``name[0]``."""
         if name.startswith("wo_"):
             return getattr(self.wo, name[-1])
         source, _, index = name.partition("[")
@@ -307,11 +311,13 @@ class _Symbols:
         return self._hit.handedness if name == "hand" else self._vector(name)
 
     def _vector(self, name: str) -> Any:
+        """Return a vector, an attribute or the channels of an image; each is read only once."""
         if name not in self._values:
             self._values[name] = self._read(name)
         return self._values[name]
 
     def _read(self, name: str) -> Any:
+        """Read a vector of the mesh, an attribute or the channels of an image."""
         if name in self._images:
             return self._images[name].texels(self._vector(self._uvs[name]), self._hit._active)
         if name == "mesh_normal":

@@ -1,7 +1,7 @@
 """The types of Mitsuba and Dr.Jit, only for annotations.
 
-At run time, each variant of Mitsuba has types of its own. They are attributes of the module in that variant, `Mitsuba`
-here.
+At run time, each variant of Mitsuba has types of its own. They are attributes of the module in that variant, whose type
+is `Mitsuba` here.
 """
 
 from __future__ import annotations

@@ -28,13 +28,13 @@ class KernelView:
     origin: Vector3f  # of the camera
     right: Vector3f  # from the centre of the frame to its right edge, at depth 1
     up: Vector3f  # from the centre of the frame to its upper edge, at depth 1
-    back: Vector3f  # from the centre of the frame, at depth 1, to the camera: shifted if the lens is
+    back: Vector3f  # from the centre of the frame, at depth 1, to the camera; a shift of the lens moves that centre
     turns: Vector2f  # radians about z: of lights that turn with the rig, and of those that do not
     width: int  # pixels
     height: int
-    aperture: float  # diameter of the lens; 0 for a pinhole
-    focus: float  # distance of the plane in focus
-    near: float  # depth at which rays start
+    aperture: float  # diameter of the lens in metres; 0 for a pinhole
+    focus: float  # depth of the plane in focus, metres
+    near: float  # depth at which rays start, metres
 
     @classmethod
     def of(cls, mi: Mitsuba, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Floats) -> KernelView:
@@ -55,7 +55,7 @@ class KernelView:
 
     def rays(self, mi: Mitsuba, x: Float, y: Float, u: Float, v: Float) -> Ray3f:
         """Return the rays through positions on the film, in pixels from the upper left; u and v sample the lens."""
-        sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height
+        sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height  # from -1 to 1 over the frame
         direction = sx * self.right + sy * self.up - self.back
         origin: AnyArray = mi.Point3f(self.origin)
         if self.aperture > 0.0:
@@ -73,6 +73,7 @@ class KernelView:
         pixel : the number of the pixel, row by row; index : the number of the sample in its pixel; scramble : the seed
         of the pixel's samples.
         """
+        # The constants are arbitrary, so that the points on the pixel and on the lens are independent.
         u, v = sobol.points(mi.Float, index, sobol.hash_integers(scramble ^ 0x9E3779B9))
         on_lens = (
             sobol.points(mi.Float, index, sobol.hash_integers(scramble ^ 0x7F4A7C15))

@@ -43,7 +43,7 @@ class PictureFile:
     title: str
     frames: dict[Path, FrameTask]  # by their EXR, in their order in the file
     labels: tuple[str, ...]  # a label for each frame
-    columns: int | None = None  # the number of frames in a row of a contact sheet of a wedge
+    columns: int | None = None  # the number of frames in a row, for a wedge: a table of variations of a look or light
 
 
 class PictureWriter:
@@ -69,7 +69,7 @@ class PictureWriter:
         self._background_light = light
         self._background = background
         self._ledger = ledger
-        self._due = set(plan.pictures)
+        self._due = set(plan.pictures)  # files that were missing or older than their frame when the plan was made
         self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
         self._sheets: list[PictureFile] = []
         self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
@@ -108,7 +108,10 @@ class PictureWriter:
                 self.refresh_pictures(self._tasks[files[0]], done)
 
     def finished_sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
-        """Yield the files that show several frames, if all of these are done; with `task`, only those that show it."""
+        """Yield the files that show several frames, if all these are done.
+
+        With `task`, yield only those that show its frame, or on which its props are composited.
+        """
         for file in self._sheets:
             inputs = file.frames.keys() | self._props_over(file)
             if inputs <= done and not (task is not None and inputs.isdisjoint(task.files)):
@@ -157,6 +160,7 @@ class PictureWriter:
         digests += [self._tasks[self._plan.charts[frame]].digest for frame in file.frames if frame in self._plan.charts]
         inputs = [digests, file.labels, self._background, self._options(file.output)]
         inputs += [file.columns] if file.columns else []
+        # Inputs that JSON does not know, such as a view, have an attribute `digest`.
         return hashlib.sha256(json.dumps(inputs, default=attrgetter("digest")).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
@@ -166,9 +170,11 @@ class PictureWriter:
         return {"view": self._outputs.display_view(output.name), **burn_in, **options}
 
     def _is_current(self, path: Path, key: str) -> bool:
+        """Return whether a file exists and has the content that belongs to a key."""
         return path.is_file() and self._ledger.has(self._name(path), key, path)
 
     def _name(self, path: Path) -> str:
+        """Return the name of a file in the ledger: its path relative to the output folder."""
         return path.relative_to(self._plan.output).as_posix()
 
 
@@ -179,10 +185,14 @@ def link_to_first(paths: Sequence[Path]) -> None:
 
 
 def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
-    """Yield all files that an output makes of the frames of a plan, by the output's scope."""
+    """Yield all files that an output makes of the frames of a plan, by the output's scope.
+
+    A reel has the frames of one look under one light in one turntable.
+    """
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
 
     def file(paths: Iterable[Path], title: Iterable[str], frames: Iterable[Path], labels: Iterable[str]) -> PictureFile:
+        """Return a file of some frames; `title` has the parts of its title."""
         return PictureFile(
             output, tuple(paths), " / ".join(title), {path: tasks[path] for path in frames}, tuple(labels)
         )
@@ -202,7 +212,7 @@ def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
             path = plan.output / sheet.look / sheet.rig / f"{turntable}.{sheet.name}{output.suffix}"
             yield replace(file([path], (turntable, sheet.title), cells, sheet.labels), columns=sheet.columns)
     else:
-        sides: dict[tuple[str, str], list[Reel]] = {}
+        sides: dict[tuple[str, str], list[Reel]] = {}  # by light and turntable: the reels of all looks, side by side
         for reel in plan.reels:
             sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
         for (ibl, turntable), reels in sides.items():

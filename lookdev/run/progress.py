@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from lookdev.fitting.picture.search import LossPoint
 
 _MAX_BARS = 8  # the most frames with a bar of their own in the live display
-_LEVELS: dict[type[Event], str] = {events.FrameFailed: "error", events.FrameRetried: "warning"}
+_LEVELS: dict[type[Event], str] = {events.FrameFailed: "error", events.FrameRetried: "warning"}  # others are "info"
 
 
 @contextmanager
@@ -107,6 +107,7 @@ class Tally:
         return str(timedelta(seconds=round(waiting * (time.monotonic() - self._started) / self.settled)))
 
     def _position(self) -> str:
+        """Return how many frames of the plan are done or failed, as "[3/24]"."""
         return f"[{self.total - self.pending + self.settled}/{self.total}]"
 
 
@@ -172,6 +173,7 @@ class _OpenJdReport(_PlainReport):
             self._send("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
 
     def _send(self, kind: str, text: str) -> None:
+        """Write a message of Open Job Description, which is a line that begins with its kind."""
         self._stream.write(f"openjd_{kind}: {' '.join(replace_controls(text).split())}\n")
         self._stream.flush()
 

@@ -41,12 +41,15 @@ Backdrop = str | tuple[float, float, float]
 """The background of pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour."""
 
 PrepareJob = Callable[[Job, Callable[[SceneTask], None] | None], "PlannedJob"]
+"""Reads the files of a job and plans its frames.
+
+The second argument is a function, or None. It is called early, with a scene for which a worker can prepare itself."""
 
 
 def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> PlannedJob:
-    """Read the files of a job and plan its frames, as `lookdev.plan.prepare.plan_job`."""
-    # Not imported at the top: these readers of files take as long to import as the rest of the program. Here, Blender
-    # starts at the same time.
+    """Plan a job by `lookdev.plan.prepare.plan_job`."""
+    # This is not imported at the top, because its readers of files take as long to import as the rest of the program.
+    # Here, Blender starts at the same time.
     from lookdev.plan.prepare import plan_job
 
     return plan_job(job, ahead)
@@ -230,7 +233,8 @@ def render_setups(
 ) -> tuple[Plan, RunResult]:
     """Render scenes that are in memory: join the runs of the output, plan the frames, render them.
 
-    Raises the errors of `render_job`.
+    setups : the scenes; turns : the turntables and the output folder; outputs : the files to make of the frames. Raises
+    the errors of `render_job`.
     """
     with Run(turns.output) as run:
         plan = build_plan(setups, turns, read_header, frame_suffixes=outputs.frame_suffixes)

@@ -77,7 +77,10 @@ class RunInfo:
 
 
 class Runs:
-    """The runs of an output folder, as one observer sees them. The observer remembers heartbeats to detect new ones."""
+    """The runs of an output folder, as one observer sees them; `state` is the state folder, ``.lookdev``.
+
+    The observer remembers heartbeats to detect new ones.
+    """
 
     def __init__(self, state: Path) -> None:
         self._folder = state / "runs"
@@ -303,6 +306,7 @@ class Run:
         return True
 
     def _info_text(self) -> str:
+        """Return the content of this run's file."""
         return json.dumps(asdict(self.info))
 
     def _register(self) -> None:
@@ -318,9 +322,11 @@ class Run:
                 return
 
     def _write_info(self) -> None:
+        """Write this run's file."""
         write_file(self._file, self._info_text())
 
     def _beat_until_end(self) -> None:
+        """Give the run its heartbeat, in a thread, until its context ends."""
         while not self._ended.wait(self._lease / _BEATS_PER_LEASE):
             self._beat()
 

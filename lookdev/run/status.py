@@ -48,8 +48,8 @@ class FailedFrame:
 class ActiveRun:
     """A run that has a file in the state folder, because it has not ended regularly.
 
-    `state` is ``"working"``, or ``"stalled"`` if it had no heartbeat for the time of a lease, or ``"dead"`` if its
-    process is known to have ended.
+    `state` is ``"working"``, or ``"stalled"`` if it had no heartbeat for the time of a lease (`lookdev.run.runs`), or
+    ``"dead"`` if its process is known to have ended.
     """
 
     run: RunInfo
@@ -244,6 +244,7 @@ def _scene_name(name: str) -> str:
 
 
 def _read_failures(state: Path) -> Iterator[FailedFrame]:
+    """Yield the records of failed frames in a state folder."""
     for file in sorted((state / _FAILED).glob("*.json")):
         with suppress(TypeError):
             yield FailedFrame(**read_json_object(file))
