@@ -60,8 +60,9 @@ def write_blend(task: BlendTask) -> list[str]:
         # The scene is built for the CPU, because this machine may lack the job's device. That is set at the end, by
         # `_set_render_settings`.
         scenes[look] = BlenderScene(replace(scene_task, device="cpu"), into, groups, separate=True)
+    # Scenes with equal cameras share the camera, the lamps and the keyframes of the first of them, their leader.
     animated: list[BlenderScene] = []
-    rigs: dict[int, list[bpy.types.Collection]] = {}
+    rigs: dict[int, list[bpy.types.Collection]] = {}  # by the id of a leader
     for scene in scenes.values():
         leader = next((other for other in animated if other.task.camera == scene.task.camera), None)
         _remove_lamps(scene)
@@ -73,7 +74,8 @@ def write_blend(task: BlendTask) -> list[str]:
             animated.append(scene)
         else:
             _share_camera(leader, scene)
-            scene.pose(scene.task.camera, task.turntables[-1].poses[-1])  # constant channels have no keys
+            # Channels that are constant in the animation have no keys, so they are set here.
+            scene.pose(scene.task.camera, task.turntables[-1].poses[-1])
             share_animation(scene.root, leader.root)
         _link_rigs(rigs[id(leader or scene)], scene.scene)
     world = _add_worlds(task)

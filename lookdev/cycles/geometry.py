@@ -123,7 +123,7 @@ def _encode_groups(data: bpy.types.Mesh, mesh: Mesh, groups: Ints) -> None:
     facet = np.cross(b - a, c - a)
     angle = np.radians(group)[:, None]
     with np.errstate(invalid="ignore"):
-        # `along` is an edge, which is in the plane of the facet.
+        # `along` is an edge, which is in the plane of the facet; `across` is the normal of the facet.
         along, across = ((vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)) for vectors in (b - a, facet))
     tilted = np.nan_to_num(np.cos(angle) * across + np.sin(angle) * along)
     # If a mesh has no edges, Blender passes other normals to Cycles.

@@ -107,7 +107,7 @@ def _angles(axes: Axes) -> tuple[float, float, float]:
     matrix = np.array(axes).T
     matrix[:, 0] *= np.sign(np.linalg.det(matrix))
     across = math.hypot(matrix[0, 0], matrix[1, 0])
-    if across < 1e-9:
+    if across < 1e-9:  # the x axis is vertical: the first and the last angle rotate about the same axis
         return math.atan2(-matrix[1, 2], matrix[1, 1]), math.atan2(-matrix[2, 0], across), 0.0
     return (
         math.atan2(matrix[2, 1], matrix[2, 2]),
@@ -163,6 +163,7 @@ def _build_distant(name: str, light: DistantLight, strength: float) -> bpy.types
     """Build a sun. Its size is given by the versine, 1 minus the cosine, of its angular radius."""
     versine = light.versine
     data = _add_data(name, "SUN", light.emitted_radiance, math.pi * versine * (2.0 - versine) * strength)
+    # For small angles, the arc cosine is inaccurate.
     data.angle = 2.0 * math.acos(1.0 - versine) if versine > 1e-3 else 2.0 * math.sqrt(2.0 * versine)
     return data
 

@@ -68,6 +68,7 @@ def _plan_recording(scene: SceneTask) -> RecordingPlan:
     If one render can record all parts, both halves record them. Otherwise each set is recorded in only one half: the
     one with fewer parts so far. The shares of the parts in the light of that half are then used for the whole frame.
     """
+    # By part: its number in the OSL shaders.
     numbers = {"direct": 1} | {group: 2 + number for number, group in enumerate(LOBE_GROUPS)}
     numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.light_group_names)}
     sets = [[(name, numbers[name]) for name in part_set[:-1]] for part_set in scene.part_sets]
@@ -182,6 +183,7 @@ def _render_surfaces(
         pad_to_frame([rendered[name] for name in sorted(rendered) if f"Crypto{kind}" in name])
         for kind in ("Object", "Material")
     )
+    # The matte of the asset is that of its objects, whose ids are all replaced by that of the asset (`_matte_names`).
     return albedo, {"object": objects, "material": materials, "asset": objects}
 
 

@@ -41,6 +41,7 @@ def evaluate_points(source: ShaderSource, table: Floats32, cells: int) -> tuple[
     pdf : (n,)
         The density of sampled directions in 1/sr.
     """
+    # The parameter `what` of the shader selects the output: 0 is f, 1 the pdf.
     f, density = (render_table(source, table, cells, what=output) for output in (0, 1))
     return f, density[:, 0]
 

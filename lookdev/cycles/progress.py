@@ -10,7 +10,7 @@ import bpy
 
 from lookdev.rendering.frame import ReportSamples
 
-_SAMPLE = re.compile(r"\bSample (\d+)/\d+")
+_SAMPLE = re.compile(r"\bSample (\d+)/\d+")  # in the text of the statistics, as "Sample 16/64"
 
 
 @contextmanager

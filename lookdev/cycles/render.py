@@ -43,11 +43,11 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: ReportSamples) 
     if scene.is_principled:
         return _render_principled(scene, task.scene.sampling, progress)
     engine.fill_sample_table(scene.scene)
-    overhead = time.perf_counter() - started
+    overhead = time.perf_counter() - started  # seconds that `render_halves` does not measure
     with prepare_recording(scene, task) as plan:
         render = partial(_render_region, scene, task, plan)
-        pictures = combine_catcher_halves if task.scene.has_catcher else combine_halves
-        frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
+        combine = combine_catcher_halves if task.scene.has_catcher else combine_halves
+        frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, combine)
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
     frame = replace(frame, passes=task.scene.complete_parts(frame.passes, beauty))
     arrays: dict[str, Floats32] = {}

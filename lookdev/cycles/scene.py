@@ -151,9 +151,11 @@ class BlenderScene:
             self.scene.cycles.transparent_max_bounces += 2 * (len(task.lights) - len(world_domes(task.lights)))
 
     def _add_materials(self) -> None:
+        """Build the material of each source."""
         self._materials = [self._build_material(number, source) for number, source in enumerate(self.task.shaders)]
 
     def _build_material(self, number: int, source: GeneratedSource) -> bpy.types.Material:
+        """Build the material of a source; `number` is its index among the task's sources."""
         match source:
             case ShaderSource():
                 x, y, z = self._asset.center

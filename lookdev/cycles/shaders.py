@@ -114,7 +114,8 @@ def build_surface_material(
     arrays = {name: _cached_array_text(content) for name, content in code.arrays.items()}
     arrays |= {name: array_text(numbers) for name, numbers in code.numbers.items()}
     material = bpy.data.materials.new(source.name)
-    # Cycles must not treat the emitting material as a light. It would put each of its triangles into a light tree.
+    # Cycles must not treat the material as a light, although it emits. Otherwise Cycles would put each triangle with it
+    # into a light tree.
     material.cycles.emission_sampling = "NONE"
     tree = version.clear_node_tree(material)
     script = add_script_node(tree, source, values, arrays)
