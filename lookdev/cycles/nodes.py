@@ -44,7 +44,7 @@ def build_material(source: NodeSource, shared_groups: Groups | None = None) -> b
             cache[digest] = _build_group(source, tree, groups)
         groups[tree.name] = cache[digest]
     material = bpy.data.materials.new(source.name)
-    # Cycles must not treat the material as a light, and must not correct bumped normals: the nodes bend them themselves.
+    # Cycles must not treat the material as a light. It must not correct bumped normals, because the nodes bend them.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     material.use_transparent_shadow = True
