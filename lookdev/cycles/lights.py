@@ -91,7 +91,7 @@ def add_lights(
 
 
 def _set_visibility(item: bpy.types.Object) -> None:
-    """Set the rays that see a light: not those of the camera, but reflections do. The light casts no shadow."""
+    """Set which rays see a light: reflections do, the camera does not. The light casts no shadow."""
     item.visible_camera = False
     item.visible_diffuse = item.visible_glossy = item.visible_transmission = True
     item.visible_volume_scatter = False

@@ -27,7 +27,9 @@ _CENTER_PASSES = {"depth": "z", "position": "position", "normal": "normal", "uv"
 _COLORS = ("diffuse", "glossy", "transmission")
 # The names of Cycles' passes of colours; Blender 4.5 abbreviates them.
 _COLOR_NAMES = {"DiffCol", "GlossCol", "TransCol", *(f"{kind.capitalize()} Color" for kind in _COLORS)}
-_MATTE_DEPTH = 16  # pairs of id and coverage per pixel: the most that Cycles has, as equal names are merged afterwards
+# The number of pairs of id and coverage in a pixel of a matte: the most that Cycles has. Pairs with equal names are
+# merged afterwards.
+_MATTE_DEPTH = 16
 
 
 RecordingBatch = Sequence[tuple[str, int]]

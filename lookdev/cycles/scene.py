@@ -32,7 +32,7 @@ from lookdev.scene import Camera, Pose
 MATTE, ALBEDOS, NORMALS = 0.0625, 0.25, 0.5
 """Values below 1 of `samples` in `BlenderScene.set_controls`: OSL shaders then show a feature in place of the light.
 
-`ALBEDOS` and `NORMALS` show these, `MATTE` shows white, which is enough for cryptomattes."""
+`ALBEDOS` shows albedos, `NORMALS` shows normals, and `MATTE` shows white, which is enough for cryptomattes."""
 
 _SEPARATE = {"uv", "cryptomatte"}
 """The passes for which every prim must be an object, with all of its UV sets."""

@@ -4,7 +4,7 @@ Both work as in `lookdev/shaders/dome.osl.h`, and read the same tables: the file
 `bins` and `slots` define these terms:
 
 - A bin is a set of similar shading normals. Each bin has a sampling distribution of its own.
-- The distribution draws one of the dome's points, which are fixed directions in proportion to the radiance.
+- The distribution draws one of the dome's points, which are fixed directions, denser where the radiance is greater.
 - A slot is a range of consecutive points. A bin has M slots of nearly equal probability, of which one is drawn.
 - g is the widened cosine: the largest cosine between a direction and the normals of a cone that contains the bin.
 - p is the pdf of the drawn directions. q is the pdf that p approximates: g times the mean of the radiance's channels,
@@ -84,7 +84,7 @@ class DomeLight:
 
     @property
     def all_around(self) -> NormalBin:
-        """The bin that contains all normals, for points of a local dome, where the directions of light vary."""
+        """The bin of all normals, for local domes: at a point, light does not come from the map's own directions."""
         mi = self._mi
         numbers = dr.gather(mi.Vector2f, self._bins.array, mi.UInt32(bins.COUNT))
         return NormalBin(self, mi.UInt32(bins.COUNT), None, numbers.x, numbers.y)

@@ -23,7 +23,10 @@ _Array = TypeVar("_Array", bound=AnyArray)
 
 @contextmanager
 def pause_garbage_collection() -> Iterator[None]:
-    """Pause garbage collection in the block. To free NumPy's memory while a kernel is recorded ends the process."""
+    """Pause garbage collection in the block.
+
+    Freeing NumPy's memory while a kernel is recorded would end the process.
+    """
     gc.collect()
     gc.disable()
     try:

@@ -45,9 +45,9 @@ class Direction:
     own_density
         The number of directions that are drawn from the BSDF, times their pdf. For a delta direction it is 1.
     weighed
-        1 if a direction from the lights can be the same, else 0, for delta directions. `Lighting.arriving` divides the
-        radiance by ``own_density + weighed * d``, where d is the density of directions drawn from the lights. With 1,
-        the result has the weight of the balance heuristic.
+        1, or 0 for delta directions, which are never drawn from lights. `Lighting.arriving` divides the radiance by
+        ``own_density + weighed * d``, where d is the density of directions drawn from the lights. With 1, the result
+        has the weight of the balance heuristic.
     occluders
         For each set in `SceneLights.shadow_excluded`: the distance of the first part that casts a shadow.
     active
@@ -224,6 +224,7 @@ class OneDome(SceneLights):
         self.sampled = self._dome.sampled
 
     def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
+        """Return the light of the dome at a surface, as `SceneLights.at`."""
         return _DomeLighting(self._mi, self._dome, surface, turns.x, count, both_sides and self.sampled)
 
 
@@ -241,6 +242,7 @@ class _DomeLighting:
             self._bins = [(count, dome.bin(rotate_z(n, -turn))) for count, n in zip(counts, normals, strict=False)]
 
     def arriving(self, direction: Direction) -> list[Arriving]:
+        """Return the light from the dome, as `Lighting.arriving`."""
         active = direction.active & (direction.occluders[0] >= FAR)
         local = rotate_z(direction.w, -self._turn)
         radiance = self._dome.radiance(local, active)
@@ -249,6 +251,7 @@ class _DomeLighting:
         return [(arriving_light, arriving_light)]
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
+        """Draw a direction, as `Lighting.draw`: those with the first numbers in front, the others behind."""
         start = sobol.hash_integers(seed ^ 0x2545F491)  # an arbitrary constant, so that other uses of the seed differ
         front, bin = self._bins[0]
         back = number >= front

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 mi: Mitsuba = import_module("mitsuba")
 
-_FILE, _PRIM, _VARIANT = "file", "prim", "variant_"  # properties of the BSDF of a look; the last begins with a prefix
+_FILE, _PRIM, _VARIANT = "file", "prim", "variant_"  # names of properties of a look's BSDF; the last is a prefix
 
 
 def model_bsdf(name: str, properties: Properties) -> BSDF:

@@ -74,12 +74,14 @@ class RigSampler(SceneLights):
         self.visible = any(lamp.emission.camera for lamp in rig.lamps)
 
     def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
+        """Return the light of the rig at a surface, as `SceneLights.at`."""
         return _RigLighting(self._mi, self, surface, turns, count, both_sides)
 
     @dr.syntax
     def camera_radiance(
         self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
     ) -> tuple[list[Color3f], Bool]:
+        """Return the light of visible lamps, as `SceneLights.camera_radiance`."""
         mi = self._mi
         radiance, hidden = self.zero_light(), mi.Bool(False)
         frames = _LightFrames(mi, self, start, turns)

@@ -255,9 +255,10 @@ class SurfacePoints:
         return albedo, self.to_world(bent)
 
     def _call_programs(self, function: Callable[..., _Result], *arguments: AnyArray, active: Bool) -> _Result:
-        """Return the results of a function at all points. It gets the evaluation of the program of the look there.
+        """Call a function with the evaluation of the look's program at all points, and return its result.
 
-        The function is called once for each program, and Dr.Jit selects the result at each point.
+        If there are several programs, the function is called once for each, and Dr.Jit selects the result at each
+        point.
         """
         if self._single is not None:
             return function(self._single, *arguments)

@@ -30,7 +30,7 @@ _NEAR_TARGET = 4.0  # times the target error: above this error, the next round i
 _AIM = 0.9  # times the target error: a round aims at this lower error, because another round would cost more
 _LEAST_GROWTH = 0.05  # a round over rectangles adds at least this share of a half's samples
 _LAST_ROUND = 24  # from this round on, each round doubles the samples, so that the seeds of a frame suffice
-_TILE_SIDE, _TILES_PER_SIDE = 16, 32  # a tile has at least so many pixels per side, a frame at most so many tiles
+_TILE_SIDE, _TILES_PER_SIDE = 16, 32  # the least pixels along a side of a tile; the most tiles along a side of a frame
 _CALL_COST = 1024.0  # the time of a call of the renderer, over the time of one sample of a pixel on the asset
 _BACKGROUND_COST = 0.1  # the time of a sample of a pixel without the asset, over that of a pixel on the asset
 
@@ -143,6 +143,7 @@ def _whole_frame_round(samples: float, half: Half) -> Round:
 
 
 def _whole_frame(half: Half, samples: int, *, is_whole_frame: bool = False) -> Region:
+    """Return the region of all pixels."""
     return Region(slice(0, half.height), slice(0, half.width), samples, is_whole_frame)
 
 

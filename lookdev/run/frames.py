@@ -31,7 +31,7 @@ from lookdev.run.status import FailedFrame, record_failure
 
 _MAX_NAMES = 5  # the most names of frames in a message
 
-_WAIT_SECONDS = (0.05, 2.0)  # the first and the longest wait until it is checked whether other runs have made a file
+_WAIT_SECONDS = (0.05, 2.0)  # the first and the longest time between checks whether other runs have made a file
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Writes and verifies the manifest of an output folder: the list of its files, of its inputs, and of their SHA-256."""
+"""Writes and verifies the manifest of an output folder, which lists its files and inputs with their SHA-256."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from lookdev.rendering.threads import usable_cores
 
 _TICKS = os.sysconf("SC_CLK_TCK")  # clock ticks per second: the unit of times in /proc is one tick
 _RESERVE = 0.1  # the share of the machine's memory that is left to other processes
-_MIN_GAIN = 0.5  # idle cores, over the cores that a worker uses: with fewer, another worker gains little
+_MIN_GAIN = 0.5  # another worker gains little with fewer idle cores than this share of those that a worker uses now
 _START_SECONDS = 30.0  # with less work than this left, another worker gains little: starting and compiling take time
 _GROWTH = 1.5  # another worker may take this factor of the peak memory of a worker so far
 

@@ -229,7 +229,10 @@ class DaskExecutor:
                 yield from self._handle_result(item)
 
     def _submit_chunks(self, workers: Sequence[str]) -> None:
-        """Submit chunks until each worker has `_CHUNKS_PER_WORKER`. Without workers, submit one for any that comes."""
+        """Submit chunks until each worker has `_CHUNKS_PER_WORKER`.
+
+        If there is no worker, submit one chunk, which Dask gives to the first worker that comes.
+        """
         chunk_counts = Counter(chunk.worker for chunk in self._in_flight)
         for worker in workers:
             while chunk_counts[worker] < _CHUNKS_PER_WORKER and (

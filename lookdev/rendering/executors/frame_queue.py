@@ -33,7 +33,7 @@ class FrameQueue:
             # comparison of values.
             self._waiting.setdefault(id(task.scene), deque()).append(task)
         self._scene_of: dict[Hashable, int] = {}  # by worker
-        # By scene: the seconds of its latest frame, without frames that came first after a worker's change of scene.
+        # By scene: the seconds of the latest frame that was not its worker's first frame of the scene.
         self._seconds: dict[int, float] = {}
         self._change_seconds = _CHANGE_SECONDS
 
