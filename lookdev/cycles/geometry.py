@@ -253,9 +253,9 @@ def _build_mesh(
     # points where faces meet their reversed duplicates.
     _add_attribute(data, "sharp_face", np.ones(len(mesh.face_sizes), bool), "FACE")
     bindings = {number: sources[number].attributes for number in used.tolist()}
-    read = {binding.attribute for bound in bindings.values() for binding in bound if binding.kind == "uv"}
+    read_uv_sets = {binding.attribute for bound in bindings.values() for binding in bound if binding.kind == "uv"}
     for name, uv in mesh.uvs.items():
-        if separate or name in read:
+        if separate or name in read_uv_sets:
             short = short_name(name)
             data.uv_layers.new(name=short, do_init=False)
             data.attributes[short].data.foreach_set("vector", uv.ravel())

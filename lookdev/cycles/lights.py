@@ -137,14 +137,14 @@ def _build_area(name: str, light: RectLight | DiskLight, strength: float) -> bpy
     """Build a rectangle or a disk, with its texture and its beam."""
     data = _add_data(name, "AREA", light.emission.color, math.pi * light.size_factor * strength)
     data.spread = math.pi
-    pictured = light if isinstance(light, RectLight) and light.texture else None
+    textured = light if isinstance(light, RectLight) and light.texture else None
     if isinstance(light, RectLight):
         data.shape, data.size, data.size_y = "RECTANGLE", light.width, light.height
     else:
         data.shape, (data.size, data.size_y) = "ELLIPSE", (2.0 * radius for radius in light.radii)
-    if pictured or light.emission.shaping:
+    if textured or light.emission.shaping:
         nodes = _LightNodes(data)
-        nodes.add_output(nodes.texel(pictured) if pictured else None, light.emission.shaping)
+        nodes.add_output(nodes.texel(textured) if textured else None, light.emission.shaping)
     return data
 
 

@@ -40,9 +40,9 @@ class Geometry:
         self.center = np.array(asset.center)
         self._bodies = bodies_of(asset, self.center)
         # By mesh: the corners (n, 3) and the face (n,) of each triangle.
-        split = {body.mesh: corner_triangles(asset.meshes[body.mesh]) for body in self._bodies}
-        count = sum(len(faces) for _, faces in split.values())
-        instanced = sum(len(split[instance.mesh][1]) for instance in asset.instances)
+        triangles_of_mesh = {body.mesh: corner_triangles(asset.meshes[body.mesh]) for body in self._bodies}
+        count = sum(len(faces) for _, faces in triangles_of_mesh.values())
+        instanced = sum(len(triangles_of_mesh[instance.mesh][1]) for instance in asset.instances)
         if count > MAX_TRIANGLES or instanced > _MAX_INSTANCED_TRIANGLES:
             raise RenderError(
                 f"{asset.name}: {count} triangles, {instanced} in all instances; at most {MAX_TRIANGLES}, and "
@@ -50,33 +50,33 @@ class Geometry:
                 "right"
             )
         meshes = [asset.meshes[body.mesh] for body in self._bodies]
-        starts = np.cumsum([0, *(len(mesh.corner_points) for mesh in meshes)])
+        first_corners = np.cumsum([0, *(len(mesh.corner_points) for mesh in meshes)])
         points = [_transform_points(asset.meshes[body.mesh].points, body.matrix) for body in self._bodies]
-        first = np.cumsum([0, *map(len, points)])
+        first_points = np.cumsum([0, *map(len, points)])
         # The tables of triangles, one row for each: points (3), corners (3), slot, handedness and body.
-        vertices, corners, slots, hands, body_of_row = [], [], [], [], []
+        vertices, corners, slots, signs, body_of_row = [], [], [], [], []
         for number, (body, mesh) in enumerate(zip(self._bodies, meshes, strict=True)):
-            triangles, faces = split[body.mesh]
-            vertices.append(mesh.corner_points[triangles] + first[number])
-            corners.append(triangles + starts[number])
+            triangles, faces = triangles_of_mesh[body.mesh]
+            vertices.append(mesh.corner_points[triangles] + first_points[number])
+            corners.append(triangles + first_corners[number])
             slots.append(mesh.face_slots[faces])
-            hands.append(np.full(len(faces), np.sign(np.linalg.det(body.matrix[:3, :3]))))
+            signs.append(np.full(len(faces), np.sign(np.linalg.det(body.matrix[:3, :3]))))
             body_of_row.append(np.full(len(faces), number))
         position = np.concatenate(points).astype(np.float32)
         index = np.concatenate(vertices)
-        sides = position[index].astype(np.float64)
-        facets = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+        triangle_points = position[index].astype(np.float64)
+        facets = np.cross(triangle_points[:, 1] - triangle_points[:, 0], triangle_points[:, 2] - triangle_points[:, 0])
         has_area = _lengths(facets) > 0.0  # triangles without area are left out
-        index, sides, facets = index[has_area], sides[has_area], facets[has_area]
+        index, triangle_points, facets = index[has_area], triangle_points[has_area], facets[has_area]
         self._facets = device_array(mi.Float, _unit(facets))
         self._corners = device_array(mi.UInt32, np.concatenate(corners)[has_area])
         self._slots = np.concatenate(slots)[has_area]
-        self._handedness = device_array(mi.Float, np.concatenate(hands)[has_area])
+        self._handedness = device_array(mi.Float, np.concatenate(signs)[has_area])
         self._body_of_row = np.concatenate(body_of_row)[has_area]
         self._first_instance = device_array(
             mi.UInt32, np.array([body.instances[0] for body in self._bodies])[self._body_of_row]
         )
-        self._lifts = device_array(mi.Float, LIFT * _lengths(sides).max(axis=-1))
+        self._lifts = device_array(mi.Float, LIFT * _lengths(triangle_points).max(axis=-1))
         self._position = device_array(mi.Float, position)
         self._index = device_array(mi.UInt32, index)
         # The transformed normals are not normalised: they are to be interpolated as in the space of the mesh, which the
@@ -85,7 +85,7 @@ class Geometry:
             lambda body, mesh: mesh.normals.astype(np.float64) @ np.linalg.inv(body.matrix[:3, :3]), 3
         )
         self._attributes: dict[AttributeBinding, Float] = {}
-        self._vertices, self._first = index, first  # point numbers (rows, 3), and the first point of each body
+        self._vertices, self._first = index, first_points  # point numbers (rows, 3), and the first point of each body
         self._copies = Copies.from_bodies(mi, self._bodies, self._body_of_row, asset, self.center)
         self.scene = self._scene(np.ones(len(index), np.bool_), numbered=True)
         self._shadow_scenes: dict[tuple[int, ...], TracedScene] = {}

@@ -205,7 +205,7 @@ class Estimator:
         # If looks can be seen through: the visible share of the background, and whether a path is straight so far. If
         # not, both lists are empty.
         seen_background = [mi.Float(0.0) for _ in throughput if self._looks.see_through]
-        through = [mi.Bool(active)] * self._looks.see_through
+        straight = [mi.Bool(active)] * self._looks.see_through
         # The share of each group of lobes in the throughput, by channel, after the first reflection.
         shares = [mi.Color3f(0.0) for _ in self._groups]
         while dr.hint(active, exclude=[index, scramble, turns]):
@@ -216,7 +216,7 @@ class Estimator:
             light_count = dr.select(first, mi.UInt32(self._counts.light), mi.UInt32(self._counts.light_onward))
             lighting = self._light.at(surface, turns, light_count, self._looks.transmits)
             onward = depth < self._bounces
-            is_straight = through[0] if self._looks.see_through else first
+            is_straight = straight[0] if self._looks.see_through else first
             counts = brdf_count, light_count
             vertex = Vertex(surface, lighting, (throughput, is_straight, shares), counts, index, seed)
 
@@ -225,7 +225,7 @@ class Estimator:
             seen_background = sum_of(
                 seen_background, [dr.mean(element) for element in product(throughput, background)] if background else []
             )
-            weight_sum, next_weight, next_triangle, next_uv, next_viewer, next_through, next_shares = path
+            weight_sum, next_weight, next_triangle, next_uv, next_viewer, next_straight, next_shares = path
 
             # Directions of the BSDF.
             k = mi.UInt32(0)
@@ -250,7 +250,7 @@ class Estimator:
                 next_triangle = dr.select(accepted, hit_triangle, next_triangle)
                 next_uv = dr.select(accepted, hit_uv, next_uv)
                 next_viewer = dr.select(accepted, -w, next_viewer)
-                next_through = [flag & ~accepted for flag in next_through]
+                next_straight = [flag & ~accepted for flag in next_straight]
                 next_shares = dr.select(accepted & is_straight, responses[0].shares(), next_shares)
                 k += 1
 
@@ -262,7 +262,7 @@ class Estimator:
             survives = sobol.random(mi.Float, seed ^ index * 0x2545F491 ^ 0x1B873593) < survival
             throughput = where(survives, [element / survival for element in throughput])
             active &= onward & survives & (weight_sum > 0.0)
-            triangle, uv, viewer, through = next_triangle, next_uv, next_viewer, next_through
+            triangle, uv, viewer, straight = next_triangle, next_uv, next_viewer, next_straight
             shares = next_shares
             depth += 1
         return total, difference(coverage, seen_background) if seen_background else coverage
@@ -350,14 +350,14 @@ class Estimator:
         `arriving` has the arriving light over its density: the whole, then that of each group of lights.
         """
         (throughput, *_), (response, *_) = vertex.throughput, responses
-        reflected, *of_lights = where(active, [throughput * response.to(light) for light in arriving])
-        by_lobes = [throughput * part for part in response.parts_to(arriving[0])]
-        of_lobes = [
+        reflected, *light_parts = where(active, [throughput * response.to(light) for light in arriving])
+        response_parts = [throughput * part for part in response.parts_to(arriving[0])]
+        lobe_parts = [
             dr.select(active, dr.select(vertex.is_straight, part, share * reflected), 0.0)
-            for part, share in zip(by_lobes, vertex.shares, strict=True)
+            for part, share in zip(response_parts, vertex.shares, strict=True)
         ]
         direct = [dr.select(vertex.is_straight, reflected, 0.0)] * self._direct
-        return [reflected, *of_lobes, *direct, *of_lights]
+        return [reflected, *lobe_parts, *direct, *light_parts]
 
     def _follow_deltas(self, vertex: Vertex, onward: Bool) -> tuple[_Path, Dual, Dual]:
         """Follow the delta directions of the BSDF, which are never drawn from the light.
@@ -383,7 +383,7 @@ class Estimator:
         next_path: tuple[Dual, UInt, UV, Vector3f] = (
             self._constant_dual(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer)
         )  # fmt: skip
-        next_through = [mi.Bool(False)] * see_through
+        next_straight = [mi.Bool(False)] * see_through
         next_shares = [mi.Color3f(initial) for initial in vertex.shares]
         for number, (w, responses, passes) in enumerate(self._delta_directions(surface)):
             weight = [response.value for response in responses]
@@ -402,9 +402,9 @@ class Estimator:
             accepted = (selection_weight > 0.0) & (random * weight_sum < selection_weight)
             weight = [element / selection_weight for element in weight]
             next_path = dr.select(accepted, (weight, triangle, uv, -w), next_path)
-            next_through = [dr.select(accepted, straight_on, flag) for flag in next_through]
+            next_straight = [dr.select(accepted, straight_on, flag) for flag in next_straight]
             next_shares = dr.select(accepted & vertex.is_straight & ~straight_on, responses[0].shares(), next_shares)
-        return (weight_sum, *next_path, next_through, next_shares), total, background
+        return (weight_sum, *next_path, next_straight, next_shares), total, background
 
     def _delta_directions(self, surface: SurfacePoints) -> list[tuple[Vector3f, list[Response], bool]]:
         """Return the delta directions in world space, the responses to them, and whether each passes the surface."""

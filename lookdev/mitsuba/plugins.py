@@ -154,11 +154,11 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
         def sample(
             self, context: object, si: Interaction, sample1: Float, sample2: UV, active: Bool | bool = True
         ) -> tuple[object, Color3f]:
-            evaluation, side = self._evaluation(si)
+            evaluation, flip = self._evaluation(si)
             wi = mi.Vector3f(*evaluation.values("wi", u1=dr.detach(sample2.x), u2=dr.detach(sample2.y)))
             wi = dr.detach(wi)
             bs = mi.BSDFSample3f()
-            bs.wo = side(wi)
+            bs.wo = flip(wi)
             value, pdf = self._respond(evaluation, wi, active)
             bs.eta, bs.sampled_component, bs.pdf = 1.0, mi.UInt32(0), pdf
             below = wi.z < 0.0
@@ -186,8 +186,8 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
         def eval_pdf(
             self, context: object, si: Interaction, wo: Vector3f, active: Bool | bool = True
         ) -> tuple[Color3f, Float]:
-            evaluation, side = self._evaluation(si)
-            return self._respond(evaluation, side(wo), active)
+            evaluation, flip = self._evaluation(si)
+            return self._respond(evaluation, flip(wo), active)
 
         def eval_null_transmission(self, si: Interaction, active: Bool | bool = True) -> Color3f:
             if not self._source.see_through:
@@ -215,10 +215,10 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
             """
             turn = dr.select(si.wi.z < 0.0, mi.Float(-1.0), mi.Float(1.0))
 
-            def side(w: Vector3f) -> Vector3f:
+            def flip(w: Vector3f) -> Vector3f:
                 return mi.Vector3f(w.x, turn * w.y, turn * w.z)
 
-            wo = side(si.wi)
+            wo = flip(si.wi)
             mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
             handed = turn * dr.select(mirrored, mi.Float(-1.0), mi.Float(1.0))
             values = {"wo_x": wo.x, "wo_y": wo.y, "wo_z": wo.z, "handed": handed, "hand": handed}
@@ -236,7 +236,7 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
                     inputs[source] = self._read(source, si)
                 return inputs[source][3 if alpha else int(index[:-1])] if alpha or index else inputs[source]
 
-            return Evaluation(self._program, symbol), side
+            return Evaluation(self._program, symbol), flip
 
         def _read(self, source: str, si: Interaction) -> Any:
             """Return the values of an image, a texture, a live input or the UV set at points."""

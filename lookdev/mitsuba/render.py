@@ -106,8 +106,8 @@ class MitsubaScene:
             """Render a region of a half, as `lookdev.rendering.frame.RenderRegion`."""
             height, width = region.rows.stop - region.rows.start, region.columns.stop - region.columns.start
             sums = np.zeros((height * width, 4 + 3 * len(self._recorded)))
-            for part, pixels in self._render_launches(view, seed, region, height * width):
-                sums[pixels] = part
+            for pixel_sums, pixels in self._render_launches(view, seed, region, height * width):
+                sums[pixels] = pixel_sums
                 progress(*latest_report)
             means = (sums / region.samples).reshape(height, width, -1)
             parts = self._light_parts(task.scene, means)
@@ -166,11 +166,11 @@ class MitsubaScene:
             try:
                 lane = dr.arange(mi.UInt32, count * size)
                 dr.eval(lane)
-                parts = self._render_pixels(view, rectangle, lane, *numbers)
+                channels = self._render_pixels(view, rectangle, lane, *numbers)
                 start = time.perf_counter()
-                dr.eval(*parts)
+                dr.eval(*channels)
                 # NumPy sums up the samples of a pixel in an order that does not depend on the size of a launch.
-                sums = [np.asarray(part).reshape(count, size).sum(axis=1, dtype=np.float64) for part in parts]
+                sums = [np.asarray(channel).reshape(count, size).sum(axis=1, dtype=np.float64) for channel in channels]
             except (MemoryError, RuntimeError) as error:
                 if not _is_out_of_memory(error):
                     raise

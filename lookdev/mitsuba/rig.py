@@ -58,8 +58,8 @@ class RigSampler(SceneLights):
         order = [
             n for has_map in (False, True) for n, light in enumerate(lights) if (light.map_dome is not None) is has_map
         ]
-        grouped = np.array([groups[n] for n in order] if groups else np.zeros(len(order)), np.float32)
-        rows = np.column_stack((values[3:].reshape(-1, len(FIELDS)), grouped))
+        group_column = np.array([groups[n] for n in order] if groups else np.zeros(len(order)), np.float32)
+        rows = np.column_stack((values[3:].reshape(-1, len(FIELDS)), group_column))
         link_table = np.array([[n in numbers for n in order] for numbers in links], np.bool_) if links else None
 
         def links_of(part: slice) -> Bools | None:
@@ -194,8 +194,8 @@ class _RigLighting:
             scale = self._bins[number][side].scale
             # 1 / scale is the integral of the map: times the widened cosine of the bin or, for a local dome, alone. The
             # mean irradiance of a surface, over its orientations, is a quarter of the latter.
-            around = 0.25 * self._shares[number] if dome.is_local else 1.0
-            weight = dr.select(scale > 0.0, around * dome.mean / scale, 0.0)
+            factor = 0.25 * self._shares[number] if dome.is_local else 1.0
+            weight = dr.select(scale > 0.0, factor * dome.mean / scale, 0.0)
         return weight * dome.link_of(dome.first, self._surface.source)
 
     def _lamp_weight(self, lamps: Lamps, lamp: UInt, n: Vector3f) -> Float:

@@ -78,20 +78,20 @@ def rename_ids(mattes: Floats32, names: Mapping[str, str]) -> Floats32:
     new = np.array([matte_id(name) for name in names.values()], np.uint32)
     order = np.argsort(old)
     old, new = old[order], new[order]
-    deepest = np.flatnonzero(mattes[..., 1::2].any(axis=(0, 1))).max(initial=0) + 1
-    bits = np.ascontiguousarray(mattes[..., 0 : 2 * deepest : 2]).view(np.uint32)
-    coverage = mattes[..., 1 : 2 * deepest : 2]
+    pairs = np.flatnonzero(mattes[..., 1::2].any(axis=(0, 1))).max(initial=0) + 1
+    bits = np.ascontiguousarray(mattes[..., 0 : 2 * pairs : 2]).view(np.uint32)
+    coverage = mattes[..., 1 : 2 * pairs : 2]
     index = np.minimum(np.searchsorted(old, bits), len(old) - 1)
-    listed = (old[index] == bits) & (coverage > 0.0)
-    ids, coverage = np.where(listed, new[index], 0), np.where(listed, coverage, np.float32(0.0))
-    ranked = np.zeros((*listed.shape[:2], RANKS, 2), np.float32)
+    is_listed = (old[index] == bits) & (coverage > 0.0)
+    ids, coverage = np.where(is_listed, new[index], 0), np.where(is_listed, coverage, np.float32(0.0))
+    ranked = np.zeros((*is_listed.shape[:2], RANKS, 2), np.float32)
     # Most pixels have one id, or none: these are fast. The others are sorted.
     largest = np.argmax(coverage, axis=-1)[..., None]
     ranked[..., 0, 0] = np.take_along_axis(ids, largest, -1)[..., 0].view(np.float32)
     ranked[..., 0, 1] = np.take_along_axis(coverage, largest, -1)[..., 0]
-    several = np.count_nonzero(listed, axis=-1) > 1
+    several = np.count_nonzero(is_listed, axis=-1) > 1
     ranked[several] = _sum_equal_ids(ids[several], coverage[several])
-    return ranked.reshape(*listed.shape[:2], 2 * RANKS)
+    return ranked.reshape(*is_listed.shape[:2], 2 * RANKS)
 
 
 def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats32) -> Floats32:

@@ -107,13 +107,13 @@ def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, sca
     raw = _neighbourhood_mean(0.25 * (a - b) ** 2 * scale, covered)
     error = 0.25 * (smooth_a - smooth_b) ** 2 + (smooth_a - a) * (smooth_b - b)
     smooth = _neighbourhood_mean(error * scale, covered) + _USUAL_BIAS * raw
-    # `both` is the covariance of the smooth mean and the raw mean. The noise of a smooth half comes from its own raw
-    # half alone, so the product of half the differences estimates the covariance.
-    both = _neighbourhood_mean(0.25 * (smooth_a - smooth_b) * (a - b) * scale, covered)
-    # The error of ``raw + weight * (smooth - raw)`` is a quadratic function of the weight. This is its minimum.
-    spread = raw + smooth - 2.0 * both
-    weight = np.clip((raw - both) / np.where(spread > 0.0, spread, 1.0), 0.0, 1.0)
-    return np.asarray(np.where(spread > 0.0, weight, 0.0)[..., None])
+    # The covariance of the smooth mean and the raw mean. The noise of a smooth half comes from its own raw half alone,
+    # so the product of half the differences estimates the covariance.
+    covariance = _neighbourhood_mean(0.25 * (smooth_a - smooth_b) * (a - b) * scale, covered)
+    # The mean of ``(smooth - raw)^2``. The following weight minimises the error of ``raw + weight * (smooth - raw)``.
+    squared_difference = raw + smooth - 2.0 * covariance
+    weight = np.clip((raw - covariance) / np.where(squared_difference > 0.0, squared_difference, 1.0), 0.0, 1.0)
+    return np.asarray(np.where(squared_difference > 0.0, weight, 0.0)[..., None])
 
 
 def _neighbourhood_mean(error: Floats, covered: Bools) -> Floats:
