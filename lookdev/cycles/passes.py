@@ -155,8 +155,8 @@ def _render_surfaces(
     """Return the mean albedo (H, W, 3), and mattes (H, W, 2 n) of Blender's objects and materials, and of the asset.
 
     `requested` has ``albedo``, ``cryptomatte`` or both, which are rendered at once. Without mattes, `FEATURE_SAMPLES`
-    are used in place of `samples`. Only the box of the `covered` pixels (H, W) is rendered. The albedo of Cycles' own
-    closures is that of Cycles' passes. Mattes have the layout that `rename_ids` reads.
+    are used in place of `samples`. Only the box of the `covered` pixels (H, W) is rendered. With Cycles' own closures,
+    the albedo is from Cycles' colour passes. Mattes have the layout that `rename_ids` reads.
     """
     has_mattes, has_albedo = "cryptomatte" in requested, "albedo" in requested
     scene.set_controls(task.pose, 0, ALBEDOS if has_albedo else MATTE)

@@ -29,8 +29,9 @@ class Geometry:
     """The triangles of an asset in a variant's arrays, in metres relative to the asset's centre.
 
     All triangles of all instances are numbered consecutively. The first numbers are those of meshes with a single
-    instance, which together are one mesh of Mitsuba. Then come those of each instance of each other mesh. A triangle
-    has a row in the tables of data, such as corners; the instances of a mesh share its rows (`lookdev.mitsuba.copies`).
+    instance, which together are one mesh of Mitsuba. The triangles of the other meshes follow, one instance after the
+    other. A triangle has a row in the tables of data, such as corners; the instances of a mesh share its rows
+    (`lookdev.mitsuba.copies`).
     `assign_looks` must be called before looks are looked up.
     """
 
@@ -177,7 +178,7 @@ class Geometry:
         return dr.gather(self._mi.UInt32, self._look_of_row, self._copies.row(triangle))
 
     def first_hit(self, ray: Ray3f, active: Bool | bool = True) -> tuple[UInt, UV, Bool, Float]:
-        """Return what rays hit: triangle numbers (0 for none), barycentric coordinates, hit masks, and distances."""
+        """Return where rays hit: triangle numbers (0 for none), barycentric coordinates, hit masks, and distances."""
         intersection = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
         hit = intersection.is_valid()
         return dr.select(hit, self.triangle_of(intersection), 0), intersection.prim_uv, hit, intersection.t

@@ -315,7 +315,7 @@ class Estimator:
         return self._reflect_drawn(vertex, sample, sum_ / selected_weight)
 
     def _draw_from_light(self, vertex: Vertex, j: UInt, active: Bool) -> _Sample:
-        """Return direction `j` from the light, and what is known of it without tracing a ray.
+        """Return direction `j` drawn from the light, and everything about it that needs no shadow ray.
 
         The tuple has the direction, the responses, the radiance over the density of all drawn directions, the distance
         and the controls of the light (`SceneLights`), a mask of directions that contribute, and the mean contribution

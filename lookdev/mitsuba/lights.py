@@ -155,7 +155,7 @@ class SceneLights(ABC):
 
     @property
     def no_controls(self) -> tuple[Float, ...]:
-        """The controls in place of those of a light where no light is drawn."""
+        """The controls, all 0, of a sample for which no light was selected."""
         return tuple(self._mi.Float(0.0) for _ in self._control_names)
 
     def split_by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:

@@ -140,7 +140,7 @@ def _mean_part(name: str, halves: Sequence[Half]) -> Floats32:
     """Return a part of the light of a frame, (H, W, 3), not denoised: the mean of both halves.
 
     If only one half has recorded the part, the result is its share of that half's light, times the light of the frame.
-    This has a bias, half that of a quotient of means, which decreases with the number of samples.
+    This result has a bias, half that of a quotient of two means; the bias decreases with the number of samples.
     """
     recorded = [half for half in halves if name in half.parts]
     means = [half.parts[name] / half.samples[..., None] for half in recorded]
