@@ -111,7 +111,7 @@ def evaluate_file(request: Path) -> None:
 
 
 def run_self_test() -> dict[str, object]:
-    """Evaluate a compiled diffuse lobe in Cycles, and return what the test found; raises RenderError for a wrong value."""
+    """Compile and evaluate a diffuse lobe in Cycles; return what was tested. Raises RenderError for a wrong value."""
     layers = [PointLayer("disney", {"variant": "2014"})]
     columns = point_columns(layers)
     row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0, "layer0_presence": 1.0}

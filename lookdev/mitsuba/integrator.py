@@ -7,8 +7,8 @@ are one set of low-discrepancy points.
 
 Light is a dual (`lookdev.mitsuba.dual`): here, a list of the light and of the parts of it that passes record. In
 `lookdev.mitsuba.derivatives`, it is a list of the light and its derivatives. `w` is a direction in world space, `wi`
-the same direction in the shading frame. Hexadecimal constants are arbitrary odd numbers: each random number that is
-derived from a seed has another one.
+the same direction in the shading frame. Hexadecimal constants are arbitrary odd numbers; random numbers derived from
+the same seed use different ones.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def direction_counts(
 
 
 class Vertex:
-    """The vertices of paths at one depth, an element of each array for each path.
+    """The vertices of paths at one depth. Each array has one element per path.
 
     Parameters
     ----------
@@ -362,15 +362,15 @@ class Estimator:
     def _follow_deltas(self, vertex: Vertex, onward: Bool) -> tuple[_Path, Dual, Dual]:
         """Follow the delta directions of the BSDF, which are never drawn from the light.
 
-        Where the presence of the surface is below 1, one of these directions passes straight through it. A path that is
-        straight since the camera meets a black background.
+        Where the presence of the surface is below 1, one of these directions passes straight through it. For a path
+        that nothing has scattered since the camera, the background is black.
 
         Returns
         -------
         path
-            The path to continue, if there is one: the sum of the weights of all hits; for the selected hit, its weight,
-            a dual, over the mean of the weight's colour; its triangle, barycentric coordinates and direction back;
-            whether the path is still straight since the camera; the shares of groups of lobes in the throughput.
+            The path to continue, if there is one: the sum of the weights of all hits; for the selected hit, its weight
+            (a dual) divided by the mean of the weight's colour, its triangle, barycentric coordinates and the direction
+            back; whether the path is still straight since the camera; the shares of groups of lobes in the throughput.
         light
             The reflected light, as `_reflect` returns it.
         background
