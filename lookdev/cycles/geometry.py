@@ -87,7 +87,7 @@ def add_asset(
         instance = asset.instances[number]
         item = _add_object(scene.collection, asset.name, meshes[instance.mesh])
         item.parent = root
-        # The transform of an object itself cannot have shear. The one that it inherits from its parent is a matrix.
+        # An object's own transform cannot have shear. What it inherits from its parent is a matrix, which can.
         item.matrix_parent_inverse = Matrix(instance.matrix.tolist())
         objects.append(item)
         if counts[instance.mesh] == 1:
@@ -113,8 +113,8 @@ def _prepare_groups(asset: Asset, groups: Ints) -> Asset:
 def _encode_groups(data: bpy.types.Mesh, mesh: Mesh, groups: Ints) -> None:
     """Encode the group of each triangle in the normals of Blender's mesh: group n tilts them by n degrees.
 
-    A shader that traces a ray reads the angle between these normals and the facet at the hit. On Blender 4.5, Cycles
-    gives it nothing else of the hit surface. Shading does not use these normals.
+    A shader that traces a ray reads the angle between these normals and the facet's normal at the hit. On Blender 4.5,
+    Cycles tells the shader nothing else about the hit surface. Shading does not use these normals.
     """
     group = groups[mesh.face_slots]
     if not group.any():

@@ -264,7 +264,7 @@ class BlenderScene:
         return pose.element if self.is_osl else self._frame_turn(pose)
 
     def _frame_turn(self, pose: Pose) -> float:
-        """Return the angle of the scene's rotation backwards, in degrees, which lets its world stand still."""
+        """Return the angle, in degrees, of the backward rotation in `pose` of everything except the world."""
         return 0.0 if are_domes_still(self.task.lights) else pose.lighting
 
     def select_catcher_part(self, part: int) -> None:
@@ -322,7 +322,7 @@ def _placement_key(task: SceneTask) -> tuple[object, ...]:
 
 
 def _set_camera(item: bpy.types.Object, camera: Camera) -> None:
-    """Set the lens, the location and the angles of a camera. Unlike a target, angles need no exception at the poles."""
+    """Set the lens, location and angles of a camera. Angles, unlike a target point, need no exception at the poles."""
     lens = item.data
     lens.type = "PERSP"
     lens.sensor_fit = "HORIZONTAL"

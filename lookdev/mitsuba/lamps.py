@@ -49,7 +49,7 @@ class LampRows:
         return self.field(lamp, "turns") > 0.0
 
     def link_of(self, lamp: UInt, look: UInt) -> Float | float:
-        """Return 1 where lamps reach the look with a number, else 0."""
+        """Return 1 where lamps reach a look, given by its number, else 0."""
         if self._links is None:
             return 1.0
         return dr.gather(self._mi.Float, self._links, look * self.count + lamp)

@@ -36,9 +36,9 @@ MAX_LAUNCH_SECONDS = 0.2
 """The planned seconds of a launch. Kernels cannot be interrupted, and the worker reports progress between launches."""
 
 _FIRST_LAUNCH_SAMPLES = 1 << 16  # samples in the first launch, before the time of a sample is measured
-_MAX_LAUNCH_SAMPLES = 1 << 24  # the most samples in a launch, as their numbers are stored: four or more for each
-# The denoiser's quick mode is used up to so many samples per pixel. It saves more time than the additional samples take
-# that compensate its larger error.
+_MAX_LAUNCH_SAMPLES = 1 << 24  # the most samples in a launch: for each, four numbers or more are stored
+# The most samples per pixel for which the denoiser's quick mode is used. This mode has a larger error. The additional
+# samples that compensate it take less time than the mode saves.
 _QUICK_FILTER_SAMPLES = 64
 
 

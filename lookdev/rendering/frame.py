@@ -19,8 +19,8 @@ from lookdev.rendering.adaptive import Half, Region, mean_samples, next_round
 from lookdev.rendering.denoise import Denoised, denoise_halves
 from lookdev.rendering.task import FrameTask
 
-# Each round of each half has a seed of its own. With so many seeds for a frame, frames with neighbouring values of
-# `Sampling.seed` share none.
+# Each round of each half has a seed of its own. This number of seeds is reserved for a frame, so that frames with
+# neighbouring values of `Sampling.seed` share none.
 _SEEDS_PER_FRAME = 64
 FEATURE_SAMPLES = 16
 """Samples per pixel of the pictures of albedos and normals that guide a denoiser.

@@ -60,7 +60,7 @@ class SceneTasks:
         groups = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()
         layers = tuple(dict.fromkeys((*groups, *every_group)))
         layer_of_light = tuple(layers.index(group) for group in groups)
-        # Many surfaces share a set of lights: the code of the lights is generated once for each set.
+        # Many surfaces share a set of lights, so the code of the lights is generated once for each set.
         lights = {surface.lights: tuple(scene.lights[number] for number in surface.lights) for surface in surfaces}
         codes = {
             numbers_of_lights: _light_code(reaching, self._backend, sampling)

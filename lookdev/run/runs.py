@@ -170,7 +170,7 @@ class Run:
 
     def _remove_own_files(self) -> None:
         """Remove the files of this run from the state folder. The last run also removes the folders of runs."""
-        with suppress(OSError):  # the process ends, so files that cannot be removed are void
+        with suppress(OSError):  # the process ends: other runs ignore files of it that could not be removed
             for key in list(self._claim_files):
                 self.release(key)
             self._file.unlink(missing_ok=True)
@@ -373,7 +373,7 @@ def read_claims(state: Path) -> dict[str, list[str]]:
 
 
 def claim_key(name: str) -> str:
-    """Return a hash of a claimed name, for the name of the claim's file. The claimed name may be too long for that."""
+    """Return a hash of a claimed name, for the name of the claim's file. The name itself may be too long for a file."""
     return hashlib.sha256(name.encode()).hexdigest()[:32]
 
 

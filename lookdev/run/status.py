@@ -46,7 +46,7 @@ class FailedFrame:
 
 @dataclass(frozen=True)
 class ActiveRun:
-    """A run that has a file in the state folder, because it has not ended regularly.
+    """A run that has a file in the state folder: it still runs, or it died before it could remove the file.
 
     `state` is ``"working"``, or ``"stalled"`` if it had no heartbeat for the time of a lease (`lookdev.run.runs`), or
     ``"dead"`` if its process is known to have ended.

@@ -14,8 +14,8 @@ from lookdev.rendering.task import FrameTask, SceneTask
 _CHANGE_SECONDS = 2.0
 """Assumed seconds of a change of scene, which compiles a shader, until such a change is measured."""
 
-_CHUNK_SECONDS = 15.0  # the frames of a chunk take about so many seconds
-_CHUNK_BYTES = 64 << 20  # the pixels in the answer for a chunk take about so many bytes, at most
+_CHUNK_SECONDS = 15.0  # the seconds in which a worker renders a chunk, approximately
+_CHUNK_BYTES = 64 << 20  # the most bytes of pixels in the answer for a chunk, approximately
 
 
 class FrameQueue:
