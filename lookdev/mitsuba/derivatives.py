@@ -41,7 +41,7 @@ from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
-_LAUNCH_SAMPLES = 1 << 21  # a launch has at most this number of samples, divided by 1 + P for P derivatives
+_LAUNCH_SAMPLES = 1 << 21  # the most samples in a launch without derivatives; with P derivatives, divided by 1 + P
 
 
 class DerivativeScene:

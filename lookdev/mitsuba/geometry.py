@@ -31,8 +31,7 @@ class Geometry:
     All triangles of all instances are numbered consecutively. The first numbers are those of meshes with a single
     instance, which together are one mesh of Mitsuba. The triangles of the other meshes follow, one instance after the
     other. A triangle has a row in the tables of data, such as corners; the instances of a mesh share its rows
-    (`lookdev.mitsuba.copies`).
-    `assign_looks` must be called before looks are looked up.
+    (`lookdev.mitsuba.copies`). `assign_looks` must be called before looks are looked up.
     """
 
     def __init__(self, mi: Mitsuba, asset: Asset) -> None:
@@ -188,7 +187,7 @@ class Geometry:
         return self._copies.triangle_of(intersection)
 
     def instance(self, triangle: UInt) -> UInt:
-        """Return the number of the instance that has a triangle."""
+        """Return the number of the instance to which a triangle belongs."""
         return self._copies.instance(
             triangle, dr.gather(self._mi.UInt32, self._first_instance, self._copies.row(triangle))
         )

@@ -49,7 +49,7 @@ def _rotate_left(value: int, bits: int) -> int:
 
 
 def matte_id(name: str) -> int:
-    """Return the id of a name: its hash, with a bit flipped if the float32 of these bits is not finite or subnormal."""
+    """Return the id of a name: its hash, with a bit flipped if the bits are no finite float32, or a subnormal one."""
     value = murmur3(name)
     return value ^ 1 << 23 if value >> 23 & 255 in (0, 255) else value
 

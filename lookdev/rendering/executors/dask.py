@@ -2,7 +2,7 @@
 
 - Rocklin 2015, "Dask: Parallel Computation with Blocked algorithms and Task Scheduling"; https://distributed.dask.org
 
-The executor gives Dask chunks: a chunk is one task of Dask, and consists of frames of one scene that take about 15
+The executor submits chunks to Dask. A chunk is one task of Dask, and consists of frames of one scene that take about 15
 seconds (`frame_queue`). Each worker gets two chunks of its scene at a time. An adaptive scheduler then sees more work
 than its workers can do, and starts more workers. The chunks of a lost worker go to others. If a worker answers that it
 lacks files, the executor sends them, once. `dask_worker` is the code that runs on the workers.

@@ -16,10 +16,10 @@ from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.rendering.worker import ANSWER_TIMEOUT
 
 CRASH_TRIES = 3
-"""How often a frame is tried whose worker dies, hangs or sends an invalid answer: a previous frame may be the cause."""
+"""The most tries of a frame whose worker dies, hangs or sends an invalid answer: a previous frame may be the cause."""
 
 CLEAN_TRIES = 2
-"""How often a frame is tried that a worker reports as failed. Most such errors recur."""
+"""The most tries of a frame that a worker reports as failed. Most such errors recur, so they are few."""
 
 
 @dataclass(frozen=True)
