@@ -32,7 +32,7 @@ class Shape:
     def is_inside(self, hits: Floats, wo: Floats) -> Bools:
         return np.asarray(_dot(self._outward(hits), wo)[:, 0] < 0.0)
 
-    def is_lit_by(self, hits: Floats, light: int) -> None:
+    def is_reached_by(self, hits: Floats, light: int) -> None:
         """Return None: all lights light all of the shape."""
 
     def bsdfs(self, hits: Floats, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:

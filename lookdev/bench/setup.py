@@ -42,11 +42,11 @@ class StepTimes:
 
 @dataclass(kw_only=True)
 class SetupBenchmark(Benchmark):
-    """The benchmark of commands, of a worker's first frame, and of changes of scene; `taken` are the measured steps."""
+    """The benchmark of commands, of a worker's first frame, and of changes of scene; `steps` are the measured steps."""
 
     NAME = "setup"
     FILE = "setup.json"
-    ROWS = "taken"
+    ROWS = "steps"
     DEFAULTS = {"repeats": 5}  # noqa: RUF012
 
     steps: list[StepTimes] = field(default_factory=list)

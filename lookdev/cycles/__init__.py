@@ -1,6 +1,6 @@
-"""The renderer: the only subpackage that imports bpy; it runs in a process of its own (``python -m lookdev.cycles``).
+"""The renderer on Blender's Cycles. It runs in a worker process, ``python -m lookdev.cycles``.
 
-`version` has every difference between Blender 4.5 and 5.2, `engine` runs Cycles and returns pixels, `scene` builds
-Blender's data, `shaders` compiles generated OSL, `render` makes frames, `points` evaluates BSDFs, `__main__`
-communicates with the parent process.
+This is the only subpackage that imports bpy. `version` has every difference between Blender 4.5 and 5.2, `engine` runs
+Cycles and returns pixels, `scene` builds Blender's data, `shaders` compiles generated OSL, `render` renders frames,
+`points` evaluates BSDFs, and `__main__` communicates with the parent process.
 """

@@ -1,10 +1,12 @@
-"""The worker: reads tasks from standard input and writes results to standard output, one JSON object a line.
+"""The worker process of the backends on Cycles, started as ``python -m lookdev.cycles``.
 
-A scene task prepares a scene for later frames and has no answer. If the preparation fails, the first frame of the
-scene reports the error.
+It reads tasks from standard input and writes answers to standard output, one JSON object per line. A `FrameTask` is
+rendered. A `SceneTask` prepares a scene for later frames and has no answer; if this fails, the first frame of the scene
+reports the error.
 
-Blender prints to standard output. `AnswerStream` therefore duplicates the real one before Blender is loaded, and all
-other output goes to standard error. The process exits at once when its input ends, also by the death of the parent.
+Blender prints to standard output. `AnswerStream` therefore duplicates standard output before Blender is loaded, and
+everything that Blender prints goes to standard error. The process exits at once when its input ends, which also happens
+when the parent dies.
 """
 
 from __future__ import annotations
@@ -20,10 +22,13 @@ from lookdev.processes import end_with_parent, exit_after_block
 from lookdev.rendering.answers import AnswerStream
 
 _MAX_LOG_GROWTH = 1 << 20
-"""Bytes of Blender's log that frames without an error may add before they are cut off; a frame logs about 10 kB."""
+"""The most bytes of log since the last error. When frames without an error have added more, these bytes are removed.
+
+A frame logs about 10 kB."""
 
 
 def _serve(answers: AnswerStream) -> None:
+    """Read tasks and answer them; does not return, as the process ends when the input ends."""
     from lookdev.cache import take_notes
     from lookdev.cycles import version
     from lookdev.cycles.progress import refine_progress
@@ -69,13 +74,14 @@ def _serve(answers: AnswerStream) -> None:
 
 
 def _log_size() -> int:
-    """Return the size of the log in bytes: 0 if the error stream is not a file."""
-    # Blender's C streams are buffered while the log is a file.
+    """Return the size in bytes of the log, the file of the error stream; 0 if that is not a file."""
+    # The C streams of Blender are buffered if they are written to a file.
     ctypes.CDLL(None).fflush(None)
     return os.fstat(2).st_size
 
 
 def _run_command(arguments: list[str], answers: AnswerStream) -> None:
+    """Run the command that the arguments of this process name, instead of serving tasks."""
     match arguments:
         case ["--self-test"]:
             from lookdev.cycles.points import run_self_test
@@ -94,12 +100,12 @@ def _run_command(arguments: list[str], answers: AnswerStream) -> None:
 
 
 def main() -> None:
-    """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` run one command."""
+    """Serve tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE``, run one command instead."""
     end_with_parent()
     answers = AnswerStream()
     with exit_after_block():
         if arguments := sys.argv[1:]:
-            # Blender does not remove its temporary folder; the parent removes that of `_serve`.
+            # Blender does not remove its temporary folder. For `_serve`, the parent removes it.
             with tempfile.TemporaryDirectory(prefix="lookdev-") as scratch:
                 os.environ["TMPDIR"] = scratch
                 _run_command(arguments, answers)

@@ -1,4 +1,4 @@
-"""Renders by Cycles: every setting of a scene, and the pixels of its passes in memory."""
+"""Runs Cycles: sets every setting of a Blender scene, renders it, and returns the pixels of its passes."""
 
 from __future__ import annotations
 
@@ -19,21 +19,24 @@ import cycles
 
 _ENGINE = "LOOKDEV_CYCLES"
 MIN_SIDE = 4
-"""Pixels along a side of the smallest picture that Blender renders."""
+"""The least number of pixels along a side of a picture that Blender renders."""
 
-_SAMPLE_TABLE_LENGTH = 8192  # most samples for which Cycles tabulates points; samples beyond repeat them, shuffled
+# The most samples for which Cycles tabulates the points of its sampling sequence. Further samples repeat the points,
+# shuffled.
+_SAMPLE_TABLE_LENGTH = 8192
 
 PixelBounds = tuple[int, int, int, int]
-"""A rectangle of pixels: left, bottom, right and top, from the lower left corner of the frame."""
+"""A rectangle of pixels: left, bottom, right and top, counted from the lower left corner of the frame."""
 
 
 class CaptureEngine(cycles.CyclesRender):  # type: ignore[misc]
-    """Cycles under another name; it copies the passes of a render to memory."""
+    """Cycles, registered as a render engine of another name, which copies the passes of a render to memory."""
 
     bl_idname = _ENGINE
     bl_label = "lookdev"
 
-    passes: dict[str, Floats32] = {}  # noqa: RUF012  (of the last render; Blender creates the instances)
+    # The passes of the last render, by Blender's names. They are on the class, because Blender creates the instances.
+    passes: dict[str, Floats32] = {}  # noqa: RUF012
 
     def update_script_node(self, node: bpy.types.Node) -> None:
         """Do nothing: `lookdev.cycles.shaders` adds the sockets, so that Blender need not parse the shader."""
@@ -55,14 +58,14 @@ bpy.utils.register_class(CaptureEngine)
 def render_passes(
     scene: bpy.types.Scene, samples: int, seed: int = 0, box: PixelBounds | None = None
 ) -> dict[str, Floats32]:
-    """Render the scene with `samples` a pixel; return its passes by Blender's names, rows bottom-up.
+    """Render a scene with `samples` per pixel; return its passes by Blender's names, rows bottom-up.
 
-    Cycles places sample 0 of every pixel at the pixel's centre, which would bias coverage by up to half a sample. So
-    the second block of `samples` of the sequence is rendered, which has no such sample. Where the size of the blocks is
-    a power of two, it is as stratified as the first.
+    Cycles places sample 0 of every pixel at the pixel's centre, which would bias coverage by up to half a sample.
+    Therefore the second block of `samples` samples of the sequence is rendered, which does not contain sample 0. If the
+    size of the blocks is a power of two, the second is as stratified as the first.
 
-    With a `box`, the passes have only its pixels, bit for bit equal to those of the whole frame. A ValueError reports a
-    box of fewer than 4 pixels along a side, which Blender does not render.
+    With a `box`, the passes have only the pixels of the box, bit for bit equal to those of the whole frame. Raises
+    ValueError if the box has fewer than `MIN_SIDE` pixels along a side, as Blender does not render it.
     """
     scene.cycles.samples = 2 * samples
     scene.cycles.use_sample_subset = True
@@ -72,14 +75,14 @@ def render_passes(
 
 
 def render_whole(scene: bpy.types.Scene, samples: int, seed: int = 0) -> dict[str, Floats32]:
-    """Render the whole frame like `render_passes`, but with the first block of samples, as Cycles does."""
+    """Render the whole frame like `render_passes`, but with the first samples of the sequence, as Cycles does."""
     scene.cycles.samples = samples
     scene.cycles.use_sample_subset = False
     return _render(scene, seed)
 
 
 def render_features(scene: bpy.types.Scene, samples: int) -> dict[str, Floats32]:
-    """Render with Cycles' own features for a denoiser: the passes ``Denoising Albedo`` and ``Denoising Normal``."""
+    """Render Cycles' own guides of a denoiser: the passes ``Denoising Albedo`` and ``Denoising Normal``."""
     with override_settings(scene.view_layers[0].cycles, {"denoising_store_passes": True}):
         return render_whole(scene, samples)
 
@@ -87,27 +90,27 @@ def render_features(scene: bpy.types.Scene, samples: int) -> dict[str, Floats32]
 def fill_sample_table(scene: bpy.types.Scene) -> None:
     """Make Cycles compute its table of sample points at full length.
 
-    The table grows to the largest number of samples rendered so far, and its first entries change when it grows.
-    Without a full table a frame would depend on the rounds, passes and frames that the process rendered before it.
+    The table grows to the largest number of samples rendered so far, and its first entries change when it grows. If the
+    table were not full, a frame would depend on everything that the process rendered before.
     """
     scene.cycles.samples = _SAMPLE_TABLE_LENGTH
     scene.cycles.use_sample_subset = True
-    # Cycles renders the first sample separately, and the render before decides whether it sorts mattes afterwards. If
-    # a render without mattes follows one with mattes and has only that sample, Cycles sorts memory beyond the pixels.
+    # Two samples avoid a bug of Cycles. It renders the first sample separately, and sorts mattes after it if the
+    # previous render had mattes. If this render has no mattes and one sample, Cycles sorts memory beyond the pixels.
     scene.cycles.sample_offset, scene.cycles.sample_subset_length = 0, 2
     with _crop_render(scene.render, (0, 0, MIN_SIDE, MIN_SIDE)), _mute_statistics():
         _render(scene, seed=0)
 
 
 def compile_shaders(scene: bpy.types.Scene) -> None:
-    """Render a tiny picture of a scene, so that Blender's persistent data has the compiled shaders for its frames."""
+    """Render a tiny picture of a scene. Blender's persistent data then has the compiled shaders for later frames."""
     with override_settings(scene.render, {"resolution_x": MIN_SIDE, "resolution_y": MIN_SIDE}):
         render_whole(scene, samples=1)
 
 
 @contextmanager
 def override_settings(owner: object, values: Mapping[str, object]) -> Iterator[None]:
-    """Set other values for settings of Blender, and restore the previous ones, also after an error."""
+    """In the block, change settings of Blender, attributes of `owner`; restore them afterwards, also after an error."""
     before = {name: getattr(owner, name) for name in values}
     try:
         for name, value in values.items():
@@ -119,12 +122,13 @@ def override_settings(owner: object, values: Mapping[str, object]) -> Iterator[N
 
 
 def _crop_render(render: bpy.types.RenderSettings, box: PixelBounds) -> AbstractContextManager[None]:
-    """Restrict renders to a box of the frame."""
+    """Return a context in which renders are restricted to a box of the frame."""
     left, bottom, right, top = box
     if min(right - left, top - bottom) < MIN_SIDE:
         raise ValueError(f"a box has at least {MIN_SIDE} pixels along a side, found: {box}")
     width, height = render.resolution_x, render.resolution_y
-    # Borders are float32 and truncated to whole pixels: a quarter of a pixel more keeps rounding from moving them.
+    # Blender stores borders as float32, and truncates them to whole pixels. A quarter of a pixel is added, so that
+    # rounding does not move a border to the next pixel.
     borders = {
         "border_min_x": (left + 0.25) / width,
         "border_max_x": (right + 0.25) / width,
@@ -136,7 +140,7 @@ def _crop_render(render: bpy.types.RenderSettings, box: PixelBounds) -> Abstract
 
 @contextmanager
 def _mute_statistics() -> Iterator[None]:
-    """Render without the handlers of statistics, which report the progress of frames."""
+    """In the block, remove the handlers of render statistics, which would report samples as progress of a frame."""
     handlers = bpy.app.handlers.render_stats
     removed = list(handlers)
     handlers.clear()
@@ -147,19 +151,20 @@ def _mute_statistics() -> Iterator[None]:
 
 
 def _render(scene: bpy.types.Scene, seed: int) -> dict[str, Floats32]:
+    """Render a scene with its present settings; return its passes by Blender's names, rows bottom-up."""
     scene.cycles.seed = seed
-    # Cycles' settings are custom properties: without the tag, a later render would use their old values.
+    # The settings of Cycles are custom properties. Without this tag, the render would use their old values.
     scene.update_tag()
     CaptureEngine.passes = {}
     bpy.ops.render.render(scene=scene.name)
     if not CaptureEngine.passes:
-        # Blender only prints exceptions of an engine.
+        # Blender prints an exception of an engine, and does not raise it.
         raise RenderError("Blender rendered nothing; its own message is above in the log")
     return CaptureEngine.passes
 
 
 _MAX_COINCIDENT = 64
-"""Coincident surfaces that a path may pass through in total."""
+"""The most coincident surfaces that a path may pass through in total."""
 
 
 def empty_scene() -> bpy.types.Scene:
@@ -173,14 +178,16 @@ def configure_osl(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: 
     render, settings = scene.render, scene.cycles
     _configure_common(scene, resolution)
     render.film_transparent = True
-    # With motion blur on and a scene at rest, OSL's `time` is the stratified number of a pixel's sample.
+    # Nothing moves, but motion blur is on: OSL's `time` is then a number that is stratified over the samples of a
+    # pixel. The shaders derive the index of the sample from it.
     render.use_motion_blur = True
     render.motion_blur_shutter = 1.0
     version.center_motion_blur_on_frame(scene)
     settings.rolling_shutter_type = "NONE"
     settings.device = "CPU"
     settings.shading_system = True
-    # Alpha counts the rays that do not reach the background. A portal's ray never reaches it: the ray points to a hit.
+    # Alpha is the share of rays that do not reach the background. Paths continue by ray portals, and such a ray never
+    # reaches the background, because it points to a known hit.
     _set_bounces(settings, reflected=0, transparent=bounces + 1)
     world = bpy.data.worlds.new("black")
     version.clear_node_tree(world)
@@ -193,8 +200,8 @@ def configure_closures(
 ) -> None:
     """Set everything that a picture depends on, except its world, for Cycles' own closures.
 
-    If surfaces are `see_through`, each that a ray passes counts as a bounce, as in the OSL. Otherwise rays pass only
-    surfaces that coincide with the one that they leave. A RenderError reports a missing device.
+    If surfaces are `see_through`, each surface that a ray passes counts as a bounce, as in the OSL shaders. Otherwise
+    rays pass only surfaces that coincide with the surface that they leave. Raises RenderError if the device is missing.
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = True
@@ -204,26 +211,28 @@ def configure_closures(
 def configure_portals(scene: bpy.types.Scene, resolution: tuple[int, int], bounces: int, device: str) -> None:
     """Set everything that a picture depends on, except its world, for surfaces that send all light through ray portals.
 
-    The rays of portals are camera rays, which see no world with a transparent film, so the film is opaque. Coverage is
-    the third channel of the pass of texture coordinates, 1 on a surface. A RenderError reports a missing device.
+    The rays of portals are camera rays. With a transparent film, camera rays do not see the world, so the film is
+    opaque. The coverage is therefore taken from the third channel of the pass of texture coordinates, which is 1 on a
+    surface. Raises RenderError if the device is missing.
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = False
     scene.view_layers[0].use_pass_uv = True
     _set_bounces(scene.cycles, reflected=0, transparent=bounces + 1)
-    # Paths are short: Russian roulette adds more noise than it saves time.
+    # No Russian roulette: paths are short, so it would add more noise than it saves time.
     scene.cycles.min_transparent_bounces = bounces + 1
 
 
 def _configure_nodes(scene: bpy.types.Scene, resolution: tuple[int, int], device: str) -> None:
+    """Set what is the same for all materials of native nodes."""
     settings = scene.cycles
     _configure_common(scene, resolution)
     scene.render.use_motion_blur = False
     settings.shading_system = False
-    # Each seed has its own scramble, so that two renders are independent.
+    # With this pattern, each seed has a scramble of its own, so that renders with different seeds are independent.
     settings.sampling_pattern = "TABULATED_SOBOL"
     settings.direct_light_sampling_type = "MULTIPLE_IMPORTANCE_SAMPLING"
-    # The threshold is in units of radiance: a dim light would be noisier than a bright one.
+    # No threshold: it is in units of radiance, so a dim light would be noisier than a bright one.
     settings.light_sampling_threshold = 0.0
     settings.caustics_reflective = settings.caustics_refractive = True
     settings.blur_glossy = 0.0
@@ -234,7 +243,7 @@ def _configure_nodes(scene: bpy.types.Scene, resolution: tuple[int, int], device
 
 
 def _configure_common(scene: bpy.types.Scene, resolution: tuple[int, int]) -> None:
-    """Set what is the same for all backends; Blender's defaults change between versions."""
+    """Set what is the same for all backends. Also set Blender's defaults, which change between versions."""
     render, settings, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = _ENGINE
     render.resolution_x, render.resolution_y = resolution
@@ -267,6 +276,7 @@ def _configure_common(scene: bpy.types.Scene, resolution: tuple[int, int]) -> No
 
 
 def _set_bounces(settings: cycles.properties.CyclesRenderSettings, reflected: int, transparent: int) -> None:
+    """Set the most bounces of a path, and the most transparent surfaces or portals that it passes."""
     settings.max_bounces = settings.diffuse_bounces = settings.glossy_bounces = reflected
     settings.transmission_bounces = reflected
     settings.volume_bounces = 0
@@ -275,7 +285,7 @@ def _set_bounces(settings: cycles.properties.CyclesRenderSettings, reflected: in
 
 
 def _use_device(settings: cycles.properties.CyclesRenderSettings, device: str) -> None:
-    """Set Cycles to render on all devices of a kind, or on the CPU."""
+    """Set Cycles to render on all devices of a kind such as ``"cuda"``, or on the CPU."""
     settings.device = "CPU"
     if device == "cpu":
         return

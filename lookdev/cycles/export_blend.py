@@ -1,8 +1,10 @@
-"""Writes a job as a .blend: looks are scenes, rigs are worlds and collections, turntables are ranges of the timeline.
+"""Writes a job as a .blend file, for `lookdev export blend`.
 
-Scenes are built as for rendering; then they get the names, keys and settings that an artist expects. Scenes do not
-share meshes. With shared meshes, materials would belong to objects, and Cycles would not keep meshes as instances,
-which changes the rounding.
+A look becomes a scene, a rig a world and a collection of lamps, a turntable a range of the timeline. Scenes are built
+as for rendering. Then they get the names, keyframes and settings that an artist expects.
+
+Scenes do not share meshes. With shared meshes, materials would belong to objects, and Cycles would not keep meshes as
+instances, which changes the rounding.
 """
 
 from __future__ import annotations
@@ -27,14 +29,14 @@ from lookdev.rendering.blend import BLEND_TASK, BlendTask
 from lookdev.rendering.task import SceneTask
 
 _VIEWS = {"ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"), "Un-tone-mapped": ("Standard",), "Raw": ("Raw",)}
-"""Blender's views for a view of a job, in order of preference: the first one that Blender has is used."""
+"""For a view of a job: Blender's views, in order of preference. The first that this version of Blender has is used."""
 
 _DEFAULT_VIEW = "Standard"
-"""Blender's view for any other view. It has no tone curve, like 'lookdev' below its highlights."""
+"""Blender's view for any other view of a job. It has no tone curve, like view 'lookdev' below its highlights."""
 
 
 def export_file(request: Path) -> dict[str, object]:
-    """Write the .blend of a `BlendTask` in a JSON file; return `notes` for the user, or the `error`."""
+    """Write the .blend of a `BlendTask`, which is in a JSON file; return ``notes`` for the user, or an ``error``."""
     try:
         return {"notes": write_blend(BLEND_TASK.validate_json(request.read_bytes()))}
     except LookdevError as error:
@@ -55,10 +57,12 @@ def write_blend(task: BlendTask) -> list[str]:
     scenes: dict[str, BlenderScene] = {}
     for look, scene_task in task.scenes.items():
         into = bpy.data.scenes.new(look) if scenes else None
-        # This machine may lack the job's device, which `_set_render_settings` sets.
+        # The scene is built for the CPU, because this machine may lack the job's device. That is set at the end, by
+        # `_set_render_settings`.
         scenes[look] = BlenderScene(replace(scene_task, device="cpu"), into, groups, separate=True)
+    # Scenes with equal cameras share the camera, the lamps and the keyframes of the first of them, their leader.
     animated: list[BlenderScene] = []
-    rigs: dict[int, list[bpy.types.Collection]] = {}
+    rigs: dict[int, list[bpy.types.Collection]] = {}  # by the id of a leader
     for scene in scenes.values():
         leader = next((other for other in animated if other.task.camera == scene.task.camera), None)
         _remove_lamps(scene)
@@ -70,7 +74,8 @@ def write_blend(task: BlendTask) -> list[str]:
             animated.append(scene)
         else:
             _share_camera(leader, scene)
-            scene.pose(scene.task.camera, task.turntables[-1].poses[-1])  # constant channels have no keys
+            # Channels that are constant in the animation have no keys, so they are set here.
+            scene.pose(scene.task.camera, task.turntables[-1].poses[-1])
             share_animation(scene.root, leader.root)
         _link_rigs(rigs[id(leader or scene)], scene.scene)
     world = _add_worlds(task)
@@ -91,6 +96,7 @@ def write_blend(task: BlendTask) -> list[str]:
 
 
 def _share_camera(first: BlenderScene, other: BlenderScene) -> None:
+    """Replace the camera of a scene by that of another scene, which is animated."""
     lens = other.camera.data
     bpy.data.objects.remove(other.camera)
     bpy.data.cameras.remove(lens)
@@ -99,12 +105,12 @@ def _share_camera(first: BlenderScene, other: BlenderScene) -> None:
 
 
 def _curves_name(item: bpy.types.Object) -> str:
-    """Return the name of a lamp's animation curves, which is unique like the name of its object."""
+    """Return the name for a lamp's animation curves, which is as unique as the name of its object."""
     return f"light {item.name}"
 
 
 def _remove_lamps(scene: BlenderScene) -> None:
-    """Remove the lamps of a scene, with their data."""
+    """Remove the lamps of a scene and their data."""
     for lamp in scene.lamps:
         data = lamp.item.data
         bpy.data.objects.remove(lamp.item)
@@ -113,7 +119,7 @@ def _remove_lamps(scene: BlenderScene) -> None:
 
 
 def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[bpy.types.Collection]:
-    """Add a collection for each rig with its lamps; a rig without lamps has an empty one. Return the collections."""
+    """Add a collection with the lamps of each rig, which is empty for a rig without lamps; return the collections."""
     collections = []
     for rig in task.rigs:
         collections.append(bpy.data.collections.new(f"rig {rig.name}"))
@@ -123,7 +129,7 @@ def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[bpy.types.Collection
 
 
 def _link_rigs(rigs: Sequence[bpy.types.Collection], scene: bpy.types.Scene) -> None:
-    """Link the collections of rigs with lamps into a scene; its view layer excludes all but the first rig."""
+    """Link the collections of rigs into a scene, except empty ones; its view layer excludes all but the first rig."""
     for number, rig in enumerate(rigs):
         if rig.objects:
             scene.collection.children.link(rig)
@@ -131,7 +137,7 @@ def _link_rigs(rigs: Sequence[bpy.types.Collection], scene: bpy.types.Scene) -> 
 
 
 def _add_worlds(task: BlendTask) -> bpy.types.World:
-    """Add the world of every rig; return the first."""
+    """Add a world for every rig, with its domes; return the first."""
     worlds = []
     for rig in task.rigs:
         sampled = has_varied_dome(rig.lights)
@@ -141,7 +147,7 @@ def _add_worlds(task: BlendTask) -> bpy.types.World:
 
 
 def _set_render_settings(scene: bpy.types.Scene, scene_task: SceneTask, task: BlendTask) -> None:
-    """Set what a user's own render also needs: Cycles as the engine, samples, device and frame rate."""
+    """Set what a render by a user also needs: Cycles as the engine, samples, device and frame rate."""
     render, settings = scene.render, scene.cycles
     render.engine = "CYCLES"
     render.use_compositing = render.use_sequencer = True
@@ -154,7 +160,7 @@ def _set_render_settings(scene: bpy.types.Scene, scene_task: SceneTask, task: Bl
 
 
 def _set_view(scene: bpy.types.Scene, view: str) -> str:
-    """Set Blender's nearest view to a view of a job, without other adjustments; return its name."""
+    """Set the view of Blender that is nearest to a view of a job, without other adjustments; return its name."""
     scene.display_settings.display_device = "sRGB"
     settings = scene.view_settings
     settings.look = "None"
@@ -167,11 +173,12 @@ def _set_view(scene: bpy.types.Scene, view: str) -> str:
 
 
 def _view_candidates(view: str) -> tuple[str, ...]:
+    """Return Blender's views for a view of a job, in order of preference."""
     return _VIEWS.get(view, (view, _DEFAULT_VIEW))
 
 
 def _set_image_paths(task: BlendTask) -> None:
-    """Pack the images into the .blend, or set their paths relative to it."""
+    """Pack the images into the .blend if the task asks for it; in any case, set their paths relative to the .blend."""
     paths = {task_image.content.path: task_image.path for task_image in task.images}
     for image in list(bpy.data.images):  # renaming reorders Blender's list
         if image.source != "FILE":

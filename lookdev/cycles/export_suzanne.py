@@ -1,7 +1,8 @@
-"""Export the data of the built-in asset ``suzanne``: ``python -m lookdev.cycles.export_suzanne OUT.npz``.
+"""Exports the data of the built-in asset ``suzanne``: ``python -m lookdev.cycles.export_suzanne OUT.npz``.
 
-Blender's monkey, two levels of Catmull-Clark subdivision at the modifier's limit positions: points (n, 3) float32 in
-metres, faces (f, 4) uint16 counter-clockwise seen from outside, uvs (f, 4, 2) float32.
+The result is a file of the package, ``lookdev/asset/data/suzanne.npz``. The asset is Blender's monkey after two levels
+of Catmull-Clark subdivision, at the modifier's limit positions. The file has the arrays ``points`` (n, 3) float32 in
+metres, ``faces`` (f, 4) uint16 counter-clockwise seen from outside, and ``uvs`` (f, 4, 2) float32.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""An asset as Blender data: meshes, with the attributes that their sources read, and the objects that show them.
+"""Builds an asset as Blender data: meshes, with the attributes that their shaders read, and objects that show them.
 
 Blender and Cycles spend a fraction of a millisecond on every object and every mesh, in every render. Small meshes are
-therefore joined (`lookdev.asset.gather`), and the instances of a mesh are points of one object: geometry nodes replace
-each point by the mesh.
+therefore joined (`lookdev.asset.gather`). The instances of a mesh are points of a single object, and geometry nodes
+replace each point by the mesh.
+
+A slot is a part of the asset with one look. A source is the generated shader, or the nodes, of a look.
 """
 
 from __future__ import annotations
@@ -25,15 +27,11 @@ from lookdev.codegen.source import HANDEDNESS, TANGENT, AttributeBinding, Genera
 
 @dataclass(frozen=True)
 class AssetObjects:
-    """An asset in a scene of Blender.
+    """An asset in a scene of Blender."""
 
-    `root` is an empty, the parent of all objects. `objects` are those whose colour the shaders read. `meshes` are pairs
-    of Blender's mesh and the asset's mesh.
-    """
-
-    root: bpy.types.Object
-    objects: list[bpy.types.Object]
-    meshes: list[tuple[bpy.types.Mesh, Mesh]]
+    root: bpy.types.Object  # an empty, the parent of all objects
+    objects: list[bpy.types.Object]  # those that show the asset; shaders read their colour and properties
+    meshes: list[tuple[bpy.types.Mesh, Mesh]]  # pairs of Blender's mesh and the asset's mesh
 
 
 def add_asset(
@@ -52,7 +50,7 @@ def add_asset(
     Parameters
     ----------
     asset
-        Geometry about the origin.
+        The asset, with its centre at the origin.
     sources
         The sources of all looks.
     slot_sources
@@ -60,12 +58,13 @@ def add_asset(
     materials
         The material of each source.
     groups
-        The group of each slot, which `rig_group` of the shaders reads at a ray's hit. Empty: all slots are of group 0.
+        The shadow group of each slot, which the shaders' function `rig_group` reads at the hit of a ray: a light's
+        shadow may exclude groups. If empty, all slots are in group 0.
     separate
         Make an object of every instance, and meshes with edges and all of their UV sets, as users of Blender expect
         them. The picture is the same.
     add_uv
-        Give every mesh a UV set: the pass of texture coordinates has 1 in its third channel where a mesh has one.
+        Give every mesh a UV set. The pass of texture coordinates then has 1 in its third channel on every surface.
     """
     root = bpy.data.objects.new("root", None)
     scene.collection.objects.link(root)
@@ -88,7 +87,7 @@ def add_asset(
         instance = asset.instances[number]
         item = _add_object(scene.collection, asset.name, meshes[instance.mesh])
         item.parent = root
-        # An object's own transform has no shear; the transform that it inherits is a matrix.
+        # An object's own transform cannot have shear. What it inherits from its parent is a matrix, which can.
         item.matrix_parent_inverse = Matrix(instance.matrix.tolist())
         objects.append(item)
         if counts[instance.mesh] == 1:
@@ -102,16 +101,20 @@ def add_asset(
 
 
 def _prepare_groups(asset: Asset, groups: Ints) -> Asset:
-    """Return an asset that keeps the angles of `_encode_groups`: marked meshes have triangles and no stretch."""
+    """Return the asset for `_encode_groups`, which needs triangles, and matrices that do not change angles.
+
+    Meshes with a group other than 0 are triangulated, and a stretch in their matrices is moved to their points.
+    """
     marked = {number for number, mesh in enumerate(asset.meshes) if groups[mesh.face_slots].any()}
     meshes = (triangulate(mesh) if number in marked else mesh for number, mesh in enumerate(asset.meshes))
     return move_stretch_to_meshes(replace(asset, meshes=tuple(meshes)), marked)
 
 
 def _encode_groups(data: bpy.types.Mesh, mesh: Mesh, groups: Ints) -> None:
-    """Encode the group of each face in the mesh's normals: group n tilts them by n degrees off the facet.
+    """Encode the group of each triangle in the normals of Blender's mesh: group n tilts them by n degrees.
 
-    On Blender 4.5, normals are all that Cycles gives a shader of the surface that a ray has hit.
+    A shader that traces a ray reads the angle between these normals and the facet's normal at the hit. On Blender 4.5,
+    Cycles tells the shader nothing else about the hit surface. Shading does not use these normals.
     """
     group = groups[mesh.face_slots]
     if not group.any():
@@ -120,20 +123,21 @@ def _encode_groups(data: bpy.types.Mesh, mesh: Mesh, groups: Ints) -> None:
     facet = np.cross(b - a, c - a)
     angle = np.radians(group)[:, None]
     with np.errstate(invalid="ignore"):
-        # `along` is an edge, which is in the plane of the facet.
+        # `along` is an edge, which is in the plane of the facet; `across` is the normal of the facet.
         along, across = ((vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)) for vectors in (b - a, facet))
     tilted = np.nan_to_num(np.cos(angle) * across + np.sin(angle) * along)
-    # Without edges Blender passes other normals to Cycles.
+    # If a mesh has no edges, Blender passes other normals to Cycles.
     data.update(calc_edges=True)
     _add_attribute(data, "custom_normal", np.repeat(tilted, 3, axis=0).astype(np.float32))
 
 
 def _add_object(collection: bpy.types.Collection, name: str, data: bpy.types.Mesh) -> bpy.types.Object:
+    """Add an object that shows a mesh to a collection, and return it."""
     item = bpy.data.objects.new(name, data)
     collection.objects.link(item)
-    # Nothing moves while the shutter is open: without this, Cycles evaluates every object at three times.
+    # Nothing moves while the shutter is open. Without this setting, Cycles evaluates every object at three times.
     item.cycles.use_motion_blur = False
-    # Facets shadow themselves without smoothing.
+    # Blender's smoothing of the shadow terminator is off.
     item.shadow_terminator_geometry_offset = item.shadow_terminator_shading_offset = 0.0
     return item
 
@@ -141,10 +145,10 @@ def _add_object(collection: bpy.types.Collection, name: str, data: bpy.types.Mes
 def _add_second_user(scene: bpy.types.Scene, data: bpy.types.Mesh, asset: Asset) -> None:
     """Give a mesh a second user, so that Cycles keeps it as an instance with its own acceleration structure.
 
-    Otherwise Cycles merges a mesh with one user into the acceleration structure of the scene, and rebuilds that after
-    any change of an object: 40 ms for 260,000 triangles, twice a frame. The second user is a speck far below the asset,
-    hidden from every kind of ray that contributes to a picture. It is not hidden from all rays, because Cycles leaves
-    such an object out.
+    A user is an object that shows the mesh. Cycles merges a mesh with a single user into the acceleration structure of
+    the scene, and rebuilds that after any change of an object: 40 ms for 260,000 triangles, twice a frame. The second
+    user is a speck far below the asset, hidden from every kind of ray that contributes to a picture. It is not hidden
+    from all kinds, because Cycles would then leave the object out.
     """
     speck = _add_object(scene.collection, "speck", data)
     speck.location = (0.0, 0.0, -1e3 * asset.radius)
@@ -157,8 +161,12 @@ def _add_second_user(scene: bpy.types.Scene, data: bpy.types.Mesh, asset: Asset)
 def _add_instances(
     scene: bpy.types.Scene, name: str, meshes: Sequence[bpy.types.Mesh], numbers: Indices, matrices: Floats
 ) -> bpy.types.Object:
-    """Add an object that shows `meshes[numbers[i]]` at `matrices[i]` (n, 4, 4); its colour is that of the instances."""
-    # In no scene, so that only instances are visible. Blender orders the objects of a collection by name.
+    """Add an object that shows n instances, instance i as ``meshes[numbers[i]]`` with the matrix ``matrices[i]``.
+
+    numbers : (n,); matrices : (n, 4, 4). The colour of the object is that of all its instances.
+    """
+    # The collection is linked to no scene, so that only the instances are visible. Blender orders the objects of a
+    # collection by name, so the names have numbers of equal width.
     prototypes = bpy.data.collections.new("prototypes")
     for number, mesh in enumerate(meshes):
         _add_object(prototypes, f"prototype {number:09}", mesh)
@@ -173,12 +181,16 @@ def _add_instances(
 
 
 def _instancing_tree(prototypes: bpy.types.Collection) -> bpy.types.GeometryNodeTree:
-    """Return geometry nodes that replace each point by the prototype and the matrix of its attributes."""
+    """Return geometry nodes that replace each point by an instance.
+
+    The attributes of the point have the index of an object in `prototypes`, and the matrix of the instance.
+    """
     tree = bpy.data.node_groups.new("instances", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
 
     def add(kind: str, **inputs: object) -> bpy.types.Node:
+        """Add a node, with values or linked sockets as inputs, by identifier."""
         node = tree.nodes.new(kind)
         for name, value in inputs.items():
             socket = next(candidate for candidate in node.inputs if candidate.identifier == name)
@@ -189,6 +201,7 @@ def _instancing_tree(prototypes: bpy.types.Collection) -> bpy.types.GeometryNode
         return node
 
     def attribute(name: str, kind: str) -> bpy.types.NodeSocket:
+        """Add a node that reads an attribute of points; return its output."""
         node = add("GeometryNodeInputNamedAttribute", Name=name)
         node.data_type = kind
         return next(output for output in node.outputs if output.enabled and output.name == "Attribute")
@@ -217,12 +230,13 @@ def _build_mesh(
     *,
     separate: bool,
 ) -> bpy.types.Mesh:
+    """Build a mesh with its materials and the attributes that the sources of its slots read; see `add_asset`."""
     data = bpy.data.meshes.new(mesh.name)
     data.vertices.add(len(mesh.points))
     data.loops.add(len(mesh.corner_points))
     data.polygons.add(len(mesh.face_sizes))
     data.polygons.foreach_set("loop_start", run_starts(mesh.face_sizes).astype(np.int32))
-    # Attributes are copied as whole arrays.
+    # These attributes are set as whole arrays, instead of one vertex or corner at a time.
     data.attributes["position"].data.foreach_set("vector", mesh.points.ravel())
     data.attributes[".corner_vert"].data.foreach_set("value", mesh.corner_points)
     face_sources = slot_sources[mesh.face_slots]
@@ -235,16 +249,17 @@ def _build_mesh(
         _add_attribute(data, "material_index", index[face_sources], "FACE")
     if separate:
         data.update(calc_edges=True)
-    # Shaders have their own normals. Blender's cancel at points where faces meet their reversed duplicates.
+    # Shaders read the normals that are added below. For Blender, faces are flat: its smooth normals would cancel at
+    # points where faces meet their reversed duplicates.
     _add_attribute(data, "sharp_face", np.ones(len(mesh.face_sizes), bool), "FACE")
     bindings = {number: sources[number].attributes for number in used.tolist()}
-    read = {binding.attribute for bound in bindings.values() for binding in bound if binding.kind == "uv"}
+    read_uv_sets = {binding.attribute for bound in bindings.values() for binding in bound if binding.kind == "uv"}
     for name, uv in mesh.uvs.items():
-        if separate or name in read:
+        if separate or name in read_uv_sets:
             short = short_name(name)
             data.uv_layers.new(name=short, do_init=False)
             data.attributes[short].data.foreach_set("vector", uv.ravel())
-    # Blender's own custom normals have 16 bits; attributes have 32.
+    # Normals are stored as an attribute of 32-bit floats. Blender's own custom normals would have 16 bits.
     _add_attribute(data, "lookdev_normal", *_compact_values(mesh, mesh.normals))
     for name, values in _read_attributes(mesh, face_sources, bindings).items():
         _add_attribute(data, name, *_compact_values(mesh, values))
@@ -252,9 +267,10 @@ def _build_mesh(
 
 
 def _compact_values(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
-    """Return values and their domain in Blender: of faces or points if their corners are equal, else of corners.
+    """Return the values of corners in the smallest domain of Blender that has the same values, and that domain.
 
-    Cycles stores values of corners three times for every triangle.
+    The domain is ``"FACE"`` or ``"POINT"`` if the values of all corners of each face or point are equal, and
+    ``"CORNER"`` otherwise. Cycles stores the values of corners three times for every triangle.
     """
     sizes = mesh.face_sizes
     at_faces = values[run_starts(sizes)]
@@ -275,7 +291,11 @@ def _compact_values(mesh: Mesh, values: Floats32) -> tuple[Floats32, str]:
 def _read_attributes(
     mesh: Mesh, face_sources: Ints, bindings: dict[int, tuple[AttributeBinding, ...]]
 ) -> dict[str, Floats32]:
-    """Return the attributes that sources read, except UV sets, by name; those that a mesh lacks have the fallbacks."""
+    """Return the attributes of a mesh that sources read, except UV sets, by name: values at all corners.
+
+    An attribute that the mesh lacks has the fallback of its binding. `face_sources` has the number of the source of
+    each face, `bindings` the attributes that each source reads.
+    """
     attributes: dict[str, Floats32] = {}
     lacking: dict[str, dict[int, tuple[float, ...]]] = {}
     for number, source_bindings in bindings.items():
@@ -304,13 +324,14 @@ _ATTRIBUTE_TYPES = {
     ("f", 1): ("FLOAT", "value"),
     ("f", 2): ("FLOAT_VECTOR", "vector"),
 }
-"""Blender's type and field for an array, by the kind of its numbers and the number of its dimensions.
+"""Blender's type of attribute and its field, by the kind of NumPy's type and the number of dimensions of an array.
 
-Colours are vectors, too: no colour space applies to those.
+Colours are stored as vectors, to which Blender applies no colour space.
 """
 
 
 def _add_attribute(data: bpy.types.Mesh, name: str, values: Elements, domain: str = "CORNER") -> None:
+    """Add an attribute with a value for each element of a domain."""
     kind, field = _ATTRIBUTE_TYPES[values.dtype.kind, values.ndim]
     attribute = data.attributes.new(name, kind, domain)
     attribute.data.foreach_set(field, np.ascontiguousarray(values).ravel())

@@ -1,8 +1,8 @@
-"""Lights that are not domes, as lights of Blender: a builder for each kind.
+"""Builds the lights of a scene that are not domes as lights of Blender, by a function for each kind of light.
 
 Radiometry, measured on Blender 4.5 and 5.2: with `normalize`, a light of P watts and area A emits the radiance
-P / (pi A), like a Lambertian emitter. The strength of a sun is the irradiance at right angles to it. Lights of Cycles
-occlude nothing; a ray that passes a light counts it among its transparent bounces.
+P / (pi A), like a Lambertian emitter. The strength of a sun is the irradiance at right angles to its direction. Lights
+of Cycles occlude nothing. A ray that passes through a light counts this as a transparent bounce.
 """
 
 from __future__ import annotations
@@ -23,50 +23,53 @@ from lookdev.errors import RenderError
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight, light_label
 from lookdev.light.placement import Axes
 
-_SIDES = 256  # of a cylinder
+_SIDES = 256  # of the prism that approximates a cylinder
 
 
 @dataclass(frozen=True)
 class LightObject:
-    """An object of Blender that is a light, with its location and XYZ Euler angles at pose 0.
-
-    `turns` is whether it turns with the rig. `offset` is a constant turn of the rig in degrees, added to that of poses.
-    """
+    """An object of Blender that is a light. At pose 0, nothing is turned."""
 
     item: bpy.types.Object
-    turns: bool
-    location: Floats
-    angles: tuple[float, float, float]
-    offset: float = 0.0
+    turns: bool  # whether it turns with the rig
+    location: Floats  # (3,), at pose 0
+    angles: tuple[float, float, float]  # XYZ Euler angles in radians, at pose 0
+    offset: float = 0.0  # a constant turn of the rig in degrees, added to that of poses
 
     def pose(self, lighting: float, frame: float, axis: tuple[float, float]) -> None:
-        """Set the transform in a frame turned by `frame`, with the rig turned by `lighting`, both in degrees."""
+        """Set the object's transform for a pose.
+
+        lighting : the turn of the rig; frame : the turn of the frame of reference, which is Blender's scene. Both are
+        in degrees about the vertical `axis`.
+        """
         self.rotate(self.turns * (lighting + self.offset) - frame, axis)
 
     def rotate(self, degrees: float, axis: tuple[float, float]) -> None:
-        """Set the object's transform to that at pose 0, rotated about a vertical axis."""
+        """Set the object's transform to that at pose 0, rotated about a vertical axis through x and y."""
         angle = math.radians(degrees)
         sine, cosine = math.sin(angle), math.cos(angle)
         x, y = self.location[0] - axis[0], self.location[1] - axis[1]
         self.item.location = (axis[0] + cosine * x - sine * y, axis[1] + sine * x + cosine * y, self.location[2])
-        # The matrix is Rz Ry Rx: a rotation about z adds to the last angle.
+        # The matrix of XYZ Euler angles is Rz Ry Rx, so a further rotation about z adds to the last angle.
         self.item.rotation_euler = (self.angles[0], self.angles[1], self.angles[2] + angle)
 
 
 def add_lights(
     collection: bpy.types.Collection, lights: Sequence[Light], origin: Floats, strength: float = 1.0
 ) -> list[LightObject]:
-    """Add the lights that are not domes to a collection of Blender, with `origin` at 0; return their objects.
+    """Add the lights that are not domes to a collection of Blender, and return their objects.
 
     Parameters
     ----------
+    origin : (3,)
+        The point of the world that is at 0 in Blender's scene.
     strength
-        Factor of the radiance.
+        A factor of the radiance of all lights.
 
     Raises
     ------
     RenderError
-        A texture cannot be read.
+        A texture cannot be read, or Blender has no light of a kind.
     """
     objects = []
     for number, light in enumerate(lights, start=1):
@@ -88,23 +91,23 @@ def add_lights(
 
 
 def _set_visibility(item: bpy.types.Object) -> None:
-    """Set the visibility to rays: the camera sees no light, mirrors do, and lights cast no shadow."""
+    """Set which rays see a light: reflections do, the camera does not. The light casts no shadow."""
     item.visible_camera = False
     item.visible_diffuse = item.visible_glossy = item.visible_transmission = True
     item.visible_volume_scatter = False
-    item.visible_shadow = item.type == "LIGHT"  # of a lamp it has no effect
+    item.visible_shadow = item.type == "LIGHT"  # only a mesh could cast a shadow; a light of Blender never does
     item.cycles.use_motion_blur = False
 
 
 def _angles(axes: Axes) -> tuple[float, float, float]:
-    """Return the XYZ Euler angles of axes; left-handed axes are read with -x in place of x.
+    """Return the XYZ Euler angles in radians of axes. If they are left-handed, -x is used in place of x.
 
-    All shapes are symmetric in x; a texture is mirrored instead.
+    All shapes of lights are symmetric in x. A texture is not, and is mirrored instead (`_LightNodes.texel`).
     """
     matrix = np.array(axes).T
     matrix[:, 0] *= np.sign(np.linalg.det(matrix))
     across = math.hypot(matrix[0, 0], matrix[1, 0])
-    if across < 1e-9:
+    if across < 1e-9:  # the x axis is vertical: the first and the last angle rotate about the same axis
         return math.atan2(-matrix[1, 2], matrix[1, 1]), math.atan2(-matrix[2, 0], across), 0.0
     return (
         math.atan2(matrix[2, 1], matrix[2, 2]),
@@ -114,7 +117,7 @@ def _angles(axes: Axes) -> tuple[float, float, float]:
 
 
 def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> bpy.types.Light:
-    """Add the data of a light. The largest channel of its colour is scaled to 1, its power by the inverse."""
+    """Add Blender's data of a light. Its colour is scaled to a largest channel of 1, and its power by the inverse."""
     data = bpy.data.lights.new(name, kind)
     largest = max(color) or 1.0
     data.color = [channel / largest for channel in color]
@@ -131,40 +134,44 @@ def _add_data(name: str, kind: str, color: Sequence[float], power: float) -> bpy
 
 
 def _build_area(name: str, light: RectLight | DiskLight, strength: float) -> bpy.types.AreaLight:
+    """Build a rectangle or a disk, with its texture and its beam."""
     data = _add_data(name, "AREA", light.emission.color, math.pi * light.size_factor * strength)
     data.spread = math.pi
-    pictured = light if isinstance(light, RectLight) and light.texture else None
+    textured = light if isinstance(light, RectLight) and light.texture else None
     if isinstance(light, RectLight):
         data.shape, data.size, data.size_y = "RECTANGLE", light.width, light.height
     else:
         data.shape, (data.size, data.size_y) = "ELLIPSE", (2.0 * radius for radius in light.radii)
-    if pictured or light.emission.shaping:
+    if textured or light.emission.shaping:
         nodes = _LightNodes(data)
-        nodes.add_output(nodes.texel(pictured) if pictured else None, light.emission.shaping)
+        nodes.add_output(nodes.texel(textured) if textured else None, light.emission.shaping)
     return data
 
 
 def _build_sphere(name: str, light: SphereLight, strength: float) -> bpy.types.PointLight:
+    """Build a sphere, which emits outwards only."""
     data = _add_data(name, "POINT", light.emission.color, math.pi * light.size_factor * strength)
     data.shadow_soft_size = light.radius
     data.use_soft_falloff = False
-    # Without this factor, Cycles' sphere lights points inside of it, too.
+    # Without the following factor, Cycles' sphere would also light points inside it.
     nodes = _LightNodes(data)
     nodes.add_output(nodes.scale((1.0, 1.0, 1.0), nodes.outward_factor()), light.emission.shaping)
     return data
 
 
 def _build_distant(name: str, light: DistantLight, strength: float) -> bpy.types.SunLight:
+    """Build a sun. Its size is given by the versine, 1 minus the cosine, of its angular radius."""
     versine = light.versine
     data = _add_data(name, "SUN", light.emitted_radiance, math.pi * versine * (2.0 - versine) * strength)
+    # For small angles, the arc cosine is inaccurate.
     data.angle = 2.0 * math.acos(1.0 - versine) if versine > 1e-3 else 2.0 * math.sqrt(2.0 * versine)
     return data
 
 
 def _build_cylinder(name: str, light: CylinderLight, strength: float) -> bpy.types.Mesh:
-    """Build the lateral surface as a mesh that emits outwards and that rays pass through."""
+    """Build the lateral surface of a cylinder as a mesh that emits outwards and that rays pass through."""
     angle = 2.0 * math.pi * np.arange(_SIDES) / _SIDES
-    # The polygon has the circle's perimeter, and so its width on average over directions.
+    # The polygon has the perimeter of the circle, and therefore the same mean width over all directions.
     radius = light.radius * (math.pi / _SIDES) / math.sin(math.pi / _SIDES)
     ring = np.stack([np.zeros(_SIDES), radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     half = np.array((light.length / 2.0, 0.0, 0.0))
@@ -193,11 +200,11 @@ BUILDERS: dict[str, Callable[..., bpy.types.Light | bpy.types.Mesh]] = {
     "distant": _build_distant,
     "cylinder": _build_cylinder,
 }
-"""Functions that add the data of a light's object, by kind; arguments: name, light, factor of the radiance."""
+"""By kind of light: a function that adds the data of its object. Arguments: name, light, factor of the radiance."""
 
 
 class _LightNodes:
-    """The nodes of a light, or of the material of a mesh that is a light."""
+    """Adds nodes to a light, or to the material of a mesh that is a light. Methods return the output of a node."""
 
     def __init__(self, owner: bpy.types.Light | bpy.types.Material) -> None:
         self.tree = version.clear_node_tree(owner)
@@ -205,13 +212,16 @@ class _LightNodes:
     def add(
         self, kind: str, inputs: Mapping[Any, SocketInput] = MappingProxyType({}), **settings: object
     ) -> bpy.types.Node:
+        """Add a node, and return the node itself; arguments are those of `add_node`."""
         location = 200.0 * (1 + len(self.tree.nodes)), 0.0
         return add_node(self.tree, kind, inputs, location=location, **settings)
 
     def add_math(self, operation: str, *inputs: SocketInput, kind: str = "Math") -> bpy.types.NodeSocket:
+        """Return the result of an operation on numbers."""
         return self.add(kind, dict(enumerate(inputs)), operation=operation).outputs[0]
 
     def add_vector_math(self, operation: str, *inputs: SocketInput) -> bpy.types.NodeSocket:
+        """Return the result of an operation on vectors."""
         return self.add_math(operation, *inputs, kind="VectorMath")
 
     def scale(self, color: SocketInput, factor: SocketInput) -> bpy.types.NodeSocket:
@@ -236,7 +246,7 @@ class _LightNodes:
         )
 
     def texel(self, light: RectLight) -> bpy.types.NodeSocket:
-        """Return the colour of a rectangle's texture; its first column is at +x, its top row at +y."""
+        """Return the colour of a rectangle's texture, whose first column is at +x, and whose top row is at +y."""
         assert light.texture
         x, y, _ = self.add("SeparateXYZ", {0: self.object_position()}).outputs
         is_mirrored = np.linalg.det(np.array(light.axes)) < 0.0
@@ -249,7 +259,7 @@ class _LightNodes:
     def add_emission(
         self, color: SocketInput | None, shaping: Shaping | None, strength: float = 1.0
     ) -> bpy.types.NodeSocket:
-        """Add the emission of a colour, shaped by the beam of a light; without a colour it is white."""
+        """Return the emission of a colour, or of white, with the beam of a light."""
         if shaping:
             beam = self.beam_factor(shaping)
             color = beam if color is None else self.add_vector_math("MULTIPLY", color, beam)
@@ -257,11 +267,11 @@ class _LightNodes:
         return self.add("Emission", inputs).outputs[0]
 
     def add_output(self, color: SocketInput | None, shaping: Shaping | None) -> None:
-        """Add a light's output with the emission of a colour."""
+        """Add the output of a light, with the emission of a colour, or of white."""
         self.add("OutputLight", {"Surface": self.add_emission(color, shaping)})
 
     def beam_factor(self, shaping: Shaping) -> bpy.types.NodeSocket:
-        """Return the factor of the radiance that `Shaping.factor` computes, without the profile."""
+        """Return the factor of the radiance by a beam, as `Shaping.factor` without the IES profile."""
         x, y, z = self.add("SeparateXYZ", {0: self.add_vector_math("NORMALIZE", self.emitted_direction())}).outputs
         down = self.add_math("MULTIPLY", z, -1.0)
         across = self.add_math(

@@ -1,4 +1,4 @@
-"""Blender's node trees from the plain data of a `NodeSource`."""
+"""Builds materials and node groups of Blender from the plain data of a `NodeSource`, and adds single nodes."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ from lookdev.codegen.source import GroupSocket, NodeLink, NodeSource, NodeTree, 
 from lookdev.cycles import version
 from lookdev.errors import ContentError, RenderError, nearest_hint
 
-# Nodes whose sockets are looked up by name: Blender generates the identifiers of a group's sockets.
+# The nodes whose sockets are looked up by name. Other sockets are looked up by identifier, but Blender generates the
+# identifiers of a group's sockets.
 _SOCKETS_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
 
 SocketInput: TypeAlias = "bpy.types.NodeSocket | float | Sequence[float]"
-"""The output of a node, or a value."""
+"""An input of a node: the output of another node, or a value."""
 
 Groups = dict[str, ShaderNodeTree]
-"""Built node groups by a digest of their content: equal groups of several looks are one datablock."""
+"""Node groups that are built, by a digest of their content. Looks with equal groups share a datablock."""
 
 
 def build_material(source: NodeSource, shared_groups: Groups | None = None) -> bpy.types.Material:
-    """Build a material and its node groups; groups are taken from `shared_groups`, or added to it.
+    """Build a material and its node groups. Groups are taken from `shared_groups`, or built and added there.
 
     Raises
     ------
@@ -43,7 +44,7 @@ def build_material(source: NodeSource, shared_groups: Groups | None = None) -> b
             cache[digest] = _build_group(source, tree, groups)
         groups[tree.name] = cache[digest]
     material = bpy.data.materials.new(source.name)
-    # The material is not a light. Its nodes bend bumped normals themselves.
+    # Cycles must not treat the material as a light. It must not correct bumped normals, because the nodes bend them.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     material.use_transparent_shadow = True
@@ -54,7 +55,11 @@ def build_material(source: NodeSource, shared_groups: Groups | None = None) -> b
 def add_node(
     tree: ShaderNodeTree, kind: str, inputs: Mapping[Any, SocketInput] = MappingProxyType({}), **settings: object
 ) -> bpy.types.Node:
-    """Add a shader node with settings, and with inputs by name or index: outputs of other nodes, or values."""
+    """Add a shader node to a tree and return it.
+
+    `kind` is Blender's type without the prefix ``ShaderNode``. `inputs` are by name or index, `settings` are attributes
+    of the node.
+    """
     node = tree.nodes.new(f"ShaderNode{kind}")
     for name, setting in settings.items():
         setattr(node, name, setting)
@@ -67,7 +72,10 @@ def add_node(
 
 
 def load_image(file: Path) -> bpy.types.Image:
-    """Load a linear image once, without conversion or premultiplication; a RenderError reports a missing image."""
+    """Load a linear image without conversion or premultiplication; raises RenderError where it cannot be loaded.
+
+    Blender loads a file only once.
+    """
     try:
         image = bpy.data.images.load(str(file), check_existing=True)
     except RuntimeError as error:
@@ -78,6 +86,7 @@ def load_image(file: Path) -> bpy.types.Image:
 
 
 def _build_group(source: NodeSource, tree: NodeTree, groups: Groups) -> ShaderNodeTree:
+    """Build a node group with its interface; `groups` has the groups that it contains, by name."""
     group = bpy.data.node_groups.new(tree.name, "ShaderNodeTree")
     panels: dict[str, NodeTreeInterfacePanel] = {}
     for in_out, sockets in (("OUTPUT", tree.outputs), ("INPUT", tree.inputs)):
@@ -92,6 +101,7 @@ def _build_group(source: NodeSource, tree: NodeTree, groups: Groups) -> ShaderNo
 def _add_socket(
     interface: NodeTreeInterface, socket: GroupSocket, in_out: str, panel: NodeTreeInterfacePanel | None
 ) -> None:
+    """Add a socket to the interface of a group; `in_out` is ``"INPUT"`` or ``"OUTPUT"``."""
     kind = f"NodeSocket{socket.kind.title()}"
     socket_item = interface.new_socket(
         socket.name, description=socket.help, in_out=in_out, socket_type=kind, parent=panel
@@ -106,7 +116,7 @@ def _add_socket(
 
 
 def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: ShaderNodeTree, groups: Groups) -> None:
-    """Add the nodes of a tree, then their links."""
+    """Add the nodes of `tree`, then their links, to Blender's `node_tree`."""
     location = f"look '{source.name}', nodes '{tree.name}'"
     nodes = {}
     for node in tree.nodes:
@@ -114,7 +124,8 @@ def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: ShaderNodeTree, gr
             nodes[node.name] = _add_node(node, node_tree, groups)
         except (ContentError, RenderError) as error:
             raise RenderError(f"{location}, '{node.name}': {error}") from error
-    # Blender updates a whole tree whenever a property in it is set: so all locations at once, and only changed values.
+    # Blender updates a whole tree whenever a property in it is set. Therefore all locations are set at once, and other
+    # values only if they change.
     node_tree.nodes.foreach_set("location", [x for node in tree.nodes for x in node.position])
     for node in tree.nodes:
         for identifier, value in node.inputs.items():
@@ -133,6 +144,7 @@ def _fill_tree(source: NodeSource, tree: NodeTree, node_tree: ShaderNodeTree, gr
 
 
 def _add_node(node: ShaderNode, node_tree: ShaderNodeTree, groups: Groups) -> bpy.types.Node:
+    """Add a node with its properties and values, but without links."""
     kind = node.kind if node.kind.startswith("Node") else f"ShaderNode{node.kind}"
     try:
         blender_node = node_tree.nodes.new(kind)
@@ -159,10 +171,11 @@ def _add_node(node: ShaderNode, node_tree: ShaderNodeTree, groups: Groups) -> bp
 
 
 def _set_property(node: bpy.types.Node, name: str, value: SocketValue | bool) -> None:
+    """Set a property of a node; raises RenderError where Blender has none of this name or does not take the value."""
     try:
         if name not in node.bl_rna.properties:
             raise AttributeError("there is none")
-        # A number read from JSON may be a float.
+        # The value may come from JSON, where whole numbers may be floats.
         convert = {"INT": int, "BOOLEAN": bool}.get(node.bl_rna.properties[name].type)
         _set_changed(node, name, convert(value) if convert else value)
     except (TypeError, ValueError, AttributeError) as error:
@@ -170,14 +183,17 @@ def _set_property(node: bpy.types.Node, name: str, value: SocketValue | bool) ->
 
 
 def _set_changed(owner: bpy.types.Node | bpy.types.NodeSocket, name: str, value: object) -> None:
-    """Set an attribute if its value changes."""
+    """Set an attribute, unless it has the value already."""
     old = getattr(owner, name)
     if (tuple(old) if isinstance(value, tuple) else old) != value:
         setattr(owner, name, value)
 
 
 def _socket(node: bpy.types.Node, side: str, identifier: str) -> bpy.types.NodeSocket:
-    """Return an enabled socket of a node; a disabled one could be set and linked, without effect."""
+    """Return a socket of a node; raises RenderError where there is none or it is disabled.
+
+    Blender lets a disabled socket be set and linked, without effect.
+    """
     key = "name" if node.bl_idname in _SOCKETS_BY_NAME else "identifier"
     enabled = {getattr(socket, key): socket for socket in getattr(node, side) if socket.enabled}
     if identifier not in enabled:
@@ -186,7 +202,7 @@ def _socket(node: bpy.types.Node, side: str, identifier: str) -> bpy.types.NodeS
 
 
 def _pad_color(value: SocketValue, old: Sized) -> SocketValue:
-    """Return a value for a socket: a colour gets the fourth channel that the old value has."""
+    """Return a value for a socket: a colour gets a fourth channel if the socket's old value has one."""
     if isinstance(value, tuple) and len(value) == 3 and len(old) == 4:
         return (*value, 1.0)
     return value

@@ -1,6 +1,8 @@
-"""The passes of a frame besides the beauty: recorded parts of the light, and cheap renders of features by OSL shaders.
+"""The passes of a frame besides the beauty, rendered by Cycles.
 
-Cycles' own passes of depth, position, normal and uv are those of the first sample, at the centre of the pixel.
+Parts of the light are recorded during the renders of the beauty. Other passes are separate renders without light, in
+which OSL shaders show albedos or normals. Cycles' own passes of depth, position, normal and uv have the values of the
+first sample, which is at the centre of the pixel.
 """
 
 from __future__ import annotations
@@ -20,20 +22,25 @@ from lookdev.rendering.frame import FEATURE_SAMPLES, RenderedFrame
 from lookdev.rendering.passes import MATTES, light_layer
 from lookdev.rendering.task import FrameTask, SceneTask
 
+# The passes that Cycles itself renders at the centre of a pixel, and Blender's names of these in its settings.
 _CENTER_PASSES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
 _COLORS = ("diffuse", "glossy", "transmission")
-# Blender 4.5 abbreviates the names of passes.
+# The names of Cycles' passes of colours; Blender 4.5 abbreviates them.
 _COLOR_NAMES = {"DiffCol", "GlossCol", "TransCol", *(f"{kind.capitalize()} Color" for kind in _COLORS)}
-_MATTE_DEPTH = 16  # the most that Cycles has: entries of equal names are merged afterwards
+# The number of pairs of id and coverage in a pixel of a matte: the most that Cycles has. Pairs with equal names are
+# merged afterwards.
+_MATTE_DEPTH = 16
 
 
 RecordingBatch = Sequence[tuple[str, int]]
-"""The names of at most three parts of the light that one render records, and their numbers in the shaders' template."""
+"""At most three parts of the light that one render records: the name of each, and its number in the OSL shaders."""
 
 RecordingPlan = tuple[Sequence[RecordingBatch], Sequence[RecordingBatch]]
-"""The renders of each half of a frame."""
+"""The batches of the first and of the second half of a frame. A region of the half is rendered once for each batch."""
 
-# Passes with the recorded parts, in the order of a batch, and the factors of their values; 4.5 abbreviates names.
+# Shaders record the parts of a batch by closures that are never sampled. Cycles shows the colours of closures in these
+# passes. For each part of a batch, in order: the names of its pass (Blender 4.5 abbreviates them), and the factor that
+# turns the pass into light (`recording` in lookdev/shaders/surface.osl).
 _RECORD_PASSES = (
     (("GlossCol", "Glossy Color"), -2.0),
     (("TransCol", "Transmission Color"), -2.0),
@@ -43,10 +50,10 @@ _RECORD_PASSES = (
 
 @contextmanager
 def prepare_recording(scene: BlenderScene, task: FrameTask) -> Iterator[RecordingPlan]:
-    """Set a scene up to record parts of the light; yield the parts that each render of each half records."""
+    """Set a scene up to record parts of the light, and yield the plan: which render records which parts."""
     plan = _plan_recording(task.scene)
     cycles = scene.scene.cycles
-    # Cycles' Russian roulette would weight recorded light, but not the light itself.
+    # No Russian roulette of Cycles: it would weight the recorded parts, but not the light itself.
     bounces = {"min_transparent_bounces": cycles.transparent_max_bounces}
     color_passes = {f"use_pass_{kind}_color": True for kind in _COLORS}
     layer = scene.scene.view_layers[0]
@@ -58,11 +65,12 @@ def prepare_recording(scene: BlenderScene, task: FrameTask) -> Iterator[Recordin
 
 
 def _plan_recording(scene: SceneTask) -> RecordingPlan:
-    """Return the parts to record: all but the last of each set, which is the rest of the beauty.
+    """Return the plan to record all parts except the last of each set, which is the beauty minus the others.
 
-    If one render can record all parts, both halves record them. Otherwise each set is recorded in only one half, the
-    one with fewer parts so far; the shares of the set in that half are used for the whole frame.
+    If one render can record all parts, both halves record them. Otherwise each set is recorded in only one half: the
+    one with fewer parts so far. The shares of the parts in the light of that half are then used for the whole frame.
     """
+    # By part: its number in the OSL shaders.
     numbers = {"direct": 1} | {group: 2 + number for number, group in enumerate(LOBE_GROUPS)}
     numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.light_group_names)}
     sets = [[(name, numbers[name]) for name in part_set[:-1]] for part_set in scene.part_sets]
@@ -79,7 +87,7 @@ def _plan_recording(scene: SceneTask) -> RecordingPlan:
 
 
 def read_recorded(batch: RecordingBatch, passes: Mapping[str, Floats32]) -> dict[str, Floats32]:
-    """Return the parts that shaders recorded (`recording` in the template) by name, rows top-down."""
+    """Return the parts of the light that a render has recorded, by name, (H, W, 3), row 0 at the top."""
     return {
         name: np.float32(factor) * next(passes[pass_name] for pass_name in names if pass_name in passes)[::-1]
         for (name, _), (names, factor) in zip(batch, _RECORD_PASSES, strict=False)
@@ -89,9 +97,10 @@ def read_recorded(batch: RecordingBatch, passes: Mapping[str, Floats32]) -> dict
 def render_frame_passes(
     scene: BlenderScene, task: FrameTask, frame: RenderedFrame
 ) -> tuple[dict[str, Floats32], dict[str, tuple[str, ...]]]:
-    """Render the other passes of a frame in a scene that shows its pose; return them, and the names in each matte.
+    """Render the passes of a frame that are not parts of the light, in a scene that is in the pose of the frame.
 
-    Mattes sum up to the frame's alpha. If mattes are requested, the albedo has as many samples as they have.
+    Returns the arrays by name, and the names in each cryptomatte. The coverages in a pixel of a matte sum up to the
+    frame's alpha. If mattes are requested, the albedo has the same number of samples.
     """
     requested = {*task.scene.sampling.passes}
     arrays: dict[str, Floats32] = {}
@@ -112,7 +121,7 @@ def render_frame_passes(
 
 
 def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) -> dict[str, Floats32]:
-    """Return the requested passes at the centre of each pixel."""
+    """Return the requested passes of `_CENTER_PASSES`, which have the values at the centre of each pixel."""
     scene.set_controls(task.pose, 0, NORMALS)
     with engine.override_settings(
         scene.scene.view_layers[0], {f"use_pass_{_CENTER_PASSES[name]}": True for name in requested}
@@ -132,7 +141,7 @@ def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) ->
     if "normal" in requested:
         normal = rendered["Normal"].astype(np.float64)
         if scene.is_osl:
-            # Encoded in [0, 1], and black where there is no surface.
+            # OSL shaders show normals encoded in [0, 1], and black where there is no surface.
             normal = 2.0 * rendered["Combined"][..., :3].astype(np.float64) - rendered["Combined"][..., 3:]
         length = np.linalg.norm(normal, axis=-1, keepdims=True)
         unit = rotate_z(normal, turn) / np.where(length > 0.0, length, 1.0)
@@ -143,10 +152,11 @@ def _render_center(scene: BlenderScene, task: FrameTask, requested: set[str]) ->
 def _render_surfaces(
     scene: BlenderScene, task: FrameTask, requested: set[str], covered: Bools, samples: int
 ) -> tuple[Floats32, dict[str, Floats32]]:
-    """Return the mean albedo of each pixel, and the coverage (H, W, 2 n) of Blender's objects and materials.
+    """Return the mean albedo (H, W, 3), and mattes (H, W, 2 n) of Blender's objects and materials, and of the asset.
 
-    `requested` has ``albedo``, ``cryptomatte`` or both, which are rendered at once with `samples`. The albedo of
-    closures is that of Cycles' own passes. The coverage has the layout that `rename_ids` reads.
+    `requested` has ``albedo``, ``cryptomatte`` or both, which are rendered at once. Without mattes, `FEATURE_SAMPLES`
+    are used in place of `samples`. Only the box of the `covered` pixels (H, W) is rendered. With Cycles' own closures,
+    the albedo is from Cycles' colour passes. Mattes have the layout that `rename_ids` reads.
     """
     has_mattes, has_albedo = "cryptomatte" in requested, "albedo" in requested
     scene.set_controls(task.pose, 0, ALBEDOS if has_albedo else MATTE)
@@ -161,7 +171,7 @@ def _render_surfaces(
         rendered = engine.render_passes(scene.scene, samples if has_mattes else FEATURE_SAMPLES, box=box)
 
     def pad_to_frame(layers: Sequence[Floats32]) -> Floats32:
-        """Concatenate layers of the box; return them in a frame that is 0 outside, rows top-down."""
+        """Return the channels of all layers of the box in an array of the whole frame, 0 outside, row 0 at the top."""
         pixels = np.concatenate(layers, axis=-1)
         image = np.zeros((*covered.shape, pixels.shape[-1]), np.float32)
         image[box[1] : box[3], box[0] : box[2]] = pixels
@@ -175,11 +185,15 @@ def _render_surfaces(
         pad_to_frame([rendered[name] for name in sorted(rendered) if f"Crypto{kind}" in name])
         for kind in ("Object", "Material")
     )
+    # The matte of the asset is that of its objects, whose ids are all replaced by that of the asset (`_matte_names`).
     return albedo, {"object": objects, "material": materials, "asset": objects}
 
 
 def _covered_box(covered: Bools) -> engine.PixelBounds:
-    """Return the smallest box with all covered pixels of an array, whose rows are top-down."""
+    """Return the smallest box that contains all covered pixels of an array (H, W), whose row 0 is at the top.
+
+    Its sides are at least `engine.MIN_SIDE` pixels.
+    """
     height, width = covered.shape
     ends = []
     for size, axis in ((width, 0), (height, 1)):
@@ -192,7 +206,7 @@ def _covered_box(covered: Bools) -> engine.PixelBounds:
 
 
 def _matte_names(scene: BlenderScene, kind: str) -> dict[str, str]:
-    """Return the names in a matte, by the names of Blender's data."""
+    """Return the new names for a matte, by the names of Blender's objects or materials."""
     if kind == "material":
         return scene.look_names
     paths = scene.prim_paths

@@ -1,7 +1,8 @@
-"""A plain Blender script that imports a USD file and renders one sample, the baseline of ``lookdev bench --scale``.
+"""A plain Blender script that imports a USD file and renders one sample: the baseline of ``lookdev bench --scale``.
 
-Run as ``python -m lookdev.cycles.plain_import REQUEST.json``. Blender's own importer creates geometry and materials;
-the light is an environment texture. Standard output has the lines of JSON that `lookdev.bench.scale_job` prints.
+The bench runs it as ``python -m lookdev.cycles.plain_import REQUEST.json``. Blender's own importer creates geometry and
+materials, and the light is an environment texture. When the file is imported, and when the sample is rendered, the
+script prints a line of JSON, as `lookdev.bench.scale_job` does.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from lookdev.rendering.answers import AnswerStream, peak_memory
 
 
 class ImportRequest(TypedDict):
-    """A file to import, its camera's distance, and the light: a name of Blender's worlds."""
+    """The content of the request's file."""
 
-    file: str
-    light: str
-    resolution: tuple[int, int]
+    file: str  # the USD file
+    light: str  # the name of one of the environment maps that come with Blender
+    resolution: tuple[int, int]  # width and height in pixels
     bounces: int
-    distance: float
+    distance: float  # of the camera from the origin, along y and along z
 
 
 def render(request: ImportRequest, answers: AnswerStream) -> None:
-    """Import a file and render it with one sample."""
+    """Import a file and render it with one sample; report when each is done, and the peak memory."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=request["file"])
     answers.send(reached="planned")

@@ -1,10 +1,11 @@
-"""A plain Blender script that renders turntables, the baseline of ``lookdev bench --sequence``.
+"""A plain Blender script that renders turntables: the baseline of ``lookdev bench --sequence``.
 
-Run as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It does what such scripts usually do: in one process,
-with the Principled BSDF, it rotates the asset by its object and the light by a Mapping node, and calls
-``render.render`` for each frame. All settings of speed are Blender's defaults (no persistent data, an automatic
-importance map). All settings of the picture are those of the batch: filter, bounces, samples, no adaptive sampling and
-no denoiser.
+The bench runs it as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It does what such scripts usually do, in
+one process and with the Principled BSDF. It rotates the asset by its object and the light by a Mapping node, and calls
+``render.render`` for each frame.
+
+Settings that affect only speed are Blender's defaults: no persistent data, and an automatic importance map. Settings
+that affect the picture are those of this package: filter, bounces, samples, no adaptive sampling and no denoiser.
 """
 
 from __future__ import annotations
@@ -30,28 +31,28 @@ from lookdev.processes import exit_after_block
 
 
 class SequenceCamera(TypedDict):
-    """Angles in degrees, lengths in metres."""
+    """The camera. Angles are in degrees, lengths in metres."""
 
-    fov: float
+    fov: float  # horizontal
     elevation: float
-    distance: float
-    target: list[float]
+    distance: float  # from the target
+    target: list[float]  # the point that it looks at
 
 
 class SequenceFrame(TypedDict):
-    """The files of a frame and its light, and the turns of asset and light in degrees."""
+    """A frame to render."""
 
-    file: str
-    light: str
-    element: float
-    lighting: float
+    file: str  # to write
+    light: str  # the file of the lat-long map
+    element: float  # degrees by which the asset is turned
+    lighting: float  # degrees by which the light is turned
 
 
 class SequenceRequest(TypedDict):
-    """The frames to render, and everything that they have in common."""
+    """The content of the request's file: the frames to render, and everything that they have in common."""
 
-    asset: str
-    principled: dict[str, float | tuple[float, ...]]
+    asset: str  # a file of `lookdev.asset.store`
+    principled: dict[str, float | tuple[float, ...]]  # inputs of the Principled BSDF, by the names of its sockets
     camera: SequenceCamera
     resolution: tuple[int, int]
     samples: int
@@ -77,13 +78,14 @@ def render(request: SequenceRequest) -> None:
             texture.image = bpy.data.images.load(light)
             texture.image.colorspace_settings.name = "Non-Color"
         root.rotation_euler.z = math.radians(frame["element"])
-        # The node rotates the direction of the look-up, not the map.
+        # The node rotates the direction of the look-up, not the map: hence the sign.
         mapping.inputs["Rotation"].default_value[2] = -math.radians(frame["lighting"])
         scene.render.filepath = frame["file"]
         bpy.ops.render.render(write_still=True)
 
 
 def _configure(scene: bpy.types.Scene, request: SequenceRequest) -> None:
+    """Set the settings of the render and of the written files."""
     settings, output = scene.cycles, scene.render.image_settings
     scene.render.engine = "CYCLES"
     scene.render.resolution_x, scene.render.resolution_y = request["resolution"]
@@ -99,6 +101,7 @@ def _configure(scene: bpy.types.Scene, request: SequenceRequest) -> None:
 
 
 def _add_asset(scene: bpy.types.Scene, asset: Asset, material: bpy.types.Material) -> bpy.types.Object:
+    """Add an object for each instance of the asset; return the empty that is their parent."""
     root = bpy.data.objects.new("turntable", None)
     scene.collection.objects.link(root)
     meshes = [_build_mesh(mesh, material) for mesh in asset.meshes]
@@ -111,6 +114,7 @@ def _add_asset(scene: bpy.types.Scene, asset: Asset, material: bpy.types.Materia
 
 
 def _build_mesh(mesh: Mesh, material: bpy.types.Material) -> bpy.types.Mesh:
+    """Build a mesh with its first UV set, its normals and the material."""
     data = bpy.data.meshes.new(mesh.name)
     faces = np.split(mesh.corner_points, np.cumsum(mesh.face_sizes)[:-1])
     data.from_pydata(mesh.points.tolist(), [], [face.tolist() for face in faces])
@@ -122,6 +126,7 @@ def _build_mesh(mesh: Mesh, material: bpy.types.Material) -> bpy.types.Mesh:
 
 
 def _add_camera(scene: bpy.types.Scene, camera: SequenceCamera, asset: Asset) -> None:
+    """Add the camera; the asset's centre is at the origin of the scene."""
     lens = bpy.data.cameras.new("camera")
     lens.sensor_fit, lens.angle = "HORIZONTAL", math.radians(camera["fov"])
     lens.clip_start, lens.clip_end = 1e-3 * camera["distance"], 1e3 * camera["distance"]

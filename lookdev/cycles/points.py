@@ -1,4 +1,8 @@
-"""A stack of layers evaluated at points: the generated OSL runs inside Cycles, in float32."""
+"""Evaluates BSDFs at points: generated OSL runs inside Cycles, in float32, once for each pixel of a picture.
+
+`lookdev check` and `lookdev eval` compare or print the results. The input is a table with a row for each point. It is
+written as an EXR, which the shader reads; the colour of a pixel is the result.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +23,25 @@ from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import add_script_node, array_text
 from lookdev.errors import RenderError
 
-# Pixels of a row: a power of two, like the number of rows and `point_cells`.
+# The width of the picture in pixels. Like the number of rows and `point_cells`, it is a power of two.
 _ROW_PIXELS = 128
-# Blender does not render fewer rows.
+# The least height of the picture in pixels. Blender does not render fewer rows.
 _MIN_ROWS = 4
 
 
 def evaluate_points(source: ShaderSource, table: Floats32, cells: int) -> tuple[Floats32, Floats32]:
-    """Evaluate the shader of `lookdev.codegen.osl.points` at the rows (n, columns) of its table.
+    """Evaluate the shader of `lookdev.codegen.osl.points` at points, the rows (n, columns) of a table.
+
+    `cells` is the number of texels of a row in the EXR.
 
     Returns
     -------
-    f : (n, 3) in 1/sr
-    pdf : (n,) in 1/sr
+    f : (n, 3)
+        The BSDF in 1/sr.
+    pdf : (n,)
+        The density of sampled directions in 1/sr.
     """
+    # The parameter `what` of the shader selects the output: 0 is f, 1 the pdf.
     f, density = (render_table(source, table, cells, what=output) for output in (0, 1))
     return f, density[:, 0]
 
@@ -45,10 +54,11 @@ def render_table(
     arrays: Mapping[str, Ints32 | Floats32] | None = None,
     **values: int,
 ) -> Floats32:
-    """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), a row for a pixel.
+    """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), one row in each pixel.
 
-    A row has `cells` texels of three channels. The shader's parameters are `points_file`, the size of the picture as
-    `columns` and `rows`, and `values`.
+    In the file of the table, a row has `cells` texels of three channels. Parameters of the shader are the file as
+    `points_file`, the size of the picture as `columns` and `rows`, and `values`. `arrays` are default values of array
+    parameters, by name.
     """
     count, width = table.shape
     rows = max(_MIN_ROWS, 1 << (-(-count // _ROW_PIXELS) - 1).bit_length())
@@ -56,8 +66,8 @@ def render_table(
     padded[:count, :width] = table
     scene = engine.empty_scene()
     engine.configure_osl(scene, (_ROW_PIXELS, rows), bounces=0)
-    # Samples are near the pixel's centre: at its edge, rounding to float32 would select the neighbour's row. A box
-    # filter would always be a pixel wide.
+    # This narrow filter puts samples near the centre of the pixel. At the edge of a pixel, rounding to float32 could
+    # select the row of a neighbour. A box filter would always be a pixel wide.
     scene.cycles.pixel_filter_type = "GAUSSIAN"
     scene.cycles.filter_width = 0.01
     material = bpy.data.materials.new("points")
@@ -73,7 +83,10 @@ def render_table(
 
 
 def add_plane(scene: bpy.types.Scene, height: float) -> bpy.types.Mesh:
-    """Add a plane from (-1, -height) to (1, height) and a camera above it that sees just the plane; return its mesh."""
+    """Add a plane from (-1, -height) to (1, height), and a camera above it that sees exactly the plane.
+
+    Returns the mesh of the plane.
+    """
     mesh = bpy.data.meshes.new("plane")
     corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
     mesh.from_pydata([(x, y * height, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
@@ -87,7 +100,7 @@ def add_plane(scene: bpy.types.Scene, height: float) -> bpy.types.Mesh:
 
 
 def evaluate_file(request: Path) -> None:
-    """Evaluate a request of `lookdev.checks.evaluate`, an .npz; write f and pdf to an .npz beside it."""
+    """Evaluate a request that `lookdev.checks.evaluate` has written, an .npz; write f and pdf to an .npz next to it."""
     with np.load(request, allow_pickle=False) as stored:
         bindings = json.loads(str(stored["tables"]))
         tables = tuple(TableBinding(name, Content(digest, suffix)) for name, digest, suffix in bindings)
@@ -98,7 +111,7 @@ def evaluate_file(request: Path) -> None:
 
 
 def run_self_test() -> dict[str, object]:
-    """Compile a diffuse lobe and evaluate it in Cycles; a RenderError reports a wrong value."""
+    """Compile and evaluate a diffuse lobe in Cycles; return what was tested. Raises RenderError for a wrong value."""
     layers = [PointLayer("disney", {"variant": "2014"})]
     columns = point_columns(layers)
     row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0, "layer0_presence": 1.0}

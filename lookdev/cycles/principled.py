@@ -1,4 +1,4 @@
-"""Blender's own Principled BSDF, as a user would set it up, for the benchmark."""
+"""Builds materials of Blender's own Principled BSDF, as a user would, for backend `principled` of the bench."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def build_principled_material(source: PrincipledSource) -> bpy.types.Material:
 
 
 def set_blender_normals(added: AssetObjects) -> None:
-    """Set the normals that Blender's own BSDFs read, in 16 bits, and smooth the terminator as Blender does."""
+    """Set the 16-bit normals that Blender's own BSDFs read, and Blender's default offset at the shadow terminator."""
     for data, mesh in added.meshes:
         data.normals_split_custom_set(mesh.normals)
     for item in added.objects:
@@ -33,7 +33,7 @@ def set_blender_normals(added: AssetObjects) -> None:
 
 
 def configure_user_defaults(scene: bpy.types.Scene) -> None:
-    """Set Blender's defaults where `engine.configure_closures` differs."""
+    """Set Blender's defaults for the settings in which `engine.configure_closures` differs from them."""
     settings = scene.cycles
     if scene.world.cycles.sampling_method == "MANUAL":
         scene.world.cycles.sampling_method = "AUTOMATIC"

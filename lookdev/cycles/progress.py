@@ -1,4 +1,4 @@
-"""The number of samples done during a render, from the text of Blender's render statistics."""
+"""Reports the progress within a render of Cycles, by the text of Blender's render statistics."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import bpy
 
 from lookdev.rendering.frame import ReportSamples
 
-_SAMPLE = re.compile(r"\bSample (\d+)/\d+")
+_SAMPLE = re.compile(r"\bSample (\d+)/\d+")  # in the text of the statistics, as "Sample 16/64"
 
 
 @contextmanager
 def refine_progress(samples: int, report: ReportSamples) -> Iterator[ReportSamples]:
-    """Yield a progress function for `render_frame` of `samples`; `report` gets its calls and others in between.
+    """Yield a function that `render_frame` calls with its progress, in a frame of at most `samples` samples.
 
-    Those in between come from Cycles, which updates its statistics about every half minute, so long frames report
-    progress that often.
+    The function passes its calls on to `report`. In between, `report` is called with the samples that Cycles states in
+    its statistics. Cycles updates these about every half minute, so long renders report progress that often.
     """
-    done, total, error = 0, samples, None
+    done, total, error = 0, samples, None  # of the latest call of the yielded function
 
     def update(now_done: int, now_total: int, relmse: float | None) -> None:
         nonlocal done, total, error
@@ -28,7 +28,7 @@ def refine_progress(samples: int, report: ReportSamples) -> Iterator[ReportSampl
         report(done, total, error)
 
     def read(text: str, *_: object) -> None:
-        # Called by a thread of Cycles while the caller's thread waits for the render.
+        """Report the samples that a text of statistics states; called by a thread of Cycles during a render."""
         if (match := _SAMPLE.search(text)) and 0 < (rendered := int(match[1])) < total - done:
             report(done + rendered, total, error)
 

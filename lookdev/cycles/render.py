@@ -1,4 +1,4 @@
-"""Frames rendered by Cycles."""
+"""Renders a frame by Cycles: its rounds of samples, its denoiser, and its passes. The worker calls `render_frame`."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ from lookdev.scene import Sampling
 
 
 def render_frame(scene: BlenderScene, task: FrameTask, progress: ReportSamples) -> RenderedFrame:
-    """Render one frame of a scene."""
+    """Render one frame of a task in a scene that shows the task's scene."""
     started = time.perf_counter()
     scene.pose(task.scene.camera, task.pose)
     if scene.is_principled:
         return _render_principled(scene, task.scene.sampling, progress)
     engine.fill_sample_table(scene.scene)
-    overhead = time.perf_counter() - started
+    overhead = time.perf_counter() - started  # seconds that `render_halves` does not measure
     with prepare_recording(scene, task) as plan:
         render = partial(_render_region, scene, task, plan)
-        pictures = combine_catcher_halves if task.scene.has_catcher else combine_halves
-        frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, pictures)
+        combine = combine_catcher_halves if task.scene.has_catcher else combine_halves
+        frame = render_halves(task, render, partial(_make_denoiser, scene, task), progress, combine)
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
     frame = replace(frame, passes=task.scene.complete_parts(frame.passes, beauty))
     arrays: dict[str, Floats32] = {}
@@ -62,10 +62,11 @@ def render_frame(scene: BlenderScene, task: FrameTask, progress: ReportSamples) 
 def _render_catcher_parts(
     scene: BlenderScene, samples: int, seed: int, box: engine.PixelBounds | None
 ) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
-    """Return colours and coverage as `_render_region` does, and the parts that `combine_catcher_halves` needs.
+    """Render a region of a frame with a shadow catcher, as `_render_region`, but in three renders.
 
-    The samples of the ground are the same with the asset and without. Pixels that the asset does not change are
-    therefore equal in every bit.
+    They show the asset, the ground with the asset, and the ground without it. The parts are those that
+    `combine_catcher_halves` needs. Both renders of the ground have the same samples. Pixels of the ground that the
+    asset does not change are therefore equal in every bit.
     """
     pictures = {}
     for part in (ASSET, GROUND, BARE):
@@ -77,7 +78,7 @@ def _render_catcher_parts(
 
 
 def _render_principled(scene: BlenderScene, sampling: Sampling, progress: ReportSamples) -> RenderedFrame:
-    """Render a frame as a user of Cycles would: in one render, denoised with Cycles' own features."""
+    """Render a frame as a user of Cycles would: in one render, which is denoised with Cycles' own guides."""
     started = time.perf_counter()
     image = engine.render_whole(scene.scene, sampling.samples, sampling.seed)["Combined"][::-1]
     progress(sampling.samples, sampling.samples, None)
@@ -93,13 +94,14 @@ def _render_principled(scene: BlenderScene, sampling: Sampling, progress: Report
 
 
 def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
-    """Return a denoiser guided by the albedo and the normals of the frame."""
+    """Render the albedos and normals of a frame, and return a denoiser that they guide."""
 
     def render_feature(feature: float) -> Floats32:
+        """Render `NORMALS` or `ALBEDOS`, (H, W, 4)."""
         scene.set_controls(task.pose, 0, feature)
         return engine.render_passes(scene.scene, FEATURE_SAMPLES)["Combined"][::-1]
 
-    # Normals are encoded in [0, 1], and black where there is no surface.
+    # The render shows normals encoded in [0, 1], premultiplied, and black where there is no surface.
     normals = render_feature(NORMALS)
     return make_denoiser(render_feature(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
 
@@ -107,7 +109,7 @@ def _make_denoiser(scene: BlenderScene, task: FrameTask) -> Denoiser:
 def _render_region(
     scene: BlenderScene, task: FrameTask, plan: RecordingPlan, seed: int, region: Region
 ) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
-    """Render the colours and the coverage of a region, and the recorded parts of the colours."""
+    """Render a region: return its colours (h, w, 3), its coverage (h, w), and recorded parts of the colours by name."""
     scene.set_controls(task.pose, seed, region.samples)
     # Blender counts rows from the bottom.
     height = task.scene.resolution[1]
@@ -117,8 +119,9 @@ def _render_region(
         return _render_catcher_parts(scene, region.samples, seed, box)
     parts: dict[str, Floats32] = {}
     batches = plan[half_of_seed(seed)]
-    # In reverse order, because the colours are those of the last render, which must be of the first batch. The last
-    # bits of a path's positions encode its data, and the noise of later hits depends on those bits.
+    # All batches render the same light, apart from noise: the last bits of a path's positions encode the data that it
+    # records, and the noise of later hits depends on those bits. The colours must be those of the first batch, which is
+    # therefore rendered last.
     for batch in reversed(batches or [()]):
         if task.scene.sampling.records_parts:
             scene.select_recorded_parts([number for _, number in batch])

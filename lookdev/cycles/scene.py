@@ -1,4 +1,8 @@
-"""Builds a scene task as Blender data: materials, asset, camera, lights, and values that change from frame to frame."""
+"""Builds a scene task as Blender data: materials, asset, camera and lights, and sets values that vary between frames.
+
+A source is the generated OSL, or the shader nodes, of a look. OSL shaders integrate the light themselves, so their
+scenes have no lights of Blender. In scenes with nodes, domes become a world, and other lights, lamps, become objects.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +30,12 @@ from lookdev.rendering.task import SceneTask
 from lookdev.scene import Camera, Pose
 
 MATTE, ALBEDOS, NORMALS = 0.0625, 0.25, 0.5
-"""What shaders with features show in place of light, as `samples` of `BlenderScene.set_controls`."""
+"""Values below 1 of `samples` in `BlenderScene.set_controls`: OSL shaders then show a feature in place of the light.
+
+`ALBEDOS` shows albedos, `NORMALS` shows normals, and `MATTE` shows white, which is enough for cryptomattes."""
 
 _SEPARATE = {"uv", "cryptomatte"}
-"""Passes for which every prim is an object, with all of its UV sets."""
+"""The passes for which every prim must be an object, with all of its UV sets."""
 
 
 class BlenderScene:
@@ -37,16 +43,18 @@ class BlenderScene:
 
     Attributes
     ----------
+    task
+        The scene task that is shown.
     scene, root, camera
         Blender's scene, the empty that is the parent of the whole asset, and the camera.
     objects
         The objects that show the asset.
     prim_paths
-        If the task has the paths of prims: the path by the name of each object.
+        By the name of an object: the USD path of its prim. Only set if the task has these paths.
     lamps
-        The lights that are objects: none if OSL shaders integrate the light.
+        The lights that are objects. If OSL shaders integrate the light, there are none.
     origin
-        The point of the asset's world that is at 0 in Blender's scene.
+        The point of the asset's world that is at 0 in Blender's scene: the centre of the asset.
     """
 
     def __init__(
@@ -62,9 +70,10 @@ class BlenderScene:
         Parameters
         ----------
         into
-            An empty scene of Blender to build the task in. Without it all data are deleted and a scene is created.
+            An empty scene of Blender, to which the data are added. If it is None, all data in Blender are deleted, and
+            a scene is created.
         groups
-            Node groups to share with other scenes: `built` of `build_material`.
+            Node groups to share with other scenes: `shared_groups` of `build_material`.
         separate
             As in `add_asset`.
 
@@ -79,20 +88,20 @@ class BlenderScene:
         self._configure()
         self._asset = read_asset(task.asset.path)
         self._add_materials()
-        # Blender's own BSDF does not read an attribute by name, but the first UV set.
+        # Blender's Principled BSDF reads no attribute by its name, but the first UV set. So meshes need their UV sets.
         self._separate = separate or self.is_principled or not _SEPARATE.isdisjoint(task.sampling.passes)
         self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
         self.camera.cycles.use_motion_blur = False
         self.scene.collection.objects.link(self.camera)
         self._add_asset()
-        # Lights without a dome's image are placed relative to the asset: a task with another asset is another scene.
+        # Lamps are placed relative to the asset, so a task with another asset needs another scene (`_scene_key`).
         self.lamps = [] if self.is_osl else add_lights(self.scene.collection, task.lights, self.origin)
         if isinstance(task.shaders[0], NodeSource):
             check_svm_stack(self.scene)
 
     @property
     def is_osl(self) -> bool:
-        """Whether OSL shaders integrate the light; otherwise a world and lamps light the scene."""
+        """Whether OSL shaders integrate the light. Otherwise a world and lamps illuminate the scene."""
         return isinstance(self.task.shaders[0], ShaderSource)
 
     @property
@@ -103,7 +112,7 @@ class BlenderScene:
 
     @property
     def is_principled(self) -> bool:
-        """Whether looks are Principled BSDFs with the settings of a user of Cycles: one render, no halves."""
+        """Whether looks are Principled BSDFs, rendered as by a user of Cycles: in one render, without halves."""
         return isinstance(self.task.shaders[0], PrincipledSource)
 
     @property
@@ -113,10 +122,11 @@ class BlenderScene:
 
     @property
     def look_names(self) -> dict[str, str]:
-        """The names of looks by the names of their materials."""
+        """The names of looks, by the names of their materials in Blender."""
         return {material.name: source.name for material, source in zip(self._materials, self.task.shaders, strict=True)}
 
     def _configure(self) -> None:
+        """Set the settings of Cycles, and build the world."""
         task = self.task
         bounces = task.sampling.bounces
         if self.is_osl:
@@ -127,22 +137,25 @@ class BlenderScene:
         else:
             see_through = any(source.see_through for source in task.shaders)
             engine.configure_closures(self.scene, task.resolution, bounces, task.device, see_through=see_through)
-            # Sampling a constant light reduces no variance.
+            # To sample directions of a constant light would not reduce the variance.
             sampled = self.is_principled or has_varied_dome(task.lights)
             self.scene.world = build_world("light", task.lights, sampled=sampled)
         if self.is_principled:
             configure_user_defaults(self.scene)
         if "uv" in task.sampling.passes:
-            # Set before the first render: meshes keep the attributes that they have then.
+            # The pass is on before the first render, because meshes keep the attributes that they have in that render.
             self.scene.view_layers[0].use_pass_uv = True
         if not self.is_osl:
-            # A lamp that a ray passes counts as a transparent bounce, or as two where it is a mesh with two sides.
+            # Each lamp that a ray passes counts as a transparent bounce. A lamp that is a mesh counts twice: a ray
+            # passes both of its sides.
             self.scene.cycles.transparent_max_bounces += 2 * (len(task.lights) - len(world_domes(task.lights)))
 
     def _add_materials(self) -> None:
+        """Build the material of each source."""
         self._materials = [self._build_material(number, source) for number, source in enumerate(self.task.shaders)]
 
     def _build_material(self, number: int, source: GeneratedSource) -> bpy.types.Material:
+        """Build the material of a source; `number` is its index among the task's sources."""
         match source:
             case ShaderSource():
                 x, y, z = self._asset.center
@@ -156,6 +169,7 @@ class BlenderScene:
                 raise RenderError(f"look '{other.name}': Cycles has no material for a {type(other).__name__}")
 
     def _add_asset(self) -> None:
+        """Add the asset, with its centre at 0, and set the constants of looks."""
         task = self.task
         asset = self._asset
         # Cycles computes in float32, which is too coarse far from the origin.
@@ -164,7 +178,7 @@ class BlenderScene:
         added = add_asset(*assigned, groups=task.groups, separate=self._separate, add_uv=self.has_portals)
         self.root, self.objects = added.root, added.objects
         if task.sampling.records_parts:
-            # With recording closures, Cycles' own rays must not reflect to another point of the asset.
+            # Shaders record light by closures of Cycles, whose rays must not hit another point of the asset.
             for item in bpy.data.objects:
                 item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
         if task.prims:
@@ -181,7 +195,7 @@ class BlenderScene:
                 self._set_properties(varying_values(source, number))
 
     def _set_properties(self, values: Mapping[str, tuple[float, ...]]) -> None:
-        """Set properties of the objects, which Cycles reads anew, where they change."""
+        """Set custom properties of the objects where their values change. Cycles then reads them anew."""
         for item in self.objects:
             changed = {name: value for name, value in values.items() if tuple(item.get(name, ())) != value}
             for name, value in changed.items():
@@ -190,15 +204,18 @@ class BlenderScene:
                 item.update_tag()
 
     def can_show(self, task: SceneTask) -> bool:
-        """Return whether this scene can show another task.
+        """Return whether `show` can change this scene to another task.
 
-        Asset, camera and samples may differ. If OSL shaders integrate the light, shaders and lights may differ too:
-        `show` replaces the materials.
+        Asset, camera and samples may differ. If OSL shaders integrate the light, shaders and lights may differ, too,
+        because `show` replaces the materials.
         """
         return _scene_key(task) == _scene_key(self.task)
 
     def show(self, task: SceneTask) -> None:
-        """Show another task that `can_show` accepts; if its asset differs, delete the previous one, in all scenes."""
+        """Change the scene to another task that `can_show` accepts.
+
+        If asset or materials differ, all objects in Blender's data except the camera are replaced.
+        """
         before, self.task = self.task, task
         old_materials, new_materials = _material_key(before), _material_key(task)
         if (_asset_key(task), new_materials) != (_asset_key(before), old_materials):
@@ -215,20 +232,21 @@ class BlenderScene:
             self._set_constants()
 
     def compile_shaders(self) -> None:
-        """Compile the shaders of the task and read its images, so that the first frame need not."""
+        """Compile the shaders of the task and read its images, so that the first frame starts sooner."""
         pose = Pose(0.0, 0.0)
         self.pose(self.task.camera, pose)
         self.set_controls(pose, seed=0, samples=1)
         engine.compile_shaders(self.scene)
 
     def pose(self, camera: Camera, pose: Pose) -> None:
-        """Place asset, camera and lamps for a pose, by location and Euler angles.
+        """Set the transforms of asset, camera and lamps for a pose, as locations and Euler angles.
 
-        With OSL shaders the asset never moves: they rotate the light, and the camera orbits by ``-element``. Otherwise
-        the world is never rotated, because Cycles would build its importance map again. Everything else is rotated by
-        ``-lighting`` about the camera's pivot instead: the asset by ``element - lighting``, the camera and lamps that
-        do not turn with the rig by ``-lighting``. If the domes do not turn, that is unnecessary: only the asset is
-        rotated, by ``element``, and the lamps that turn with the rig, by ``lighting``.
+        With OSL shaders, the asset never moves. The shaders rotate the light, and the camera orbits by ``-element``.
+
+        In other scenes, the world is never rotated, because Cycles would build its importance map again. If domes turn
+        with the rig, everything else is rotated by ``-lighting`` about the camera's pivot instead. So the asset is
+        rotated by ``element - lighting``, the camera and lamps that do not turn with the rig by ``-lighting``. If domes
+        do not turn, only the asset is rotated, by ``element``, and lamps that turn with the rig, by ``lighting``.
         """
         camera = camera.move(tuple(-self.origin))
         frame = self._frame_turn(pose)
@@ -242,33 +260,34 @@ class BlenderScene:
             lamp.pose(pose.lighting, frame, camera.pivot)
 
     def world_turn(self, pose: Pose) -> float:
-        """Return the degrees about the pivot from Blender's world to the world in which the asset turns."""
+        """Return the rotation about the pivot, in degrees, from Blender's scene to the world where the asset turns."""
         return pose.element if self.is_osl else self._frame_turn(pose)
 
     def _frame_turn(self, pose: Pose) -> float:
-        """Return the angle, in degrees, of the scene's rotation backwards, so that its world stands still."""
+        """Return the angle, in degrees, of the backward rotation in `pose` of everything except the world."""
         return 0.0 if are_domes_still(self.task.lights) else pose.lighting
 
     def select_catcher_part(self, part: int) -> None:
-        """Make OSL shaders show a part of a frame with a shadow catcher (`lookdev.codegen.osl.catching`)."""
+        """Make OSL shaders show one of the three renders of a shadow catcher (`lookdev.codegen.osl.catching`)."""
         self._set_properties({CAUGHT_PROPERTY: (float(part), 0.0, 0.0)})
 
     def select_recorded_parts(self, parts: Sequence[int]) -> None:
-        """Make OSL shaders record at most three parts of their light, by the numbers of the template."""
+        """Make OSL shaders record at most three parts of their light, by the numbers that the shaders give to parts."""
         self._set_properties({RECORD_PROPERTY: tuple(float(part) for part in (*parts, 0, 0, 0)[:3])})
 
     def set_controls(self, pose: Pose, seed: int, samples: float) -> None:
-        """Pass the values that change from render to render to OSL shaders, as the colour of the objects.
+        """Pass values that change from render to render to OSL shaders, as the colour of the objects.
 
-        Unlike a new shader parameter, a new colour does not recompile the shader. If `samples` is `MATTE`, `ALBEDOS` or
-        `NORMALS`, shaders generated with features show these.
+        A new colour does not recompile a shader, as a new value of a shader parameter would. If `samples` is `MATTE`,
+        `ALBEDOS` or `NORMALS`, the shaders show that in place of light.
 
-        The channels are the turn of the light, the seed, the samples, and the depth of the near clip, at which the
-        camera's rays start. Channels are not negative: the angle is in [0, 2 pi).
+        The channels are the turn of the light, the seed, the samples, and the depth of the near clip, where rays of the
+        camera start. A channel cannot be negative, so the turn is in [0, 2 pi).
         """
         if self.is_osl:
             turn = math.radians((pose.lighting - pose.element) % 360.0)
-            # Samples are a power of two: the bits below encode the turn of lights that do not turn with the rig.
+            # The number of samples is a power of two. The lower bits of its channel encode the turn of the asset, which
+            # rotates the lights that do not turn with the rig.
             has_still = any(not light.emission.turns for light in self.task.lights)
             samples_and_turn = samples * (1.0 + has_still * pose.element / 720.0)
             for item in self.objects:
@@ -276,34 +295,34 @@ class BlenderScene:
 
 
 def _scene_key(task: SceneTask) -> tuple[object, ...]:
-    """Return what a scene is built from and `show` cannot replace."""
+    """Return the values of a task from which a scene is built and which `show` cannot replace."""
     is_osl = isinstance(task.shaders[0], ShaderSource)
     fixed = "OSL" if is_osl else (task.shaders, task.lights, task.shader_lights, *_placement_key(task))
     return fixed, task.resolution, task.sampling.bounces, task.sampling.passes, task.device
 
 
 def _asset_key(task: SceneTask) -> tuple[object, ...]:
-    """Return what the objects of an asset are built from."""
+    """Return the values of a task from which the objects of the asset are built."""
     return task.asset, task.slot_shaders, task.groups, task.prims
 
 
 def _material_key(task: SceneTask) -> tuple[object, ...]:
-    """Return what replaceable materials, those of OSL shaders, are built from."""
+    """Return the values of a task from which materials of OSL shaders are built: these can be replaced."""
     osl_sources = [(number, source) for number, source in enumerate(task.shaders) if isinstance(source, ShaderSource)]
     placement = _placement_key(task) if osl_sources else ()
     return *((source.program, task.lights_of_shader(number)) for number, source in osl_sources), *placement
 
 
 def _placement_key(task: SceneTask) -> tuple[object, ...]:
-    """Return what the positions of lights relative to the asset depend on.
+    """Return the values of a task on which the positions of lights relative to the asset depend.
 
-    They are compiled into the shaders of a rig and are those of the objects of lamps.
+    Shaders of a rig have these positions compiled in, and the objects of lamps have them. A single dome has none.
     """
     return () if coded_light(task.lights) else (task.asset, task.camera)
 
 
 def _set_camera(item: bpy.types.Object, camera: Camera) -> None:
-    """Set a camera's lens and its location and angles; angles, unlike a target, need no exception at the poles."""
+    """Set the lens, location and angles of a camera. Angles, unlike a target point, need no exception at the poles."""
     lens = item.data
     lens.type = "PERSP"
     lens.sensor_fit = "HORIZONTAL"
@@ -318,7 +337,7 @@ def _set_camera(item: bpy.types.Object, camera: Camera) -> None:
         lens.dof.aperture_fstop = 1e-3 * lens.lens / camera.lens.aperture
     item.location = camera.position.tolist()
     item.rotation_mode = "XYZ"
-    # The matrix is Rz(90 + azimuth - 90) Rx(90 - elevation) Rz(roll); its first factor adds to the last Euler angle.
+    # The rotation is Rz(azimuth) Rx(90° - elevation) Rz(roll). Its first factor adds to the last Euler angle.
     tilt, roll = math.pi / 2 - math.radians(camera.elevation), math.radians(camera.roll)
     across, along = math.cos(tilt) * math.sin(roll), math.cos(roll)
     item.rotation_euler = (

@@ -1,4 +1,7 @@
-"""Generated OSL: compiled once, then used by materials."""
+"""Compiles generated OSL shaders, and builds the materials that use them.
+
+A source is the generated shader of a look. Compiled shaders are cached on disk.
+"""
 
 from __future__ import annotations
 
@@ -21,19 +24,19 @@ from lookdev.cycles.streams import capture_output
 from lookdev.errors import RenderError
 from lookdev.light import Light, RigOrigin, lights_code
 
-# The values of an array parameter of a shader, which `array_text` writes into its compiled code.
 AttributeNumbers = Ints32 | Floats32
+"""The values of an array parameter of a shader, which `array_text` writes into its compiled code."""
 
 RECORD_PROPERTY = "lookdev_record"
-"""The name of a property of Blender's objects that selects which parts of the light shaders record.
+"""The name of a property of Blender's objects that selects the parts of the light that shaders record.
 
-Its value is three numbers of parts; 0 is no part (`BlenderScene.select_recorded_parts`).
+Its value is the numbers of three parts, where 0 means no part (`BlenderScene.select_recorded_parts`).
 """
 
 CAUGHT_PROPERTY = "lookdev_caught"
-"""The name of a property of Blender's objects that selects which render of a shadow-catcher frame shaders show.
+"""The name of a property of Blender's objects that selects the render of a shadow-catcher frame that shaders show.
 
-Its value is three numbers: the number of one of the three renders in `lookdev.codegen.osl.catching`, then 0 and 0.
+Its value is the number of one of the three renders in `lookdev.codegen.osl.catching`, then 0 and 0.
 """
 
 _SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
@@ -48,8 +51,9 @@ _ATTRIBUTE_SOCKETS = {
 def compile_osl(source: ShaderSource) -> Path:
     """Return the compiled .oso file of a shader from the cache; compile it there if it is missing.
 
-    Each text has its own file: Blender would compile a script beside itself, where two processes can collide. If the
-    text does not compile, a RenderError has the compiler's first message and the path of a copy of the text.
+    Each text of a shader has a file of its own in the cache. Blender would write the compiled file next to the script,
+    where two processes can collide. If the text does not compile, raises RenderError with the compiler's first message
+    and the path of a copy of the text.
     """
     text = "\n".join((*version.OSL_DEFINES, *_constant_definitions(source), source.osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
@@ -71,10 +75,10 @@ def compile_osl(source: ShaderSource) -> Path:
 
 
 def _constant_definitions(source: ShaderSource) -> list[str]:
-    """Return the lines of OSL that define a look's constants as macros.
+    """Return the lines of OSL that define the constants of a look as macros.
 
-    A constant is a number in the text. A varying one (`source.varying`) is an element of a parameter of type color
-    instead, so that its value can change without a new compilation.
+    Most constants are numbers in the text. A varying constant (`source.varying`) is an element of a shader parameter of
+    type color instead, so that its value can change without a new compilation.
     """
     values = {number: repr(value) for number, value in enumerate(source.constants)}
     values |= {number: f"look_values_{i // 3}[{i % 3}]" for i, number in enumerate(source.varying)}
@@ -86,10 +90,10 @@ def _constant_definitions(source: ShaderSource) -> list[str]:
 
 
 def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, ...]]:
-    """Return the varying constants of a source as properties of objects, by name; a property has three values.
+    """Return the varying constants of a source as properties of Blender's objects, by name.
 
-    `number` is the index of the source among the shaders of its scene. It is part of the properties' names. The last
-    property is padded with 0.
+    A property has three constants; the last one is padded with 0. `number` is the index of the source among the shaders
+    of its scene, and a part of the names.
     """
     values = [source.constants[i] for i in source.varying]
     values += [0.0] * (-len(values) % 3)
@@ -110,7 +114,8 @@ def build_surface_material(
     arrays = {name: _cached_array_text(content) for name, content in code.arrays.items()}
     arrays |= {name: array_text(numbers) for name, numbers in code.numbers.items()}
     material = bpy.data.materials.new(source.name)
-    # Not a light: otherwise Cycles would put each of its triangles into a light tree.
+    # Cycles must not treat the material as a light, although it emits. Otherwise Cycles would put each triangle with it
+    # into a light tree.
     material.cycles.emission_sampling = "NONE"
     tree = version.clear_node_tree(material)
     script = add_script_node(tree, source, values, arrays)
@@ -133,10 +138,13 @@ def add_script_node(
     values: Mapping[str, str | int | float],
     arrays: Mapping[str, str] | None = None,
 ) -> ShaderNodeScript:
-    """Add a script node with its sockets and link it to the surface output.
+    """Add a script node that runs a shader, with its sockets, and link it to the surface output.
 
-    Sockets are added here because Blender's `oslquery` would load an OpenImageIO that clashes with the installed one.
-    `arrays` are texts of `array_text`. They have no sockets: they become default values in the compiled shader.
+    values : the values of parameters, which become sockets, by name; arrays : those of array parameters, as texts of
+    `array_text`. Arrays have no sockets; they become default values in the compiled shader.
+
+    Sockets are added here, because Blender would add them by `oslquery`, which loads an OpenImageIO that clashes with
+    the installed one.
     """
     script = tree.nodes.new("ShaderNodeScript")
     compiled = compile_osl(source)
@@ -161,16 +169,16 @@ def add_script_node(
 
 
 def array_text(values: AttributeNumbers) -> str:
-    """Return an array as text of a compiled shader: type and size, a tab, the numbers."""
+    """Return an array as the text that a compiled shader has: type and size, a tab, and the numbers."""
     listed = values.ravel().tolist()
     if values.dtype.kind == "i":
-        # The text of a list takes half the time of a join.
+        # To format the whole list takes half the time of joining its numbers.
         return f"int[{values.size}]\t{str(listed)[1:-1].replace(',', '')}"
     return f"float[{values.size}]\t{' '.join(map('{:.9g}'.format, listed))}"
 
 
 def _cached_array_text(file: Content) -> str:
-    """Return the `array_text` of a file, cached: half a million integers take 0.06 s to format."""
+    """Return the `array_text` of an .npy file, from the cache: half a million integers take 0.06 s to format."""
     text = cached_file(
         "osl", f"{file.digest}-text", ".txt", lambda path: path.write_text(array_text(np.load(file.path)), "ascii")
     )
@@ -178,11 +186,12 @@ def _cached_array_text(file: Content) -> str:
 
 
 def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
-    """Return a compiled shader in which texts of `array_text` are the default values of the parameters by their names.
+    """Return the text of a compiled shader whose array parameters have other default values.
 
-    In the source text they would compile slowly. They are marked as interactive, that is, as values that may change
-    between renders: OSL reads those from memory. Otherwise it makes an LLVM constant of each number, which takes 0.2 s
-    for half a million. A RenderError reports a parameter that is missing or has another type or size.
+    `arrays` has the `array_text` of the values, by the name of the parameter. In the source text of the shader, the
+    values would compile slowly. The parameters are marked as interactive, which means that their values may change
+    between renders. OSL then reads the values from memory. Otherwise it makes an LLVM constant of each number, which
+    takes 0.2 s for half a million. Raises RenderError if a parameter is missing or has another type or size.
     """
     lines = oso.split("\n")
     for name, array in arrays.items():
@@ -199,6 +208,7 @@ def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
 def _link_attribute(
     tree: ShaderNodeTree, script: ShaderNodeScript, parameter: str, attribute: str, kind: str, owner: str = "GEOMETRY"
 ) -> None:
+    """Add a socket for a shader parameter, and link it to an attribute of the mesh or, by `owner`, of the object."""
     node = add_node(tree, "Attribute", attribute_type=owner, attribute_name=attribute)
     socket = script.inputs.new(type=_ATTRIBUTE_SOCKETS[kind], name=parameter, identifier=parameter)
     tree.links.new(node.outputs["Fac" if kind == "float" else "Vector"], socket)

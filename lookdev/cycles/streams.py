@@ -1,4 +1,4 @@
-"""The text that Blender and its libraries print, which is the only sign of some errors."""
+"""Reads the text that Blender and its libraries print. It is the only sign of some errors."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ from lookdev.errors import RenderError
 
 Result = TypeVar("Result")
 
+# Cycles logs this message for a shader that is too large for the stack of SVM, its virtual machine for shader nodes.
 _OVERFLOW = re.compile(r"out of SVM stack space, shader \"(?P<material>[^\"]*)\"", re.IGNORECASE)
 
 
 def capture_output(action: Callable[[], Result]) -> tuple[Result, str]:
-    """Run an action; return its result and the text that it writes to standard output and standard error.
+    """Run an action; return its result, and the text that it writes to standard output and standard error.
 
-    The text is then written to standard error. Blender 4.5 logs to standard error, 5.2 to standard output.
+    Both are captured, because Blender 4.5 logs to standard error, and 5.2 to standard output. Afterwards, the text is
+    written to standard error.
     """
     with os.fdopen(os.memfd_create("log"), "w+b") as log:
         _flush()
@@ -45,9 +47,9 @@ def capture_output(action: Callable[[], Result]) -> tuple[Result, str]:
 
 
 def check_svm_stack(scene: bpy.types.Scene) -> None:
-    """Compile the shaders of a scene, and check that each fits into the stack of Cycles' node machine (SVM).
+    """Compile the shaders of a scene, and check that each fits into the stack of SVM, Cycles' machine for shader nodes.
 
-    Cycles only logs a shader that does not.
+    Cycles itself only logs a message for a shader that does not fit.
 
     Raises
     ------
@@ -65,6 +67,7 @@ def check_svm_stack(scene: bpy.types.Scene) -> None:
 
 
 def _flush() -> None:
+    """Write the buffers of the streams of Python and C."""
     sys.stdout.flush()
     sys.stderr.flush()
     ctypes.CDLL(None).fflush(None)

@@ -1,4 +1,7 @@
-"""Writes turntables as keyframes: one key per frame, with the value of the rendered frame."""
+"""Writes turntables to Blender's timeline, for `lookdev export blend`.
+
+There is one keyframe per frame, with exactly the value that a render of the frame uses.
+"""
 
 from __future__ import annotations
 
@@ -14,15 +17,17 @@ from lookdev.arrays import Floats
 from lookdev.rendering.blend import BlendTurntable
 from lookdev.scene import Pose
 
-_PATHS = ("location", "rotation_euler")
+_PATHS = ("location", "rotation_euler")  # the animated properties of an object, three numbers each
 _KEY_GAP = 1.0 / 64.0
-"""Frames from a reset to the next key: exact in float32, and larger than the interval in which Blender merges keys."""
+"""The distance, in frames, from the reset of an angle to the next key (`_keys`).
+
+It is exact in float32, and larger than the distance at which Blender merges keys."""
 
 
 def animate(objects: Mapping[str, Object], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
-    """Animate objects, by their names in the action, over consecutive turntables from frame 1, in a single action.
+    """Animate objects over turntables, which follow each other from frame 1 on, by a single action of Blender.
 
-    `pose` sets location and XYZ Euler angles of the objects.
+    `objects` are by their names in the action. `pose` sets the location and XYZ Euler angles of all objects for a pose.
     """
     action = bpy.data.actions.new("turntables")
     strip = action.layers.new("turntables").strips.new(type="KEYFRAME")
@@ -51,7 +56,7 @@ def mark_turntables(scene: bpy.types.Scene, turntables: Sequence[BlendTurntable]
 
 
 def _sample_transforms(objects: Sequence[Object], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
-    """Return the locations and rotations of objects over a turntable: (objects, frames, 6)."""
+    """Return locations and XYZ Euler angles, three numbers each, of objects in a turntable: (objects, frames, 6)."""
     frames = []
     for turntable_pose in turntable.poses:
         pose(turntable_pose)
@@ -60,7 +65,10 @@ def _sample_transforms(objects: Sequence[Object], turntable: BlendTurntable, pos
 
 
 def _add_curves(bag: bpy.types.ActionChannelbag, tables: Sequence[Floats]) -> None:
-    """Add curves for the varying columns of tables (frames, 6), one for each turntable."""
+    """Add the curves of an object: one for each column that varies in the tables.
+
+    There is a table (frames, 6) for each turntable, with the columns of `_sample_transforms`.
+    """
     values = np.concatenate(tables)
     for column, (path, index) in enumerate((path, index) for path in _PATHS for index in range(3)):
         if np.ptp(values[:, column]) == 0.0:
@@ -78,10 +86,11 @@ def _add_curves(bag: bpy.types.ActionChannelbag, tables: Sequence[Floats]) -> No
 
 
 def _keys(first: int, values: Sequence[float], period: float) -> Iterator[tuple[float, float, str]]:
-    """Yield frame, value and interpolation of each key: exact at every frame, linear in between.
+    """Yield the keys of a curve from frame `first` on, each as frame, value and interpolation.
 
-    A periodic value that wraps continues past its period and is reset just before the next frame. Without the reset, an
-    angle beyond a whole turn would be rounded differently from that of the rendered frame.
+    Values are exact at every frame, and linear in between. A periodic value may wrap between two frames. The curve then
+    continues past the period, and is reset just before the second frame. Without the reset, an angle beyond a whole
+    turn would be rounded differently from that of the rendered frame.
     """
     for frame, (value, following) in enumerate(itertools.pairwise(values), start=first):
         yield frame, value, "LINEAR"

@@ -1,4 +1,4 @@
-"""Blender's worlds: the sum of a scene's dome lights."""
+"""Builds a world of Blender from the dome lights of a scene; its light is their sum."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from lookdev.cycles.nodes import SocketInput, add_node, load_image
 from lookdev.light import Dome, Light
 from lookdev.light.native import world_domes
 
-_ROW_HEIGHT = 400.0  # between the nodes of two domes
+_ROW_HEIGHT = 400.0  # the distance between the nodes of two domes in the node editor
 
-# Texels across the importance map that Cycles chooses for any light; one of twice the light's width has the same noise
-# (docs/notebook/cycles-importance-map.md).
+# The most texels across an importance map. Cycles itself chooses this width for any light. A map with twice the width
+# of the light's image has the same noise (docs/notebook/cycles-importance-map.md).
 _MAX_MAP_WIDTH = 4096
 
 
@@ -35,11 +35,14 @@ def build_world(
     Parameters
     ----------
     sampled
-        Whether Cycles samples its directions, by an importance map that it builds again after any change of the world.
+        Whether Cycles samples directions of the world, by an importance map, which it builds again after any change of
+        the world.
     after_portals
-        Whether only rays that passed a ray portal see it; other rays of the camera see black.
-    strength, turn
-        Factor of the radiance, and degrees about z, counter-clockwise seen from above.
+        Whether only rays that have passed a ray portal see the world; other rays of the camera see black.
+    strength
+        A factor of the radiance.
+    turn
+        A rotation of the domes about z in degrees, counter-clockwise seen from above.
 
     Raises
     ------
@@ -69,16 +72,17 @@ def build_world(
 def _add_dome(
     tree: bpy.types.ShaderNodeTree, dome: Dome, strength: SocketInput, turn: float, height: float
 ) -> bpy.types.ShaderNodeBackground:
-    """Add the nodes of a dome; return its background node."""
+    """Add the nodes of a dome in a row of the node editor, at a height; return its background node."""
     axes = np.array(dome.axes)
     mirror = np.diag([np.sign(np.linalg.det(axes)), 1.0, 1.0])
     angle = math.radians(turn)
-    # `axes` transforms a direction that is turned back; after the mirror the product is a rotation.
+    # A direction is turned back, then expressed in the dome's `axes`. If these are left-handed, the direction is
+    # mirrored first, so that the rest is a rotation: the node has only a scale and a rotation.
     back = np.array(Matrix.Rotation(-angle, 3, "Z"))
     rotation = Matrix((axes @ back @ mirror).tolist()).to_euler("XYZ")
     is_identity = np.array_equal(axes, np.eye(3))
     coordinates = add_node(tree, "TexCoord")
-    # The node transforms the direction of the look-up, not the map: first the scale, then the rotation.
+    # The Mapping node transforms the direction of the look-up, not the map: first the scale, then the rotation.
     transform: dict[str, SocketInput] = {
         "Vector": coordinates.outputs["Generated"],
         "Rotation": (0.0, 0.0, -angle) if is_identity else tuple(rotation),
@@ -98,7 +102,7 @@ def _add_dome(
 
 
 def _add_portal_strength(tree: bpy.types.ShaderNodeTree, strength: float) -> bpy.types.NodeSocket:
-    """Add nodes of a strength that is 0 for rays that did not pass a portal; return their output."""
+    """Add nodes that compute a strength, 0 for rays that have not passed a portal; return their output."""
     path = add_node(tree, "LightPath")
     depth = {0: path.outputs["Transparent Depth"], 1: 0.5}
     has_passed = add_node(tree, "Math", depth, operation="GREATER_THAN")

@@ -1,7 +1,8 @@
 """Lights of UsdLux: the interface through which each kind of light reads its own prims.
 
-A kind has a `UsdLight` with a function that turns a `PlacedPrim` into a `UsdLightShape`. The emission is read separately,
-in `lookdev.light.rig.emission`. A scale that differs between axes is supported where the kind's shape allows it.
+A kind has a `UsdLight` with a function that turns a `PlacedPrim` into a `UsdLightShape`. The emission is read
+separately, in `lookdev.light.rig.emission`. A scale that differs between axes is supported where the kind's shape
+allows it.
 """
 
 from __future__ import annotations

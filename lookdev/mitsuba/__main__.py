@@ -1,9 +1,10 @@
-"""The worker: reads tasks from standard input and writes results to standard output, one JSON object a line.
+"""The worker process of backend `mitsuba`, started as ``python -m lookdev.mitsuba``.
 
-The process ends at once when its input ends. It also does so when its parent dies.
+It reads tasks from standard input and writes answers to standard output, one JSON object per line. It ends at once when
+its input ends, or when its parent dies.
 
-A task is a frame (`FrameTask`) or a picture with derivatives (`DerivativeTask`). Backend `mitsuba` does not prepare
-scenes ahead of their frames (`Backend.can_prepare`): any other task is an error.
+A task is a frame (`FrameTask`) or a picture with derivatives (`DerivativeTask`). Any other task is an error: this
+backend does not prepare scenes before their first frame (`Backend.can_prepare`).
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ if TYPE_CHECKING:
 
 
 class _Scenes:
-    """The scenes of the latest frame and of the latest picture with derivatives.
+    """Renders tasks, and keeps the scene of the latest frame and that of the latest picture with derivatives.
 
-    They are stored because the next task mostly has the same scene.
+    Most tasks have the same scene as the task before.
     """
 
     def __init__(self, answers: AnswerStream, requests: TaskQueue) -> None:
@@ -37,7 +38,7 @@ class _Scenes:
         self.derivative_scene: DerivativeScene | None = None
 
     def render(self, task: FrameTask) -> None:
-        """Render a frame, and send the answer."""
+        """Render a frame and send the answer."""
         from lookdev.cache import take_notes
         from lookdev.mitsuba.load import load_mitsuba
         from lookdev.mitsuba.render import MitsubaScene
@@ -47,13 +48,13 @@ class _Scenes:
             self._answers.send_progress(task.digest, samples, planned, relmse)
 
         if self.scene is None:
-            gc.freeze()  # imported objects stay: the collection after each frame need not traverse them
+            gc.freeze()  # excludes the imported modules' objects, which live to the end, from garbage collections
         if self.scene is None or not (self.scene.matches(task.scene) or self.scene.update(task.scene)):
             self.scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.scene)
         self._answers.send_frame(task.digest, self.scene.render(task, progress), take_notes())
 
     def render_derivatives(self, task: DerivativeTask) -> None:
-        """Render a picture with derivatives, and send the answer, without an estimate of its relMSE."""
+        """Render a picture with derivatives and send the answer; its relMSE is not estimated, and sent as 0."""
         from lookdev.mitsuba.derivatives import DerivativeScene
         from lookdev.mitsuba.load import load_mitsuba
 
@@ -77,6 +78,8 @@ def main() -> None:
 
 
 def _serve(answers: AnswerStream) -> None:
+    """Read tasks and answer them; does not return, as the process ends when the input ends."""
+    # Imports come late in this function, so that the input is read and the ready message is sent before them.
     from lookdev.rendering.wire import FrameCancelled, TaskQueue
 
     requests = TaskQueue.from_input()
@@ -102,7 +105,7 @@ def _serve(answers: AnswerStream) -> None:
             answers.send_failure(getattr(task, "digest", ""), error)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scenes = _Scenes(answers, requests)
-            traceback.print_exc()  # Dr.Jit's errors refer to earlier ones
+            traceback.print_exc()  # to the log, since the message of an error of Dr.Jit may refer to its causes
             answers.send_failure(getattr(task, "digest", ""), error)
 
 

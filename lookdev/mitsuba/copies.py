@@ -1,4 +1,9 @@
-"""Instances: a mesh with several instances is stored once, as a shape group of Mitsuba."""
+"""Instances of meshes: a mesh with several instances is stored once, as a shape group of Mitsuba.
+
+`lookdev.mitsuba.geometry` numbers all triangles of all instances consecutively. By the classes here, it maps the number
+of a triangle to its instance and to the row of tables that has the data of the triangle. All instances of a mesh share
+the rows of the mesh.
+"""
 
 from __future__ import annotations
 
@@ -14,19 +19,23 @@ from lookdev.mitsuba.frozen import device_array
 from lookdev.mitsuba.types import Bool, Float, Intersection, Mitsuba, UInt, Vector3f
 from lookdev.scene.shading import LIFT
 
-_LAST = (1 << 32) - 1
+_LAST = (1 << 32) - 1  # the largest number of a triangle
 
 
 class Body(NamedTuple):
-    """A mesh of Mitsuba's scene, and its instances: in world space if there is one, else about its own centre."""
+    """A mesh as it is stored in Mitsuba's scene, and its instances.
 
-    mesh: int
-    matrix: Floats  # (4, 4), from the space of the mesh to that of the body
-    instances: tuple[int, ...]
+    With a single instance, it is stored in world space, relative to the asset's centre. With several, it is stored in
+    its own space, relative to its own centre.
+    """
+
+    mesh: int  # an index into `Asset.meshes`
+    matrix: Floats  # (4, 4), from the space of the mesh to the space in which it is stored
+    instances: tuple[int, ...]  # indices into `Asset.instances`
 
 
 def bodies_of(asset: Asset, center: Floats) -> list[Body]:
-    """Return the bodies of an asset about a centre; those with a single instance come first."""
+    """Return the bodies of an asset, relative to a centre (3,); those with a single instance come first."""
     instances: dict[int, list[int]] = {}
     for number, instance in enumerate(asset.instances):
         instances.setdefault(instance.mesh, []).append(number)
@@ -41,21 +50,34 @@ def bodies_of(asset: Asset, center: Floats) -> list[Body]:
 
 
 def _bounds_center(asset: Asset, mesh: int) -> Floats:
+    """Return the centre of a mesh's bounding box, (3,)."""
     points = asset.meshes[mesh].points.astype(np.float64)
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0))) if len(points) else np.zeros(3)
 
 
 def _translation(offset: Floats) -> Floats:
+    """Return the matrix (4, 4) of a translation."""
     matrix = np.eye(4)
     matrix[:3, 3] = offset
     return matrix
 
 
 class Copies:
-    """The instances of bodies that have several, in a variant's arrays: their matrices, and numbers of triangles.
+    """The copies of bodies, in a variant's arrays.
 
-    Each of these instances is a copy. All bodies with a single instance are copy 0, which is not transformed.
-    `matrices` is by the numbers of instances.
+    A copy is an instance of a body that has several. All bodies with a single instance together are copy 0, which is
+    not transformed. The triangles of a copy have consecutive numbers. In the methods, a `copy` of None means that no
+    body has several instances.
+
+    Parameters
+    ----------
+    bodies
+        The number of bodies with several instances.
+    matrices
+        By the number of an instance that is a copy: its matrix (4, 4), from the space of the body to world space
+        relative to the asset's centre.
+    first, row
+        For each copy, copy 0 included: the number of its first triangle, and the row of that triangle.
     """
 
     def __init__(self, mi: Mitsuba, bodies: int, matrices: Mapping[int, Floats], first: list[int], row: list[int]):
@@ -64,16 +86,18 @@ class Copies:
         self._count = len(first)
         if not bodies:
             return
+        # The following arrays have an entry for each copy.
         transforms = np.array([np.eye(4), *matrices.values()])
         linear = transforms[:, :3, :3]
-        self._next_firsts = device_array(mi.UInt32, [*first[1:], _LAST])
-        self._row_shifts = device_array(mi.UInt32, np.subtract(first, row))
+        self._next_firsts = device_array(mi.UInt32, [*first[1:], _LAST])  # the first triangle of the next copy
+        self._row_shifts = device_array(mi.UInt32, np.subtract(first, row))  # the number of a triangle minus its row
         self._instance_numbers = device_array(mi.UInt32, [0, *matrices])
         self._linear_parts = device_array(mi.Float, linear)
         self._inverse_transposes = device_array(mi.Float, np.linalg.inv(linear).swapaxes(1, 2))
         self._offsets = device_array(mi.Float, transforms[:, :3, 3])
         self._handedness = device_array(mi.Float, np.sign(np.linalg.det(linear)))
-        # Lifts scale with a copy, and grow with its distance from the centre.
+        # A lift is the distance above a facet at which a ray starts. It scales with the copy, and increases with the
+        # distance of the copy from the centre.
         self._lift_scales = device_array(mi.Float, np.linalg.norm(linear, ord=2, axis=(1, 2)))
         self._lift_offsets = device_array(mi.Float, LIFT * np.linalg.norm(transforms[:, :3, 3], axis=-1))
 
@@ -81,7 +105,7 @@ class Copies:
     def from_bodies(
         cls, mi: Mitsuba, bodies: Sequence[Body], body_of_row: Indices, asset: Asset, center: Floats
     ) -> Copies:
-        """Return the copies of bodies; `body_of_row` has the number of each row's body."""
+        """Return the copies of bodies; `body_of_row` (rows,) has the number of the body of each row."""
         sizes = np.bincount(body_of_row, minlength=len(bodies))
         rows = np.cumsum([0, *sizes])
         first, row, matrices = [0], [0], {}
@@ -99,14 +123,18 @@ class Copies:
         return cls(mi, len(copied), matrices, first, row)
 
     def find_instances(self, shapes: Mapping[str, object]) -> None:
-        """Record the numbers of the instances among a scene's shapes in Dr.Jit's registry."""
+        """Record the numbers that Dr.Jit's registry gives to the instances in a scene, for `triangle_of`.
+
+        `shapes` has the shapes of the scene by name; the shape of instance 7 is named ``instance7``.
+        """
         if self.bodies:
             indices = [self._registry_index(shapes.get(f"instance{number}")) for number in self.matrices]
             firsts = np.zeros(max(indices) + 1, np.uint32)
             firsts[indices] = self._firsts[1:]
-            self._first_of = device_array(self._mi.UInt32, firsts)
+            self._first_of = device_array(self._mi.UInt32, firsts)  # by number in the registry: the first triangle
 
     def _registry_index(self, instance: object) -> int:
+        """Return the number of an instance's shape in Dr.Jit's registry, 0 if there is none."""
         if instance is None:  # its mesh has no area
             return 0
         return int(np.asarray(dr.reinterpret_array(self._mi.UInt32, self._mi.ShapePtr(instance)))[0])
@@ -115,14 +143,17 @@ class Copies:
         """Return the numbers of the triangles that rays have hit."""
         if not self.bodies:
             return intersection.prim_index
-        index = cast("UInt", dr.reinterpret_array(self._mi.UInt32, intersection.instance))  # 0: none
+        # The number of the instance in Dr.Jit's registry, or 0 if the hit mesh is not an instance.
+        index = cast("UInt", dr.reinterpret_array(self._mi.UInt32, intersection.instance))
         return intersection.prim_index + dr.gather(self._mi.UInt32, self._first_of, index, intersection.is_valid())
 
     def copy_of(self, triangle: UInt) -> UInt | None:
-        """Return the copies of triangles, or None if no body has copies."""
+        """Return the copies that have triangles, or None if no body has several instances."""
         return self._find_copies(triangle) if self.bodies else None
 
     def _find_copies(self, triangle: UInt) -> UInt:
+        """Return the copies that have triangles, by binary search among the first triangles of copies."""
+
         def starts_before(number: UInt) -> Bool:
             return dr.gather(self._mi.UInt32, self._next_firsts, number) <= triangle
 
@@ -130,43 +161,46 @@ class Copies:
         return copy
 
     def row(self, triangle: UInt, copy: UInt | None = None) -> UInt:
-        """Return the rows of triangles; the instances of a body share its rows."""
+        """Return the rows of triangles; `copy` saves the search for their copies."""
         if not self.bodies:
             return triangle
         copy = self._find_copies(triangle) if copy is None else copy
         return triangle - dr.gather(self._mi.UInt32, self._row_shifts, copy)
 
     def instance(self, triangle: UInt, single: UInt) -> UInt:
-        """Return the instances of triangles: `single` for those of copy 0."""
+        """Return the numbers of the instances that have triangles; for those of copy 0, return `single`."""
         if not self.bodies:
             return single
         copy = self._find_copies(triangle)
         return dr.select(copy == 0, single, dr.gather(self._mi.UInt32, self._instance_numbers, copy))
 
     def point(self, copy: UInt | None, p: Vector3f) -> Vector3f:
-        """Return points of copies in world space."""
+        """Return points in world space, from points in the spaces of copies."""
         if copy is None:
             return p
         return self._multiply(self._linear_parts, copy, p) + dr.gather(self._mi.Vector3f, self._offsets, copy)
 
     def vector(self, copy: UInt | None, v: Vector3f) -> Vector3f:
-        """Return tangential vectors of copies in world space."""
+        """Return tangential vectors in world space, from vectors in the spaces of copies."""
         return v if copy is None else self._multiply(self._linear_parts, copy, v)
 
     def normal(self, copy: UInt | None, n: Vector3f) -> Vector3f:
-        """Return unit normals of copies in world space."""
+        """Return unit normals in world space, from normals in the spaces of copies."""
         return n if copy is None else dr.normalize(self._multiply(self._inverse_transposes, copy, n))
 
     def facet(self, copy: UInt | None, n: Vector3f) -> Vector3f:
-        """Return unit normals of facets in world space, whose sides follow the order of the corners."""
+        """Return unit normals of facets in world space, from those in the spaces of copies.
+
+        The order of the corners determines the side of a facet's normal, so a mirrored copy has the opposite side.
+        """
         return n if copy is None else self.normal(copy, n) * dr.gather(self._mi.Float, self._handedness, copy)
 
     def handedness(self, copy: UInt | None, handedness: Float) -> Float:
-        """Return handedness, negated where copies are mirrored."""
+        """Return the handedness of frames, 1 or -1, negated where the matrices of copies mirror."""
         return handedness if copy is None else handedness * dr.gather(self._mi.Float, self._handedness, copy)
 
     def lift(self, copy: UInt | None, lift: Float) -> Float:
-        """Return the distances above facets at which rays start."""
+        """Return the distances above facets at which rays start, from those in the spaces of copies."""
         if copy is None:
             return lift
         return dr.gather(self._mi.Float, self._lift_scales, copy) * lift + dr.gather(
@@ -174,6 +208,7 @@ class Copies:
         )
 
     def _multiply(self, matrices: Float, copy: UInt, v: Vector3f) -> Vector3f:
+        """Return vectors multiplied by the matrices (3, 3) of their copies."""
         mi = self._mi
         rows = [dr.gather(mi.Vector3f, matrices, 3 * copy + i) for i in range(3)]
         return mi.Vector3f(*(dr.dot(row, v) for row in rows))

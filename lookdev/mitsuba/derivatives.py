@@ -1,19 +1,20 @@
-"""Pictures with their derivatives by live inputs of looks, estimated along the same paths.
+"""Renders pictures together with their derivatives by live inputs of looks, along the same paths; fits use them.
 
 A live input is an input of a look whose value is an argument of a render (`DerivativeTask.values`), and not a constant
 of the look's program.
 
-Directions are drawn, and paths selected and ended, with densities that are not differentiated. So an estimate of
+Directions are drawn, and paths are selected and ended, with densities that are not differentiated. Therefore an
+estimate
 
     f(wi, x) L(wi) / pdf(wi)    has the derivative    df/dx L / pdf + f dL/dx / pdf.
 
 Here, f is the BSDF times the cosine, wi a direction, x a live input, and L the light from wi. The mean of this
 derivative is the derivative of the integral, because no edge of the picture moves with an input.
 
-The look's program has the derivatives of f among its outputs (`codegen.trace.derivatives`). If diffuse and specular
+The program of a look has the derivatives of f among its outputs (`codegen.trace.derivatives`). If diffuse and specular
 lobes reflect different light, it also has those of the diffuse part of f. The loops over paths are those of
-`lookdev.mitsuba.integrator`. They compute with lists (`lookdev.mitsuba.dual`). Here, a list has a value and, after it,
-its derivatives; for a frame it has the value alone.
+`lookdev.mitsuba.integrator`, which compute with duals (`lookdev.mitsuba.dual`). A dual is a list. Here it has a value
+and, after it, the derivatives of the value; when a frame is rendered, it has only the value.
 """
 
 from __future__ import annotations
@@ -40,11 +41,11 @@ from lookdev.rendering.derivatives import DerivativeTask
 from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
-_LAUNCH_SAMPLES = 1 << 21  # the most samples of a launch, divided by 1 + P for P derivatives
+_LAUNCH_SAMPLES = 1 << 21  # the most samples in a launch without derivatives; with P derivatives, divided by 1 + P
 
 
 class DerivativeScene:
-    """The geometry and the lights of a scene task whose looks have live inputs; they serve all values of the inputs."""
+    """The geometry and the lights of a scene whose looks have live inputs. They are the same for all input values."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask) -> None:
         self.task = task
@@ -54,7 +55,11 @@ class DerivativeScene:
         self._light = scene_lights(mi, task, self._geometry)
 
     def render(self, task: DerivativeTask, progress: Callable[[int, int], None]) -> Floats32:
-        """Return halves (2, 1 + P, H, W, 4): radiance and coverage, and their derivatives by the P `task.symbols`."""
+        """Return halves of a picture and of its derivatives by the P `task.symbols`, (2, 1 + P, H, W, 4).
+
+        The axes are the half, the picture followed by its derivatives, row, column, and the channels of radiance (3)
+        and coverage. `progress` is called with the number of finished launches and the number of all launches.
+        """
         mi, geometry = self._mi, self._geometry
         inputs = {name: (mi.Vector3f if len(value) == 3 else mi.Float)(*value) for name, value in task.values.items()}
         dr.make_opaque(inputs)
@@ -71,7 +76,8 @@ class DerivativeScene:
                 count = min(step, width * height - first)
                 numbers = [dr.opaque(mi.UInt32, number) for number in (seed, first, task.samples.bit_length() - 1)]
                 duals = estimator.duals(view, rectangle, count * task.samples, *numbers)
-                dr.eval(duals)  # all at once: otherwise each sum below would run a kernel for its own channel
+                # One kernel computes all channels. Otherwise each of the sums below would run a kernel of its own.
+                dr.eval(duals)
                 sums = [dr.block_sum(channel, task.samples) for channel in duals]
                 rows.append([np.array(channel_sum) / np.float32(task.samples) for channel_sum in sums])
                 progress(len(rows), 2 * len(starts))
@@ -81,7 +87,10 @@ class DerivativeScene:
 
 
 class LiveSurface(SurfacePoints):
-    """Points of a surface; the look's responses there have derivatives by the numbers that `symbols` names."""
+    """Points of a surface where the responses of the look have derivatives by the numbers that `symbols` names.
+
+    With `split`, the diffuse part of a response is separate. `position` is as in `SurfacePoints`.
+    """
 
     def __init__(
         self, looks: SceneLooks, symbols: Sequence[str], split: bool, *position: *tuple[UInt, UV, Vector3f, Bool]
@@ -94,6 +103,7 @@ class LiveSurface(SurfacePoints):
             evaluation.prepare(*filter(evaluation.has, outputs))
 
     def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
+        """Return the response, followed by its derivatives, and the pdf, as `SurfacePoints.respond`."""
         mi = self.looks.mi
 
         def respond(evaluation: Evaluation, wi: Vector3f) -> tuple[Dual, Dual, Float]:
@@ -108,6 +118,7 @@ class LiveSurface(SurfacePoints):
         return [Response(pair, [], split) for pair in zip(value, diffuse, strict=True)], pdf
 
     def absence(self) -> Dual:
+        """Return 1 minus the presence, followed by its derivatives."""
         mi = self.looks.mi
 
         def presence(evaluation: Evaluation) -> Dual:
@@ -115,10 +126,11 @@ class LiveSurface(SurfacePoints):
                 return [mi.Color3f(1.0), *(mi.Color3f(0.0) for _ in self._symbols)]
             return self._dual(evaluation, "presence", mi.Color3f)
 
-        present, *slopes = self._call_programs(presence, active=self.active)
-        return [1.0 - present, *(-slope for slope in slopes)]
+        present, *derivatives = self._call_programs(presence, active=self.active)
+        return [1.0 - present, *(-derivative for derivative in derivatives)]
 
     def delta(self, number: int) -> tuple[Vector3f, Dual, Float]:
+        """Return a delta direction, its factor followed by derivatives, and its group, as `SurfacePoints.delta`."""
         mi = self.looks.mi
 
         def delta(evaluation: Evaluation) -> Dual:
@@ -130,10 +142,11 @@ class LiveSurface(SurfacePoints):
         return wi, self._call_programs(delta, active=self.active), group
 
     def _dual(self, evaluation: Evaluation, output: str, kind: Callable[..., Color3f], **inputs: Float) -> Dual:
+        """Return an output of a program, followed by its derivatives by the symbols, as colours that `kind` makes."""
         names = [derivative_name(output, symbol) for symbol in self._symbols]
         zero = self.looks.mi.Color3f(0.0)
-        slopes = [kind(*evaluation.values(name, **inputs)) if evaluation.has(name) else zero for name in names]
-        return [kind(*evaluation.values(output, **inputs)), *slopes]
+        derivatives = [kind(*evaluation.values(name, **inputs)) if evaluation.has(name) else zero for name in names]
+        return [kind(*evaluation.values(output, **inputs)), *derivatives]
 
 
 class DerivativeEstimator(Estimator):
@@ -148,14 +161,14 @@ class DerivativeEstimator(Estimator):
     def duals(
         self, view: KernelView, rectangle: FramePart, count: int, seed: UInt, first: UInt, shift: UInt
     ) -> list[Float]:
-        """Return the four channels of radiance and coverage, then their derivatives by each symbol.
+        """Return the four channels of radiance and coverage, then the derivatives of these by each symbol.
 
-        The arguments are those of `Estimator.render_pixels`.
+        `count` is the number of samples. The other arguments are those of `Estimator.render_pixels`.
         """
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
         radiance, coverage, _ = self._estimate(view, rectangle, lane, seed, first, shift)
-        zeros = dr.zeros(mi.Float, count)  # makes arrays of channels that are 0 everywhere, which are single numbers
+        zeros = dr.zeros(mi.Float, count)  # a channel that is 0 everywhere is a single number; the sum is an array
         return [part + zeros for color, alpha in zip(radiance, coverage, strict=True) for part in (*color, alpha)]
 
     def _surface(self, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> SurfacePoints:
@@ -168,6 +181,6 @@ class DerivativeEstimator(Estimator):
         return self._constant_dual(0.0)
 
     def _reflect(self, vertex: Vertex, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
-        """Return the reflected light; the arriving light does not depend on the inputs."""
+        """Return the reflected light and its derivatives; the arriving light does not depend on live inputs."""
         (light,) = arriving
         return where(active, product(vertex.throughput, [response.to(light) for response in responses]))

@@ -1,6 +1,6 @@
-"""Duals: lists of a colour or number, then its derivatives by the inputs of a fit.
+"""Duals: lists of a value, a colour or a number, followed by its derivatives by the inputs of a fit.
 
-For a frame, the list has the colour or number alone.
+The path tracer computes with duals (`lookdev.mitsuba.integrator`). When a frame is rendered, a dual has only the value.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ import drjit as dr
 from lookdev.mitsuba.types import Bool, Color3f, Float
 
 Dual = list[Color3f]
+"""A colour, then its derivatives. Estimators of frames also use such lists for a colour and its parts."""
+
 _Number = TypeVar("_Number", Float, Color3f)
 
 
 def product(a: Dual, b: Dual) -> Dual:
-    """Return the product of two duals."""
+    """Return the product of two duals, by the product rule."""
     return [a[0] * b[0], *(da * b[0] + a[0] * db for da, db in zip(a[1:], b[1:], strict=True))]
 
 
@@ -37,5 +39,5 @@ def where(mask: Bool, a: Dual) -> Dual:
 
 
 def path_weight(a: Dual) -> Float:
-    """Return the weight that selects paths: the mean of the colour, without derivatives."""
+    """Return the weight with which a path is selected: the mean of a dual's colour, without its derivatives."""
     return dr.mean(a[0])

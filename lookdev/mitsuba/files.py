@@ -1,4 +1,4 @@
-"""Files as arrays of a Mitsuba variant: scenes in memory, and one that is being built, share the array of a file."""
+"""Reads images and tables into arrays of a Mitsuba variant. All scenes in memory share the array of a file."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ from lookdev.mitsuba.types import AnyArray
 
 @dataclass(frozen=True, eq=False)
 class FileArray:
-    """The numbers of a file, as a flat array, and their shape."""
+    """The numbers of a file as a flat array, and the shape that they have in the file, such as (H, W, 4)."""
 
     array: AnyArray
     shape: tuple[int, ...]
 
 
+# The arrays that some scene refers to, by type and file.
 _arrays: WeakValueDictionary[tuple[type, Content], FileArray] = WeakValueDictionary()
 
 
 def file_array(array_type: type[AnyArray], file: Content, read: Callable[[Path], Elements]) -> FileArray:
-    """Return the numbers of a file as an array of a kind; calls `read` unless a scene in memory has the array."""
+    """Return the numbers of a file as an array of a type. `read` is called only if no scene in memory has the array."""
     stored = _arrays.get((array_type, file))
     if stored is None:
         numbers = read(file.path)
@@ -37,8 +38,11 @@ def file_array(array_type: type[AnyArray], file: Content, read: Callable[[Path],
 
 
 def read_image(path: Path) -> Floats32:
-    """Read the linear RGBA of `lookdev.material.textures`, or the RGB of a light's texture, row 0 at the top."""
-    import OpenImageIO as oiio  # imported here, as looks without textures start sooner
+    """Return a linear image as RGBA (H, W, 4), row 0 at the top.
+
+    The file is a texture that `lookdev.material.textures` has written, or the RGB texture of a light.
+    """
+    import OpenImageIO as oiio  # imported here, so that looks without textures start sooner
 
     image = oiio.ImageInput.open(str(path))
     if image is None:
@@ -51,7 +55,7 @@ def read_image(path: Path) -> Floats32:
 
 
 def pad_to_rgba(pixels: Floats32) -> Floats32:
-    """Return pixels with four channels, which Dr.Jit gathers at once."""
+    """Return pixels (H, W, 4), from RGB or RGBA: Dr.Jit gathers four channels at once. Added alpha is 1."""
     if pixels.shape[2] == 4:
         return pixels
     rgba = np.ones((*pixels.shape[:2], 4), np.float32)

@@ -1,4 +1,8 @@
-"""The arrays that a frozen kernel reads besides its arguments."""
+"""Arrays for frozen kernels: kernels that Dr.Jit records once and replays with other arguments (`dr.freeze`).
+
+A frozen kernel also reads arrays that are not among its arguments, such as textures. Dr.Jit must be given the list of
+these, which `collect_arrays` finds.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,10 @@ _Array = TypeVar("_Array", bound=AnyArray)
 
 @contextmanager
 def pause_garbage_collection() -> Iterator[None]:
-    """Pause garbage collection in the block: freeing NumPy's memory while a kernel is recorded ends the process."""
+    """Pause garbage collection in the block.
+
+    Freeing NumPy's memory while a kernel is recorded would end the process.
+    """
     gc.collect()
     gc.disable()
     try:
@@ -29,10 +36,11 @@ def pause_garbage_collection() -> Iterator[None]:
 
 
 def device_array(kind: type[_Array], values: ArrayLike) -> _Array:
-    """Return numbers as a flat array of a kind, `mi.Float` or `mi.UInt32`, in memory that Dr.Jit allocates.
+    """Return numbers as a flat array of type `kind`, `mi.Float` or `mi.UInt32`, in memory that Dr.Jit allocates.
 
-    Otherwise Dr.Jit uses NumPy's memory, and gathers four numbers at once where that happens to be aligned: the kernel
-    of a scene would vary from run to run, and be compiled again.
+    A conversion alone would use NumPy's memory. Dr.Jit gathers four numbers at once where memory is aligned, and the
+    alignment of NumPy's memory varies from run to run. The kernel of a scene would therefore vary, too, and be compiled
+    again.
     """
     width = {dr.VarType.Float32: np.float32, dr.VarType.UInt32: np.uint32}[dr.type_v(kind)]
     source = kind(np.ascontiguousarray(values, width).ravel())
@@ -43,7 +51,10 @@ def device_array(kind: type[_Array], values: ArrayLike) -> _Array:
 
 
 def collect_arrays(root: object) -> list[object]:
-    """Return the arrays of Dr.Jit and the scenes of Mitsuba that objects of this package refer to, each once."""
+    """Return all arrays of Dr.Jit and scenes of Mitsuba that can be reached from an object, each once.
+
+    The search follows containers, and attributes of objects of this package.
+    """
     arrays: list[object] = []
     visited: set[int] = set()
     pending = [root]
@@ -55,7 +66,7 @@ def collect_arrays(root: object) -> list[object]:
         if dr.is_array_v(value) or type(value).__name__ == "Scene":
             arrays.append(value)
         elif isinstance(value, Program):
-            pending += (*value.constants, *value.tables)  # without its thousands of operations
+            pending += (*value.constants, *value.tables)  # its thousands of operations have no arrays
         elif isinstance(value, list | tuple | set):
             pending += value
         elif isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Look-ups of images on Dr.Jit's arrays: bilinear, wrapped and tiled as in `lookdev/shaders/texture.h`."""
+"""Look-ups of texture images on Dr.Jit's arrays: bilinear, wrapped and tiled as in `lookdev/shaders/texture.h`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from lookdev.mitsuba.types import UV, Bool, Float, Mitsuba, UInt, Vector4f
 
 
 class Images:
-    """The images of a binding, in a variant's arrays."""
+    """The images of a texture in a variant's arrays: one image, or several UDIM tiles.
+
+    `binding` describes them. Its `files` are by the number of a tile, or 0 for a single image.
+    """
 
     def __init__(self, mi: Mitsuba, binding: ImageBinding) -> None:
         self._mi = mi
@@ -18,9 +21,13 @@ class Images:
         self._tiles = {number: file_array(mi.Float, file, read_image) for number, file in binding.files.items()}
 
     def texels(self, uv: UV, active: Bool) -> tuple[Float, Float, Float, Float]:
-        """Return the four channels at coordinates of the UV set; all are 0 where there is no tile."""
+        """Return the four channels at coordinates of the UV set, or 0 where there is no tile.
+
+        If the channels are slopes of heights, they change sign where the image is mirrored, and are 0 beyond a clamped
+        edge.
+        """
         binding = self._binding
-        m = binding.transform
+        m = binding.transform  # an affine map from the UV set to coordinates s, t of the image, two rows of three
         s, t = (m[k] * uv.x + m[k + 1] * uv.y + m[k + 2] for k in (0, 3))
         if 0 in self._tiles:
             texels = bilinear(self._mi, self._tiles[0], s, t, binding.wrap_s, binding.wrap_t, active)
@@ -39,7 +46,7 @@ class Images:
 
 
 def bilinear(mi: Mitsuba, image: FileArray, s: Float, t: Float, wrap_s: str, wrap_t: str, active: Bool) -> Vector4f:
-    """Return the four channels of an image at coordinates, (0, 0) lower left."""
+    """Return the four channels of an image at coordinates s and t, from (0, 0) lower left to (1, 1) upper right."""
     texels, (height, width, _) = image.array, image.shape
     x, y = s * width - 0.5, (1.0 - t) * height - 0.5
     i, j = dr.floor(x), dr.floor(y)
@@ -54,7 +61,10 @@ def bilinear(mi: Mitsuba, image: FileArray, s: Float, t: Float, wrap_s: str, wra
 
 
 def _wrap(mi: Mitsuba, position: Float, size: int, wrap: str) -> tuple[UInt, Bool | bool]:
-    """Return the texel at an integer position along an axis, and whether there is one."""
+    """Return the index of the texel at an integer position along an axis, and whether there is a texel.
+
+    `size` is the number of texels along the axis. Beyond the edges of an image that is not wrapped, there are none.
+    """
     match wrap:
         case "repeat":
             position = position - size * dr.floor(position / size)
@@ -69,7 +79,7 @@ def _wrap(mi: Mitsuba, position: Float, size: int, wrap: str) -> tuple[UInt, Boo
 
 
 def _wrap_slope(position: Float, wrap: str) -> Float | float:
-    """Return the derivative of wrapping along an axis: -1 in mirrored copies, 0 beyond a clamped edge."""
+    """Return the derivative of the wrapped coordinate: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
     if wrap == "mirror":
         half = 0.5 * dr.floor(position)
         return dr.select(half != dr.floor(half), -1.0, 1.0)

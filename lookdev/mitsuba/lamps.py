@@ -1,4 +1,8 @@
-"""Lights of a rig on Dr.Jit's arrays: rows of numbers, and programs on them (`lookdev.codegen.program.lamps`)."""
+"""The lamps of a rig on Dr.Jit's arrays: a table of numbers, and programs that compute with them.
+
+A lamp is any light that is not a dome. Each light, domes included, has a row in the table, whose columns are named
+`FIELDS`. The programs are those of `lookdev.codegen.program.lamps`.
+"""
 
 from __future__ import annotations
 
@@ -18,10 +22,16 @@ _FIELD_NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))
 
 
 class LampRows:
-    """Lights of a rig: `rows` (n, fields + 1) as in `CodedRig.rows`, with the numbers of the lights' groups appended.
+    """The table of some lights of a rig. In the methods, `lamp` has the numbers of lights in this table.
 
-    All points and vectors are in the rig's frame. `links` (looks, n) says which looks each light reaches; None means
-    all.
+    Points and vectors are in the rig's frame, unless stated otherwise.
+
+    Parameters
+    ----------
+    rows : (n, fields + 1)
+        A row for each light as in `CodedRig.rows`, with the number of the light's group appended.
+    links : (looks, n)
+        Whether each light reaches each look. None means that all lights reach all looks.
     """
 
     def __init__(self, mi: Mitsuba, rows: Floats32, links: Bools | None) -> None:
@@ -31,25 +41,25 @@ class LampRows:
         self._links = None if links is None else device_array(mi.Float, links)
 
     def field(self, lamp: UInt, name: str) -> Float:
-        """Return a field of lamps, by their numbers."""
+        """Return the values of a field of lamps."""
         return dr.gather(self._mi.Float, self._rows, lamp * len(_FIELD_NUMBERS) + _FIELD_NUMBERS[name])
 
     def turns(self, lamp: UInt) -> Bool:
-        """Return where lamps turn with the rig."""
+        """Return whether lamps turn with the rig."""
         return self.field(lamp, "turns") > 0.0
 
     def link_of(self, lamp: UInt, look: UInt) -> Float | float:
-        """Return 1 where lamps reach a look, else 0."""
+        """Return 1 where lamps reach a look, given by its number, else 0."""
         if self._links is None:
             return 1.0
         return dr.gather(self._mi.Float, self._links, look * self.count + lamp)
 
     def to_local_point(self, lamp: UInt, point: Vector3f) -> Vector3f:
-        """Return points in the frame of lamps."""
+        """Return points in the frames of lamps, from points in the rig's frame."""
         return self.to_local(lamp, point - self._vector(lamp, "x", "y", "z"))
 
     def to_local(self, lamp: UInt, v: Vector3f) -> Vector3f:
-        """Return vectors in the axes of lamps."""
+        """Return vectors in the axes of lamps, from vectors in the axes of the rig."""
         return self._mi.Vector3f(*(dr.dot(v, self._axis(lamp, axis)) for axis in "xyz"))
 
     def to_rig(self, lamp: UInt, v: Vector3f) -> Vector3f:
@@ -61,15 +71,18 @@ class LampRows:
         return self._mi.Color3f(self._vector(lamp, "red", "green", "blue"))
 
     def _vector(self, lamp: UInt, *names: str) -> Vector3f:
+        """Return three fields of lamps as vectors."""
         return self._mi.Vector3f(*(self.field(lamp, name) for name in names))
 
     def _axis(self, lamp: UInt, axis: str) -> Vector3f:
+        """Return an axis, ``"x"``, ``"y"`` or ``"z"``, of lamps."""
         return self._vector(lamp, *(f"{axis}{i}" for i in range(3)))
 
     def evaluate(self, program: Program, lamp: UInt, name: str, **inputs: Float | Vector3f) -> tuple[Float, ...]:
-        """Return an output of a program whose symbols are fields of lamps and the `inputs`."""
+        """Return output `name` of a program. Its symbols are fields of lamps, or `inputs`, by name."""
 
         def value(symbol: str) -> AnyArray | float:
+            """Return the value of a symbol; a component of a vector is named like ``p[0]``."""
             vector, _, index = symbol.partition("[")
             if index:
                 return inputs[vector][int(index[:-1])]
@@ -79,7 +92,10 @@ class LampRows:
 
 
 class Lamps(LampRows):
-    """The lamps of one kind in a rig; each lamp with a texture is a kind of its own."""
+    """The lamps of one kind in a rig, such as all discs. A lamp with a texture, of kind "picture", is by itself.
+
+    In the methods, p is a point, n a unit normal and w a direction, in the frames of the lamps.
+    """
 
     def __init__(self, mi: Mitsuba, rig: CodedRig, kind: str, rows: Floats32, links: Bools | None) -> None:
         super().__init__(mi, rows, links)
@@ -99,28 +115,31 @@ class Lamps(LampRows):
         return self.evaluate(self._program, lamp, "weight", p=p, n=n)[0]
 
     def intersect(self, lamp: UInt, p: Vector3f, w: Vector3f) -> tuple[Float, Float]:
-        """Return the distance along directions, `FAR` where they miss the lamp, and the density of its samples."""
+        """Return the distances of lamps along directions, and the pdfs with which `draw` draws these directions.
+
+        The distance is `FAR` where a direction misses the lamp.
+        """
         distance, pdf = self.evaluate(self._program, lamp, "meet", p=p, w=w)
         return distance, pdf
 
     def draw(self, lamp: UInt, p: Vector3f, u1: Float, u2: Float) -> tuple[Vector3f, Float, Float]:
-        """Return sampled directions to lamps, distances and densities."""
+        """Return directions to lamps, sampled by two uniform numbers, the distances of the lamps, and the pdfs."""
         x, y, z, distance, pdf = self.evaluate(self._program, lamp, "draw", p=p, u1=u1, u2=u2)
         return self._mi.Vector3f(x, y, z), distance, pdf
 
     def radiance(self, lamp: UInt, p: Vector3f, w: Vector3f) -> Color3f:
-        """Return the radiance that lamps send to points along -w; w has to hit them."""
+        """Return the radiance that arrives at points from directions w, which must hit the lamps."""
         radiance = self._mi.Color3f(*self.evaluate(self._program, lamp, "sent", p=p, w=w))
         if self._image is not None:
             s, t = self.evaluate(self._program, lamp, "place", p=p, w=w)
-            # Seen from the point, x of the lamp is to the left.
+            # Seen from the point, the x axis of the lamp points to the left.
             texel = bilinear(self._mi, self._image, 1.0 - s, t, "clamp", "clamp", self._mi.Bool(True))
             radiance *= self._mi.Color3f(texel.x, texel.y, texel.z)
         return radiance
 
 
 def lamps_by_kind(mi: Mitsuba, rig: CodedRig, rows: Floats32, links: Bools | None) -> list[Lamps]:
-    """Return the lamps of a rig by kind, from their rows and links, in the rig's order."""
+    """Return the lamps of a rig, an object for each kind, from the rows and links of all lamps in the rig's order."""
     kinds = []
     for kind in rig.kinds:
         of_kind = np.flatnonzero(rows[:, 0] == list(SHAPES).index(kind))

@@ -1,8 +1,11 @@
-"""The interface of the estimator to a scene's lights: one dome, or a rig of lamps and domes (`lookdev.mitsuba.rig`).
+"""The interface of the path tracer to the lights of a scene: one dome, or a rig of lamps and domes.
 
-Points are relative to the geometry's centre; directions are in world space. `turns` is a pair of rotations about z, in
-radians, as in `lookdev.mitsuba.view.KernelView`. `turns.x` rotates lights that turn with the rig, `turns.y` all other
-lights. Both rotate, because the asset is fixed: the turn of the asset becomes a turn of camera and lights backwards.
+The class for one dome is here, that for a rig in `lookdev.mitsuba.rig`. Points are relative to the geometry's centre;
+directions are in world space.
+
+`turns` is a pair of rotations about z, in radians (`lookdev.mitsuba.view.KernelView`). `turns.x` rotates lights that
+turn with the rig, `turns.y` all other lights. The others rotate, too, because the asset is fixed here: instead of a
+turn of the asset, camera and lights turn backwards.
 """
 
 from __future__ import annotations
@@ -23,28 +26,36 @@ from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.surface import Arriving, SurfacePoints
 from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
 
-_SPLIT = ("diffuse", "specular")
+_SPLIT = ("diffuse", "specular")  # controls: factors of the light that these lobes reflect
 
 LightSample = tuple[Vector3f, Color3f, Float, Float, tuple[Float, ...]]
-"""A direction drawn from a light, the radiance from there, the light's distance, the density, the light's controls.
+"""A direction drawn from a light: direction, radiance, distance of the light, density, controls of the light.
 
 `Lighting.draw` defines radiance and density, `SceneLights` the controls.
 """
 
 
 class Direction:
-    """Directions `w` from which light arrives at a surface, and the density with which they were drawn.
+    """Directions from which light arrives at a surface, drawn from the BSDF there.
 
-    `own_density` is the number of directions that are drawn from the BSDF, times their pdf; for a delta direction it is
-    1. `Lighting.arriving` divides the radiance by ``own_density + weighed * d``. Here, d is the density of the
-    directions that are drawn from the lights. `weighed` is 1 if these can be the same direction: the result then has
-    the weight of the balance heuristic. It is 0 for delta directions, which are never drawn from lights.
+    Parameters
+    ----------
+    w
+        The directions.
+    own_density
+        The number of directions that are drawn from the BSDF, times their pdf. For a delta direction it is 1.
+    weighed
+        1, or 0 for delta directions, which are never drawn from lights. `Lighting.arriving` divides the radiance by
+        ``own_density + weighed * d``, where d is the density of directions drawn from the lights. With 1, the result
+        has the weight of the balance heuristic.
+    occluders
+        For each set in `SceneLights.shadow_excluded`: the distance of the first part that casts a shadow.
+    active
+        A mask; where it is false, no light arrives.
+    is_straight
+        Whether the light passes straight through a surface that is absent there, without reflection.
 
-    `occluders` has, for each set in `SceneLights.shadow_excluded`, the distance of the first part that casts a shadow.
-    Where `active` is false, no light arrives. `is_straight` is true for light that passes an absent surface without
-    reflection.
-
-    The class is not a dataclass, for the reason that `SurfacePoints` states.
+    The class is not a dataclass: Dr.Jit makes dataclasses part of the state of its loops.
     """
 
     def __init__(
@@ -61,29 +72,30 @@ class Direction:
 
 
 class Lighting(Protocol):
-    """The light at points of a surface, from which a number of directions is drawn."""
+    """The light at points of a surface, from which a given number of directions is drawn."""
 
     def arriving(self, direction: Direction) -> list[Arriving]:
-        """Return the unoccluded radiance over the density: the sum over all lights, then over each recorded group.
+        """Return the radiance that passes the occluders, divided by the density that `Direction` describes.
 
-        The list is that of `SceneLights.split_by_group`; the density is described at `Direction`.
+        The list is that of `SceneLights.split_by_group`: the sum over all lights, then over each recorded group.
         """
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
-        """Draw direction `number` of sample `index` from the lights.
+        """Draw direction `number` of sample `index` of a pixel from the lights.
 
-        The density is the sum of the densities of all directions that are drawn from the lights at the point. The
-        radiance is multiplied by q / p. Here, q is the light's pdf in that sum, and p the pdf with which the direction
-        was in fact drawn: a dome draws from a table, which only approximates q.
+        The density is the sum over all directions that are drawn from the lights at the point. The radiance is
+        multiplied by q / p. Here, q is the light's pdf in that sum, and p is the pdf with which the direction is really
+        drawn: a dome draws from a table, whose pdf p only approximates q.
         """
 
 
 class SceneLights(ABC):
-    """All lights of a scene, and their controls: of shadows, of the response of lobes, and of recording.
+    """All lights of a scene.
 
-    The controls of a light are a tuple of numbers. A control that no light of the scene needs is left out. In order:
+    The controls of a light are a tuple of numbers that determine its shadows, its effect on lobes, and its recording. A
+    control that no light of the scene needs is left out. In order:
 
-    - ``spares``: the index of the light's set in `shadow_excluded`, the groups of parts that cast no shadow of it;
+    - ``spares``: the index in `shadow_excluded` of the set of groups of parts that cast no shadow of the light;
     - `SHADOW_FIELDS`: whether the light casts shadows, the distance in metres at which shadows end, the width of the
       zone before that end in which they fade, the exponent of the fading, and the colour of shadows;
     - ``diffuse`` and ``specular`` (`_SPLIT`): the factors of the light that these lobes reflect;
@@ -98,11 +110,11 @@ class SceneLights(ABC):
     groups
         The number of groups of lights whose light is recorded separately.
     shadow_excluded
-        The distinct sets of parts, as indices of groups of parts, that lights exclude from their shadows. A single
-        empty set if no light excludes any.
+        The distinct sets of parts that lights exclude from their shadows. A set has the indices of groups of parts. If
+        no light excludes any part, there is a single set, which is empty.
     shadowed
-        Whether some light's shadow is not the default, which is black and has no end. Only then does the share of light
-        that passes an occluder depend on the distance from the shading point to the occluder.
+        Whether the shadow of some light differs from the default, which is black and has no end. Only then does the
+        share of light that passes an occluder depend on the distance from the shading point to the occluder.
     split
         Whether the factors of some light for diffuse and specular lobes are not 1.
     """
@@ -125,14 +137,15 @@ class SceneLights(ABC):
 
     @abstractmethod
     def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
-        """Return the light at a surface, from which `count` directions are drawn: in front, or on `both_sides`."""
+        """Return the light at a surface. From it, `count` directions are drawn: in front, or on `both_sides`."""
 
     def camera_radiance(
         self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
     ) -> tuple[list[Color3f], Bool]:
-        """Return the radiance of the visible lights that rays hit nearer than a distance, and a mask of these hits.
+        """Return the radiance of the visible lights along rays of the camera, and a mask of rays that hit one.
 
-        The radiance is a list: the sum over all lights, then over each recorded group.
+        Only lights nearer than `distance` count. The radiance is a list: the sum over all lights, then over each
+        recorded group.
         """
         return [self._mi.Color3f(0.0)], self._mi.Bool(False)
 
@@ -142,11 +155,11 @@ class SceneLights(ABC):
 
     @property
     def no_controls(self) -> tuple[Float, ...]:
-        """The controls of no light."""
+        """The controls, all 0, of a sample for which no light was selected."""
         return tuple(self._mi.Float(0.0) for _ in self._control_names)
 
     def split_by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
-        """Return the light that arrives from one light, then the part from each recorded group: all of it or 0."""
+        """Return the light that arrives from one light, then the part of it for each recorded group: all of it or 0."""
         specular, diffuse = arriving
         masks = [controls[-1] == number for number in range(self.groups)]
         return [
@@ -155,16 +168,17 @@ class SceneLights(ABC):
         ]
 
     def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
-        """Return whether lights exclude a set of parts, by its number in `shadow_excluded`."""
+        """Return where lights exclude the set of parts that has a number in `shadow_excluded`."""
         return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
 
     def shadow_shares(
         self, controls: tuple[Float, ...], distance: Float, occluders: list[Float], is_straight: bool = False
     ) -> Arriving:
-        """Return the shares of a light that specular and diffuse lobes receive, past occluders.
+        """Return the shares of a light that pass the occluders and reach the specular and the diffuse lobes.
 
-        `distance` is the distance of the light. `occluders` has the distance of the first occluder for each set in
-        `shadow_excluded`. Light that `is_straight` passes the surface and meets no lobe: no factor of a lobe applies.
+        distance : that of the light; occluders : the distance of the first occluder for each set in `shadow_excluded`;
+        is_straight : whether the light passes straight through the surface. It then meets no lobe, and the factors of
+        lobes do not apply.
         """
         mi = self._mi
         values = dict(zip(self._control_names, controls, strict=True))
@@ -176,6 +190,7 @@ class SceneLights(ABC):
         if self.shadowed:
 
             def value(name: str) -> Float:
+                """Return the value of a symbol of the shadow's program."""
                 return dr.select(occluded, occluder, 0.0) if name == "distance" else values[name]
 
             transmitted = mi.Color3f(*Evaluation(self._shadow_program, value).values("passed"))
@@ -186,7 +201,7 @@ class SceneLights(ABC):
 
 
 def split_count(count: UInt) -> tuple[UInt, UInt]:
-    """Return how many of `count` directions are drawn in front of the surface, and behind it, as in the shader."""
+    """Return how many of `count` directions are drawn in front of a surface, and behind it, as in the OSL shader."""
     return count - count // 2, count // 2
 
 
@@ -209,10 +224,13 @@ class OneDome(SceneLights):
         self.sampled = self._dome.sampled
 
     def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
+        """Return the light of the dome at a surface, as `SceneLights.at`."""
         return _DomeLighting(self._mi, self._dome, surface, turns.x, count, both_sides and self.sampled)
 
 
 class _DomeLighting:
+    """The light of a dome at points of a surface. `turn` is the rotation of the dome."""
+
     def __init__(
         self, mi: Mitsuba, dome: DomeLight, surface: SurfacePoints, turn: Float, drawn_count: UInt, both_sides: bool
     ) -> None:
@@ -224,6 +242,7 @@ class _DomeLighting:
             self._bins = [(count, dome.bin(rotate_z(n, -turn))) for count, n in zip(counts, normals, strict=False)]
 
     def arriving(self, direction: Direction) -> list[Arriving]:
+        """Return the light from the dome, as `Lighting.arriving`."""
         active = direction.active & (direction.occluders[0] >= FAR)
         local = rotate_z(direction.w, -self._turn)
         radiance = self._dome.radiance(local, active)
@@ -232,7 +251,8 @@ class _DomeLighting:
         return [(arriving_light, arriving_light)]
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
-        start = sobol.hash_integers(seed ^ 0x2545F491)
+        """Draw a direction, as `Lighting.draw`: those with the first numbers in front, the others behind."""
+        start = sobol.hash_integers(seed ^ 0x2545F491)  # an arbitrary constant, so that other uses of the seed differ
         front, bin = self._bins[0]
         back = number >= front
         sample = bin.draw_numbered(start ^ (index * front + number), seed, active)
@@ -245,6 +265,7 @@ class _DomeLighting:
         return rotate_z(local, self._turn), ratio * radiance, self._mi.Float(INFINITE_DISTANCE), density, ()
 
     def _density(self, local: Vector3f, radiance: Color3f) -> Float:
+        """Return the density of all directions drawn from the dome; `local` is a direction in its axes."""
         total = self._mi.Float(0.0)
         for count, bin in self._bins:
             total += self._mi.Float(count) * bin.pdf(local, radiance)

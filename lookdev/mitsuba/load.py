@@ -1,4 +1,4 @@
-"""Loads Mitsuba in the variant of a device; Mitsuba and Dr.Jit are imported only then."""
+"""Loads Mitsuba in the variant of a device. Only the first call imports Mitsuba and Dr.Jit."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lookdev.mitsuba.types import Mitsuba
 from lookdev.rendering.llvm import LLVM_VARIABLE, check_device, find_llvm
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
-"""The variants by device; colours are linear Rec.709, numbers float32."""
+"""The variant of Mitsuba for each device. Its colours are linear Rec.709, its numbers float32."""
 
 
 @cache

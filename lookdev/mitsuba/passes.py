@@ -1,4 +1,4 @@
-"""The passes of a frame that are not light: geometry, albedo, and mattes, from the hits of camera rays."""
+"""The passes of a frame that are not light: geometry, albedo, and cryptomattes, from the first hits of camera rays."""
 
 from __future__ import annotations
 
@@ -20,18 +20,20 @@ from lookdev.rendering.passes import MATTES
 from lookdev.rendering.task import FrameTask
 
 CENTER_PASSES = frozenset(("depth", "position", "normal", "uv"))
-_NO_DEPTH = 1e10  # metres, where there is no surface
-_MAX_LAUNCH_SAMPLES = 1 << 22  # in a launch
+"""The passes that have the value at the centre of a pixel, and not a mean over samples."""
+
+_NO_DEPTH = 1e10  # the depth in metres of pixels without a surface
+_MAX_LAUNCH_SAMPLES = 1 << 22  # the most samples in a launch of a kernel
 
 
 class Features:
-    """Features of the surfaces that the camera sees, in a variant's arrays."""
+    """Renders passes from the surfaces that the camera sees; `bounces` limits how many it sees through."""
 
     def __init__(self, looks: SceneLooks, bounces: int) -> None:
         self._mi, self._geometry, self._looks, self._bounces = looks.mi, looks.geometry, looks, bounces
 
     def guides(self, view: KernelView) -> tuple[Floats32, Floats32]:
-        """Return the mean albedos, premultiplied, and the mean normals of all pixels, (H, W, 3) each."""
+        """Return the mean albedo, premultiplied, and the mean normal of each pixel, (H, W, 3) each."""
         size = FEATURE_SAMPLES
         triangle, uv, ray, hit = self._first_hits(view, 0, view.width * view.height, size)
         guides = [dr.select(hit, guide, 0.0) for guide in SurfacePoints(self._looks, triangle, uv, -ray.d, hit).guide()]
@@ -44,14 +46,18 @@ class Features:
         return albedo.astype(np.float32).reshape(shape), normal.astype(np.float32).reshape(shape)
 
     def _first_hits(self, view: KernelView, first: int, count: int, size: int) -> tuple[UInt, UV, Ray3f, Bool]:
-        """Return the triangles, coordinates, rays and hit masks of `size` samples of each of `count` pixels."""
+        """Return triangles, barycentric coordinates, rays and hit masks of samples.
+
+        `first` is the number of the first pixel, `count` the number of pixels, `size` the number of samples per pixel,
+        a power of two.
+        """
         mi = self._mi
         lane = dr.arange(mi.UInt32, count * size)
         pixel = dr.opaque(mi.UInt32, first) + lane // size
         return view.first_hits(mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel))[:4]
 
     def center_passes(self, view: KernelView, task: FrameTask) -> dict[str, Floats32]:
-        """Return the passes at the hits of rays through the centres of pixels, (H, W, channels) by name."""
+        """Return those of `CENTER_PASSES` that a task requests, by name, (H, W, channels) each."""
         mi, requested = self._mi, CENTER_PASSES.intersection(task.scene.sampling.passes)
         pixel = dr.arange(mi.UInt32, view.width * view.height)
         row = pixel // view.width
@@ -61,6 +67,7 @@ class Features:
         arrays: dict[str, Floats32] = {}
 
         def array(value: AnyArray, background: float = 0.0) -> Floats:
+            """Return values at hits as an array (H, W, channels), with `background` where nothing is hit."""
             channels = [value] if isinstance(value, mi.Float) else list(value)
             values = [np.array(dr.select(hit, channel, background), np.float64) for channel in channels]
             return np.stack(values, axis=-1).reshape(view.height, view.width, -1)
@@ -88,9 +95,9 @@ class Features:
     def mattes(
         self, view: KernelView, task: FrameTask, alpha: Floats32, samples: int
     ) -> tuple[dict[str, Floats32], dict[str, tuple[str, ...]]]:
-        """Return the mattes of a frame, (H, W, channels) by name, and the names in each matte.
+        """Return the cryptomattes of a frame, (H, W, 2 `RANKS`) by name, and the names in each of them.
 
-        They take half the samples of the frame (`matte_samples`), and sum up to its alpha.
+        Mattes take `matte_samples` of the frame's `samples`. Coverages in a pixel are scaled to sum up to its alpha.
         """
         scene, asset = task.scene, self._geometry.asset
         paths = scene.prims or tuple(instance.path for instance in asset.instances)
@@ -126,7 +133,11 @@ class Features:
     def _hits_in_depth(
         self, view: KernelView, first: int, count: int, size: int
     ) -> Iterator[tuple[Ints, Ints, Floats]]:
-        """Yield the instances and the sources that samples of pixels hit, and their visible shares, hit by hit."""
+        """Yield the surfaces along camera rays, from the first to the last that is visible through those before.
+
+        Each item has three arrays over samples: the number of the instance, the number of the source (the code of a
+        look), and the visible share of the surface.
+        """
         mi = self._mi
         triangle, uv, ray, hit = self._first_hits(view, first, count, size)
         remaining = dr.select(hit, mi.Float(1.0), 0.0)
@@ -149,9 +160,10 @@ class Features:
 
 
 def _rank_by_coverage(keys: Ints, weights: Floats, ids: NDArray[np.uint32], pixels: int) -> Floats32:
-    """Return the ids and coverages (P, 2 RANKS) of pixels, largest coverage first.
+    """Return the pairs of id and coverage (pixels, 2 `RANKS`) of pixels, largest coverage first.
 
-    keys : (N,) a pixel times the number of ids, plus the number of the id.
+    keys : (N,) for each hit, the number of its pixel times the number of ids, plus the index of its id in `ids`;
+    weights : (N,) the coverage of each hit; ids : the bits of the ids.
     """
     ranked = np.zeros((pixels, RANKS, 2), np.float32)
     unique, inverse = np.unique(keys, return_inverse=True)

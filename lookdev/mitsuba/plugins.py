@@ -1,7 +1,10 @@
-"""Models and looks as BSDFs of Mitsuba 3 (Jakob et al. 2022), for scenes of its users: ``lookdev_disney``, ...
+"""BSDF plug-ins for scenes of Mitsuba users (Jakob et al. 2022): one for each model, as ``lookdev_disney``, and looks.
 
 The numbers of a plug-in are inputs of its kernels: `mitsuba.traverse` lists them, and they are differentiable. The
 densities of sampled directions are not differentiated.
+
+`mi` is Mitsuba in the user's current variant. A program is the code of a look, generated from its model
+(`lookdev.mitsuba.programs`).
 """
 
 from __future__ import annotations
@@ -33,13 +36,14 @@ if TYPE_CHECKING:
 
 mi: Mitsuba = import_module("mitsuba")
 
-_FILE, _PRIM, _VARIANT = "file", "prim", "variant_"
+_FILE, _PRIM, _VARIANT = "file", "prim", "variant_"  # names of properties of a look's BSDF; the last is a prefix
 
 
 def model_bsdf(name: str, properties: Properties) -> BSDF:
-    """Return the BSDF of a model. Parameters are numbers, colours or textures of Mitsuba; tokens are strings.
+    """Return the BSDF of a model, with the parameters of the model as properties.
 
-    Raises ModelError where a parameter is unknown or outside its range.
+    A property is a number, a colour or a texture of Mitsuba; for a parameter that is a token, it is a string. Raises
+    ModelError where a parameter is unknown or outside its range.
     """
     parameters = MODELS[name].parameters
     values = {key: properties[key] for key in properties if key in parameters}
@@ -54,14 +58,14 @@ def model_bsdf(name: str, properties: Properties) -> BSDF:
 
 
 def look_bsdf(properties: Properties) -> BSDF:
-    """Return the BSDF of a look of a USD file.
+    """Return the BSDF of a look in a USD file. Properties name the file, the prim, and the variant of each set.
 
     Raises
     ------
     LookError
         The look has faults; the message lists all of them.
     CodegenError
-        The look needs something that a BSDF of Mitsuba lacks: primvars, two UV sets, single directions.
+        The look needs something that a BSDF of Mitsuba lacks: primvars, two UV sets, delta directions.
     """
     if _FILE not in properties:
         raise ModelError(f"lookdev_look: no '{_FILE}'; the path of a USD file of a look would be right")
@@ -74,7 +78,7 @@ def look_bsdf(properties: Properties) -> BSDF:
 
 
 def _constant(value: object, parameter: Parameter) -> Any:
-    """Return an input of a layer; for a texture, the default of the parameter stands in."""
+    """Return the value of a property as an input of a layer; for a texture, return the parameter's default instead."""
     if isinstance(value, mi.Texture):
         return parameter.default if parameter.kind == "float" else tuple(np.broadcast_to(parameter.default, 3).tolist())
     if parameter.kind == "token":
@@ -84,6 +88,11 @@ def _constant(value: object, parameter: Parameter) -> Any:
 
 
 def _create_bsdf(properties: Properties, look: Look, textures: Mapping[str, tuple[Texture, Parameter]]) -> BSDF:
+    """Return the BSDF of a look.
+
+    Its stated constants are live inputs: arguments of the program, not numbers in it. `textures` has Mitsuba's textures
+    that replace some of these, and the parameters that they set, by the names of live inputs.
+    """
     live = stated_constants(look)
     source = generate_program(look, image_file, live=live)
     source.check_plugin(look.name)
@@ -92,12 +101,18 @@ def _create_bsdf(properties: Properties, look: Look, textures: Mapping[str, tupl
 
 @cache
 def _bsdf_class(variant: str) -> Callable[..., BSDF]:
-    """Return the BSDF class of a variant, which has to be the current one."""
+    """Return the BSDF class for a variant, which must be the current one: each variant has its own base class."""
 
     base: Any = mi.BSDF
 
     class LookBSDF(base):  # type: ignore[misc]
-        """The program of a look."""
+        """A BSDF that evaluates and samples by the program of a look. Methods are those of `mitsuba.BSDF`.
+
+        `numbers` has the values of live inputs by name. A texture in `textures` replaces the number with its name.
+
+        As in Mitsuba, `si` is the surface interaction, and its `wi` the direction to the viewer. The program calls this
+        direction `wo`. The program's `wi` is the direction of the light, which Mitsuba calls `wo`.
+        """
 
         def __init__(
             self,
@@ -139,11 +154,11 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
         def sample(
             self, context: object, si: Interaction, sample1: Float, sample2: UV, active: Bool | bool = True
         ) -> tuple[object, Color3f]:
-            evaluation, side = self._evaluation(si)
+            evaluation, flip = self._evaluation(si)
             wi = mi.Vector3f(*evaluation.values("wi", u1=dr.detach(sample2.x), u2=dr.detach(sample2.y)))
             wi = dr.detach(wi)
             bs = mi.BSDFSample3f()
-            bs.wo = side(wi)
+            bs.wo = flip(wi)
             value, pdf = self._respond(evaluation, wi, active)
             bs.eta, bs.sampled_component, bs.pdf = 1.0, mi.UInt32(0), pdf
             below = wi.z < 0.0
@@ -171,8 +186,8 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
         def eval_pdf(
             self, context: object, si: Interaction, wo: Vector3f, active: Bool | bool = True
         ) -> tuple[Color3f, Float]:
-            evaluation, side = self._evaluation(si)
-            return self._respond(evaluation, side(wo), active)
+            evaluation, flip = self._evaluation(si)
+            return self._respond(evaluation, flip(wo), active)
 
         def eval_null_transmission(self, si: Interaction, active: Bool | bool = True) -> Color3f:
             if not self._source.see_through:
@@ -183,7 +198,7 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
             return f"LookBSDF[{self._title}: {', '.join((*self._numbers, *self._textures))}]"
 
         def _respond(self, evaluation: Evaluation, wi: Vector3f, active: Bool | bool) -> tuple[Color3f, Float]:
-            """Return the BSDF times the cosine, and the density of sampled directions that do not pass the surface."""
+            """Return the BSDF times the cosine, and the pdf with which `sample` draws a direction from its lobes."""
             directions = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
             value = mi.Color3f(*evaluation.values("value", **directions))
             pdf = mi.Float(evaluation.values("pdf", **directions)[0])
@@ -193,16 +208,17 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
             return value & valid, dr.detach(dr.select(valid, pdf, 0.0))
 
         def _evaluation(self, si: Any) -> tuple[Evaluation, Callable[[Vector3f], Vector3f]]:
-            """Return the program at points, and a function, its own inverse, between Mitsuba's frame and the program's.
+            """Return the program at points, and a function between directions in Mitsuba's frame and in the program's.
 
-            Seen from behind, the frame is rotated by 180 degrees about its tangent.
+            The function maps both ways, as it is its own inverse. Where the surface is seen from behind, the program's
+            frame is Mitsuba's, rotated by 180 degrees about its tangent. Elsewhere, both are equal.
             """
             turn = dr.select(si.wi.z < 0.0, mi.Float(-1.0), mi.Float(1.0))
 
-            def side(w: Vector3f) -> Vector3f:
+            def flip(w: Vector3f) -> Vector3f:
                 return mi.Vector3f(w.x, turn * w.y, turn * w.z)
 
-            wo = side(si.wi)
+            wo = flip(si.wi)
             mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
             handed = turn * dr.select(mirrored, mi.Float(-1.0), mi.Float(1.0))
             values = {"wo_x": wo.x, "wo_y": wo.y, "wo_z": wo.z, "handed": handed, "hand": handed}
@@ -210,6 +226,7 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
             inputs: dict[str, Any] = {}
 
             def symbol(name: str) -> Any:
+                """Return the value of a symbol: ``name[0]`` is a component, ``name_a`` the alpha of an image."""
                 if name in values:
                     return values[name]
                 source, _, index = name.partition("[")
@@ -219,9 +236,10 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
                     inputs[source] = self._read(source, si)
                 return inputs[source][3 if alpha else int(index[:-1])] if alpha or index else inputs[source]
 
-            return Evaluation(self._program, symbol), side
+            return Evaluation(self._program, symbol), flip
 
         def _read(self, source: str, si: Interaction) -> Any:
+            """Return the values of an image, a texture, a live input or the UV set at points."""
             if source in self._images:
                 return self._images[source].texels(si.uv, mi.Bool(True))
             if source in self._textures:

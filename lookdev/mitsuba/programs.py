@@ -1,4 +1,8 @@
-"""Programs of looks, run on Dr.Jit's arrays: traced and compiled where the arrays are symbolic or not evaluated yet."""
+"""Runs the programs of looks and lights on Dr.Jit's arrays, which traces and compiles them as parts of a kernel.
+
+A program is a list of operations on numbers (`lookdev.codegen.source.ProgramSource`). An operation reads the results of
+earlier ones, by their numbers in the list. Inputs are symbols with names; outputs are groups of results with names.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +16,11 @@ from lookdev.codegen.source import ProgramOperation
 from lookdev.mitsuba.types import AnyArray, Float
 
 VARYING = frozenset(("wi_x", "wi_y", "wi_z", "u1", "u2"))
-"""Symbols that vary between the directions at one point."""
+"""The symbols whose values vary between the directions at one point: light directions, and random numbers."""
 
 
 def _expm1(x: Float) -> Float:
-    """Return exp(x) - 1 without cancellation (Higham 2002, "Accuracy and Stability", section 1.14.1)."""
+    """Return exp(x) - 1 without cancellation, by Higham 2002, "Accuracy and Stability", section 1.14.1."""
     e = dr.exp(x)
     power = dr.log(e)
     return dr.select(e == 1.0, x, dr.select(e - 1.0 == -1.0, -1.0, (e - 1.0) * x / power))
@@ -51,20 +55,20 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "logical_not": lambda a: ~a,
     "where": dr.select,
 }
-"""The operations that `lookdev.codegen.trace` traces, by their names in NumPy."""
+"""The functions of the operations that `lookdev.codegen.trace` traces, by the names of these in NumPy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A `ProgramSource`, with its constants and tables as arrays of `number`, a float type of Dr.Jit."""
+    """A program, with its constants and tables as arrays of Dr.Jit."""
 
     operations: Sequence[ProgramOperation]
-    outputs: Mapping[str, tuple[int, ...]]
-    number: type[Float]
+    outputs: Mapping[str, tuple[int, ...]]  # by name: the numbers of the operations with its elements
+    number: type[Float]  # the type of all numbers, a float type of Dr.Jit
     constants: Sequence[Float] = ()
     tables: Sequence[Float] = ()
-    needs: Mapping[str, tuple[int, ...]] = field(init=False)
-    varying: frozenset[int] = field(init=False)
+    needs: Mapping[str, tuple[int, ...]] = field(init=False)  # by output: the operations on which it depends, in order
+    varying: frozenset[int] = field(init=False)  # the operations that depend on a symbol in `VARYING`
 
     def __post_init__(self) -> None:
         varying: set[int] = set()
@@ -77,6 +81,7 @@ class Program:
 
 
 def _dependencies(operations: Sequence[ProgramOperation], roots: Sequence[int]) -> tuple[int, ...]:
+    """Return the numbers of the operations on which the `roots` depend, roots included, in ascending order."""
     reached: set[int] = set()
     pending = list(roots)
     while pending:
@@ -87,7 +92,10 @@ def _dependencies(operations: Sequence[ProgramOperation], roots: Sequence[int]) 
 
 
 class Evaluation:
-    """A program at points of a surface, with the values computed so far; `symbol` returns a symbol's value by name."""
+    """A program at points of a surface. It stores computed results, except those that vary between directions.
+
+    `symbol` returns the value of a symbol, by name.
+    """
 
     def __init__(self, program: Program, symbol: Callable[[str], AnyArray | float]) -> None:
         self._program = program
@@ -99,7 +107,7 @@ class Evaluation:
         return name in self._program.needs
 
     def values(self, name: str, **inputs: AnyArray) -> tuple[Float, ...]:
-        """Return the elements of an output; `inputs` are the values of symbols that vary between directions."""
+        """Return the elements of an output. `inputs` are the values of those symbols that vary between directions."""
         program = self._program
         local: dict[int, Any] = {}
         for number in program.needs[name]:
@@ -109,13 +117,14 @@ class Evaluation:
         return tuple(local[n] if n in local else self._values[n] for n in program.outputs[name])
 
     def prepare(self, *names: str) -> None:
-        """Compute those values that outputs need and that do not vary between directions."""
+        """Compute and store all results that the named outputs need and that do not vary between directions."""
         for name in names:
             for number in self._program.needs[name]:
                 if number not in self._program.varying and number not in self._values:
                     self._values[number] = self._compute(self._program.operations[number], {}, {})
 
     def _compute(self, operation: ProgramOperation, local: Mapping[int, Any], inputs: Mapping[str, AnyArray]) -> object:
+        """Return the result of an operation; `local` has the results that vary between directions."""
         program = self._program
         match operation.op:
             case "constant":

@@ -1,4 +1,8 @@
-"""A scene in Mitsuba's arrays, and the rendering of its frames."""
+"""Renders the frames of a scene in Mitsuba: launches the kernel of the path tracer for parts of a frame.
+
+A launch computes the samples of some pixels. Halves of a frame, and their regions, are described in
+`lookdev.rendering.adaptive`.
+"""
 
 from __future__ import annotations
 
@@ -29,16 +33,20 @@ from lookdev.rendering.oidn import make_denoiser
 from lookdev.rendering.task import FrameTask, SceneTask
 
 MAX_LAUNCH_SECONDS = 0.2
-"""Seconds of a launch: the worker reports between launches, and kernels cannot be interrupted."""
+"""The planned seconds of a launch. Kernels cannot be interrupted, and the worker reports progress between launches."""
 
-_FIRST_LAUNCH_SAMPLES = 1 << 16  # samples, before the time of a sample is measured
-_MAX_LAUNCH_SAMPLES = 1 << 24  # samples in a launch: four numbers of each are stored
-# Samples up to which the quick filter is used: it saves more time than the samples take that compensate its error.
+_FIRST_LAUNCH_SAMPLES = 1 << 16  # samples in the first launch, before the time of a sample is measured
+_MAX_LAUNCH_SAMPLES = 1 << 24  # the most samples in a launch: for each, four numbers or more are stored
+# The most samples per pixel for which the denoiser's quick mode is used. This mode has a larger error. The additional
+# samples that compensate it take less time than the mode saves.
 _QUICK_FILTER_SAMPLES = 64
 
 
 class MitsubaScene:
-    """A scene task in a variant's arrays. It takes over the asset of the `previous` scene, which then is not used."""
+    """A scene in a variant's arrays. It takes over the geometry of a `previous` scene with the same asset.
+
+    The previous scene must not be used afterwards.
+    """
 
     def __init__(self, mi: Mitsuba, task: SceneTask, previous: MitsubaScene | None = None) -> None:
         self._mi = mi
@@ -51,18 +59,23 @@ class MitsubaScene:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.assign_looks(task.slot_shaders, task.groups)
         looks = self._looks = SceneLooks(mi, task, self._geometry)
-        # The last of a set of parts is the beauty minus the others.
+        # The last part of each set is not recorded, because it is the beauty minus the others.
         self._recorded = [name for parts in task.part_sets for name in parts[:-1]]
         light = scene_lights(mi, task, self._geometry)
         self._features = Features(looks, task.sampling.bounces)
         groups = [name for name in self._recorded if name in LOBE_GROUPS]
         self._estimator = Estimator(looks, light, task.sampling, groups)
-        # Frozen, so that it is traced once: with many looks and lights, tracing takes longer than the kernel.
+        # The function is frozen, so that it is traced only once. With many looks and lights, tracing takes longer than
+        # the kernel itself.
         arrays = collect_arrays(self._estimator)
         self._render_pixels = dr.freeze(self._estimator.render_pixels, state_fn=lambda *arguments: arrays)
 
     def matches(self, task: SceneTask) -> bool:
-        """Return whether this scene renders a task: only samples, seed, camera and resolution may differ."""
+        """Return whether this scene can render a task.
+
+        The task may have other samples, another target error or seed, another resolution, or another camera with the
+        same pivot.
+        """
         scene = self._task
         sampling = replace(
             task.sampling, samples=scene.sampling.samples, error=scene.sampling.error, seed=scene.sampling.seed
@@ -71,7 +84,7 @@ class MitsubaScene:
         return replace(task, sampling=sampling, camera=camera, resolution=scene.resolution) == scene
 
     def update(self, task: SceneTask) -> bool:
-        """Change to a task that differs in constants of looks alone, and return True; return False for other tasks."""
+        """Change to a task that differs only in constants of looks; for others, change nothing and return False."""
         if len(task.shaders) != len(self._task.shaders) or not self.matches(replace(task, shaders=self._task.shaders)):
             return False
         if not self._looks.update(task):
@@ -80,7 +93,7 @@ class MitsubaScene:
         return True
 
     def render(self, task: FrameTask, progress: ReportSamples) -> RenderedFrame:
-        """Render one frame; between launches, `progress` is called with the latest figures again."""
+        """Render one frame. `progress` is also called after each launch, with the same figures as before."""
         view = KernelView.of(self._mi, task.scene.camera, task.pose, task.scene.resolution, self._geometry.center)
         latest_report: tuple[int, int, float | None] = (0, task.scene.sampling.samples, None)
 
@@ -90,10 +103,11 @@ class MitsubaScene:
             progress(*latest_report)
 
         def render(seed: int, region: Region) -> tuple[Floats32, Floats32, Mapping[str, Floats32]]:
+            """Render a region of a half, as `lookdev.rendering.frame.RenderRegion`."""
             height, width = region.rows.stop - region.rows.start, region.columns.stop - region.columns.start
             sums = np.zeros((height * width, 4 + 3 * len(self._recorded)))
-            for part, pixels in self._render_launches(view, seed, region, height * width):
-                sums[pixels] = part
+            for pixel_sums, pixels in self._render_launches(view, seed, region, height * width):
+                sums[pixels] = pixel_sums
                 progress(*latest_report)
             means = (sums / region.samples).reshape(height, width, -1)
             parts = self._light_parts(task.scene, means)
@@ -106,7 +120,11 @@ class MitsubaScene:
         return frame.with_passes(passes, names, time.perf_counter() - start)
 
     def _light_parts(self, task: SceneTask, means: Floats) -> dict[str, Floats32]:
-        """Return the parts of the light, from means (H, W, 4 + 3 n) of colour, coverage, and recorded parts."""
+        """Return the parts of the light by name, (H, W, 3) each.
+
+        `means` (H, W, 4 + 3 n) are over samples: three channels of colour, the coverage, and three of each recorded
+        part.
+        """
         recorded = {name: means[..., 4 + 3 * n : 7 + 3 * n] for n, name in enumerate(self._recorded)}
         parts = task.complete_parts(recorded, means[..., :3])
         return {name: part.astype(np.float32) for name, part in parts.items()}
@@ -114,7 +132,7 @@ class MitsubaScene:
     def _passes(
         self, task: FrameTask, view: KernelView, frame: RenderedFrame
     ) -> tuple[dict[str, Floats32], Mapping[str, tuple[str, ...]]]:
-        """Return the passes that are not parts of the light, and the names in mattes."""
+        """Return the passes that are not parts of the light, by name, and the names in cryptomattes."""
         requested = {*task.scene.sampling.passes}
         passes: dict[str, Floats32] = {}
         names: Mapping[str, tuple[str, ...]] = {}
@@ -130,24 +148,29 @@ class MitsubaScene:
     def _render_launches(
         self, view: KernelView, seed: int, region: Region, total: int
     ) -> Iterator[tuple[Floats, slice]]:
-        """Yield sums (n, 4 + 3 parts) over the samples of n pixels of a region, and the slice of these pixels."""
+        """Render the pixels of a region in several launches. Pixels are numbered row by row, up to `total`.
+
+        Yields, for each launch, sums over samples (n, 4 + 3 parts) of n pixels, with channels as in `_light_parts`, and
+        the slice of these pixels.
+        """
         mi, size = self._mi, region.samples
         rectangle = FramePart.of(mi, region)
         first = 0
         while first < total:
             limit = min(self._samples_per_second * MAX_LAUNCH_SECONDS, self._max_launch_samples) / size
-            # A power of two: rays are then always in the same packets of Embree, on which the last digits depend. So
-            # frames do not depend on the time that launches take, or on the number of threads.
+            # The number of pixels is a power of two. Rays are then always in the same packets of Embree, on which the
+            # last digits of results depend. So frames depend neither on the time that launches take nor on the number
+            # of threads.
             count = 1 << int(math.log2(max(1.0, min(limit, total - first))))
             numbers = [dr.opaque(mi.UInt32, number) for number in (seed, first, size.bit_length() - 1)]
             try:
                 lane = dr.arange(mi.UInt32, count * size)
                 dr.eval(lane)
-                parts = self._render_pixels(view, rectangle, lane, *numbers)
+                channels = self._render_pixels(view, rectangle, lane, *numbers)
                 start = time.perf_counter()
-                dr.eval(*parts)
-                # Summed by NumPy, in an order that does not depend on the size of a launch.
-                sums = [np.asarray(part).reshape(count, size).sum(axis=1, dtype=np.float64) for part in parts]
+                dr.eval(*channels)
+                # NumPy sums up the samples of a pixel in an order that does not depend on the size of a launch.
+                sums = [np.asarray(channel).reshape(count, size).sum(axis=1, dtype=np.float64) for channel in channels]
             except (MemoryError, RuntimeError) as error:
                 if not _is_out_of_memory(error):
                     raise
@@ -164,6 +187,7 @@ class MitsubaScene:
             first += count
 
     def _denoiser(self, view: KernelView, samples: int) -> Denoiser:
+        """Return a denoiser that the albedos and normals of the view guide; `samples` are those of the task."""
         return make_denoiser(*self._features.guides(view), quick=samples <= _QUICK_FILTER_SAMPLES)
 
 

@@ -1,4 +1,10 @@
-"""Rigs of lamps and domes, behind the interface of `lookdev.mitsuba.lights`."""
+"""The lights of a rig, lamps and domes, behind the interface of `lookdev.mitsuba.lights`.
+
+To draw a direction, one light is selected at random. Its probability is in proportion to a weight, which estimates the
+irradiance from the light at the point. In front of the surface and behind it, the weights of a light differ, and
+directions are drawn on each side separately. `w` and `n` are a direction and a normal in world space, `local` a
+direction in the axes of a light, and `p` a point in the frame of a light.
+"""
 
 from __future__ import annotations
 
@@ -26,19 +32,19 @@ from lookdev.rendering.task import SceneTask
 
 
 def scene_lights(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> SceneLights:
-    """Return the lights of a task about a geometry's centre, and create the scenes of their shadows.
+    """Return the lights of a task, relative to the geometry's centre, and create the scenes that cast their shadows.
 
-    If the task has groups of lights, the light of all but the last is recorded separately.
+    If the task has groups of lights, the light of each group except the last is recorded separately.
     """
     single = None if task.shader_lights else coded_light(task.lights)
     lights = OneDome(mi, single) if isinstance(single, Dome) else RigSampler(mi, task, geometry.center)
     for excluded in lights.shadow_excluded:
-        geometry.shadow_scene(excluded)  # created here, as kernels cannot create it
+        geometry.shadow_scene(excluded)  # created ahead of time, because kernels cannot create it
     return lights
 
 
 class RigSampler(SceneLights):
-    """Lamps and domes. Each direction selects a light in proportion to an estimate of the light's irradiance."""
+    """The lamps and domes of a rig; `center` (3,) is that of the geometry."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.shader_lights
@@ -47,15 +53,17 @@ class RigSampler(SceneLights):
         super().__init__(mi, rig, max(groups, default=0))
         x, y, z = (float(coordinate) for coordinate in center)
         values = rig.rows(RigOrigin((x, y, z), task.camera.pivot))
-        self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))
+        self.offset = mi.Vector3f(*(float(coordinate) for coordinate in values[:3]))  # added to points: `RigOrigin`
+        # Rows are in the order of `CodedRig`: lamps, then domes.
         order = [
             n for has_map in (False, True) for n, light in enumerate(lights) if (light.map_dome is not None) is has_map
         ]
-        grouped = np.array([groups[n] for n in order] if groups else np.zeros(len(order)), np.float32)
-        rows = np.column_stack((values[3:].reshape(-1, len(FIELDS)), grouped))
+        group_column = np.array([groups[n] for n in order] if groups else np.zeros(len(order)), np.float32)
+        rows = np.column_stack((values[3:].reshape(-1, len(FIELDS)), group_column))
         link_table = np.array([[n in numbers for n in order] for numbers in links], np.bool_) if links else None
 
         def links_of(part: slice) -> Bools | None:
+            """Return the links of some rows: whether each source is reached by each of these lights."""
             return None if link_table is None else link_table[:, part]
 
         count = len(rig.lamps)
@@ -66,12 +74,14 @@ class RigSampler(SceneLights):
         self.visible = any(lamp.emission.camera for lamp in rig.lamps)
 
     def at(self, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool) -> Lighting:
+        """Return the light of the rig at a surface, as `SceneLights.at`."""
         return _RigLighting(self._mi, self, surface, turns, count, both_sides)
 
     @dr.syntax
     def camera_radiance(
         self, start: Point3f, w: Vector3f, turns: Vector2f, distance: Float
     ) -> tuple[list[Color3f], Bool]:
+        """Return the light of visible lamps, as `SceneLights.camera_radiance`."""
         mi = self._mi
         radiance, hidden = self.zero_light(), mi.Bool(False)
         frames = _LightFrames(mi, self, start, turns)
@@ -88,33 +98,36 @@ class RigSampler(SceneLights):
         return [light[0] for light in radiance], hidden
 
     def zero_light(self) -> list[Arriving]:
-        """Return zero light, as `split_by_group`."""
+        """Return zero light, as a list like that of `split_by_group`."""
         return [(self._mi.Color3f(0.0), self._mi.Color3f(0.0)) for _ in range(1 + self.groups)]
 
 
 class _RigDome(LampRows):
-    """A dome of a rig: its map, axes, colour, and whether it turns. A local dome has a centre and a radius."""
+    """A dome of a rig: its map, and its row in the table of lights.
+
+    A local dome is a ball of finite radius about a centre. Its light comes from the surface of the ball.
+    """
 
     def __init__(self, mi: Mitsuba, dome: Light, rows: Floats32, links: Bools | None) -> None:
         super().__init__(mi, rows, links)
         assert dome.map_dome is not None, "a dome has a map"
         self.is_local = not dome.is_infinitely_far
         self.map = DomeLight(mi, dome.map_dome, local=self.is_local)
-        self.first = mi.UInt32(0)
+        self.first = mi.UInt32(0)  # the number of the only row
         self.radiance_factor = self.color(self.first)
         if dome.constant:
-            # The colour of the row includes the map's radiance.
+            # The colour in the row of a constant dome already includes the radiance of the map.
             self.radiance_factor /= dr.maximum(mi.Color3f(*dome.map_dome.table[0, 0].tolist()), 1e-30)
         self.mean = self.field(self.first, "mean")
         self._program = Program(*ball_operations(), mi.Float)
 
     def ball(self, name: str, **inputs: Float | Vector3f) -> tuple[Float, ...]:
-        """Return an output of `ball_operations`."""
+        """Return an output of `ball_operations`, the programs of local domes."""
         return self.evaluate(self._program, self.first, name, **inputs)
 
 
 class _LightFrames:
-    """A point about the geometry's centre, in the frames of lights."""
+    """Maps points and vectors between world space and the frames of lights. `point` is relative to the centre."""
 
     def __init__(self, mi: Mitsuba, rig: RigSampler, point: Vector3f | Point3f, turns: Vector2f) -> None:
         self._mi, self._turns = mi, turns
@@ -122,28 +135,31 @@ class _LightFrames:
         self._in_turning, self._in_fixed = rotate_z(from_axis, -turns.x), rotate_z(from_axis, -turns.y)
 
     def turn(self, lights: LampRows, lamp: UInt) -> Float:
-        """Return the rotation of the lights."""
+        """Return the rotations of lights about z."""
         return dr.select(lights.turns(lamp), self._turns.x, self._turns.y)
 
     def point(self, lights: LampRows, lamp: UInt) -> Vector3f:
-        """Return the point in the frame of lights."""
+        """Return the point in the frames of lights."""
         return lights.to_local_point(lamp, dr.select(lights.turns(lamp), self._in_turning, self._in_fixed))
 
     def to_light_axes(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
-        """Return world vectors in the axes of lights."""
+        """Return vectors in the axes of lights, from vectors in world space."""
         return lights.to_local(lamp, rotate_z(v, -self.turn(lights, lamp)))
 
     def from_light_axes(self, lights: LampRows, lamp: UInt, v: Vector3f) -> Vector3f:
-        """Return world vectors, from vectors in the axes of lights."""
+        """Return vectors in world space, from vectors in the axes of lights."""
         return rotate_z(lights.to_rig(lamp, v), self.turn(lights, lamp))
 
     def to_frame(self, lights: LampRows, lamp: UInt, v: Vector3f) -> tuple[Vector3f, Vector3f]:
-        """Return the point, and world vectors, in the frame of lights."""
+        """Return the point in the frames of lights, and world vectors in their axes."""
         return self.point(lights, lamp), self.to_light_axes(lights, lamp, v)
 
 
 class _RigLighting:
-    """The light of a rig at points of a surface."""
+    """The light of a rig at points of a surface, from which `count` directions are drawn.
+
+    A side is the front of the surface, or its back, which is sampled only if `both_sides`.
+    """
 
     def __init__(
         self, mi: Mitsuba, rig: RigSampler, surface: SurfacePoints, turns: Vector2f, count: UInt, both_sides: bool
@@ -156,12 +172,14 @@ class _RigLighting:
         self._bins = [self._side_bins(dome) for dome in rig.domes]
         domes = [*enumerate(rig.domes)]
         self._dome_points = {n: self._frames.point(dome, dome.first) for n, dome in domes if dome.is_local}
+        # The share of a dome's light that arrives at the point: that of a local dome fades towards its radius.
         self._shares = [
             dome.ball("share", p=self._dome_points[n])[0] if dome.is_local else mi.Float(1.0) for n, dome in domes
         ]
         self._side_sums = [self._sum(side) for side in range(len(self._sides))]
 
     def _side_bins(self, dome: _RigDome) -> list[NormalBin]:
+        """Return the bin of a dome for the normal of each side; none if the dome is not sampled by tables."""
         if dome.is_local:
             return [dome.map.all_around] * len(self._sides)
         if not dome.map.sampled:
@@ -169,21 +187,24 @@ class _RigLighting:
         return [dome.map.bin(self._frames.to_light_axes(dome, dome.first, n)) for n in self._sides]
 
     def _dome_weight(self, number: int, side: int) -> Float:
+        """Return the estimated irradiance from a dome on a side: the weight of its selection."""
         dome = self._rig.domes[number]
         weight = dome.mean * math.pi
         if dome.map.sampled:
             scale = self._bins[number][side].scale
-            # The mean irradiance of a surface, over its orientations, is a quarter of the integral.
-            around = 0.25 * self._shares[number] if dome.is_local else 1.0
-            weight = dr.select(scale > 0.0, around * dome.mean / scale, 0.0)
+            # 1 / scale is the integral of the map: times the widened cosine of the bin or, for a local dome, alone. The
+            # mean irradiance of a surface, over its orientations, is a quarter of the latter.
+            factor = 0.25 * self._shares[number] if dome.is_local else 1.0
+            weight = dr.select(scale > 0.0, factor * dome.mean / scale, 0.0)
         return weight * dome.link_of(dome.first, self._surface.source)
 
     def _lamp_weight(self, lamps: Lamps, lamp: UInt, n: Vector3f) -> Float:
+        """Return the estimated irradiance from a lamp, for the normal of a side: the weight of its selection."""
         p, local = self._frames.to_frame(lamps, lamp, n)
         return lamps.weight(lamp, p, local) * lamps.link_of(lamp, self._surface.source)
 
     def _sum(self, side: int) -> Float:
-        """Return the sum of the estimated irradiances of all lights on a side."""
+        """Return the sum of the weights of all lights on a side."""
         mi = self._mi
         total = mi.Float(0.0)
         for number in range(len(self._rig.domes)):
@@ -194,6 +215,7 @@ class _RigLighting:
 
     @dr.syntax
     def _sum_of_lamps(self, lamps: Lamps, side: int) -> Float:
+        """Return the sum of the weights of lamps of one kind on a side."""
         total = self._mi.Float(0.0)
         lamp = self._mi.UInt32(0)
         while lamp < lamps.count:
@@ -202,18 +224,22 @@ class _RigLighting:
         return total
 
     def _drawn_counts(self, weight_of: Callable[[int], Float]) -> list[Float]:
-        """Return the mean numbers of directions drawn from a light by side, where `weight_of` returns its weight."""
+        """Return for each side the expected number of directions drawn from a light.
+
+        `weight_of` returns the weight of the light on a side.
+        """
         sides = enumerate(zip(self._counts, self._side_sums, strict=True))
         return [
             self._mi.Float(count) * dr.select(sum_ > 0.0, weight_of(side) / sum_, 0.0) for side, (count, sum_) in sides
         ]
 
     def _lamp_density(self, lamps: Lamps, lamp: UInt, pdf: Float) -> Float:
+        """Return the density of all directions drawn from a lamp; `pdf` is that of one direction."""
         counts = self._drawn_counts(lambda side: self._lamp_weight(lamps, lamp, self._sides[side]))
         return sum(counts, self._mi.Float(0.0)) * pdf
 
     def _dome_density(self, number: int, local: Vector3f, w: Vector3f, radiance: Color3f) -> Float:
-        """Return the density of directions drawn from a dome: `local` in its axes, w in world space."""
+        """Return the density of all directions drawn from a dome, at direction `w`, which is `local` in its axes."""
         if self._rig.domes[number].map.sampled:
             pdfs = [bin.pdf(local, radiance) for bin in self._bins[number]]
         else:
@@ -223,6 +249,7 @@ class _RigLighting:
         return sum((count * pdf for count, pdf in zip(counts, pdfs, strict=True)), self._mi.Float(0.0))
 
     def arriving(self, direction: Direction) -> list[Arriving]:
+        """Return the light from all lights, as `Lighting.arriving`."""
         total = self._rig.zero_light()
         for number in range(len(self._rig.domes)):
             total = _add_arriving(total, self._arriving_from_dome(number, direction))
@@ -231,6 +258,7 @@ class _RigLighting:
         return total
 
     def _arriving_from_dome(self, number: int, direction: Direction) -> list[Arriving]:
+        """Return the part of `arriving` from a dome."""
         dome, active = self._rig.domes[number], direction.active
         local = self._frames.to_light_axes(dome, dome.first, direction.w)
         distance, radiance_seen, density_seen = self._along_dome(number, local, direction.w, active)
@@ -241,18 +269,22 @@ class _RigLighting:
     def _unoccluded_light(
         self, lights: LampRows, lamp: UInt, direction: Direction, light: Color3f, distance: Float
     ) -> list[Arriving]:
-        """Return the parts of the light of lamps at a distance that reach the surface."""
+        """Return the light of lamps or domes that reaches the surface, as `split_by_group`.
+
+        `light` is the light without links and occluders, `distance` that of the lights.
+        """
         light = light * lights.link_of(lamp, self._surface.source)
         controls = self._rig.controls(lights, lamp)
         shares = self._rig.shadow_shares(controls, distance, direction.occluders, direction.is_straight)
         return self._rig.split_by_group(controls, (light * shares[0], light * shares[1]))
 
     def _along_dome(self, number: int, local: Vector3f, w: Vector3f, active: Bool) -> tuple[Float, Color3f, Float]:
-        """Return the distance of a dome along directions, its radiance, and the density of directions drawn from it."""
+        """Return a dome's distance and radiance along directions, and the density of all directions drawn from it."""
         dome, map_direction, distance = self._rig.domes[number], local, self._mi.Float(INFINITE_DISTANCE)
         density_factor: Float | float = 1.0
         if dome.is_local:
             point = self._dome_points[number]
+            # The factor is the solid angle of the map over that at the point; the field b is the radius of the ball.
             inside, distance, density_factor = dome.ball("meet", p=point, w=local)
             map_direction = (point + distance * local) / dome.field(dome.first, "b")
             active = active & (inside > 0.0)
@@ -262,6 +294,7 @@ class _RigLighting:
 
     @dr.syntax
     def _arriving_from_lamps(self, lamps: Lamps, direction: Direction) -> list[Arriving]:
+        """Return the part of `arriving` from lamps of one kind."""
         total = self._rig.zero_light()
         lamp = self._mi.UInt32(0)
         while direction.active & (lamp < lamps.count):
@@ -274,6 +307,7 @@ class _RigLighting:
         return total
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
+        """Draw a direction, as `Lighting.draw`: those with the first numbers in front, the others behind."""
         mi = self._mi
         front = self._counts[0]
         back = (number >= front) if len(self._sides) > 1 else mi.Bool(False)
@@ -283,7 +317,8 @@ class _RigLighting:
             mi.Float, sample, sobol.hash_integers(seed + 0x1B873593 + dr.select(back, mi.UInt32(1), 0))
         )
         target = u1 * dr.select(back, self._side_sums[-1], self._side_sums[0])
-        # The light whose interval of the sum contains the target; the position in the interval samples that light.
+        # The weights of the lights are consecutive intervals. The light is selected whose interval contains the target.
+        # The position of the target in the interval, clipped to [0, 1), is the first random number for that light.
         end = mi.Float(0.0)
         none = self._rig.no_controls
         result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE_DISTANCE), mi.Float(0.0), none)
@@ -308,7 +343,11 @@ class _RigLighting:
     def _select_lamp(
         self, lamps: Lamps, target: Float, begin: Float, back: Bool, active: Bool
     ) -> tuple[UInt, Float, Float, Float]:
-        """Return the lamp whose interval contains a number, its start and length (0 for none), and the end of all."""
+        """Return the lamp whose interval of weights contains `target`, and the start and the length of the interval.
+
+        The length is 0 if no interval contains it. The intervals of these lamps start at `begin`; their end is returned
+        last.
+        """
         mi = self._mi
         selected, start, length = mi.UInt32(0), mi.Float(0.0), mi.Float(0.0)
         end = mi.Float(begin)
@@ -325,6 +364,7 @@ class _RigLighting:
         return selected, start, length, end
 
     def _draw_from_lamp(self, lamps: Lamps, lamp: UInt, u1: Float, u2: Float) -> LightSample:
+        """Draw a direction from a lamp by two uniform numbers."""
         p = self._frames.point(lamps, lamp)
         local, distance, pdf = lamps.draw(lamp, p, u1, u2)
         radiance = dr.select(distance < FAR, lamps.radiance(lamp, p, local), 0.0)
@@ -334,9 +374,10 @@ class _RigLighting:
     def _draw_from_dome(
         self, number: int, dome: _RigDome, back: Bool, u1: Float, u2: Float, active: Bool
     ) -> LightSample:
+        """Draw a direction from a dome by two uniform numbers."""
         mi, controls = self._mi, self._rig.controls(dome, dome.first)
         if not dome.map.sampled:
-            # Density proportional to the cosine.
+            # The density is proportional to the cosine.
             radius, (s, c) = dr.sqrt(u1), dr.sincos(2.0 * math.pi * u2)
             height = dr.safe_sqrt(1.0 - u1) * dr.select(back, -1.0, 1.0)
             w = self._surface.to_world(mi.Vector3f(radius * c, radius * s, height))
@@ -358,4 +399,5 @@ class _RigLighting:
 
 
 def _add_arriving(first: list[Arriving], second: list[Arriving]) -> list[Arriving]:
+    """Return the sums of the elements of two lists of light."""
     return [(a + c, b + d) for (a, b), (c, d) in zip(first, second, strict=True)]

@@ -1,6 +1,7 @@
-"""Owen-scrambled Sobol points, computed, as in `lookdev/shaders/sobol.h`: the same points of the same seeds.
+"""Random numbers and Owen-scrambled Sobol points on Dr.Jit's arrays of 32-bit integers.
 
-Scrambling follows Laine and Karras 2011 with the constants of Vegdahl 2021, index shuffling Burley 2020 ("Practical
+For equal seeds, the points are those of `lookdev/shaders/sobol.h`. They are computed, not looked up. Scrambling follows
+Laine and Karras 2011 with the constants of Vegdahl 2021. The shuffling of indices follows Burley 2020 ("Practical
 Hash-based Owen Scrambling").
 """
 
@@ -19,7 +20,7 @@ def hash_integers(x: UInt) -> UInt:
 
 
 def unit_float(kind: type[Float], x: UInt) -> Float:
-    """Return the upper 24 bits of integers as numbers in [0, 1)."""
+    """Return the upper 24 bits of integers as numbers in [0, 1), of the float type `kind`."""
     return kind(x >> 8) * (1.0 / 16777216.0)
 
 
@@ -29,7 +30,12 @@ def random(kind: type[Float], seed: UInt) -> Float:
 
 
 def points(kind: type[Float], index: UInt, seed: UInt) -> tuple[Float, Float]:
-    """Return the point with an index in the sequence that a seed scrambles: two numbers in [0, 1)."""
+    """Return the point with an index in the sequence that a seed scrambles: two numbers in [0, 1).
+
+    Before they are scrambled, the bits of the first coordinate are those of the shuffled index i, in reverse order. The
+    bits of the second coordinate are those of p, in reverse order: the product of the second generator matrix, Pascal's
+    triangle modulo 2, and the bits of i.
+    """
     i = dr.brev(_laine_karras(dr.brev(index), seed))
     p = i ^ (i >> 16)
     p ^= (p >> 8) & 0x00FF00FF
@@ -43,7 +49,7 @@ def points(kind: type[Float], index: UInt, seed: UInt) -> tuple[Float, Float]:
 
 
 def _laine_karras(x: UInt, seed: UInt) -> UInt:
-    """Permute at random: whether a bit is flipped depends on the bits below it only."""
+    """Permute integers at random: whether a bit is flipped depends only on the bits below it."""
     x = (x ^ (x * 0x3D20ADEA)) + seed
     x *= (seed >> 16) | 1
     x ^= x * 0x05526C56

@@ -1,4 +1,10 @@
-"""Surfaces at the hits of rays: the shading frame, and the program of the triangle's look."""
+"""Surfaces at the hits of rays: the shading frame there, and the BSDF of the triangle's look.
+
+A look is a program (`lookdev.mitsuba.programs`), which computes the frame, the response to light, and sampled
+directions. In this module, `wi` is the direction of light and `wo` the direction to the viewer, both in the shading
+frame; `w` is a direction in world space. A delta direction is a single direction of light to which the BSDF responds,
+such as that of a mirror reflection.
+"""
 
 from __future__ import annotations
 
@@ -26,9 +32,19 @@ _Result = TypeVar("_Result")
 
 
 class SceneLooks:
-    """The looks of a scene, in a variant's arrays; constants are inputs of kernels, which serve for other values, too.
+    """The looks of a scene in a variant's arrays.
 
-    `inputs` are values of attributes that are equal everywhere, by the attributes' parameters.
+    Constants of looks are inputs of kernels, so a kernel need not be compiled again if they change. `inputs` has values
+    of attributes that are the same everywhere, by the attributes' parameters.
+
+    Attributes
+    ----------
+    sources, programs, images
+        For each distinct program: its source, the program, and its images by name.
+    transmits, see_through
+        Whether some look transmits light, and whether the presence of some look is below 1.
+    deltas
+        The most delta directions of a look.
     """
 
     def __init__(
@@ -36,22 +52,23 @@ class SceneLooks:
     ) -> None:
         self.mi, self.inputs, self.geometry = mi, inputs, geometry
         sources, numbers = _distinct_sources(task)
-        self._numbers = device_array(mi.UInt32, numbers)
+        self._numbers = device_array(mi.UInt32, numbers)  # by the task's source: the number of its program
         self.sources = sources
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{image.name: Images(mi, image) for image in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
         self.see_through = any(source.see_through for source in sources)
         self.deltas = max(source.deltas for source in sources)
+        # Load the attributes that the programs read.
         for source in sources:
             for binding in source.attributes:
                 if binding.parameter not in self.inputs:
                     geometry.attribute(binding)
 
     def update(self, task: SceneTask) -> bool:
-        """Set the constants to those of another task, and return True, if its sources differ in constants alone.
+        """Set the constants to those of another task, and return True, if its sources differ only in constants.
 
-        Otherwise nothing changes, and False is returned.
+        Otherwise change nothing, and return False.
         """
         updated, numbers = _distinct_sources(task)
         if numbers != self._numbers.numpy().tolist() or len(updated) != len(self.sources):
@@ -69,33 +86,36 @@ class SceneLooks:
         return True
 
     def program_of(self, triangle: UInt) -> UInt:
-        """Return the number of the program of triangles."""
+        """Return the numbers of the programs of triangles."""
         return dr.gather(self.mi.UInt32, self._numbers, self.geometry.look_of(triangle))
 
 
 def _distinct_sources(task: SceneTask) -> tuple[list[ProgramSource], list[int]]:
-    """Return the sources of a task with different programs, and the number of the program of each of its sources.
+    """Return the sources of a task without duplicates, and for each source of the task its number among these.
 
-    Looks that different lights reach may have the same program.
+    A task has duplicates where different lights reach slots with the same look.
     """
     distinct = {source.digest: source for source in task.shaders if isinstance(source, ProgramSource)}
     return list(distinct.values()), [list(distinct).index(source.digest) for source in task.shaders]
 
 
 def _without_constants(source: ProgramSource) -> ProgramSource:
+    """Return a source without name and digest, and with 0 for all constants."""
     return replace(source, name="", digest="", constants=(0.0,) * len(source.constants))
 
 
 def _program(mi: Mitsuba, source: ProgramSource) -> Program:
+    """Return the program of a source. Its constants are opaque, so that kernels read them as inputs."""
     constants = [dr.opaque(mi.Float, value) for value in source.constants]
     tables = [device_array(mi.Float, np.load(table.path)) for table in source.tables]
     return Program(source.operations, source.outputs, mi.Float, constants, tables)
 
 
 class Response:
-    """The response to light from a direction: BSDF times cosine, and its diffuse part if `split`.
+    """The response of a surface to light from a direction.
 
-    `parts` has the same pairs for groups of lobes.
+    `whole` is the BSDF times the cosine, and the part of that from diffuse lobes. The latter counts only if `split`,
+    which means that diffuse and specular lobes receive different light. `parts` has the same pairs for groups of lobes.
     """
 
     def __init__(self, whole: tuple[Color3f, Color3f], parts: list[tuple[Color3f, Color3f]], split: bool) -> None:
@@ -103,7 +123,7 @@ class Response:
         self._parts, self._split = parts, split
 
     def to(self, arriving: Arriving) -> Color3f:
-        """Return the reflected light."""
+        """Return the light that the surface reflects of the arriving light."""
         return self._reflect_light((self.value, self.diffuse), arriving)
 
     def parts_to(self, arriving: Arriving) -> list[Color3f]:
@@ -111,11 +131,12 @@ class Response:
         return [self._reflect_light(part, arriving) for part in self._parts]
 
     def shares(self) -> list[Color3f]:
-        """Return the shares of the groups in the value, by channel."""
+        """Return the share of each group of lobes in the value, by channel; 0 where the value is 0."""
         safe = dr.select(self.value > 0.0, self.value, 1.0)
         return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
 
     def _reflect_light(self, part: tuple[Color3f, Color3f], arriving: Arriving) -> Color3f:
+        """Return the light that a pair of value and diffuse part reflects."""
         value, diffuse = part
         specular_light, diffuse_light = arriving
         if not self._split:
@@ -124,9 +145,13 @@ class Response:
 
 
 class SurfacePoints:
-    """Points of triangles, seen from `viewer`; its axes are those of `lookdev.scene.shading`, in world space.
+    """Points of triangles, seen from directions `viewer`.
 
-    Not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a surface.
+    `uv` are barycentric coordinates. The axes tangent, bitangent, normal and facet are those of
+    `lookdev.scene.shading`, in world space.
+
+    The class is not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a
+    surface.
     """
 
     def __init__(self, looks: SceneLooks, triangle: UInt, uv: UV, viewer: Vector3f, active: Bool) -> None:
@@ -135,7 +160,8 @@ class SurfacePoints:
         self.point, self.lift = hit.point, hit.lift
         symbols = _Symbols(looks, 0, hit, viewer)
         self._single = Evaluation(looks.programs[0], symbols) if len(looks.programs) == 1 else None
-        self.wo = viewer  # axes do not depend on it
+        # The axes, which do not depend on `wo`, are computed first. Until then, `wo` has a value of the right type.
+        self.wo = viewer
         names = ("tangent", "bitangent", "normal", "facet")
         axes = self._call_programs(
             lambda evaluation: [looks.mi.Vector3f(*evaluation.values(name)) for name in names], active=active
@@ -147,20 +173,23 @@ class SurfacePoints:
         self.tangent, self.bitangent, self.normal, self.facet = axes
 
     def to_world(self, w: Vector3f) -> Vector3f:
+        """Return directions in world space, from directions in the shading frame."""
         return w.x * self.tangent + w.y * self.bitangent + w.z * self.normal
 
     def to_local(self, w: Vector3f) -> Vector3f:
+        """Return directions in the shading frame, from directions in world space."""
         return _local((self.tangent, self.bitangent, self.normal), w)
 
     @property
     def source(self) -> UInt:
-        """The number of the source of the triangle's slot; lights are linked with such numbers."""
+        """The number of the task's source for the triangle's slot. Light links refer to these numbers."""
         return self.looks.geometry.look_of(self.triangle)
 
     def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
-        """Return the response to light from local directions, with its derivatives, and the pdf of `draw` for these.
+        """Return the response to light from directions in the shading frame, and the pdf of `draw` for these.
 
-        The response has diffuse parts if light is `split`, and the parts of the `groups` of lobes.
+        Further responses in the list are derivatives of the first. A response has a diffuse part if light is `split`,
+        and a part for each of the `groups` of lobes.
         """
         mi = self.looks.mi
 
@@ -179,24 +208,29 @@ class SurfacePoints:
         return [Response((value, diffuse), list(zip(parts[::2], parts[1::2], strict=True)), split)], pdf
 
     def draw(self, u1: Float, u2: Float, active: Bool) -> Vector3f:
-        """Return local directions, sampled from the BSDF."""
+        """Return directions in the shading frame, sampled from the BSDF by two uniform numbers."""
         mi = self.looks.mi
         return self._call_programs(
             lambda evaluation, u1, u2: mi.Vector3f(*evaluation.values("wi", u1=u1, u2=u2)), u1, u2, active=active
         )
 
     def presence(self) -> Float:
+        """Return the presence: the share of light that does not pass straight through the surface."""
+
         def presence(evaluation: Evaluation) -> Float:
             return self.looks.mi.Float(evaluation.values("presence")[0] if evaluation.has("presence") else 1.0)
 
         return self._call_programs(presence, active=self.active)
 
     def absence(self) -> Dual:
-        """Return the factor of light that passes straight through the surface, with derivatives."""
+        """Return the factor of light that passes straight through the surface, a dual: 1 minus the presence."""
         return [self.looks.mi.Color3f(1.0 - self.presence())]
 
     def delta(self, number: int) -> tuple[Vector3f, Dual, Float]:
-        """Return a delta direction (local), the factor of light from there (0 for none), and its group of lobes."""
+        """Return a delta direction in the shading frame, the factor of light from there, and its group of lobes.
+
+        The factor is 0 where the look has no delta of this number. The group is an index into `LOBE_GROUPS`.
+        """
         mi = self.looks.mi
 
         def delta(evaluation: Evaluation) -> tuple[Vector3f, Color3f, Float]:
@@ -209,7 +243,7 @@ class SurfacePoints:
         return wi, [value], group
 
     def guide(self) -> tuple[Color3f, Vector3f]:
-        """Return the albedo and the normal in world space, which guide a denoiser."""
+        """Return the albedo, and the normal in world space. Both guide a denoiser."""
         mi = self.looks.mi
 
         def guide(evaluation: Evaluation) -> tuple[Color3f, Vector3f]:
@@ -221,12 +255,18 @@ class SurfacePoints:
         return albedo, self.to_world(bent)
 
     def _call_programs(self, function: Callable[..., _Result], *arguments: AnyArray, active: Bool) -> _Result:
-        """Call a function with the evaluation of each look's program, on the triangles with that look."""
+        """Call a function with the evaluation of the look's program at all points, and return its result.
+
+        If there are several programs, the function is called once for each, and Dr.Jit selects the result at each
+        point.
+        """
         if self._single is not None:
             return function(self._single, *arguments)
         looks = self.looks
 
         def call_of(number: int) -> Callable[..., _Result]:
+            """Return the call for the points where the look has program `number`."""
+
             def call(
                 triangle: UInt, uv: UV, viewer: Vector3f, wo: Vector3f, *arguments: AnyArray, active: Bool
             ) -> _Result:
@@ -242,7 +282,10 @@ class SurfacePoints:
 
 
 class _Symbols:
-    """The values of a program's symbols at points of a surface."""
+    """The values of symbols of program `number` at points of a surface; called with a symbol's name.
+
+    Symbols are named as in `ProgramSource`: directions in the shading frame, vectors of the mesh, attributes, images.
+    """
 
     def __init__(self, looks: SceneLooks, number: int, hit: Hit, viewer: Vector3f) -> None:
         self.wo: Vector3f | None = None
@@ -254,6 +297,7 @@ class _Symbols:
         self._values: dict[str, Any] = {"viewer": viewer, **looks.inputs}
 
     def __call__(self, name: str) -> Any:
+        """Return the value of a symbol, which may be a component of a vector, as ``name[0]``."""
         if name.startswith("wo_"):
             return getattr(self.wo, name[-1])
         source, _, index = name.partition("[")
@@ -268,11 +312,13 @@ class _Symbols:
         return self._hit.handedness if name == "hand" else self._vector(name)
 
     def _vector(self, name: str) -> Any:
+        """Return a vector, an attribute or the channels of an image; each is read only once."""
         if name not in self._values:
             self._values[name] = self._read(name)
         return self._values[name]
 
     def _read(self, name: str) -> Any:
+        """Read a vector of the mesh, an attribute or the channels of an image."""
         if name in self._images:
             return self._images[name].texels(self._vector(self._uvs[name]), self._hit._active)
         if name == "mesh_normal":
@@ -283,5 +329,6 @@ class _Symbols:
 
 
 def _local(axes: Sequence[Vector3f], w: Vector3f) -> Vector3f:
+    """Return the components of a vector along the first three axes."""
     tangent, bitangent, normal = axes[:3]
     return type(w)(dr.dot(w, tangent), dr.dot(w, bitangent), dr.dot(w, normal))

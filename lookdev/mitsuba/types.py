@@ -1,4 +1,8 @@
-"""The types of Mitsuba and Dr.Jit, for annotations alone: at run time, each variant has its own."""
+"""The types of Mitsuba and Dr.Jit, only for annotations.
+
+At run time, each variant of Mitsuba has types of its own. They are attributes of the module in that variant, whose type
+is `Mitsuba` here.
+"""
 
 from __future__ import annotations
 
@@ -22,13 +26,13 @@ if TYPE_CHECKING:
     UV: TypeAlias = mitsuba.Point2f | mitsuba.Vector2f
     Ray3f: TypeAlias = mitsuba.Ray3f
     Intersection: TypeAlias = mitsuba.PreliminaryIntersection3f
-else:  # Dr.Jit evaluates the annotations of dataclasses
+else:  # Dr.Jit evaluates the annotations of dataclasses at run time, so the names must exist
     AnyArray = Bool = Float = UInt = Color3f = Point3f = Vector2f = Vector3f = Vector4f = UV = Ray3f = object
     Intersection = object
 
 
 class TracedScene(Protocol):
-    """A scene of Mitsuba's, with which rays are intersected."""
+    """A scene of Mitsuba, with which rays are intersected."""
 
     def ray_intersect_preliminary(self, ray: Ray3f, *, coherent: bool, active: Bool | bool) -> Intersection: ...
 
@@ -36,7 +40,7 @@ class TracedScene(Protocol):
 
 
 class Mitsuba(Protocol):
-    """Mitsuba, in a variant."""
+    """The module `mitsuba` in a variant: its types and functions that this package uses."""
 
     Bool: type[ad.Bool]
     Float: type[ad.Float]

@@ -1,4 +1,7 @@
-"""The camera of a pose, and the parts of a frame, as inputs of a kernel; and the first hits of its rays."""
+"""The camera of a pose, and a rectangle of the frame, as inputs of a kernel.
+
+An input of a kernel is opaque to Dr.Jit, so the kernel need not be compiled again for another value.
+"""
 
 from __future__ import annotations
 
@@ -17,28 +20,25 @@ from lookdev.scene import Camera, Pose
 
 @dataclass(frozen=True, eq=False)
 class KernelView:
-    """A camera about the centre of the geometry, and the rotations of the lights in radians, as inputs of a kernel.
+    """The camera and the rotations of the lights in a pose. Points are relative to the centre of the geometry.
 
-    The first of `turns` rotates lights that turn with the rig, the second those that do not.
+    The asset is fixed: instead of a turn of the asset, camera and lights turn backwards.
     """
 
-    origin: Vector3f
-    right: Vector3f
-    up: Vector3f
-    back: Vector3f
-    turns: Vector2f
-    width: int
+    origin: Vector3f  # of the camera
+    right: Vector3f  # from the centre of the frame to its right edge, at depth 1
+    up: Vector3f  # from the centre of the frame to its upper edge, at depth 1
+    back: Vector3f  # from the centre of the frame, at depth 1, to the camera; a shift of the lens moves that centre
+    turns: Vector2f  # radians about z: of lights that turn with the rig, and of those that do not
+    width: int  # pixels
     height: int
-    aperture: float
-    focus: float
-    near: float
+    aperture: float  # diameter of the lens in metres; 0 for a pinhole
+    focus: float  # depth of the plane in focus, metres
+    near: float  # depth at which rays start, metres
 
     @classmethod
     def of(cls, mi: Mitsuba, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Floats) -> KernelView:
-        """Return the view of a pose: the camera orbits, the lights turn, the asset is fixed (`lookdev.scene.Pose`).
-
-        `right` and `up` span half the frame at depth 1, and `back` is shifted with it.
-        """
+        """Return the view of a pose (`lookdev.scene.Pose`); `center` (3,) is that of the geometry."""
         orbited = camera.orbit(-pose.element)
         right, up, back = orbited.frame
         width, height = resolution
@@ -55,7 +55,7 @@ class KernelView:
 
     def rays(self, mi: Mitsuba, x: Float, y: Float, u: Float, v: Float) -> Ray3f:
         """Return the rays through positions on the film, in pixels from the upper left; u and v sample the lens."""
-        sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height
+        sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height  # from -1 to 1 over the frame
         direction = sx * self.right + sy * self.up - self.back
         origin: AnyArray = mi.Point3f(self.origin)
         if self.aperture > 0.0:
@@ -68,10 +68,12 @@ class KernelView:
     def first_hits(
         self, mi: Mitsuba, geometry: Geometry, pixel: UInt, index: UInt, scramble: UInt
     ) -> tuple[UInt, UV, Ray3f, Bool, Float]:
-        """Return the triangles, barycentric coordinates, rays, hit masks and distances of samples of pixels.
+        """Trace camera rays of samples; return triangles, barycentric coordinates, rays, hit masks, and distances.
 
-        `index` is the number of a sample in its pixel, `scramble` the seed of that pixel's samples.
+        pixel : the number of the pixel, row by row; index : the number of the sample in its pixel; scramble : the seed
+        of the pixel's samples.
         """
+        # The constants are arbitrary, so that the points on the pixel and on the lens are independent.
         u, v = sobol.points(mi.Float, index, sobol.hash_integers(scramble ^ 0x9E3779B9))
         on_lens = (
             sobol.points(mi.Float, index, sobol.hash_integers(scramble ^ 0x7F4A7C15))
@@ -86,7 +88,7 @@ class KernelView:
 
 @dataclass(frozen=True, eq=False)
 class FramePart:
-    """A part of the frame: its upper left pixel and its width, as inputs of a kernel."""
+    """A rectangle of the frame, as inputs of a kernel: its upper left pixel, and its width in pixels."""
 
     left: UInt
     top: UInt
@@ -94,5 +96,6 @@ class FramePart:
 
     @classmethod
     def of(cls, mi: Mitsuba, region: Region) -> FramePart:
+        """Return the rectangle of a region."""
         left, right = region.columns.start, region.columns.stop
         return cls(*(dr.opaque(mi.UInt32, number) for number in (left, region.rows.start, right - left)))

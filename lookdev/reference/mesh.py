@@ -44,7 +44,7 @@ class MeshScene:
         self,
         asset: Asset,
         looks: Sequence[Look],
-        lit_by: Sequence[Sequence[int]] | None = None,
+        lights_of_slot: Sequence[Sequence[int]] | None = None,
         groups: Sequence[int] = (),
         *,
         shadows: bool = True,
@@ -57,7 +57,7 @@ class MeshScene:
             The asset, in world space.
         looks
             The look of each slot.
-        lit_by
+        lights_of_slot
             For each slot, the numbers of the lights that light it. None: all lights light all slots.
         groups
             For each slot, its group, by which a light's shadow can exclude parts. Empty: all slots are in group 0.
@@ -65,7 +65,7 @@ class MeshScene:
             Without shadows, rays that leave a surface hit nothing: all light arrives, and none is interreflected.
         """
         self._asset = asset
-        self._lit_by = lit_by
+        self._lights_of_slot = lights_of_slot
         self._shadows = shadows
         self._groups = np.array(groups or [0] * len(looks))
         self._looks = list({id(look): look for look in looks}.values())
@@ -129,9 +129,9 @@ class MeshScene:
 
     def is_reached_by(self, hits: MeshHits, light: int) -> Bools | None:
         """Return a mask (N,) of the hits that the light with a number lights, or None if all lights light all slots."""
-        if self._lit_by is None:
+        if self._lights_of_slot is None:
             return None
-        is_slot_lit: Bools = np.array([light in lights for lights in self._lit_by])
+        is_slot_lit: Bools = np.array([light in lights for lights in self._lights_of_slot])
         return np.asarray(is_slot_lit[self._slots[hits["triangle"]]])
 
     def is_inside(self, hits: MeshHits, wo: Floats) -> Bools:

@@ -74,7 +74,7 @@ class ReferenceScene(Protocol):
     def is_inside(self, hits: Hits, wo: Floats) -> Bools:
         """Return a mask (N,) of the hits seen from inside: their normals point away from the viewer."""
 
-    def is_lit_by(self, hits: Hits, light: int) -> Bools | None:
+    def is_reached_by(self, hits: Hits, light: int) -> Bools | None:
         """Return a mask (N,) of the hits that the light with a number lights, or None if it lights all."""
 
     def bsdfs(self, hits: Hits, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
@@ -381,7 +381,7 @@ class _Surface:
             diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
             share = lamp.transmittance(point, towards, occluders[lamp.shadow_excluded])
-            if (is_linked := self.scene.is_lit_by(self.hits[traced], lamp.number)) is not None:
+            if (is_linked := self.scene.is_reached_by(self.hits[traced], lamp.number)) is not None:
                 share[~is_linked] = 0.0
             reached = np.flatnonzero(share.any(axis=-1))
             arriving = share[reached] * lamp.light.radiance(point[reached], towards[reached])

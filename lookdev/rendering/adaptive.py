@@ -1,11 +1,15 @@
 """Adaptive sampling: rounds over the whole frame, then over rectangles of it, until the frame reaches a target error.
 
-The rectangles of a half follow from the other half's rounds over the whole frame, whose spread in a pixel is the
-pixel's variance, and from figures of the whole frame: its samples, its error, the target. The samples of a pixel in one
-half therefore do not depend on the colours of that half, and the mean of rounds, weighted by their samples, remains
-unbiased. (A half that planned its own rectangles would take few samples where its colours happen to be dark.)
+A renderer calls `next_round` until it returns no more regions (`lookdev.rendering.frame`). A frame is the mean of two
+independent halves, and a round adds samples to both.
 
-The samples of a rectangle are a power of two, as only such blocks are stratified.
+The rectangles of one half are planned from the other half. Where the other half's rounds over the whole frame differ
+much in a pixel, the variance of the pixel is large. Besides, the plan depends only on figures of the whole frame: its
+samples, its error, the target. The samples of a pixel in one half therefore do not depend on the colours of that half,
+and the mean of rounds, weighted by their samples, remains unbiased. (A half that planned its own rectangles would take
+few samples where its colours happen to be dark.)
+
+The number of samples per pixel of a rectangle is a power of two, because only such blocks of samples are stratified.
 """
 
 from __future__ import annotations
@@ -20,44 +24,46 @@ from lookdev.arrays import Floats, Floats32, Ints
 from lookdev.metrics import EPSILON, reference_of_halves
 from lookdev.scene import Sampling
 
-_FIRST_ROUND = 8  # samples of a half in the first round, where there is a target error
-_WHOLE_ROUNDS = 2  # the fewest: their spread is the variance
-_NEAR_TARGET = 4.0  # times the target: with an error above this, the next round is over the whole frame
-_AIM = 0.9  # times the target: a round aims lower, as another round costs more
-_LEAST_GROWTH = 0.05  # of a half's samples, in a round over rectangles
-_LAST_ROUND = 24  # from this number on, each round doubles the samples, so that the seeds of a frame suffice
-_TILE_SIDE, _TILES_PER_SIDE = 16, 32  # the fewest pixels along a tile; the most tiles along a frame
-_CALL_COST = 1024.0  # of a call of the renderer, in samples of one pixel of the asset
-_BACKGROUND_COST = 0.1  # of a pixel without the asset, over that of a pixel of the asset
+_FIRST_ROUND = 8  # samples per pixel of a half in the first round, where there is a target error
+_WHOLE_ROUNDS = 2  # the least number of rounds over the whole frame: the variance of a pixel needs two
+_NEAR_TARGET = 4.0  # times the target error: above this error, the next round is over the whole frame
+_AIM = 0.9  # times the target error: a round aims at this lower error, because another round would cost more
+_LEAST_GROWTH = 0.05  # a round over rectangles adds at least this share of a half's samples
+_LAST_ROUND = 24  # from this round on, each round doubles the samples, so that the seeds of a frame suffice
+_TILE_SIDE, _TILES_PER_SIDE = 16, 32  # the least pixels along a side of a tile; the most tiles along a side of a frame
+_CALL_COST = 1024.0  # the time of a call of the renderer, over the time of one sample of a pixel on the asset
+_BACKGROUND_COST = 0.1  # the time of a sample of a pixel without the asset, over that of a pixel on the asset
 
 
 @dataclass(frozen=True)
 class Region:
-    """A rectangle of the frame, rows counted from the top, and its samples per pixel."""
+    """A rectangle of the frame, rows counted from the top, and the samples per pixel to render in one half."""
 
     rows: slice
     columns: slice
     samples: int
-    is_whole_frame: bool = False  # part of a round over the whole frame, whose spread plans later rounds
+    is_whole_frame: bool = False  # in a round over the whole frame, which also updates the variance of each pixel
 
 
 Round = tuple[tuple[Region, ...], tuple[Region, ...]]
-"""The regions of each half."""
+"""The regions to render in the first half, and those in the second."""
 
 
 @dataclass
 class Half:
-    """The sums of the rounds of one half of a frame."""
+    """One half of a frame: sums over the samples that its rounds have rendered so far."""
 
     width: int
     height: int
-    gain: float = 1.0  # of the exposure: errors are relative to exposed colours
+    gain: float = 1.0  # the factor of the exposure, 2 ** stops: errors are relative to exposed colours
     colors: Floats = field(init=False)  # (H, W, 3), sum over samples
     coverage: Floats = field(init=False)  # (H, W), sum over samples
-    samples: Floats = field(init=False)  # (H, W)
-    spread: Floats = field(init=False)  # (H, W, 3), of whole rounds: squared deviations, weighted by samples
-    parts: dict[str, Floats] = field(default_factory=dict)  # (H, W, 3), sums over samples, as `colors`
-    whole_rounds: int = 0
+    samples: Floats = field(init=False)  # (H, W), number of samples
+    # (H, W, 3), over the rounds over the whole frame: squared deviations of their means, weighted by samples.
+    spread: Floats = field(init=False)
+    # Parts of the light, such as that of one light, by name: each (H, W, 3), sum over samples.
+    parts: dict[str, Floats] = field(default_factory=dict)
+    whole_rounds: int = 0  # number of rounds over the whole frame
 
     def __post_init__(self) -> None:
         shape = self.height, self.width
@@ -71,11 +77,11 @@ class Half:
         coverage: Floats32,
         parts: Mapping[str, Floats32] = MappingProxyType({}),
     ) -> None:
-        """Add the mean colour (h, w, 3), the mean coverage (h, w) and the parts of the colour of a rendered region."""
+        """Add a rendered region: its mean colour (h, w, 3), mean coverage (h, w) and mean parts (h, w, 3) by name."""
         window, samples = (region.rows, region.columns), region.samples
         if region.is_whole_frame:
             if before := float(self.samples[0, 0]):
-                # Welford 1962, each mean weighted by its samples.
+                # The update of Welford 1962 for a sum of squared deviations, each mean weighted by its samples.
                 self.spread += before * samples / (before + samples) * (color - self.color) ** 2
             self.whole_rounds += 1
         self.colors[window] += samples * color.astype(np.float64)
@@ -103,19 +109,20 @@ class Half:
 
 
 def mean_samples(halves: Sequence[Half]) -> float:
-    """Return the mean samples of a half per pixel of the asset; per pixel of the frame where no asset is seen."""
+    """Return the mean samples per half and pixel of the asset; per pixel of the frame if the asset is not seen."""
     covered = np.any([half.coverage > 0.0 for half in halves], axis=0)
     total = np.mean([half.samples for half in halves], axis=0)
     return float(np.mean(total[covered] if covered.any() else total))
 
 
 def next_round(sampling: Sampling, halves: tuple[Half, Half], rounds: int, error: float) -> Round:
-    """Return the regions of the next round, none where the frame is done.
+    """Return the regions of the next round; no regions if the frame is done.
 
-    Without a target error, the whole frame takes the fewest powers of two that sum up to the samples of the job. With
-    one, rounds over the whole frame double the samples until the target is near; rounds over rectangles follow.
+    Without a target error, all rounds are over the whole frame. Their samples are the fewest powers of two that sum up
+    to the samples of the job. With a target error, rounds over the whole frame double the samples until the target is
+    near. Rounds over rectangles follow.
 
-    rounds : their number so far; error : the estimated relMSE of these, infinite before the first.
+    rounds : the number of rounds so far; error : the estimated relMSE after these, infinite before the first round.
     """
     (first, second), target, limit = halves, sampling.error, sampling.samples // 2
     current = mean_samples(halves)
@@ -131,21 +138,25 @@ def next_round(sampling: Sampling, halves: tuple[Half, Half], rounds: int, error
 
 
 def _whole_frame_round(samples: float, half: Half) -> Round:
+    """Return a round over the whole frame, in both halves, with the largest power of two of at most `samples`."""
     return (region := _whole_frame(half, _power_of_two_below(samples), is_whole_frame=True),), (region,)
 
 
 def _whole_frame(half: Half, samples: int, *, is_whole_frame: bool = False) -> Region:
+    """Return the region of all pixels."""
     return Region(slice(0, half.height), slice(0, half.width), samples, is_whole_frame)
 
 
 def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_samples: float) -> tuple[Region, ...]:
     """Return the regions of a half that bring its error to `ratio` of the present one, at the least cost.
 
-    The error of the `other` half replaces that of `half`. Samples have a price: each rectangle takes the number of
-    samples with the least sum of its error and their price. It is split in two if the parts cost less, calls of the
-    renderer included. The price is the highest for which the error reaches the ratio and the mean samples per pixel of
-    the asset are at least `min_samples`. If the lowest price for which these are at most `max_samples` is higher, it
-    is that price.
+    The error of `half` is taken from the `other` half. Render time has a price, in error per sample of a pixel. For a
+    given price, each rectangle takes the number of samples with the least cost: its remaining error plus the price of
+    its render time. A rectangle is split in two if the two cost less, calls of the renderer included. A high price
+    gives few samples.
+
+    The price is the highest one for which the error reaches the ratio and the mean samples per pixel of the asset are
+    at least `min_samples`. If these samples exceed `max_samples`, it is the lowest price for which they do not.
     """
     tree = _Tree(half, other, max_samples)
     error = tree.remaining_error[0, 0]
@@ -159,7 +170,8 @@ def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_
     def is_affordable(price: float) -> bool:
         return tree.cut(2.0**price).samples <= max_samples
 
-    # The fall of the whole frame's error by one more sample per pixel, over the time of that sample.
+    # Prices are searched as base 2 logarithms, in a range about a usual price: the decrease of the frame's error by one
+    # more sample per pixel, over the time of that sample.
     usual_price = np.log2(error / (mean_samples((half,)) * tree.time[0]))
     price_range = usual_price - 30.0, usual_price + 10.0
     price = max(_bisect(*price_range, is_too_high)[0], _bisect(*price_range, is_affordable)[1])
@@ -168,16 +180,31 @@ def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_
 
 @dataclass(frozen=True)
 class _Cut:
-    """Nodes of a tree that fill the frame, the samples of each, the mean of these, and the error that remains."""
+    """Rectangles of a `_Tree` that together fill the frame, with the samples that each takes."""
 
-    nodes: list[int]
-    sizes: list[int]
-    samples: float
-    remaining_error: float
+    nodes: list[int]  # the numbers of the rectangles
+    sizes: list[int]  # samples per pixel of each rectangle, 0 or a power of two
+    samples: float  # mean over the pixels of the asset
+    remaining_error: float  # sum over the frame, after these samples
 
 
 class _Tree:
-    """A binary tree of rectangles of tiles, each split where the errors of its parts differ most, down to one tile."""
+    """A binary tree of rectangles of tiles. Node 0 is the whole frame; `_split_tiles` splits nodes down to one tile.
+
+    Parameters
+    ----------
+    half, other
+        The half whose rectangles are planned, and the half from which errors are taken.
+    most
+        The most samples per pixel of a rectangle.
+
+    Attributes
+    ----------
+    remaining_error
+        (nodes, sizes): the error of each rectangle after it takes each number of samples in `_sizes`, 0, 1, 2, 4, ...
+    time
+        (nodes,): the time of one sample per pixel of each rectangle, in samples of one pixel of the asset.
+    """
 
     def __init__(self, half: Half, other: Half, most: float) -> None:
         side = max(_TILE_SIDE, -(-max(half.height, half.width) // _TILES_PER_SIDE))
@@ -185,18 +212,20 @@ class _Tree:
         covered = (other.coverage > 0.0).astype(np.float64)
         error, area = self._sums_of_tiles(other.error), self._sums_of_tiles(covered)
         time = area + _BACKGROUND_COST * (self._sums_of_tiles(np.ones_like(covered)) - area)
+        # All pixels of a tile have the same number of samples, since rounds are over whole tiles.
         samples = half.samples[np.ix_(*(edges[:-1] for edges in self._edges))]
         self._boxes, self._children = _split_tiles(error, time)
         self._sizes = np.array([0, *(2**power for power in range(int(most).bit_length()))])
         self.remaining_error = self._sums_of_boxes(error[..., None] / (samples[..., None] + self._sizes))
         self.time = self._sums_of_boxes(time)
-        self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)
+        self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)  # of the asset's pixels, in each node
 
     def cut(self, price: float) -> _Cut:
-        """Return the rectangles for which the remaining error plus the price of their time is least."""
+        """Return the rectangles and samples for which the remaining error plus the price of the time is least."""
         costs = self.remaining_error + price * (self.time[:, None] * self._sizes + _CALL_COST * (self._sizes > 0))
         choice = costs.argmin(axis=1)
         least = costs[np.arange(len(choice)), choice]
+        # The parts of a rectangle have higher numbers than it, so they come first here. A choice of -1 is a split.
         for node in reversed(range(len(least))):
             if parts := self._children[node]:
                 split_cost = least[parts[0]] + least[parts[1]]
@@ -222,12 +251,12 @@ class _Tree:
         )
 
     def _sums_of_tiles(self, values: Floats) -> Floats:
-        """Return the sums of the pixels of each tile."""
+        """Return the sums of pixel values (H, W) over each tile, (rows of tiles, columns of tiles)."""
         rows, columns = self._edges
         return np.asarray(np.add.reduceat(np.add.reduceat(values, rows[:-1], axis=0), columns[:-1], axis=1))
 
     def _sums_of_boxes(self, values: Floats) -> Floats:
-        """Return the sums of the tiles of each box, by a summed-area table."""
+        """Return the sums (nodes, ...) of tile values (rows, columns, ...) over each node, by a summed-area table."""
         sums = np.zeros((values.shape[0] + 1, values.shape[1] + 1, *values.shape[2:]))
         sums[1:, 1:] = values.cumsum(axis=0).cumsum(axis=1)
         top, bottom, left, right = self._boxes.T
@@ -235,15 +264,21 @@ class _Tree:
 
 
 def _tile_edges(size: int, side: int) -> Ints:
-    """Return the edges of the tiles along a side of the frame; the last tile is at least half as long as the others."""
+    """Return the edges of tiles of `side` pixels along a frame's side of `size` pixels.
+
+    The last tile is at least half as long as the others.
+    """
     return np.asarray([*range(0, size - side // 2, side), size] if size > side // 2 else [0, size])
 
 
 def _split_tiles(error: Floats, time: Floats) -> tuple[Ints, list[tuple[int, int] | None]]:
-    """Return boxes (n, 4) of tiles (top, bottom, left, right), and the numbers of each box's parts, None for a tile.
+    """Return the nodes of a tree: boxes (n, 4), and for each box the numbers of its two parts, or None for one tile.
 
-    With the best number of samples in each part, the time to reach an error is proportional to the square of the sum of
-    ``sqrt(error * time)`` over the parts; the split with the least sum is taken.
+    A box is (top, bottom, left, right), edges counted in tiles. Box 0 is the whole frame. A box is split at the row or
+    column for which the sum of ``sqrt(error * time)`` over the two parts is least: with the best number of samples in
+    each part, the time to reach an error is proportional to the square of that sum.
+
+    error, time : (rows of tiles, columns of tiles), the error of one sample, and the time of one sample per pixel.
     """
     boxes: list[tuple[int, int, int, int]] = [(0, error.shape[0], 0, error.shape[1])]
     parts: list[tuple[int, int] | None] = []
@@ -270,7 +305,10 @@ def _split_tiles(error: Floats, time: Floats) -> tuple[Ints, list[tuple[int, int
 
 
 def _bisect(low: float, high: float, holds: Callable[[float], bool]) -> tuple[float, float]:
-    """Return two numbers less than .05 apart: `holds` is false at the first and true at the second."""
+    """Return two numbers at most .05 apart, by bisection: `holds` is false at the first and true at the second.
+
+    This is assumed of `low` and `high`, not tested.
+    """
     while high - low > 0.05:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if holds(middle) else (middle, high)

@@ -1,6 +1,7 @@
-"""The answers of a render worker to its parent: one JSON object per line on standard output.
+"""The worker's side of its answers: a render worker writes one JSON object per line to standard output.
 
-`lookdev.rendering.results` reads them and defines their fields.
+Its parent process reads them by `lookdev.rendering.results`, which also defines their fields. The pixels of a frame go
+to a file; the answer has its path.
 """
 
 from __future__ import annotations
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
 
 
 class AnswerStream:
-    """Standard output, reserved for answers: from construction on, other output goes to standard error."""
+    """Standard output, reserved for answers.
+
+    From construction on, all else that this process writes to standard output goes to standard error.
+    """
 
     def __init__(self) -> None:
         self._channel = os.dup(1)
@@ -34,15 +38,15 @@ class AnswerStream:
         os.write(self._channel, (json.dumps(message) + "\n").encode())
 
     def send_ready(self, renderer: str) -> None:
-        """Report the name and version of the renderer, and that the worker takes tasks."""
+        """Report that the worker takes tasks, and the version of Blender, or ``"mitsuba"`` and its version."""
         self.send(type="ready", blender=renderer)
 
     def send_progress(self, digest: str, samples: int, planned: int, relmse: float | None) -> None:
-        """Report the samples rendered, the samples planned, and the relMSE so far of a frame, by its digest."""
+        """Report how far the frame with a digest is: samples rendered, samples planned, and the relMSE so far."""
         self.send(type="progress", digest=digest, samples=samples, of=planned, relmse=relmse)
 
     def send_frame(self, digest: str, frame: RenderedFrame, notes: Sequence[str] = ()) -> None:
-        """Report a frame, with notes for the user; raises as `send_arrays`."""
+        """Save the pixels of a frame and report it, with notes for the user; raises as `send_arrays`."""
         arrays: dict[str, Elements] = {"a": frame.a, "b": frame.b, "alpha": frame.alpha}
         arrays |= {f"pass {name}": pixels for name, pixels in frame.passes.items()}
         figures = {"samples": frame.samples, "seconds": frame.seconds, "relmse": frame.relmse, "notes": notes}
@@ -54,14 +58,17 @@ class AnswerStream:
         self.send_arrays(digest, arrays, **figures)
 
     def send_arrays(self, digest: str, arrays: Mapping[str, Elements], **figures: object) -> None:
-        """Save arrays in ``TMPDIR``, whose files the parent removes, and report them, figures, and the peak memory.
+        """Save arrays by name to a file in ``TMPDIR``, and report its path, the figures and the peak memory.
 
-        Raises OutputError where the file cannot be written, and leaves no part of it.
+        The parent removes the file. Raises OutputError where the file cannot be written, and leaves no part of it.
         """
         self.send(type="done", digest=digest, arrays=save_arrays(arrays), memory=peak_memory(), **figures)
 
     def send_failure(self, digest: str, error: Exception) -> None:
-        """Report why a frame cannot be rendered; an OutputError concerns all frames."""
+        """Report why a frame cannot be rendered.
+
+        An OutputError, as of a full disk, is marked as `unwritable`: it would stop all other frames, too.
+        """
         if isinstance(error, OutputError):
             self.send(type="failed", digest=digest, message=str(error), unwritable=True)
         else:
@@ -83,7 +90,7 @@ def save_arrays(arrays: Mapping[str, Elements]) -> str:
 
 
 def peak_memory(process: str = "self") -> int:
-    """Return the peak memory of a process (its number) in bytes; getrusage() would include the parent's."""
+    """Return the peak resident memory in bytes of a process, by its id. getrusage() would include the parent's."""
     status = Path(f"/proc/{process}/status").read_text()
     kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return 1024 * int(kilobytes)

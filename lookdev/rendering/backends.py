@@ -1,4 +1,7 @@
-"""The backends: the kind of source that a look is translated to, and the worker that renders it."""
+"""The registry of backends: each translates a look to one type of source, and has a worker that renders the source.
+
+A source is generated code, or a tree of shader nodes. Jobs and commands choose a backend by its name in `BACKENDS`.
+"""
 
 from __future__ import annotations
 
@@ -41,6 +44,7 @@ def blender_version() -> str:
 
 
 def _cycles_version() -> str:
+    """Return `Backend.version` of the backends on Cycles."""
     return f"{blender_version()} {RENDER_VERSION}"
 
 
@@ -61,30 +65,30 @@ class Backend:
 
     name: str
     help: str
-    source: type[GeneratedSource]
-    generate: Callable[[Look, SourceSetting], GeneratedSource]  # raises CodegenError
+    source: type[GeneratedSource]  # the type that `generate` returns
+    generate: Callable[[Look, SourceSetting], GeneratedSource]  # translates a look; raises CodegenError
     command: tuple[str, ...] = WORKER_COMMAND  # the worker's program and arguments
     devices: tuple[str, ...] = ("cpu",)  # the default first
-    look_gap: Callable[[Look], str | None] = lambda look: None  # returns why it cannot show a look, if it cannot
+    look_gap: Callable[[Look], str | None] = lambda look: None  # returns why it cannot render a look; None if it can
     exact: bool = False  # pictures agree with the published models; if not, they approximate them
-    in_jobs: bool = False  # a job may name it
+    in_jobs: bool = False  # a job may name the backend
     any_light: bool = False  # renders lights of every kind, by OSL
     light_gaps: Callable[[Sequence[Light]], Sequence[str]] = (
-        native_gaps  # returns why it cannot render lights, if not `any_light`
+        native_gaps  # returns a reason for each light that it cannot render; not called with `any_light`
     )
-    directions: bool = False  # it uses `Sampling.brdf_samples` and `ibl_samples`
-    features: bool = False  # renders the pictures that guide a denoiser
-    spaces: tuple[Space, ...] = (REC709,)  # working spaces of its light
-    passes: tuple[str, ...] = ("samples",)  # the names of those of `PASSES` that it renders
+    directions: bool = False  # uses `Sampling.brdf_samples` and `ibl_samples`
+    features: bool = False  # renders the pictures of albedos and normals that guide a denoiser
+    spaces: tuple[Space, ...] = (REC709,)  # the colour spaces in which it can compute light
+    passes: tuple[str, ...] = ("samples",)  # the passes that it renders: names in `PASSES`
     can_catch_shadows: bool = False  # renders shadow catchers
-    has_isolated_parts: bool = False  # no rays between parts of a convex asset: no shadows, no reflections
-    can_prepare: bool = False  # its worker compiles a scene ahead of the frames
+    has_isolated_parts: bool = False  # traces no rays between parts of a convex asset: no shadows, no reflections
+    can_prepare: bool = False  # its worker can compile a scene before the first frame arrives
     check_device: Callable[[str], None] = lambda device: None  # raises RenderError if this machine lacks the device
-    version: Callable[[], str] = _cycles_version  # changes when the same task gives other pixels
+    version: Callable[[], str] = _cycles_version  # returns a text that changes when the same task gives other pixels
 
 
-# Workers read this registry to decode tasks, but do not generate sources. Generators are therefore imported where they
-# run, and not at the top.
+# Workers import this module to decode tasks, but never generate sources. The following functions therefore import the
+# generators only when they are called.
 def _generate_exact(look: Look, setting: SourceSetting) -> GeneratedSource:
     from lookdev.codegen.osl.surface import generate_surface
 
@@ -124,8 +128,8 @@ def _generate_principled(look: Look, setting: SourceSetting) -> GeneratedSource:
 def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
     """Return a sentence for each light that backend `nodes-exact` cannot render: all lamps, and some domes.
 
-    Rays in directions that are sampled from a model pass through lamps. A lamp on the way then counts as a portal, and
-    portals are how the world detects rays that left a surface (`lookdev.codegen.nodes.exact`).
+    Rays in directions that are sampled from a model pass through lamps. The world counts the ray portals that a ray has
+    passed, to detect rays that left a surface. A lamp on the way is counted, too (`lookdev.codegen.nodes.exact`).
     """
     lamps = [
         f"{light_label(light, number)}: the rays of this backend find no lamps, only domes"
@@ -137,12 +141,14 @@ def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
 
 
 def _one_dome_gaps(lights: Sequence[Light]) -> Sequence[str]:
+    """Return why backend `mitsuba-principled` cannot render lights: it renders one plain dome only."""
     if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
         return ()
     return ["the bench lights Mitsuba by one dome alone, in its own axes"]
 
 
 def _principled_gap(look: Look) -> str | None:
+    """Return why a look has no equivalent Principled BSDF, or None if it has one."""
     from lookdev.codegen.principled import generate_principled
 
     try:

@@ -1,4 +1,7 @@
-"""The task of the .blend exporter: the scenes of a job, as plain data."""
+"""The task of the .blend exporter: the scenes of a job, as plain data.
+
+`lookdev export blend` sends it as JSON to a process that imports Blender (`lookdev.cycles.export_blend`).
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,10 @@ from lookdev.scene import Pose
 
 @dataclass(frozen=True)
 class BlendRig:
-    """The lights of a rig: `strength` multiplies their radiance, `turn` adds degrees about z to those of a pose."""
+    """The lights of a rig.
+
+    `strength` multiplies their radiance. `turn` is an angle in degrees about z, added to the light's angle in a pose.
+    """
 
     name: str
     lights: tuple[AnyLight, ...]
@@ -26,7 +32,7 @@ class BlendRig:
 
 @dataclass(frozen=True)
 class BlendTurntable:
-    """A range of the timeline: one frame for each pose."""
+    """A turntable, which becomes a range of the timeline: one frame for each pose."""
 
     name: str
     poses: tuple[Pose, ...]
@@ -42,10 +48,10 @@ class BlendImage:
 
 @dataclass(frozen=True)
 class BlendTask:
-    """The .blend to write. Rigs and turntables are in the order of the job, at least one of each."""
+    """The .blend file to write, and its content. Rigs and turntables are in the order of the job, at least one each."""
 
     file: Path
-    scenes: Mapping[str, SceneTask]  # by the name of the look; with node sources, and the lights of the first rig
+    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, lights are those of the first rig
     rigs: tuple[BlendRig, ...]
     turntables: tuple[BlendTurntable, ...]  # their frames are numbered consecutively from 1
     images: tuple[BlendImage, ...]
@@ -55,4 +61,4 @@ class BlendTask:
 
 
 BLEND_TASK = TypeAdapter(BlendTask)
-"""A task as JSON and back; floats survive exactly."""
+"""Writes a task as JSON and reads it; floats survive exactly."""

@@ -1,16 +1,20 @@
-"""A frame with a shadow catcher: the asset, and what it does to the light of the ground, in colour and alpha.
+"""The colour and alpha of a frame with a shadow catcher: the asset, its shadow, and its reflection on the ground.
 
-In a pixel, A is the light of the asset, and a its coverage. G is the light of the ground beside it, B that of the same
-ground in a scene without the asset, and g the ground's coverage. With s the least G / B of the channels, at most 1,
+`lookdev.cycles` renders each half of the frame three times, and combines the pictures by this module. In a pixel, A is
+the light of the asset, and a its coverage. G is the light of the ground in the scene with the asset, B is the light of
+the same ground in the scene without the asset, and g is the ground's coverage. The share s is the smallest G / B of the
+three channels, at most 1. Then
 
     colour = A + G - s B        alpha = a + (1 - s) g
 
-So s is the share of the ground's light that remains in all channels. The colour adds the rest of G: light that the
-asset reflects onto the ground, its mirror image, and the colours of the shadow.
+So s is the share of the ground's light that remains in every channel, and ``1 - s`` is the opacity of the shadow. The
+colour contains the rest of G: light that the asset reflects onto the ground, its mirror image, and the colours of the
+shadow.
 
-The frame over a picture of the bare ground is A + G, the picture of the asset on that ground, for any s: where a pixel
-shows only ground or asset, ``1 - alpha`` is ``s g``, and B is a share g of the picture below. The frame over another
-picture darkens that by s, too.
+Composited over a picture of the bare ground, the frame gives A + G for any s: the picture of the asset on that ground.
+In a pixel that shows nothing but asset and ground, a + g is 1, so ``1 - alpha`` is ``s g``. The picture of the bare
+ground is B / g there, and adds s B to the colour. Another picture below is multiplied by s in the same way, where the
+frame shows the ground.
 
 Both halves and the frame have the same s. The difference of the halves therefore measures the noise of B and of A + G,
 the frame over the ground.
@@ -26,7 +30,11 @@ from lookdev.rendering.passes import CATCHER_ARRAYS
 
 
 def combine_catcher_halves(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
-    """Return the colours of both halves, A + G - s B, and the alpha of the frame."""
+    """Return the colour of each half (H, W, 3), A + G - s B, and the alpha (H, W) of the frame.
+
+    The `color` of a half is A + G, its `alpha` a + g. Its parts are ``ground``: G, ``bare``: B, ``covered``: g, in each
+    of three channels.
+    """
     ground, bare, ground_coverage = (
         0.5 * (_mean_part(first, name) + _mean_part(second, name)) for name in (*CATCHER_ARRAYS, "covered")
     )
@@ -36,10 +44,14 @@ def combine_catcher_halves(first: Half, second: Half) -> tuple[Floats, Floats, F
 
 
 def remaining_share(ground: Floats, bare: Floats) -> Floats:
-    """Return the share s (...) of light `bare` (..., 3) that remains in all channels of `ground`; 1 where it is 0."""
+    """Return the share s (...) of light `bare` (..., 3) that remains in every channel of `ground` (..., 3).
+
+    The ratio of a channel where `bare` is 0 counts as 1.
+    """
     ratio = np.divide(ground, bare, out=np.ones_like(bare), where=bare > 0.0)
     return np.asarray(np.clip(ratio.min(axis=-1), 0.0, 1.0))
 
 
 def _mean_part(half: Half, name: str) -> Floats:
+    """Return the mean over samples of a part of a half's light, (H, W, 3)."""
     return np.asarray(half.parts[name] / half.samples[..., None])

@@ -1,5 +1,8 @@
 """Cryptomatte: the coverage of named objects, materials or assets in each pixel.
 
+A matte stores, for each pixel, pairs of an id and a coverage. An id is a hash of a name, stored as the bits of a
+float32. Workers render mattes and rank their pairs by these functions; the writer of EXR files takes the header.
+
 - Friedman, J. and Jones, A. 2015. Fully Automatic ID Mattes with Support for Motion Blur and Transparency. SIGGRAPH
   Posters. The specification, version 1.2, is by Psyop.
 """
@@ -16,11 +19,11 @@ from numpy.typing import NDArray
 from lookdev.arrays import Floats32
 
 RANKS = 6
-"""The number of names in a pixel of a matte. Two ids and their coverages fill the four channels of a layer."""
+"""The number of pairs in a pixel of a matte. Two ids and their coverages fill the four channels of a layer."""
 
 
 def matte_samples(samples: int) -> int:
-    """Return the samples of a frame's mattes: half of the frame's, rounded up to a power of two from 16 to 4096."""
+    """Return the samples for a frame's mattes: half of the frame's, rounded up to a power of two from 16 to 4096."""
     return min(max(16, 1 << (samples // 2 - 1).bit_length()), 4096)
 
 
@@ -46,13 +49,13 @@ def _rotate_left(value: int, bits: int) -> int:
 
 
 def matte_id(name: str) -> int:
-    """Return the id of a name: the bits of a float32 that is finite and not subnormal."""
+    """Return the id of a name: its hash, with a bit flipped if the bits are no finite float32, or a subnormal one."""
     value = murmur3(name)
     return value ^ 1 << 23 if value >> 23 & 255 in (0, 255) else value
 
 
 def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
-    """Return the attributes of an EXR with a matte, with the manifest of its names."""
+    """Return the header attributes of an EXR with a matte; the manifest has the id of each name."""
     key = f"cryptomatte/{murmur3(matte):08x}"[: len("cryptomatte/") + 7]
     manifest = {name: f"{matte_id(name):08x}" for name in sorted(names)}
     return {
@@ -64,37 +67,42 @@ def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
 
 
 def rename_ids(mattes: Floats32, names: Mapping[str, str]) -> Floats32:
-    """Return mattes with the ids of the new names in place of those of the old; other ids are left out.
+    """Return mattes whose ids of old names are replaced by those of new names. Other ids are left out.
 
     Several old names may have the same new name: their coverages are summed up.
 
-    mattes : (H, W, 2 n), the ids and coverages of each pixel. Returned as (H, W, 2 `RANKS`), largest coverage first.
+    mattes : (H, W, 2 n), n pairs of id and coverage for each pixel; names : from old to new name. Returns mattes
+    (H, W, 2 `RANKS`), largest coverage first.
     """
     old = np.array([matte_id(name) for name in names], np.uint32)
     new = np.array([matte_id(name) for name in names.values()], np.uint32)
     order = np.argsort(old)
     old, new = old[order], new[order]
-    deepest = np.flatnonzero(mattes[..., 1::2].any(axis=(0, 1))).max(initial=0) + 1
-    bits = np.ascontiguousarray(mattes[..., 0 : 2 * deepest : 2]).view(np.uint32)
-    coverage = mattes[..., 1 : 2 * deepest : 2]
+    pairs = np.flatnonzero(mattes[..., 1::2].any(axis=(0, 1))).max(initial=0) + 1
+    bits = np.ascontiguousarray(mattes[..., 0 : 2 * pairs : 2]).view(np.uint32)
+    coverage = mattes[..., 1 : 2 * pairs : 2]
     index = np.minimum(np.searchsorted(old, bits), len(old) - 1)
-    listed = (old[index] == bits) & (coverage > 0.0)
-    ids, coverage = np.where(listed, new[index], 0), np.where(listed, coverage, np.float32(0.0))
-    ranked = np.zeros((*listed.shape[:2], RANKS, 2), np.float32)
-    # Most pixels have one id, or none.
+    is_listed = (old[index] == bits) & (coverage > 0.0)
+    ids, coverage = np.where(is_listed, new[index], 0), np.where(is_listed, coverage, np.float32(0.0))
+    ranked = np.zeros((*is_listed.shape[:2], RANKS, 2), np.float32)
+    # Most pixels have one id, or none: these are fast. The others are sorted.
     largest = np.argmax(coverage, axis=-1)[..., None]
     ranked[..., 0, 0] = np.take_along_axis(ids, largest, -1)[..., 0].view(np.float32)
     ranked[..., 0, 1] = np.take_along_axis(coverage, largest, -1)[..., 0]
-    several = np.count_nonzero(listed, axis=-1) > 1
+    several = np.count_nonzero(is_listed, axis=-1) > 1
     ranked[several] = _sum_equal_ids(ids[several], coverage[several])
-    return ranked.reshape(*listed.shape[:2], 2 * RANKS)
+    return ranked.reshape(*is_listed.shape[:2], 2 * RANKS)
 
 
 def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats32) -> Floats32:
-    """Return ids and coverages (P, `RANKS`, 2), largest first; coverages (P, n) of equal ids are summed up."""
+    """Sum up the coverages of equal ids, for P pixels with n pairs each.
+
+    ids, coverage : (P, n). Returns pairs of id and coverage (P, `RANKS`, 2), largest coverage first.
+    """
     order = np.argsort(ids, axis=1, kind="stable")
     ids, coverage = np.take_along_axis(ids, order, 1), np.take_along_axis(coverage, order, 1)
-    # At the last of equal ids, the difference of running sums is their total.
+    # Equal ids are now adjacent. The total of an id is the difference between the running sum at its last entry and
+    # the running sum at the last entry of the id before.
     sums = coverage.cumsum(axis=1, dtype=np.float64)
     last = np.concatenate([ids[:, 1:] != ids[:, :-1], np.ones((len(ids), 1), bool)], axis=1)
     before = np.maximum.accumulate(np.where(last, sums, 0.0), axis=1)
@@ -111,9 +119,10 @@ def _sum_equal_ids(ids: NDArray[np.uint32], coverage: Floats32) -> Floats32:
 
 
 def normalize_coverage(mattes: Floats32, alpha: Floats32) -> Floats32:
-    """Return mattes (H, W, 2 n) whose coverages sum up to the alpha (H, W) of each pixel.
+    """Return mattes (H, W, 2 n) with coverages scaled so that they sum up to the alpha (H, W) of each pixel.
 
-    A pixel with alpha but without ids, where the asset is too small for the samples, takes the ids of a neighbour.
+    A pixel may have alpha but no id, where the asset is small and the matte has few samples. Such a pixel takes the
+    pairs of a neighbour.
     """
     scaled = mattes.copy()
     for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):

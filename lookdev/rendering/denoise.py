@@ -1,6 +1,7 @@
-"""Denoising: denoised halves of a frame are mixed with the raw halves, and the error of the result is measured.
+"""Denoising of a frame: denoised pixels are mixed with raw ones, and the error of the result is measured.
 
-A frame is rendered as two independent halves of its samples. The mixture prevents that denoising makes a frame worse.
+A frame is rendered as two independent halves of its samples, each a picture of the whole frame. The mixture prevents
+denoising from making a frame worse. `lookdev.rendering.frame` calls `denoise_halves` after each round of samples.
 
 - Firmino, A., Frisvad, J. R. and Jensen, H. W. 2022. Progressive Denoising of Monte Carlo Rendered Images. Computer
   Graphics Forum 41(2): mixing by estimated errors.
@@ -16,13 +17,16 @@ import numpy as np
 from lookdev.arrays import Bools, Floats, Floats32
 from lookdev.metrics import EPSILON, reference_of_halves, relmse_of_halves
 
-# Tuned on the 14 cells of `lookdev bench --denoise-trial --seed 0`; figures are reported from another seed.
-_WINDOW = 13  # pixels along the window in which errors are averaged for the weights of a mixture
-_USUAL_BIAS = 0.1  # squared bias assumed of denoised pixels, over the raw error, besides the measured one
+# The following numbers are tuned on the 14 random scenes of `lookdev bench --denoise-trial --seed 0`. Reported figures
+# are from another seed.
+_WINDOW = 13  # side, in pixels, of the window in which errors are averaged for the weight of a pixel
+_USUAL_BIAS = 0.1  # this share of the raw error is added to the measured error of denoised pixels, as a squared bias
 # A residual is a mixed half minus its raw half, relative to the colour. Residuals are clipped to the larger of two
 # limits: the number _LARGE_RESIDUAL, and the quantile _USUAL_RESIDUALS of the frame's absolute residuals.
 _LARGE_RESIDUAL, _USUAL_RESIDUALS = 0.3, 0.8
-_LEAST_GAIN = 1.1  # raw over mixed error of a frame: below it the raw halves stay, as both errors are estimates
+# The raw error of a frame must be at least this factor of the mixed error. Otherwise the raw halves are returned,
+# because both errors are estimates.
+_LEAST_GAIN = 1.1
 
 
 @dataclass(frozen=True)
@@ -37,21 +41,23 @@ class Denoised:
 def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats32], Floats32]) -> Denoised:
     """Denoise two independent renders a and b of equal cost, and measure the error of their mean.
 
-    `smooth` is the denoiser D: it returns the denoised colours of a half.
+    a, b : (H, W, 3), premultiplied; alpha : (H, W), only pixels with alpha > 0 are denoised and measured; smooth : the
+    denoiser D, which returns the denoised colours of a half.
 
-    Each half is denoised by itself, so D(a) does not depend on the noise of b. With m the picture without noise and E
-    the mean over all renders, ``E (D(a) - m) (D(b) - m)`` is the square of the bias, and
+    Each half is denoised by itself, so D(a) does not depend on the noise of b. Let m be the picture without noise and E
+    the expectation over renders. The squared bias is ``E (D(a) - m) (D(b) - m)``, and the squared error is
 
         E ((D(a) + D(b)) / 2 - m)^2 = E [((D(a) - D(b)) / 2)^2 + (D(a) - a) (D(b) - b)],
 
-    the variance and the squared bias, since ``E D(a) m = E D(a) b`` and ``m^2 = E a b``: both can be measured. Each
-    pixel is the mixture of raw and denoised with the least error, by errors averaged over its neighbourhood.
+    the variance plus the squared bias, since ``E D(a) m = E D(a) b`` and ``m^2 = E a b``. Both terms can be measured
+    without m. The result mixes raw and denoised colours in each pixel with the weight of least error. The errors for
+    this weight are averaged over the neighbours of the pixel.
 
-    A few pixels with rare bright paths have most of the noise of the second term. For the error of the frame, residuals
-    are therefore clipped, relative to the colour, and the term is at least 0 over the frame. The error then misses the
-    light of rare paths that the denoiser removes, as the raw halves' error misses paths that neither half has sampled.
-
-    a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count.
+    The error of the frame is measured by the same formula, with the mixed halves in place of D(a) and D(b). A few
+    pixels with rare bright paths have most of the noise of the second term. Residuals, which are mixed halves minus raw
+    halves, are therefore clipped, relative to the colour, and the term is at least 0 over the frame. The error then
+    misses the light of rare paths that the denoiser removes. (The error of the raw halves misses paths that neither
+    half has sampled.)
     """
     covered = alpha > 0.0
     if not covered.any():
@@ -79,7 +85,11 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats
 def _mixed_and_raw_error(
     mixed_a: Floats, mixed_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools
 ) -> tuple[float, float]:
-    """Return the relMSE of the mean of the mixed halves, and of the raw halves; `scale` multiplies squared errors."""
+    """Return the relMSE of the mean of the mixed halves, and that of the raw halves.
+
+    `scale` (H, W, 3) makes squared errors relative: it is 1 over the square of the colour. `covered` (H, W) selects
+    the pixels on the asset.
+    """
     variance, raw_error = (
         float((0.25 * (first - second) ** 2 * scale)[covered].mean()) for first, second in ((mixed_a, mixed_b), (a, b))
     )
@@ -90,19 +100,20 @@ def _mixed_and_raw_error(
 
 
 def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools) -> Floats:
-    """Return the weight (H, W, 1) of the smooth halves in the mixture with the raw halves that has the least error.
+    """Return the weight (H, W, 1) of the smooth halves for which the mixture with the raw halves has the least error.
 
-    `scale` multiplies squared errors.
+    `scale` and `covered` are as in `_mixed_and_raw_error`.
     """
     raw = _neighbourhood_mean(0.25 * (a - b) ** 2 * scale, covered)
     error = 0.25 * (smooth_a - smooth_b) ** 2 + (smooth_a - a) * (smooth_b - b)
     smooth = _neighbourhood_mean(error * scale, covered) + _USUAL_BIAS * raw
-    # The covariance of the smooth mean and the raw mean. A smooth half has noise of its own raw half only, so the
-    # product of half differences estimates it.
-    both = _neighbourhood_mean(0.25 * (smooth_a - smooth_b) * (a - b) * scale, covered)
-    spread = raw + smooth - 2.0 * both
-    weight = np.clip((raw - both) / np.where(spread > 0.0, spread, 1.0), 0.0, 1.0)
-    return np.asarray(np.where(spread > 0.0, weight, 0.0)[..., None])
+    # The covariance of the smooth mean and the raw mean. The noise of a smooth half comes from its own raw half alone,
+    # so the product of half the differences estimates the covariance.
+    covariance = _neighbourhood_mean(0.25 * (smooth_a - smooth_b) * (a - b) * scale, covered)
+    # The mean of ``(smooth - raw)^2``. The following weight minimises the error of ``raw + weight * (smooth - raw)``.
+    squared_difference = raw + smooth - 2.0 * covariance
+    weight = np.clip((raw - covariance) / np.where(squared_difference > 0.0, squared_difference, 1.0), 0.0, 1.0)
+    return np.asarray(np.where(squared_difference > 0.0, weight, 0.0)[..., None])
 
 
 def _neighbourhood_mean(error: Floats, covered: Bools) -> Floats:

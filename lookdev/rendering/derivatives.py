@@ -1,4 +1,7 @@
-"""The task of a picture with derivatives, which a fit sends to a worker of backend `mitsuba`."""
+"""The task of a picture with its derivatives by parameters of looks.
+
+A fit (`lookdev.fitting`) sends it to a worker of backend `mitsuba`.
+"""
 
 from __future__ import annotations
 
@@ -14,29 +17,28 @@ from lookdev.scene import Pose
 
 @dataclass(frozen=True)
 class DerivativeTask:
-    """Two independent halves of a picture, and of its derivatives.
+    """The request for two independent halves of a picture, and for the derivatives of both.
 
-    `values` has the value of each live input of the scene's looks, by `AttributeBinding.parameter`; `symbols` names the
-    numbers with respect to which the picture is differentiated. A pixel of a half takes `samples` samples, a power of
-    two.
+    A live input is an input of a look whose value is not compiled into the look's source, so that it can change between
+    pictures.
     """
 
     scene: SceneTask
     pose: Pose
-    values: Mapping[str, tuple[float, ...]]
-    symbols: tuple[str, ...]
-    samples: int
-    seeds: tuple[int, int]
-    digest: str
+    values: Mapping[str, tuple[float, ...]]  # the value of each live input, by `AttributeBinding.parameter`
+    symbols: tuple[str, ...]  # the numbers by which the picture is differentiated, as `AttributeBinding.symbols`
+    samples: int  # per pixel of a half, a power of two
+    seeds: tuple[int, int]  # of the halves
+    digest: str  # identifies the task in the worker's answers
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """No file: the worker answers with arrays."""
+        """The files that the worker writes: none, since it answers with arrays."""
         return ()
 
 
 def live_inputs(scene: SceneTask) -> dict[str, AttributeBinding]:
-    """Return the live inputs that the looks of a scene read, by their keys."""
+    """Return the live inputs that the looks of a scene read, by their keys in `lookdev.material.change`."""
     prefix_length = len(live_primvar(""))
     bindings = (binding for source in scene.shaders for binding in source.attributes if is_live(binding.attribute))
     return {binding.attribute[prefix_length:]: binding for binding in bindings}

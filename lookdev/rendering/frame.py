@@ -1,4 +1,8 @@
-"""A frame of any renderer: two independent halves in rounds until the target error is reached, denoised on request."""
+"""The loop that renders a frame: rounds of samples in two independent halves, until the target error is reached.
+
+The workers of all renderers call `render_halves` with a function that renders a region of the frame. The frame is
+denoised if the task asks for it.
+"""
 
 from __future__ import annotations
 
@@ -15,35 +19,39 @@ from lookdev.rendering.adaptive import Half, Region, mean_samples, next_round
 from lookdev.rendering.denoise import Denoised, denoise_halves
 from lookdev.rendering.task import FrameTask
 
-# The number of seeds for a frame's rounds and halves: so frames of neighbouring `seed` values never share one.
+# Each round of each half has a seed of its own. This number of seeds is reserved for a frame, so that frames with
+# neighbouring values of `Sampling.seed` share none.
 _SEEDS_PER_FRAME = 64
 FEATURE_SAMPLES = 16
-"""Samples of the pictures that guide a denoiser: only edges, lenses and textures make these noisy."""
+"""Samples per pixel of the pictures of albedos and normals that guide a denoiser.
+
+Few suffice, because only edges, lenses and textures make these pictures noisy."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenderedFrame:
-    """Independent halves (H, W, 3) and their coverage, rows top-down, premultiplied, without exposure.
+    """The two independent halves of a frame, whose mean is the picture, and its passes. Row 0 is the top.
 
-    A frame of the bench's Principled backends is a single render: `a` and `b` are equal, and `relmse` is nan.
+    Colours are linear, premultiplied, and without exposure. A frame of the bench's Principled backends is a single
+    render: `a` and `b` are equal, and `relmse` is nan.
     """
 
-    a: Floats32
-    b: Floats32
+    a: Floats32  # (H, W, 3)
+    b: Floats32  # (H, W, 3)
     alpha: Floats32  # (H, W)
     samples: int  # per pixel, over both halves
     seconds: float  # of the worker's time
-    relmse: float  # estimated from the halves
-    raw: Floats32 | None = None  # of a denoised frame: the mean of the halves before denoising
-    raw_relmse: float | None = None
-    raw_seconds: float | None = None  # without the denoiser's features and denoising
+    relmse: float  # of the mean of the halves, estimated from their difference
+    raw: Floats32 | None = None  # (H, W, 3), if the frame is denoised: the mean of the halves before denoising
+    raw_relmse: float | None = None  # the relMSE of `raw`
+    raw_seconds: float | None = None  # `seconds` without denoising and the pictures that guide it
     passes: Mapping[str, Floats32] = field(default_factory=dict)  # (H, W, channels), by the names of arrays
-    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # the names in each matte
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by cryptomatte: the names of its objects
 
     def with_passes(
         self, passes: Mapping[str, Floats32], names: Mapping[str, tuple[str, ...]], seconds: float
     ) -> RenderedFrame:
-        """Return the frame with further passes and the names in its mattes, after further seconds."""
+        """Return the frame with further passes and with the names in its mattes; both took further seconds."""
         raw_seconds = None if self.raw_seconds is None else self.raw_seconds + seconds
         passes = {**self.passes, **passes}
         return replace(self, passes=passes, names=names, seconds=self.seconds + seconds, raw_seconds=raw_seconds)
@@ -58,17 +66,18 @@ ReportSamples = Callable[[int, int, float | None], None]
 """Called with the samples done, the samples planned, and the relMSE so far."""
 
 RenderRegion = Callable[[int, Region], tuple[Floats32, Floats32] | tuple[Floats32, Floats32, Mapping[str, Floats32]]]
-"""Renders a region with a seed: returns mean colours (h, w, 3), coverage (h, w), and parts of the colours by name."""
+"""Renders a region with a seed. Returns mean colours (h, w, 3), coverage (h, w), and parts of the colours by name."""
 
 Denoiser = Callable[[Floats32], Floats32]
+"""Returns the denoised colours of a picture (H, W, 3)."""
 
 
 CombineHalves = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
-"""Returns the colours of both halves, and the alpha of the frame."""
+"""Returns the colours (H, W, 3) of the first and the second half, and the alpha (H, W) of the frame."""
 
 
 def combine_halves(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
-    """Return the colours of both halves and their mean coverage."""
+    """Return the mean colours of each half, and the mean coverage of both as alpha: the usual `CombineHalves`."""
     return first.color, second.color, 0.5 * (first.alpha + second.alpha)
 
 
@@ -81,8 +90,11 @@ def render_halves(
 ) -> RenderedFrame:
     """Render the halves of a frame with different seeds, so that their difference measures the error of their mean.
 
-    `denoiser` returns a denoiser with the features of the frame; it is called if the task is denoised. `combine`
-    returns the colours of the halves, from which the error of the frame is measured.
+    render : renders a region with a seed. `half_of_seed` returns the half to which a seed belongs.
+    denoiser : renders the albedos and normals of the frame, and returns a denoiser that they guide. It is called only
+    if the task asks for denoising.
+    progress : is called after each region.
+    combine : returns the colours of the halves. The error of the frame is measured from these.
     """
     start = time.perf_counter()
     sampling, (width, height), gain = task.scene.sampling, task.scene.resolution, 2.0**task.exposure
@@ -92,15 +104,15 @@ def render_halves(
     smooth = denoiser() if sampling.denoise != "off" else None
     denoising_seconds = time.perf_counter() - start
     result: Denoised | None = None
-    done = number = 0
-    while any(regions := next_round(sampling, halves, number, error)):
+    done = rounds = 0
+    while any(regions := next_round(sampling, halves, rounds, error)):
         for index, half in enumerate(halves):
-            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + index
+            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * rounds + index
             for region in regions[index]:
                 half.add(region, *render(seed, region))
             done = round(2.0 * mean_samples(halves))
-            progress(done, sampling.samples, error if number else None)
-        number += 1
+            progress(done, sampling.samples, error if rounds else None)
+        rounds += 1
         a, b, alpha = combine(*halves)
         error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
         if smooth is not None:
@@ -125,10 +137,10 @@ def render_halves(
 
 
 def _mean_part(name: str, halves: Sequence[Half]) -> Floats32:
-    """Return a part of the light (H, W, 3), the mean of both halves, not denoised.
+    """Return a part of the light of a frame, (H, W, 3), not denoised: the mean of both halves.
 
-    If only one half has recorded the part, this is the part's share of that half's light, times the light of the frame.
-    Its bias is half that of a quotient of means, and falls with the samples.
+    If only one half has recorded the part, the result is its share of that half's light, times the light of the frame.
+    This result has a bias, half that of a quotient of two means; the bias decreases with the number of samples.
     """
     recorded = [half for half in halves if name in half.parts]
     means = [half.parts[name] / half.samples[..., None] for half in recorded]

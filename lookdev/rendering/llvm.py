@@ -1,4 +1,7 @@
-"""The libraries with which Dr.Jit compiles Mitsuba's kernels: LLVM for the CPU, the driver of an NVIDIA GPU."""
+"""Finds the libraries with which Dr.Jit compiles Mitsuba's kernels: LLVM for the CPU, the driver of an NVIDIA GPU.
+
+Backend `mitsuba` uses this to check, before a worker starts, that a device can be used on this machine.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +14,15 @@ from pathlib import Path
 from lookdev.errors import RenderError
 
 LLVM_VARIABLE = "DRJIT_LIBLLVM_PATH"
-"""Environment variable with the file of the library."""
+"""The environment variable with the path of LLVM's library, which Dr.Jit reads."""
 
 OLDEST_LLVM = 16
 """The first version that supports current processors: older versions abort on some of them."""
 
 NEWEST_DEBIAN_LLVM = 19
-"""The newest version that both Debian 12 and 13 package, by the package's name."""
+"""The newest version of LLVM that both Debian 12 and 13 package; the package's name contains it."""
 
+# Where Debian and Fedora install LLVM's library, below the root of the file system.
 _FILES = ("usr/lib/*/libLLVM*.so*", "usr/lib/llvm-*/lib/libLLVM*.so*", "usr/lib64/libLLVM*.so*")
 _VERSION = re.compile(r"(?:libLLVM-|\.so\.)(\d+)")
 
@@ -32,7 +36,7 @@ def check_device(device: str) -> None:
 
 
 def gpu_fault() -> str | None:
-    """Return why no NVIDIA GPU can be used here, or None where one can; asks the driver itself."""
+    """Ask the driver whether an NVIDIA GPU can be used here; return None if so, otherwise the reason why not."""
     count = ctypes.c_int(0)
     try:
         driver = ctypes.CDLL("libcuda.so.1")
@@ -44,9 +48,10 @@ def gpu_fault() -> str | None:
 
 
 def find_llvm(root: Path = Path("/")) -> str:
-    """Return the path of LLVM's library: `LLVM_VARIABLE`, or the newest in the folders of Debian and Fedora.
+    """Return the path of LLVM's library: the value of `LLVM_VARIABLE`, or the newest in Debian's and Fedora's folders.
 
-    Dr.Jit's own search misses some of their file names. Raises RenderError where Mitsuba or LLVM is not installed.
+    Dr.Jit's own search misses some file names of these distributions. Raises RenderError where Mitsuba or LLVM is not
+    installed.
     """
     if importlib.util.find_spec("mitsuba") is None:
         raise RenderError("Mitsuba is not installed: pip install 'lookdev[mitsuba]'")

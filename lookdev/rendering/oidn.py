@@ -1,4 +1,4 @@
-"""Open Image Denoise, by the library that comes with Blender's wheel.
+"""Denoises pictures by Open Image Denoise, whose library is called directly; it comes with Blender's wheel, bpy.
 
 - Afra, A. T. Intel Open Image Denoise, https://www.openimagedenoise.org (its C interface).
 """
@@ -19,8 +19,9 @@ from lookdev.arrays import Floats32
 from lookdev.errors import RenderError
 from lookdev.rendering.threads import usable_cores
 
-_CPU, _FLOAT3, _BALANCED = 1, 3, 5
+_CPU, _FLOAT3, _BALANCED = 1, 3, 5  # OIDN_DEVICE_TYPE_CPU, OIDN_FORMAT_FLOAT3, OIDN_QUALITY_BALANCED
 _POINTER, _SIZE, _TEXT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
+# The functions of the library that are called here: the type of the result, and the types of the arguments.
 _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "oidnNewDevice": (_POINTER, [ctypes.c_int]),
     "oidnSetDeviceInt": (None, [_POINTER, _TEXT, ctypes.c_int]),
@@ -57,7 +58,8 @@ def _load_library() -> tuple[ctypes.CDLL, int]:
     device = library.oidnNewDevice(_CPU)
     if usable_cores() < (os.cpu_count() or 1):
         library.oidnSetDeviceInt(device, b"numThreads", usable_cores())
-        # Otherwise it pins its threads to the first cores of the machine, even if this process may not use these.
+        # By default, the library pins its threads to the first cores of the machine, even if this process may not use
+        # them.
         library.oidnSetDeviceBool(device, b"setAffinity", False)
     library.oidnCommitDevice(device)
     _raise_error(library, device)
@@ -65,10 +67,11 @@ def _load_library() -> tuple[ctypes.CDLL, int]:
 
 
 def make_denoiser(albedo: Floats32, normal: Floats32, *, quick: bool = False) -> Callable[[Floats32], Floats32]:
-    """Return a function from a noisy picture of radiance (H, W, 3) to a smooth one, both linear and not negative.
+    """Return a function that denoises pictures of radiance (H, W, 3), linear and not negative.
 
-    albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero.
-    quick : the library's quality "balanced" instead of "high": 0.4 of the time, about 6 % more error (relMSE).
+    albedo, normal : (H, W, 3), of the same view, without noise. Albedos are in [0, 1]. Normals are unit vectors, or 0.
+    quick : whether to use the library's quality "balanced" instead of "high": 0.4 of the time, about 6 % more error
+    (relMSE).
 
     Raises
     ------
@@ -105,6 +108,7 @@ def make_denoiser(albedo: Floats32, normal: Floats32, *, quick: bool = False) ->
 
 
 def _raise_error(library: ctypes.CDLL, device: int) -> None:
+    """Raise RenderError if the library has reported an error of the device since the last call."""
     message = _TEXT()
     if library.oidnGetDeviceError(device, ctypes.byref(message)):
         raise RenderError(f"Open Image Denoise: {(message.value or b'unknown error').decode(errors='replace')}")

@@ -1,4 +1,7 @@
-"""The passes of a frame: the arrays that an EXR can have besides the beauty, and the names of their channels."""
+"""The passes of a frame: the arrays that an EXR can have besides the beauty, and the names of their channels.
+
+A job lists passes by their names in `PASSES`. A pass has one array or several, each a layer of the EXR.
+"""
 
 from __future__ import annotations
 
@@ -13,31 +16,31 @@ from lookdev.rendering.cryptomatte import RANKS
 
 @dataclass(frozen=True)
 class Pass:
-    """A pass that a job can name: arrays (H, W, channels), each with the EXR's names of its channels.
-
-    With `light`, the arrays are parts of the beauty, and exposure applies to them.
-    """
+    """A pass that a job can name."""
 
     name: str
     help: str
-    arrays: Mapping[str, tuple[str, ...]]
-    light: bool = False
+    arrays: Mapping[str, tuple[str, ...]]  # by the name of an array (H, W, channels): the EXR's names of its channels
+    light: bool = False  # whether the arrays are parts of the beauty's light, so that exposure applies to them
 
 
 def _data_pass(name: str, help: str, letters: str) -> Pass:
+    """Return a pass of one array, with a channel for each letter."""
     return Pass(name, help, {name: tuple(f"{name}.{letter}" for letter in letters)})
 
 
 def _light_pass(name: str, help: str, parts: Iterable[str]) -> Pass:
+    """Return a pass with an RGB array for each part of the light, by the names of the parts."""
     return Pass(name, help, {part: tuple(f"{part}.{letter}" for letter in "RGB") for part in parts}, light=True)
 
 
 def _matte_channels(name: str) -> tuple[str, ...]:
+    """Return the channels of a cryptomatte: layers of four channels, each with two pairs of id and coverage."""
     return tuple(f"{name}{layer:02}.{letter}" for layer in range(RANKS // 2) for letter in "RGBA")
 
 
 MATTES = {kind: f"Crypto{kind.capitalize()}" for kind in ("object", "material", "asset")}
-"""The names of the mattes, whose ids are those of prims, looks, or assets."""
+"""The names of the cryptomattes. Their objects are the prims of the asset, its looks, or the assets of the scene."""
 
 PASSES: dict[str, Pass] = {
     record.name: record
@@ -65,30 +68,33 @@ PASSES: dict[str, Pass] = {
 
 
 CATCHER_ARRAYS = _light_pass("catcher", "light of the ground with the asset and without", ("ground", "bare")).arrays
-"""The additional arrays of a frame with a shadow catcher (`lookdev.rendering.catcher`)."""
+"""The additional arrays of a frame with a shadow catcher: G and B of `lookdev.rendering.catcher`."""
 
 ALWAYS_WRITTEN = ("beauty", "alpha", "error")
-"""Names that a job may list among its passes though every frame has these arrays."""
+"""Names that a job may list among its passes although every frame has these arrays anyway."""
 
 LIGHTS_PASS = "lights"
-"""The pass whose arrays depend on the scene: one for each group of lights."""
+"""The name of the pass whose arrays depend on the scene: one array for each group of lights."""
 
 
 def light_layer(group: str) -> str:
-    """Return the name of the array, and of the layer in the EXR, of a group of lights."""
+    """Return the name of the array with the light of a group of lights; the layer in the EXR has the same name."""
     return f"light_{group}"
 
 
 def light_groups(lights: Sequence[Light]) -> tuple[str, ...]:
-    """Return the group of each light: that of its emission or, without one, its kind.
+    """Return the name of each light's group: `Emission.group` or, if that is empty, the light's kind.
 
-    Characters other than letters and digits become underscores: dots would divide the names of layers.
+    Characters other than letters and digits become underscores, because a dot would divide the name of a layer.
     """
     return tuple(re.sub(r"\W", "_", light.emission.group or light.kind, flags=re.ASCII) for light in lights)
 
 
 def channels_of_passes(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
-    """Return the channels of each array of some passes, by its name; `groups` are the groups of lights."""
+    """Return the channels of each array of some passes, by the array's name.
+
+    passes : names of passes; groups : the group of each light, for the pass `LIGHTS_PASS`.
+    """
     arrays = {name: channels for key in passes for name, channels in PASSES[key].arrays.items()}
     if LIGHTS_PASS in passes:
         for name in map(light_layer, dict.fromkeys(groups)):
@@ -97,5 +103,5 @@ def channels_of_passes(passes: Collection[str], groups: Sequence[str] = ()) -> d
 
 
 def light_parts(passes: Iterable[str], groups: Sequence[str]) -> frozenset[str]:
-    """Return the names of the arrays of some passes that are parts of the beauty, to which exposure applies."""
+    """Return the names of those arrays of some passes that are parts of the beauty: exposure applies to them."""
     return frozenset(channels_of_passes([name for name in passes if PASSES[name].light], groups))

@@ -1,6 +1,7 @@
-"""The answers of a render worker, as its parent reads and checks them: messages, and the arrays of a frame.
+"""The parent's side of a render worker's answers: reads and checks messages, and the arrays of a frame.
 
-`lookdev.rendering.answers` is the worker's side.
+A message is a line of JSON. `lookdev.rendering.answers` is the worker's side. In all messages, `digest` identifies the
+frame.
 """
 
 from __future__ import annotations
@@ -23,36 +24,44 @@ from lookdev.rendering.task import SceneTask
 
 
 class ReadyMessage(BaseModel):
+    """The worker takes tasks."""
+
     type: Literal["ready"]
-    blender: str
+    blender: str  # the version of Blender, or "mitsuba" and its version
 
 
 class ProgressMessage(BaseModel):
+    """Some samples of a frame are rendered."""
+
     type: Literal["progress"]
     digest: str
-    samples: int
-    of: int
-    relmse: float | None
+    samples: int  # rendered so far, per pixel
+    of: int  # the most samples that the frame may take
+    relmse: float | None  # estimated so far; None before the first estimate
 
 
 class ResultMessage(BaseModel):
+    """A frame is rendered. Fields that are not commented are those of `RenderedFrame`."""
+
     type: Literal["done"]
     digest: str
-    arrays: Path
+    arrays: Path  # an .npz file, which the parent removes
     samples: int
     seconds: float
     relmse: float
-    memory: int
-    notes: tuple[str, ...] = ()
+    memory: int  # peak of the worker so far, bytes
+    notes: tuple[str, ...] = ()  # for the user
     raw_relmse: float | None = None
     raw_seconds: float | None = None
 
 
 class FailureMessage(BaseModel):
+    """A frame cannot be rendered."""
+
     type: Literal["failed"]
     digest: str
     message: str
-    unwritable: bool = False
+    unwritable: bool = False  # whether a file could not be written, which would stop all other frames, too
 
 
 WorkerMessage = ReadyMessage | ProgressMessage | ResultMessage | FailureMessage
@@ -61,15 +70,19 @@ MESSAGES: TypeAdapter[WorkerMessage] = TypeAdapter(Annotated[WorkerMessage, Fiel
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WorkerFrame(RenderedFrame):
-    """A frame of a worker."""
+    """A rendered frame, as a worker has sent it."""
 
-    blender: str
+    blender: str  # as in `ReadyMessage`
     memory: int  # peak of the worker so far, bytes
     notes: tuple[str, ...] = ()  # for the user
 
 
 def load_result(done: ResultMessage, scene: SceneTask, blender: str) -> WorkerFrame:
-    """Read a result and remove its file; raises WorkerError unless the arrays are finite and of the right shapes."""
+    """Return the frame of a result, and remove the result's file.
+
+    `blender` is the version in the worker's `ReadyMessage`. Raises WorkerError unless all arrays are finite and have
+    the right shapes.
+    """
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
@@ -89,7 +102,11 @@ def load_result(done: ResultMessage, scene: SceneTask, blender: str) -> WorkerFr
 def load_arrays(
     done: ResultMessage, shapes: Mapping[str, tuple[int, ...]]
 ) -> tuple[dict[str, Floats32], dict[str, list[str]]]:
-    """Return the arrays of a result and the names in its mattes, and remove its file; raises as `load_result`."""
+    """Return the arrays of a result, by name, and remove the result's file.
+
+    The second member of the tuple has the names of the objects in each cryptomatte, by the name of the matte. `shapes`
+    has the right shape of each array, by its name. Raises as `load_result`.
+    """
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in shapes}

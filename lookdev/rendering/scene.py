@@ -1,4 +1,7 @@
-"""Generates the task of a scene, which a worker renders."""
+"""Generates the task of a scene: the code or nodes of each look, and all other data that a worker needs to render it.
+
+A slot is a part of an asset to which one material is assigned. A source is the code or the nodes of a look.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +31,7 @@ def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device:
 
 
 class SceneTasks:
-    """Generates the tasks of scenes for a backend; a source that several scenes need is generated once."""
+    """Generates the tasks of scenes for a backend. A source that several scenes need is generated once."""
 
     def __init__(self, backend: str = "exact", device: str = "cpu") -> None:
         self._backend = BACKENDS[backend]
@@ -40,7 +43,8 @@ class SceneTasks:
         """Generate the sources of a scene, and return its task.
 
         A convex asset is rendered without bounces and shadow rays, because light that it reflects does not hit it
-        again. The exception is a closed asset with a look that transmits. Lights that reach nothing are left out.
+        again. The exception is a closed convex asset with a look that transmits light or can be seen through. Lights
+        that reach nothing are left out.
 
         Raises
         ------
@@ -49,14 +53,14 @@ class SceneTasks:
         EnvironmentMapError
             The backend cannot render some lights; the message has a line for each.
         """
-        every_group = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()
+        every_group = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()  # also of idle lights
         scene = scene.without_idle_lights()  # the pass of a light that reaches nothing is black
         self._check_support(scene)
         surfaces, surface_of_slot = _distinct_surfaces(scene)
         groups = light_groups(scene.lights) if LIGHTS_PASS in sampling.passes else ()
         layers = tuple(dict.fromkeys((*groups, *every_group)))
-        numbers = tuple(layers.index(group) for group in groups)
-        # Surfaces are many, sets of lights are few: the code is generated once for each set.
+        layer_of_light = tuple(layers.index(group) for group in groups)
+        # Many surfaces share a set of lights, so the code of the lights is generated once for each set.
         lights = {surface.lights: tuple(scene.lights[number] for number in surface.lights) for surface in surfaces}
         codes = {
             numbers_of_lights: _light_code(reaching, self._backend, sampling)
@@ -64,9 +68,10 @@ class SceneTasks:
         }
 
         def generate(sampling: Sampling, shadows: bool) -> list[GeneratedSource]:
+            """Return the source of each surface."""
             sources = []
             for surface in surfaces:
-                group_numbers = tuple(numbers[number] for number in surface.lights) if numbers else ()
+                group_numbers = tuple(layer_of_light[number] for number in surface.lights) if layer_of_light else ()
                 setting = SourceSetting(lights[surface.lights], scene.film.resolution, sampling, shadows)
                 setting = replace(
                     setting, catching=surface.catching, light_groups=group_numbers, space=scene.film.space
@@ -78,6 +83,7 @@ class SceneTasks:
         asset = scene.asset
         effective = replace(sampling, bounces=0) if asset.is_convex else sampling
         sources = generate(effective, not asset.is_convex)
+        # A sheet is convex and flat: light that it transmits does not hit it again, either.
         if asset.is_convex and not asset.is_sheet and any(source.transmits or source.see_through for source in sources):
             effective = sampling
             sources = generate(effective, True)
@@ -86,8 +92,8 @@ class SceneTasks:
         # Equal looks of two materials share a source, unless their names in messages differ.
         keys = [(source.name, source.digest, surface.lights) for source, surface in zip(sources, surfaces, strict=True)]
         sources_by_key = dict(zip(keys, sources, strict=True))
-        order = {key: number for number, key in enumerate(sources_by_key)}
-        shaders, slots = tuple(sources_by_key.values()), tuple(order[keys[surface]] for surface in surface_of_slot)
+        numbers = {key: number for number, key in enumerate(sources_by_key)}
+        shaders, slots = tuple(sources_by_key.values()), tuple(numbers[keys[surface]] for surface in surface_of_slot)
         return SceneTask(
             asset=Content.store_copy(
                 save_asset(asset, _meshes_with_tangents(asset, [shaders[number] for number in slots]))
@@ -108,7 +114,7 @@ class SceneTasks:
         )
 
     def _check_support(self, scene: Scene) -> None:
-        """Raise those errors of `task` that do not depend on generated sources."""
+        """Raise the errors of `task` that are known before sources are generated."""
         backend = self._backend
         if scene.catchers and not backend.can_catch_shadows:
             raise CodegenError(f"backend '{backend.name}' renders no shadow catcher: 'exact' does")
@@ -125,7 +131,7 @@ class SceneTasks:
             )
 
     def _source(self, look: Look, setting: SourceSetting, code: tuple[object, ...]) -> GeneratedSource:
-        """Return the source of a look; `code` is all that the source depends on of the lights."""
+        """Return the source of a look. `code` is everything about the lights that the source depends on."""
         settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
         key = (id(look), *code, *settings)
         if key not in self._sources:
@@ -135,11 +141,11 @@ class SceneTasks:
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """A look, the numbers of the lights that reach its slots, and its part in a scene with a shadow catcher."""
+    """A look together with the lights of its slots. Slots with equal surfaces share a source."""
 
     look: Look
-    lights: tuple[int, ...]
-    catching: Catching
+    lights: tuple[int, ...]  # the numbers of the lights that reach the slots, indices into `Scene.lights`
+    catching: Catching  # in a scene with a shadow catcher: whether the look is on the ground or on the asset
 
 
 def _distinct_surfaces(scene: Scene) -> tuple[list[_Surface], list[int]]:
@@ -155,7 +161,10 @@ def _distinct_surfaces(scene: Scene) -> tuple[list[_Surface], list[int]]:
 
 
 def _light_code(lights: Sequence[Light], backend: Backend, sampling: Sampling) -> tuple[object, ...]:
-    """Return all that a source depends on of its lights: kinds and sizes, not files, which are inputs of the source."""
+    """Return everything about some lights that a source depends on, such as kinds and sizes.
+
+    The files of lights are inputs of the generated code, and therefore not part of it.
+    """
     kinds = tuple((light.kind, light.constant) for light in lights)
     if not backend.any_light:
         return kinds, ()
@@ -164,7 +173,7 @@ def _light_code(lights: Sequence[Light], backend: Backend, sampling: Sampling) -
 
 
 def _check_shadows(source: GeneratedSource, lights: Sequence[Light]) -> None:
-    """Raise CodegenError where a look can be seen through and a light casts other shadows than plain black ones."""
+    """Raise CodegenError if a look can be seen through and a light does not cast plain black shadows of all parts."""
     emissions = [light.emission for light in lights]
     if source.see_through and any(
         emission.shadow != WHITE.shadow or emission.shadow_excluded for emission in emissions
@@ -176,7 +185,10 @@ def _check_shadows(source: GeneratedSource, lights: Sequence[Light]) -> None:
 
 
 def _meshes_with_tangents(asset: Asset, sources: Sequence[GeneratedSource]) -> Iterator[int]:
-    """Yield the numbers of the meshes that need tangents: `sources`, by slot, reads them on one of their slots."""
+    """Yield the numbers of the meshes that need tangents: those with a slot whose source reads tangents.
+
+    `sources` has the source of each slot.
+    """
     reads_tangents = np.array(
         [any(attribute.attribute == TANGENT for attribute in source.attributes) for source in sources]
     )

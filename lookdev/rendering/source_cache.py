@@ -1,4 +1,7 @@
-"""A cache of the sources of looks: equal values and images are traced once, not in every run."""
+"""A cache on disk of the OSL sources of looks, so that a later run need not generate them again.
+
+A source is the shader code generated from a look. `lookdev.rendering.scene` takes sources from here.
+"""
 
 from __future__ import annotations
 
@@ -26,22 +29,22 @@ def cached_source(
 ) -> GeneratedSource:
     """Return ``backend.generate(look, setting)``, from the cache if it is there; raises what `generate` raises.
 
-    The cache has only OSL, and only of looks without expressions, measurements and sets of tiles. Such a source depends
-    on the look's values, the contents of its images, the setting, `light_code` (all that it depends on of the lights),
-    and the code of the package.
+    The cache has only OSL, and only of looks without expressions, measured data and sets of texture tiles. Such a
+    source depends on the look's values, the contents of its images, the setting, the lights and the code of the
+    package. `light_code` is everything about the lights that the source depends on.
     """
     image_digests = None if backend.source is not ShaderSource or setting.resolve is not None else _image_digests(look)
     if image_digests is None:
         return backend.generate(look, setting)
     settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
-    inputs = replace(look, source=""), *settings
-    # The code of the whole package: many subpackages contribute to a source.
+    inputs = replace(look, source=""), *settings  # without the path of the look's own file, which affects no pixel
+    # The digest is over the code of the whole package, because many subpackages contribute to a source.
     text = f"{code_digest()} {backend.name} {inputs!r} {image_digests} {light_code!r}"
     key = hashlib.sha256(text.encode()).hexdigest()
     if (value := load_cached(_CACHE_FOLDER, key)) is not None:
         try:
             source = _SOURCE.validate_python(value)
-        except ValidationError:  # not written by this version of the code
+        except ValidationError:  # the stored value is not a source that this version of the code has written
             pass
         else:
             if all(file.is_whole() for file in (*(table.file for table in source.tables), *source.images)):
@@ -52,7 +55,7 @@ def cached_source(
 
 
 def _image_digests(look: Look) -> list[str] | None:
-    """Return the digests of a look's images; None where the look depends on more than its values and images."""
+    """Return the digests of a look's images, or None if its source depends on more than its values and images."""
     digests = []
     for layer in look.layers:
         parameters: Mapping[str, Parameter] = MODELS[layer.model].parameters if layer.model in MODELS else {}
@@ -61,7 +64,7 @@ def _image_digests(look: Look) -> list[str] | None:
         for value in (*layer.inputs.values(), layer.mask):
             if isinstance(value, Texture | Bump):
                 texture = value.height if isinstance(value, Bump) else value
-                try:  # an image that reaches no pixel may be missing
+                try:  # the file may be missing: that is an error only if the source reads it
                     check_file(texture.file, TextureError)
                     digests.append(file_digest(texture.file))
                 except (TextureError, OSError):
@@ -74,4 +77,5 @@ def _image_digests(look: Look) -> list[str] | None:
 
 
 def _elements(value: object) -> Iterator[object]:
+    """Yield the elements of a tuple, or any other value itself."""
     yield from value if isinstance(value, tuple) else (value,)

@@ -1,4 +1,8 @@
-"""The tasks of a worker as plain data: a scene, and frames of it; files are named by their content."""
+"""The tasks of a worker as plain data that fits into JSON: a scene, and frames of the scene.
+
+A task names a file by its content (`Content`), so that it can be sent to other machines. A slot is a part of the asset
+to which one look is assigned. A source is the code or the nodes of a look, as generated for a backend.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +29,19 @@ _Real = TypeVar("_Real", np.float32, np.float64)
 
 @cache
 def _adapter(kind: type[GeneratedSource]) -> TypeAdapter[GeneratedSource]:
+    """Return pydantic's reader of a type of source."""
     return TypeAdapter(kind)
 
 
 def _read_sources(values: list[object], info: ValidationInfo) -> tuple[GeneratedSource, ...]:
+    """Return sources from their JSON values; pydantic has read the field `backend` before."""
     name = info.data.get("backend")
     if name not in BACKENDS:
         raise ValueError(f"no backend '{name}' is registered here")
     return tuple(_adapter(BACKENDS[name].source).validate_python(value) for value in values)
 
 
-# JSON has no types: the backend determines the type of the sources.
+# JSON does not say of which type a source is. The name of the backend does.
 LookSources = Annotated[tuple[GeneratedSource, ...], PlainValidator(_read_sources)]
 
 
@@ -43,32 +49,32 @@ LookSources = Annotated[tuple[GeneratedSource, ...], PlainValidator(_read_source
 class SceneTask:
     """The data that all frames of a sequence share: geometry, sources, lights, resolution.
 
-    `shaders` has each source once; `slot_shaders` has the number of the source of each slot. The sources may have
-    `brdf_samples` and `ibl_samples` of the sampling built in. Raises ValueError where there is no source, where one is
-    not of the backend's type, and where a number of `slot_shaders` is not that of a source.
+    Numbers of slots, sources and lights are indices. Raises ValueError where there is no source, where one is not of
+    the backend's type, and where a number in `slot_shaders` is not that of a source.
     """
 
     asset: Content
-    backend: str
-    shaders: LookSources
-    slot_shaders: tuple[int, ...]
+    backend: str  # a name in `BACKENDS`
+    shaders: LookSources  # each source once; may have `brdf_samples` and `ibl_samples` of the sampling built in
+    slot_shaders: tuple[int, ...]  # the number of the source of each slot
     lights: tuple[AnyLight, ...]
-    resolution: tuple[int, int]
+    resolution: tuple[int, int]  # width and height in pixels
     sampling: Sampling
     camera: Camera
     device: str = "cpu"
     shader_lights: tuple[
         tuple[int, ...], ...
     ] = ()  # the numbers of the lights that reach each source; () if all lights reach all sources
-    groups: tuple[int, ...] = ()  # the group of each slot, as in `Emission.shadow_excluded`; () if all are 0
-    prims: tuple[str, ...] = ()  # the path of each instance, if a pass needs them
+    # The shadow group of each slot: the shadow of a light leaves out the groups in its `Emission.shadow_excluded`.
+    groups: tuple[int, ...] = ()  # () if all are 0
+    prims: tuple[str, ...] = ()  # the USD path of each instance of a mesh; () if no pass needs them
     space: Space = REC709  # the colour space of the light
-    # The group of each of `lights`, then the groups of the lights that reach nothing; () if no pass needs them.
+    # The name of the light group of each of `lights`, then those of lights that reach nothing; () if no pass needs it.
     light_groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         record = BACKENDS[self.backend]
-        # Both backends of nodes have the same type of source, whose field `exact` tells them apart.
+        # Backends `nodes` and `nodes-exact` have the same type of source, whose field `exact` distinguishes them.
         if not self.shaders or not all(
             isinstance(source, record.source) and getattr(source, "exact", record.exact) == record.exact
             for source in self.shaders
@@ -87,7 +93,7 @@ class SceneTask:
             )
 
     def lights_of_shader(self, shader: int) -> tuple[Light, ...]:
-        """Return the lights that reach the slots of a source, by the number of the source."""
+        """Return the lights that reach the slots of a source; `shader` is the number of the source."""
         return (
             tuple(self.lights[number] for number in self.shader_lights[shader]) if self.shader_lights else self.lights
         )
@@ -99,13 +105,13 @@ class SceneTask:
 
     @property
     def channels_by_array(self) -> dict[str, tuple[str, ...]]:
-        """The channels of each array that a frame has besides colour and alpha, by the array's name."""
+        """The channels of each array that a frame has besides colour and alpha, by the name of the array."""
         arrays = channels_of_passes(self.sampling.passes, self.light_group_names)
         return {**arrays, **CATCHER_ARRAYS} if self.has_catcher else arrays
 
     @cached_property
     def part_sets(self) -> list[list[str]]:
-        """The sets of arrays with parts of the light, each of which sums up to the beauty."""
+        """The names of arrays with parts of the light, in sets. The arrays of a set sum up to the beauty."""
         sources = (source for source in self.shaders if isinstance(source, ShaderSource | ProgramSource))
         lobes = {lobe for source in sources for lobe in source.recorded}
         sets = {
@@ -116,10 +122,10 @@ class SceneTask:
         return [parts for name, parts in sets.items() if name in self.sampling.passes and parts]
 
     def complete_parts(self, parts: Mapping[str, NDArray[_Real]], beauty: NDArray[_Real]) -> dict[str, NDArray[_Real]]:
-        """Return `parts` completed by the last array of each set, and by black for parts without light.
+        """Return all arrays with parts of the light, (H, W, 3) by name; `beauty` is (H, W, 3).
 
-        `parts` has all other arrays of each set; the last is the beauty minus these. Parts without light are those of
-        lobes that no look has, and of lights that reach nothing.
+        `parts` has the arrays of each set of `part_sets` except its last, which is the beauty minus the others. Parts
+        of lobes that no look has, and of lights that reach nothing, are black.
         """
         complete: dict[str, NDArray[_Real]] = dict(parts)
         for *others, last in self.part_sets:
@@ -130,7 +136,7 @@ class SceneTask:
 
     @property
     def light_group_names(self) -> tuple[str, ...]:
-        """The names of the groups of lights, each once; () if no pass needs them."""
+        """The name of each group of lights, once; () if no pass needs them."""
         return tuple(dict.fromkeys(self.light_groups))
 
     @property
@@ -140,20 +146,20 @@ class SceneTask:
 
     @property
     def is_light_fixed(self) -> bool:
-        """Whether the lighting rotation changes no light."""
+        """Whether the lighting rotation of a pose changes no light."""
         return all(light.constant or not light.emission.turns for light in self.lights)
 
 
 @dataclass(frozen=True)
 class FrameTask:
-    """One frame. `files` are all its paths on disk: turntables with the same pose share a frame."""
+    """One frame of a scene."""
 
     scene: SceneTask
     pose: Pose
-    exposure: float
-    digest: str
-    files: tuple[Path, ...]
-    labels: dict[str, str]
+    exposure: float  # stops
+    digest: str  # identifies everything that the picture depends on
+    files: tuple[Path, ...]  # all paths on disk to which it is written: turntables with the same pose share a frame
+    labels: dict[str, str]  # entries of the frame's header, such as the name of the look
 
 
 class SamplingFields(TypedDict, total=False):
@@ -166,16 +172,20 @@ class SamplingFields(TypedDict, total=False):
 
 
 def frame_task(scene: SceneTask, pose: Pose, name: str, **sampling: Unpack[SamplingFields]) -> FrameTask:
-    """Return a frame without files; `name` is its digest, `sampling` replaces fields of the scene's sampling."""
+    """Return the task of a frame that is not written to files, without exposure.
+
+    `name` takes the place of the digest. `sampling` replaces fields of the scene's sampling.
+    """
     return FrameTask(replace(scene, sampling=replace(scene.sampling, **sampling)), pose, 0.0, name, (), {})
 
 
 def files_of_task(task: object) -> set[Content]:
-    """Return the files of a task: all that another machine needs besides the task itself."""
+    """Return all files that a task names. To render the task, another machine needs these besides the task."""
     return set(_contents(task))
 
 
 def _contents(value: object) -> Iterator[Content]:
+    """Yield the files in a tree of dataclasses, tuples and mappings."""
     if isinstance(value, Content):
         yield value
     elif is_dataclass(value):

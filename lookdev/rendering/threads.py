@@ -1,6 +1,7 @@
-"""The cores of a render process, set by its CPU affinity, which all libraries in it respect.
+"""The cores on which a render process may run: its CPU affinity, which all libraries in the process respect.
 
-Cycles has a limit of its own threads, but that does not limit TBB's pool: its idle threads then spin, each on a core.
+Cycles has an option that limits its own threads. That option does not limit the thread pool of TBB, whose idle threads
+would then spin, each on a core.
 """
 
 from __future__ import annotations
@@ -16,7 +17,10 @@ def usable_cores() -> int:
 
 
 def share_of_cores(number: int, workers: int) -> frozenset[int]:
-    """Return the cores of worker `number` (from 0) of `workers` on this machine: equal shares, at least one."""
+    """Return the cores for one of several workers on this machine: equal shares, at least one core each.
+
+    number : the number of the worker, from 0; workers : how many workers there are.
+    """
     usable = sorted(os.sched_getaffinity(0))
     if workers >= len(usable):
         return frozenset({usable[number % len(usable)]})
@@ -25,7 +29,7 @@ def share_of_cores(number: int, workers: int) -> frozenset[int]:
 
 @contextmanager
 def pin_to_cores(cores: frozenset[int]) -> Iterator[None]:
-    """Restrict the processes that this thread starts in the block to the `allowed` cores."""
+    """Restrict this thread, and the processes that it starts in the block, to some cores."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, cores)
     try:

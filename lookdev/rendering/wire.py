@@ -1,6 +1,6 @@
-"""The input of a worker process: tasks as lines of JSON.
+"""The input of a worker process: tasks as lines of JSON, which the parent writes to the worker's standard input.
 
-All workers take frames; some take scenes ahead of their frames, or pictures with derivatives.
+All workers take frames. Some also take scenes, before the first frame of the scene, or pictures with derivatives.
 """
 
 from __future__ import annotations
@@ -24,20 +24,23 @@ _TASK: TypeAdapter[WorkerTask] = TypeAdapter(WorkerTask)
 
 
 _CANCEL = "cancel "
-"""Begins a line that is not a task: the digest of the frame to cancel follows."""
+"""The start of a line that cancels a frame. The digest of the frame follows."""
 
-_MAX_WAIT = 1.0  # seconds
+_MAX_WAIT = 1.0  # seconds of a wait for a line, see `TaskQueue.next`
 
 _TASK_NAMES = {SceneTask: "scene task", DerivativeTask: "picture with derivatives"}
 
 
 def encode_task(task: WorkerTask) -> str:
-    """Return a task as one line of JSON, without the line's end; floats survive exactly."""
+    """Return a task as one line of JSON, without a newline; floats survive exactly."""
     return _TASK.dump_json(task).decode()
 
 
 def decode_frame_task(line: str) -> FrameTask:
-    """Return the frame task of a line of `encode_task`; raises WorkerError as `decode_task`, and for another task."""
+    """Return the frame task that `encode_task` has written to a line.
+
+    Raises WorkerError as `decode_task`, and where the line has another kind of task.
+    """
     task = decode_task(line)
     if not isinstance(task, FrameTask):
         raise WorkerError(
@@ -47,7 +50,10 @@ def decode_frame_task(line: str) -> FrameTask:
 
 
 def decode_task(line: str) -> WorkerTask:
-    """Return the task of a line of `encode_task`; raises WorkerError, which lists the wrong fields, for other lines."""
+    """Return the task that `encode_task` has written to a line.
+
+    For other lines, raises WorkerError, whose message lists the wrong fields.
+    """
     try:
         return _TASK.validate_json(line)
     except ValidationError as error:
@@ -64,7 +70,10 @@ def encode_cancel(digest: str) -> bytes:
 
 
 class TaskQueue:
-    """The lines of a worker's input: a queue of tasks, and the frame to cancel, which is known at once."""
+    """The lines of a worker's input: a queue of tasks, and the latest frame to cancel.
+
+    A line that cancels a frame does not wait in the queue: it has an effect while the frame is rendered.
+    """
 
     def __init__(self) -> None:
         self._tasks: queue.Queue[str] = queue.Queue()
@@ -72,12 +81,12 @@ class TaskQueue:
 
     @classmethod
     def from_input(cls) -> TaskQueue:
-        """Return the requests of standard input, which a thread reads. The process ends at once when the input ends."""
+        """Return the queue of standard input, which a thread reads. When the input ends, the process ends at once."""
         requests = cls()
 
         def read() -> None:
             requests.read_lines(sys.stdin)
-            # There is no parent: a render in progress is dropped. Blender's own exit can hang.
+            # The parent has ended, so a render in progress is useless. A regular exit could hang in Blender.
             os._exit(0)
 
         threading.Thread(target=read, daemon=True).start()
@@ -92,13 +101,13 @@ class TaskQueue:
                 self._tasks.put(line)
 
     def next(self) -> WorkerTask:
-        """Return the next task, after waiting for it; raises as `decode_task`."""
-        # A signal that arrives just before a wait is handled only after it: so each wait is short.
+        """Wait for the next task and return it; raises as `decode_task`."""
+        # A signal that arrives just before a wait is handled only after that wait. Each wait is therefore short.
         while True:
             with suppress(queue.Empty):
                 return decode_task(self._tasks.get(timeout=_MAX_WAIT))
 
     def check_cancelled(self, digest: str) -> None:
-        """Raise Cancelled if the frame of a digest was cancelled."""
+        """Raise FrameCancelled if the frame with this digest is cancelled."""
         if digest == self._cancelled:
             raise FrameCancelled("cancelled")

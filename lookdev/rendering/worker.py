@@ -1,8 +1,8 @@
-"""Supervision of a render worker: one process renders one frame at a time, and every answer is checked.
+"""Supervision of a render worker: a child process that renders one frame at a time; every answer is checked.
 
-The worker reads one JSON line per frame from stdin, and answers in JSON lines on stdout. While it starts, this process
-can send it the line of a scene: the worker prepares it without an answer. All other output, also Blender's, goes to a
-log file. The worker ends when stdin ends, also after a crash of this process.
+The worker reads one JSON line per frame from stdin, and answers in JSON lines on stdout. While the worker starts, this
+process can send it a line with a scene, which the worker prepares without an answer. All other output, including
+Blender's, goes to a log file. The worker ends when its stdin ends, so it does not outlive a crash of this process.
 """
 
 from __future__ import annotations
@@ -40,32 +40,33 @@ from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.rendering.threads import pin_to_cores
 
 ANSWER_TIMEOUT = 600.0
-"""Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
+"""Seconds without an answer after which a worker counts as hung. A slow round of samples takes less."""
 
 _FRAME_LINE = "lookdev: frame "
-"""Begins the line of a log that precedes the output of a frame: the frame's digest and file follow."""
+"""The start of the line in a log that precedes the output of a frame. The frame's digest and file follow."""
 
 MAX_MESSAGE_BYTES = 1 << 20
-"""Bytes of a line; a longer one is an error. Otherwise it could fill the memory."""
+"""The most bytes of a line from the worker. A longer line is an error; otherwise it could fill the memory."""
 
 
 class Worker:
-    """A render process, started when first needed and again after it was killed.
+    """A render process. `start` starts it, and starts it again after it was killed.
 
     Parameters
     ----------
     command
         The program and its arguments.
     log
-        The file of its stderr, emptied here. Every start appends to it.
+        The file for the stderr of the process. It is emptied here, and every start appends to it.
     scratch
-        An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
+        An existing folder for the temporary files of the process (``TMPDIR``), including its results. The caller
+        removes it.
     timeout
-        Seconds without an answer after which it counts as hung.
+        Seconds without an answer after which the process counts as hung.
     variables
-        Variables of its environment besides those of this process.
+        Environment variables of the process in addition to those of this process.
     cores
-        The cores it may run on. By default, those of this process.
+        The cores that the process may run on. By default, those of this process.
     """
 
     def __init__(
@@ -80,12 +81,13 @@ class Worker:
         self.log = log
         self._command = tuple(command)
         self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
-        # Blender would read its colour spaces from the studio's OCIO config, which is for viewing, not for rendering.
+        # By this variable, Blender would read its colour spaces from the studio's OCIO config. That config is for
+        # viewing, not for rendering.
         self._environment.pop("OCIO", None)
         self._timeout = timeout
         self._cores = cores
         self._process: subprocess.Popen[bytes] | None = None
-        self._scene_sender: threading.Thread | None = None
+        self._scene_sender: threading.Thread | None = None  # writes the scene of `prepare` to the process
         self._ready = False
         self._blender = ""
         log.write_bytes(b"")
@@ -98,7 +100,7 @@ class Worker:
 
     @property
     def pid(self) -> int | None:
-        """The id of the process; None where none runs."""
+        """The id of the process, or None if no process runs."""
         return None if self._process is None else self._process.pid
 
     def launch(self) -> None:
@@ -107,7 +109,7 @@ class Worker:
             return
         with self.log.open("ab") as log, nullcontext() if self._cores is None else pin_to_cores(self._cores):
             try:
-                # In a session of its own, Ctrl-C in the terminal interrupts this process only.
+                # The worker gets a session of its own, so that Ctrl-C in the terminal interrupts this process only.
                 self._process = subprocess.Popen(
                     self._command,
                     stdin=subprocess.PIPE,
@@ -120,7 +122,7 @@ class Worker:
                 raise WorkerError(f"the render worker {self._command[0]} cannot be started: {error}") from error
 
     def prepare(self, scene: SceneTask) -> None:
-        """Send a scene to a process that was launched and is not ready yet, so that frames of its looks start sooner.
+        """Send a scene to a launched process that is not ready yet, so that frames with the scene's looks start sooner.
 
         Does nothing if the process is ready or not launched, or if a scene was sent already.
         """
@@ -129,10 +131,11 @@ class Worker:
             return
 
         def send() -> None:
-            with suppress(WorkerError):  # the first frame reports it
+            with suppress(WorkerError):  # if the worker has died, the first frame reports that
                 self._send(process, wire.encode_task(scene))
 
-        # Some shaders are larger than the pipe's buffer, so that writing waits until the process reads.
+        # This thread does not wait: a scene can be larger than the pipe's buffer, and writing it then takes until the
+        # process reads.
         self._scene_sender = threading.Thread(target=send, daemon=True)
         self._scene_sender.start()
 
@@ -153,16 +156,16 @@ class Worker:
     def render(self, task: FrameTask, progress: Callable[[ProgressMessage], None]) -> WorkerFrame:
         """Render one frame on a started worker.
 
-        Raises RenderError where the worker cannot render the frame (it keeps running), WorkerError where it died, hung
-        or sent an invalid answer (it was killed), and OutputError where it cannot write a file, as on a full disk.
+        Raises RenderError where the worker cannot render the frame, and OutputError where it cannot write a file, as on
+        a full disk; it keeps running. Raises WorkerError where it died, hung or sent an invalid answer; it is killed.
         """
         with self._kill_on_error():
             return load_result(self._exchange(task, progress), task.scene, self._blender)
 
     def cancel(self, digest: str) -> None:
-        """Ask the process, from any thread, to end a frame soon: `render` then raises RenderError.
+        """Ask the process to end the frame with a digest soon; `render` then raises RenderError.
 
-        The process keeps running. Does nothing if the frame has ended already, or is never sent.
+        The process keeps running. Any thread may call this. It has no effect on a frame that has ended or was not sent.
         """
         process = self._process
         if process is None or process.stdin is None:
@@ -172,7 +175,10 @@ class Worker:
             process.stdin.flush()
 
     def render_derivatives(self, task: DerivativeTask, progress: Callable[[ProgressMessage], None]) -> Floats32:
-        """Return halves of a picture and its P derivatives, (2, 1 + P, H, W, 4), RGB and alpha; raises as `render`."""
+        """Return two halves of a picture and of its derivatives, (2, 1 + P, H, W, 4); raises as `render`.
+
+        The axes are the half, the picture followed by its P derivatives, row, column, and the channels RGB and alpha.
+        """
         width, height = task.scene.resolution
         shape = (2, 1 + len(task.symbols), height, width, 4)
         with self._kill_on_error():
@@ -197,13 +203,13 @@ class Worker:
             return message
 
     def stop(self) -> None:
-        """Kill the process and its children, from any thread; a thread that waits for a frame gets an error."""
+        """Kill the process and its children, from any thread. A thread that waits for a frame gets an error."""
         process = self._process
         if process is not None and process.returncode is None:
             kill_group(process)
 
     def kill(self) -> None:
-        """Kill the process and its children."""
+        """Kill the process and its children, wait for its end, and close its pipes; `start` can start it again."""
         process, self._process, self._ready = self._process, None, False
         if process is None:
             return
@@ -219,18 +225,21 @@ class Worker:
 
     @contextmanager
     def _kill_on_error(self) -> Iterator[None]:
-        """Kill the worker after an error: its next line could belong to the failed frame."""
+        """Kill the worker after an error in the block: its next line could be an answer for the failed frame."""
         try:
             yield
         except (RenderError, OutputError):
-            raise  # the exchange is complete
+            raise  # these are complete answers of the worker, which can take the next frame
         except BaseException:
             self.kill()
             raise
 
     @contextmanager
     def _kill_when_silent(self, process: subprocess.Popen[bytes]) -> Iterator[threading.Event]:
-        """Kill the process if the block takes longer than the timeout; blocked pipe calls then return."""
+        """Kill the process if the block takes longer than the timeout; a blocked call on its pipes then returns.
+
+        Yields an event that is set before the kill.
+        """
         hung = threading.Event()
 
         def give_up() -> None:
@@ -247,6 +256,7 @@ class Worker:
             timer.join()  # otherwise it could kill a later process group with the same id
 
     def _send(self, process: subprocess.Popen[bytes], line: str) -> None:
+        """Write a line to the process; raises WorkerError where it has ended or hangs."""
         assert process.stdin is not None
         with self._kill_when_silent(process) as hung:
             try:
@@ -256,6 +266,7 @@ class Worker:
                 raise WorkerError(self._end_of_process(process, hung)) from None
 
     def _receive(self, process: subprocess.Popen[bytes]) -> WorkerMessage:
+        """Return the next answer; raises WorkerError where the process ends or hangs, or the answer is invalid."""
         assert process.stdout is not None
         with self._kill_when_silent(process) as hung:
             line = process.stdout.readline(MAX_MESSAGE_BYTES)
@@ -290,7 +301,7 @@ class Worker:
 def open_renderer(timeout: float = ANSWER_TIMEOUT) -> Iterator[Callable[[FrameTask], WorkerFrame]]:
     """Yield a function that renders a frame of any backend, in workers that end with the context.
 
-    The function raises as `Worker.start` and `Worker.render`; a WorkerError includes the last line of the log.
+    The function raises as `Worker.start` and `Worker.render`. Its WorkerError includes the last line of the log.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
         workers: dict[tuple[str, ...], Worker] = {}
@@ -305,25 +316,25 @@ def open_renderer(timeout: float = ANSWER_TIMEOUT) -> Iterator[Callable[[FrameTa
                 worker.start()
                 return worker.render(task, lambda progress: None)
             except WorkerError as error:
-                # The log is removed with its folder.
+                # The log is removed at the end of the context, so the message has its last line.
                 raise WorkerError(f"{error}\n{last_line(worker.log)}") from error
 
         yield render
 
 
 def last_line(log: Path) -> str:
-    """Return the last line of a log file that the worker has written and that is not blank, or an empty string."""
+    """Return the last line of a log file that is not blank and not a `_FRAME_LINE`, or an empty string."""
     lines = log.read_text(errors="replace").split("\n")
     return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME_LINE)), "")
 
 
 def explain_error(error: Exception, log: Path) -> str:
-    """Return the message of an error, with the last line of a worker's log file appended unless it is there already."""
+    """Return the message of an error, with the last line of a worker's log appended if the message lacks it."""
     line = last_line(log)
     return str(error) if line in str(error) else f"{error}: {line}"
 
 
 def kill_group(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process that leads its session, and its children; it may have ended already."""
+    """Kill a process that was started in its own session, and its children; the process may have ended already."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)

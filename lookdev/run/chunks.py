@@ -1,9 +1,12 @@
-"""The chunks of a job: its frames divided in the same way for all runs, on any machine at any time.
+"""The chunks of a job: its frames, divided in the same way for all runs, on any machine at any time.
 
-By default, the frames are divided by estimated costs. This division depends on the job and the numbers of chunks and
-machines alone. It does not depend on the frames on disk, which change while chunks are rendered. On request, before the
-first chunk, the frames are divided by measured times. The state folder of the output then stores this division for all
-runs.
+A chunk consists of consecutive frames of the plan. ``lookdev render JOB --chunk 2/8`` renders the second of eight. A
+`Division` states the number of chunks and, if it is known, the number of machines.
+
+By default, the frames are divided by estimated costs. This division depends only on the job and on the numbers of
+chunks and machines. It does not depend on the frames on disk, which change while chunks are rendered. On request,
+before the first chunk is rendered, the frames are divided by measured times. The state folder in the output folder then
+stores this division for all runs.
 """
 
 from __future__ import annotations
@@ -26,24 +29,24 @@ from lookdev.safe_text import TextError, align_columns, parse_json, read_text
 
 @dataclass(frozen=True)
 class ChunkSummary:
-    """A chunk as `lookdev plan --chunks` lists it; `first` and `last` are names of frames."""
+    """A chunk, as `lookdev plan --chunks` lists it."""
 
-    chunk: str
-    frames: int
-    done: int
-    scenes: int
-    seconds: float  # of all its frames, done or not, and of preparing their scenes
-    first: str | None
+    chunk: str  # such as "2/8"
+    frames: int  # number of frames
+    done: int  # number of frames on disk
+    scenes: int  # number of scenes of the frames
+    seconds: float  # estimate for all frames, done or not, and for preparing their scenes
+    first: str | None  # the name of the first frame; None if the chunk has no frames
     last: str | None
 
 
 def plan_of_chunk(plan: Plan, chunk: Chunk) -> Plan:
-    """Return the part of a plan that has the frames of a chunk."""
+    """Return the part of a plan that consists of the frames of a chunk."""
     return plan_of_part(plan, _chunk_ends(plan, chunk.division), chunk.number)
 
 
 def store_measured_chunks(plan: Plan, division: Division) -> None:
-    """Divide a plan by the times of frames on disk, and store the division for later runs of chunks.
+    """Divide a plan by the render times of frames on disk, and store the division for later runs of chunks.
 
     Raises LookdevError where no frame is on disk, OutputError where a run renders a chunk of this division, OSError
     where the output folder cannot be written.
@@ -61,7 +64,7 @@ def store_measured_chunks(plan: Plan, division: Division) -> None:
 
 
 def chunk_summaries(plan: Plan, division: Division) -> list[ChunkSummary]:
-    """Return the chunks of a plan; their times are estimated from the frames on disk, where there are some."""
+    """Return summaries of all chunks of a plan. Times are estimated from the frames on disk, if there are some."""
     costs = measure_costs(plan)
     summaries, first = [], 0
     for number, end in enumerate(_chunk_ends(plan, division), start=1):
@@ -77,7 +80,7 @@ def chunk_summaries(plan: Plan, division: Division) -> list[ChunkSummary]:
 
 
 def chunks_text(plan: Plan, division: Division) -> str:
-    """Return the chunks of a plan as an aligned table."""
+    """Return the chunks of a plan as text: an aligned table."""
     rows = [["chunk", "frames", "done", "scenes", "time", "first", "last"]]
     for chunk in chunk_summaries(plan, division):
         time = timedelta(seconds=round(chunk.seconds))
@@ -92,16 +95,18 @@ def chunks_data(plan: Plan, division: Division) -> dict[str, object]:
 
 
 def remove_divisions(state: Path) -> None:
-    """Remove the stored divisions from a state folder; to be called once all frames of the output are done."""
+    """Remove the stored divisions from a state folder. Call this when all frames of the output are done."""
     for file in state.glob("chunks.*.json"):
         file.unlink(missing_ok=True)
 
 
 def _divide_plan(plan: Plan, division: Division, costs: Costs) -> tuple[int, ...]:
+    """Divide the frames of a plan by their costs; return the index after the last frame of each chunk."""
     return split_frames([id(frame.task.scene) for frame in plan.frames], costs, division)
 
 
 def _division_file(plan: Plan, division: Division) -> Path:
+    """Return the file in the state folder that may store a division of this plan."""
     return plan.output / STATE_FOLDER / f"chunks.{division}.{plan.digest[:16]}.json"
 
 
@@ -111,7 +116,10 @@ def _chunk_ends(plan: Plan, division: Division) -> tuple[int, ...]:
 
 
 def _stored_ends(plan: Plan, division: Division) -> tuple[int, ...] | None:
-    """Return the index after the last frame of each chunk of a stored division; None if it is missing or damaged."""
+    """Return the index after the last frame of each chunk of the stored division.
+
+    Returns None if no division is stored or its file is damaged.
+    """
     file = _division_file(plan, division)
     try:
         ends = parse_json(read_text(file), file)

@@ -1,7 +1,8 @@
-"""The events of a run, reported while it runs.
+"""The events that a run reports to its caller while it renders, such as a finished frame.
 
-A frame has a name, ``look/ibl/turntable.0001``, and an id: its digest, as in its plan, its worker's log and its EXR.
-The log in JSON names an event by its class: `lookdev.run.progress.JsonReport`.
+`lookdev.run.progress` shows or logs them. A frame has a name, ``look/ibl/turntable.0001``, and an id. The id is the
+frame's digest, which its plan, its worker's log and its EXR contain, too. In a JSON log, the name of an event is that
+of its class, so renaming a class changes the log.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from pathlib import Path
 
 
 class LogFormat(StrEnum):
-    """The format in which a run writes its events; `OPENJD` adds messages to a session of Open Job Description."""
+    """The format in which a run writes its events. `OPENJD` is text with the messages of Open Job Description."""
 
     TEXT = "text"
     JSON = "json"
@@ -22,35 +23,35 @@ class LogFormat(StrEnum):
 
 @dataclass(frozen=True)
 class Noted:
-    """A note on the input for the user, such as repaired texels of a light."""
+    """A note for the user, such as one on repaired texels of a light."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class RunJoined:
-    """A run joins the runs of an output folder. `run` is its id, `plan` its plan's digest, `chunk` "" or as 2/8."""
+    """A run joins the runs that render to an output folder."""
 
-    run: str
-    chunk: str
-    plan: str
+    run: str  # the id of the run
+    chunk: str  # the chunk that it renders, such as "2/8"; "" for all frames
+    plan: str  # the digest of its plan
 
 
 @dataclass(frozen=True)
 class RunEnded:
-    """A run ended: of `total` frames, `done` are on disk; the run `rendered` some of them."""
+    """A run ended. All numbers count frames."""
 
-    total: int
-    done: int
-    rendered: int
+    total: int  # in the run's plan
+    done: int  # on disk
+    rendered: int  # by this run
     failed: int
-    missing: int
-    interrupted: bool
+    missing: int  # not found on disk, by a run that renders nothing
+    interrupted: bool  # by Ctrl-C
 
 
 @dataclass(frozen=True)
 class RunStarted:
-    """A run of `total` frames starts; `pending` of them are to be rendered."""
+    """A run starts. Its plan has `total` frames, of which `pending` are to be rendered."""
 
     total: int
     pending: int
@@ -58,7 +59,7 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class FrameEvent:
-    """An event of a frame."""
+    """An event of the frame with this name and id."""
 
     name: str
     id: str = field(default="", kw_only=True)
@@ -66,21 +67,21 @@ class FrameEvent:
 
 @dataclass(frozen=True)
 class FrameStarted(FrameEvent):
-    """A frame goes to the worker."""
+    """A frame goes to a worker."""
 
 
 @dataclass(frozen=True)
 class FrameProgressed(FrameEvent):
-    """`samples` of at most `of` per pixel are rendered; `relmse` is None until both halves have samples."""
+    """Further samples of a frame are rendered."""
 
-    samples: int
-    of: int
-    relmse: float | None
+    samples: int  # per pixel, so far
+    of: int  # the most samples per pixel that the frame may take
+    relmse: float | None  # the estimated error; None until both halves of the frame have samples
 
 
 @dataclass(frozen=True)
 class FrameDone(FrameEvent):
-    """A frame is on disk. `seconds` are its wall time, including all its tries."""
+    """A frame of this run is rendered and on disk. `seconds` is its wall time, including all tries."""
 
     seconds: float
     samples: int
@@ -98,12 +99,12 @@ class FrameRetried(FrameEvent):
 
 @dataclass(frozen=True)
 class FrameFound(FrameEvent):
-    """A frame of this run is on disk: another run has rendered it."""
+    """A frame that this run was to render is on disk, because another run has rendered it."""
 
 
 @dataclass(frozen=True)
 class FrameFailed(FrameEvent):
-    """A frame failed in its last try; the run goes on with the others."""
+    """A frame failed in its last try. The run continues with the other frames."""
 
     reason: str
 
@@ -117,3 +118,4 @@ class SheetWritten:
 
 Event = Noted | RunJoined | RunStarted | RunEnded | FrameEvent | SheetWritten
 ReportEvent = Callable[[Event], None]
+"""A function that is called with each event of a run."""

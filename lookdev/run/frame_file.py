@@ -1,4 +1,4 @@
-"""Writes a rendered frame as an EXR with layers and a header, and reports doubts about the frame."""
+"""Writes a rendered frame as an EXR with layers and a header, and reports signs that something is wrong with it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,11 @@ from lookdev.space import REC709
 
 
 def store_frame(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
-    """Write the file of a frame; return its record, whose notes include doubts about it. Raises OutputError."""
+    """Write the files of a frame, and return its figures and notes for the user; raises OutputError.
+
+    The notes include those of `frame_doubts`. For a frame of reference props, such as a colour chart, the colours of
+    the props are measured, and the notes state deviations from what the light predicts.
+    """
     beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
     doubts, header = list(frame_doubts(rendered, beauty, constant_light=constant)), {}
     if (
@@ -45,16 +49,16 @@ def store_frame(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
 
 
 def frame_doubts(rendered: WorkerFrame, beauty: ArrayLike, *, constant_light: bool = False) -> Iterator[str]:
-    """Yield the doubts about a frame, each as a sentence without its subject, the frame.
+    """Yield signs that something is wrong with a frame, each as a sentence without its subject, the frame.
 
     Parameters
     ----------
     rendered
-        The halves and the alpha.
+        The frame: its halves and its alpha are examined.
     beauty : (H, W, 3)
         The mean of the halves, exposed, as in the file.
     constant_light
-        The radiance is the same from all directions: the halves may then be equal.
+        Whether the radiance is the same from all directions. Equal halves are then no sign of a fault.
     """
     overflowed = ~np.isfinite(beauty).all(axis=-1)
     if overflowed.any():
@@ -81,9 +85,10 @@ def exposed_beauty(task: FrameTask, rendered: WorkerFrame) -> Floats32:
 
 
 def _write_frame_file(task: FrameTask, rendered: WorkerFrame, beauty: Floats32, extra: Mapping[str, str]) -> None:
-    """Write the file of a frame; `beauty` is from `exposed_beauty`, `extra` has further entries of the header.
+    """Write a frame to its first file, and link its other files to that.
 
-    The layer ``raw`` is the picture before denoising. The layer ``error`` is the standard error, from the halves.
+    beauty : from `exposed_beauty`; extra : further entries of the header. The layer ``raw`` is the picture before
+    denoising. The layer ``error`` is the standard error of each pixel and channel, from the difference of the halves.
     """
     header = task.labels | {
         "digest": task.digest,

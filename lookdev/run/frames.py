@@ -1,4 +1,8 @@
-"""The frames of a run: selected, claimed, rendered and written, with the pictures and sheets made of them."""
+"""The main loop of a run: it selects, claims, renders and writes frames, and makes the files that show them.
+
+Several runs may render the same plan at the same time. A run claims a frame before it renders the frame, so that no
+other run does. A picture is a file that shows one frame, such as a PNG; a sheet is a file that shows several.
+"""
 
 from __future__ import annotations
 
@@ -25,28 +29,25 @@ from lookdev.run.pictures import PictureFile, PictureWriter
 from lookdev.run.runs import Run
 from lookdev.run.status import FailedFrame, record_failure
 
-_MAX_NAMES = 5  # of frames in a message
+_MAX_NAMES = 5  # the most names of frames in a message
 
-_WAIT_SECONDS = (0.05, 2.0)  # seconds: the first and the longest wait for frames and files of other runs
+_WAIT_SECONDS = (0.05, 2.0)  # the first and the longest time between checks whether other runs have made a file
 
 
 @dataclass(frozen=True)
 class RunResult:
-    """The result of a run: of `total` frames, `done` are on disk; this run `rendered` some of them.
+    """The result of a run."""
 
-    `missing` are the names of frames that a run without rendering did not find on disk.
-    """
-
-    total: int
-    done: int
-    rendered: int
+    total: int  # frames in the plan
+    done: int  # frames on disk
+    rendered: int  # frames that this run has rendered
     failures: tuple[FailedFrame, ...]
-    interrupted: bool
-    missing: tuple[str, ...] = ()
+    interrupted: bool  # by Ctrl-C
+    missing: tuple[str, ...] = ()  # the names of frames that a run that renders nothing did not find on disk
 
     @property
     def exit_code(self) -> int:
-        """0 when all is done, 1 when frames failed or are missing, 130 after Ctrl-C."""
+        """0 if all frames are done, 1 if some failed or are missing, 130 after Ctrl-C."""
         if self.interrupted:
             return 130
         return 1 if self.failures or self.missing else 0
@@ -73,19 +74,33 @@ class RunResult:
 
 
 class RunFrames:
-    """The frames of a plan, of which a run updates, renders and writes those that it claims."""
+    """The frames of a plan, as one run updates, renders and writes them.
+
+    Parameters
+    ----------
+    plan
+        The frames, and the files that show several of them.
+    pictures
+        The writer of the files that show frames.
+    run
+        The run, which claims frames and files.
+    report
+        A function that is called with every event.
+    force
+        Whether to render frames although they are done.
+    """
 
     def __init__(self, plan: Plan, pictures: PictureWriter, run: Run, report: ReportEvent, force: bool) -> None:
         self._plan = plan
         self._run = run
         self._report = report
         self._pictures = pictures
-        self._props = set(plan.charts.values())
+        self._props = set(plan.charts.values())  # frames of reference props, which are composited over other frames
         self._force = force
-        self._done: set[Path] = set()
-        self._rendered = 0
+        self._done: set[Path] = set()  # all files of frames that are done
+        self._rendered = 0  # frames that this run has rendered
         self._failures: list[FailedFrame] = []
-        self._sheets_of_others: list[PictureFile] = []
+        self._sheets_of_others: list[PictureFile] = []  # sheets that other runs have claimed
 
     def result(self, interrupted: bool = False, missing: Sequence[FrameTask] = ()) -> RunResult:
         """Return the result so far; `missing` are the frames that a run without rendering did not find on disk."""
@@ -94,16 +109,19 @@ class RunFrames:
         return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted, names)
 
     def update_files(self, only: Sequence[str]) -> list[FrameTask]:
-        """Make the copies, pictures and sheets that need no rendering; return the frames to render."""
+        """Make the copies, pictures and sheets that need no rendering; return the frames to render.
+
+        `only` has the names of the frames to render; if it is empty, all frames of the plan are selected.
+        """
         force = self._force
         tasks = [frame.task for frame in self._plan.frames]
         selected = self._files_named(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
-        # Overviews are in folders named after lights, beside the folders of looks.
+        # Sheets that show several looks are in folders named after lights, next to the folders of looks.
         self._run.remove_leftovers(
             {self._run.state} | folders | {self._plan.output / folder.name for folder in folders}
         )
-        # By file, not by digest: equal looks have the same digest.
+        # A frame is identified by its files. Its digest would not do: frames of equal looks have the same digest.
         waiting = {task.files for task in self._plan.pending()} | (selected if force else set())
         pending = [task for task in tasks if task.files in waiting & selected]
         files = () if force else (file for frame in self._plan.frames for file in frame.files)
@@ -118,7 +136,8 @@ class RunFrames:
             except OutputError:
                 if _is_readable(task.files[0]):
                     raise
-                # A version without checksums wrote the frame: its header is valid, its pixels are not.
+                # The header of the frame is valid, but its pixels are damaged. A version without checksums wrote it, so
+                # the plan has not noticed the damage.
                 damaged.append(task.files[0])
                 pending += [task] if task.files in selected else []
             else:
@@ -130,7 +149,10 @@ class RunFrames:
         return pending
 
     def _files_named(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
-        """Return the files of the frames with these names, and of the props in front of them."""
+        """Return the files of the frames with these names, and those of the reference props composited over them.
+
+        Raises LookdevError where the plan has no frame of a name.
+        """
         frames = {str(FrameName.of(path)): frame.task.files for frame in self._plan.frames for path in frame.task.files}
         for name in names:
             if name not in frames:
@@ -142,10 +164,11 @@ class RunFrames:
         return selected | {tasks[charts[file]] for files in selected for file in files if file in charts}
 
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
-        """Render frames, each claimed until it is done; raises the errors of `Executor.render`.
+        """Render frames, each claimed by this run until it is done; raises the errors of `Executor.render`.
 
-        Scenes of which no other run has claimed a frame come first. All other frames without a claim follow, from the
-        last of a scene to its first. Then the run waits for the frames that other runs have claimed.
+        Scenes of which no other run has claimed a frame come first. The other frames without a claim follow, from the
+        last frame of each scene to its first. Finally, this run waits for the frames that other runs have claimed, and
+        renders those whose claims are released or void.
         """
         left = self._render_unclaimed(tasks, executor, skip_scenes=True)
         waits = _wait_times()
@@ -161,14 +184,16 @@ class RunFrames:
     ) -> list[FrameTask]:
         """Render the frames that no other run has claimed; return the others.
 
-        With `skip_scenes`, the frames of a scene that follow a claimed frame are not rendered either. Frames are
-        returned from the last of each scene to its first. The order of the scenes is random for this run: so runs that
-        help others spread over the scenes, and seldom change their scene.
+        With `skip_scenes`, a frame is not rendered either if it follows a claimed frame of its scene. The returned
+        frames are sorted by scene, from the last frame of a scene to its first. The order of the scenes is random, and
+        different for each run. Several runs that render these frames next thus spread over the scenes, and seldom
+        change their scene.
         """
         claimed: list[FrameTask] = []
         scenes: set[int] = set()
 
         def should_render(task: FrameTask) -> bool:
+            """Return whether this run is to render a frame; if so, it has claimed the frame."""
             if (skip_scenes and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
                 claimed.append(task)
                 scenes.add(id(task.scene))
@@ -183,7 +208,7 @@ class RunFrames:
         return sorted(claimed, key=lambda task: ranks[id(task.scene)])
 
     def _take_from_disk(self, task: FrameTask) -> bool:
-        """Return whether another run has rendered a frame since it was planned; if so, record it as done."""
+        """Return whether another run has rendered a frame since this plan was made; if so, record it as done."""
         if self._force or not _has_frame(task.files[0], task):
             return False
         for path in task.files[1:]:
@@ -196,7 +221,7 @@ class RunFrames:
         return True
 
     def _handle_event(self, event: ExecutorEvent) -> None:
-        """Report an event of the executor, and write the frame that it finishes."""
+        """Report an event of the executor; if a frame is finished, write it."""
         if isinstance(event, protocol.ExecutorNote):
             self._report(events.Noted(event.text))
             return
@@ -217,7 +242,7 @@ class RunFrames:
                 self._finish_frame(task, rendered, seconds)
 
     def _finish_frame(self, task: FrameTask, rendered: WorkerFrame | StoredFrame, seconds: float) -> None:
-        """Write a frame, unless its worker has written it, and the pictures and sheets of it."""
+        """Write a frame, unless its worker has written it. Then write the pictures and sheets that show it."""
         self._run.check_alive()
         stored = rendered if isinstance(rendered, StoredFrame) else store_frame(task, rendered)
         for note in stored.notes:
@@ -237,14 +262,17 @@ class RunFrames:
         self._run.release(self._name(task))
 
     def _make_due_sheets(self, task: FrameTask | None = None) -> None:
-        """Make the due files of several frames that are done; with `task`, all files that show this new frame."""
+        """Make the sheets whose frames are all done and that are missing or outdated.
+
+        With `task`, make all finished sheets that show this new frame, and no others.
+        """
         for file in self._pictures.finished_sheets(self._done, task):
             is_due = task is not None or self._pictures.is_due(file)
             if is_due and not self._make_sheet(file, new=task is not None):
                 self._sheets_of_others.append(file)
 
     def _make_sheet(self, file: PictureFile, *, new: bool = False) -> bool:
-        """Make a file of several frames if it is `new` or due; return False where another run has claimed it."""
+        """Make a sheet if it is outdated or shows a `new` frame; return False if another run has claimed it."""
         name = file.paths[0].relative_to(self._plan.output).as_posix()
         if not self._run.claim(name):
             return False
@@ -258,7 +286,7 @@ class RunFrames:
         return True
 
     def wait_for_sheets(self) -> None:
-        """Wait until other runs have made the files that they have claimed; make them where those runs end."""
+        """Wait until other runs have made the sheets that they have claimed; make those whose runs end before."""
         for wait in _wait_times():
             self._sheets_of_others = [file for file in self._sheets_of_others if not self._make_sheet(file)]
             if not self._sheets_of_others:
@@ -266,10 +294,12 @@ class RunFrames:
             time.sleep(wait)
 
     def _name(self, task: FrameTask) -> str:
+        """Return the name of a frame: that of its first file."""
         return str(FrameName.of(task.files[0]))
 
 
 def _wait_times() -> Iterator[float]:
+    """Yield the seconds of consecutive waits: each is twice the one before, up to the longest."""
     wait, longest = _WAIT_SECONDS
     while True:
         yield wait
@@ -277,7 +307,7 @@ def _wait_times() -> Iterator[float]:
 
 
 def _has_frame(file: Path, task: FrameTask) -> bool:
-    """Return whether a file is undamaged and has the frame of a task."""
+    """Return whether a file exists, is undamaged and is the frame of a task."""
     if not file.exists():
         return False
     try:
@@ -287,6 +317,7 @@ def _has_frame(file: Path, task: FrameTask) -> bool:
 
 
 def _is_readable(frame: Path) -> bool:
+    """Return whether the pixels of a frame can be read."""
     try:
         read_frame(frame)
     except OutputError:

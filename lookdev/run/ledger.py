@@ -1,8 +1,9 @@
-"""The record of the files that outputs make, on disk, while any number of runs make them.
+"""The ledger of an output folder: the record, on disk, of the files that runs have made from finished frames.
 
-An entry states that content with this digest is the file that the key describes. This remains true, so entries of
-several runs can be merged in any order. Each run appends its entries to a file of its own, one entry a line.
-``pictures.json`` has the entries of all runs that have ended.
+It tells whether a picture or movie on disk is up to date. A key is a digest of all inputs of such a file. An entry
+states that the file made from the inputs with this key has content with this digest. An entry never becomes false, so
+entries of several runs can be merged in any order. Each run appends its entries to a file of its own, one entry per
+line. ``pictures.json`` has the entries of all runs that have ended.
 """
 
 from __future__ import annotations
@@ -16,14 +17,17 @@ from typing import TextIO
 from lookdev.cache import file_digest, write_file
 from lookdev.safe_text import read_json_object
 
-_MAX_LEDGER_BYTES = 1 << 30  # bytes
+_MAX_LEDGER_BYTES = 1 << 30  # of ``pictures.json``: a larger one is not read
 
 LedgerEntry = tuple[str, str]
-"""A key and a digest."""
+"""A key, and the digest of the file's content."""
 
 
 class Ledger:
-    """The entries of an output folder. The run with the id `run` writes its entries at once."""
+    """The entries of an output folder.
+
+    `state` is the state folder in the output folder, `run` the id of the run that adds entries.
+    """
 
     def __init__(self, state: Path, run: str = "") -> None:
         self._file = state / "pictures.json"
@@ -31,28 +35,28 @@ class Ledger:
         self._stream: TextIO | None = None
         self._merged = _read_merged(self._file)
         self._entries = {name: {entry} for name, entry in self._merged.items()}
-        self._offsets: dict[Path, int] = {}  # of what is not read yet, in files of runs
-        self._latest: dict[str, LedgerEntry] = {}
+        self._offsets: dict[Path, int] = {}  # by the file of a run: the number of bytes that are read already
+        self._latest: dict[str, LedgerEntry] = {}  # by name: the entry that was read or added last
         self._read_runs()
 
     @property
     def names(self) -> list[str]:
-        """The files that outputs have made, by their paths in the output folder."""
+        """The paths, relative to the output folder, of all files that have an entry."""
         return sorted(self._entries)
 
     def add(self, name: str, key: str, digest: str) -> None:
-        """Record a file: its path in the output folder, its key and its digest."""
+        """Record a file: its path relative to the output folder, its key and its digest; write this to disk at once."""
         if self._stream is None:
             self._stream = self._run_file.open("a", encoding="utf-8")
-        # The line end comes first: an entry that a full disk cuts off then spoils no other entry.
+        # The newline comes before the entry. If a full disk cuts off an entry, the next one still starts a new line.
         self._stream.write("\n" + json.dumps([name, key, digest]))
         self._stream.flush()
         self._add_entry(name, (key, digest))
 
     def has(self, name: str, key: str, file: Path) -> bool:
-        """Return whether a file has the content that its key describes."""
+        """Return whether `file`, recorded under `name`, has the content that is made from the inputs with this key."""
         for is_retry in (False, True):
-            if is_retry:
+            if is_retry:  # another run may have recorded the file in the meantime
                 self._read_runs()
             digests = {digest for entry_key, digest in self._entries.get(name, ()) if entry_key == key}
             if digests:
@@ -60,7 +64,10 @@ class Ledger:
         return False
 
     def close(self, living_runs: Iterable[str]) -> None:
-        """Close the file of this run, and merge those of ended runs; `living_runs` are the ids of the other runs."""
+        """Close the file of this run, and merge the files of ended runs into ``pictures.json``.
+
+        `living_runs` has the ids of the other runs that have not ended.
+        """
         if self._stream is not None:
             self._stream.close()
         self._read_runs()
@@ -80,7 +87,7 @@ class Ledger:
             with suppress(OSError), file.open("rb") as stream:
                 stream.seek(self._offsets.get(file, 0))
                 data = stream.read()
-                # The last line may still grow.
+                # A last line that cannot be parsed may be incomplete: it is read again next time.
                 complete = data.rpartition(b"\n")[0] if not _parse_line(data.rpartition(b"\n")[2]) else data
                 self._offsets[file] = self._offsets.get(file, 0) + len(complete)
                 for line in complete.splitlines():
@@ -89,12 +96,13 @@ class Ledger:
                         self._add_entry(name, (key, digest))
 
     def _add_entry(self, name: str, entry: LedgerEntry) -> None:
+        """Add an entry of a file to those in memory."""
         self._latest[name] = entry
         self._entries.setdefault(name, set()).add(entry)
 
 
 def _parse_line(line: bytes) -> list[str] | None:
-    """Return name, key and digest of a line; None where the line is cut off."""
+    """Return the name, the key and the digest in a line, or None if the line is incomplete."""
     try:
         parts = json.loads(line)
     except ValueError:
@@ -104,7 +112,7 @@ def _parse_line(line: bytes) -> list[str] | None:
 
 
 def _read_merged(file: Path) -> dict[str, LedgerEntry]:
-    """Return the entries of ended runs; without the file, every picture is made again."""
+    """Return the entries of ended runs, by name; none if the file is missing, so that every picture is made again."""
     return {
         name: (entry[0], entry[1])
         for name, entry in read_json_object(file, _MAX_LEDGER_BYTES).items()

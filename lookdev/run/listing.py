@@ -1,4 +1,4 @@
-"""A plan as text, and as data for other programs."""
+"""The output of `lookdev plan`: a plan as text, and as data for other programs."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from lookdev.plan import Plan, PlannedFile
 from lookdev.safe_text import align_columns
 
 LINKED_REASON = "shown by another frame that is done: linked, not rendered"
+"""The listed reason of a file that is not rendered because a finished file of the same frame is linked or copied."""
 
 
 @dataclass(frozen=True)
 class FrameRange:
     """Consecutive frames of a turntable that are in the same state for the same reason."""
 
-    turntable: str  # look/ibl/turntable
-    first: str
+    turntable: str  # as look/ibl/turntable
+    first: str  # the digits of the first frame, such as "0001"
     last: str
     count: int
-    state: str
+    state: str  # as `PlannedFile.state`
     reason: str
 
 
@@ -45,7 +46,7 @@ def plan_ranges(plan: Plan) -> Iterator[FrameRange]:
 
 
 def plan_text(plan: Plan) -> str:
-    """Return a plan as text: an aligned table, a line for each scene with skips, and lines with totals."""
+    """Return a plan as text: a table of files, the work that is skipped for each look and light, and totals."""
     rows = [("turntable", "frames", "state", "reason")]
     for group in plan_ranges(plan):
         numbers = group.first if group.count == 1 else f"{group.first}-{group.last}"
@@ -64,16 +65,23 @@ def plan_text(plan: Plan) -> str:
 
 
 def _program_counts(plan: Plan) -> tuple[int, int]:
-    """Return the number of OSL shaders of the frames to render, and the number of programs to compile for them."""
+    """Return the number of OSL sources of the frames to render, and the number of programs to compile for them.
+
+    Sources that differ only in numbers share a program.
+    """
     scenes = {id(task.scene): task.scene for task in plan.pending()}.values()
     sources = {shader for scene in scenes for shader in scene.shaders if isinstance(shader, ShaderSource)}
     return len(sources), len({source.program for source in sources})
 
 
 def plan_data(plan: Plan, output: Path) -> dict[str, object]:
-    """Return a plan as plain data for JSON: a record for each file and skip; paths are relative to `output`."""
+    """Return a plan as plain data for JSON, with a record for each file and each `Skip`.
+
+    Paths are relative to `output`.
+    """
 
     def name(path: Path) -> str:
+        """Return the path of a file relative to `output`."""
         return path.relative_to(output).as_posix()
 
     return {

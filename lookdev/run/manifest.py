@@ -1,4 +1,4 @@
-"""Writes the manifest of a run, and verifies it."""
+"""Writes and verifies the manifest of an output folder, which lists its files and inputs with their SHA-256."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from lookdev.run.ledger import Ledger
 from lookdev.safe_text import read_json_object
 from lookdev.stage import dependencies
 
-_STATE = f"{STATE_FOLDER}/digests.json"
+_STATE = f"{STATE_FOLDER}/digests.json"  # stores the digests of files from run to run
 
 
 def input_files(job: Job) -> list[Path]:
-    """Return a job file and all files that it reads, including the files that its USD files compose."""
+    """Return a job file and all files that the job reads, including those that its USD files compose."""
     composed = [job.asset.usd, job.camera.file, *(rig.usd for rig in job.rig)]
     composed += [job.ground.material] if job.ground else []
     for look in job.look:
@@ -54,7 +54,8 @@ def _composed_files(file: Path) -> set[Path]:
 def record_run(job: Job, plan: Plan) -> Path:
     """Write the manifest of an output folder after a run, and return its path.
 
-    Files with unchanged size and time are not read again. Raises OSError where a file cannot be read or written.
+    Files whose size, time and inode have not changed are not read again. Raises OSError where a file cannot be read or
+    written.
     """
     digests = _FileDigests(plan.output / _STATE)
     render = f"lookdev render {shlex.quote(str(job.file))}"
@@ -87,15 +88,16 @@ def record_run(job: Job, plan: Plan) -> Path:
 
 
 class _FileDigests:
-    """The SHA-256 of files, stored with their size, their time of change and their inode."""
+    """A cache of the SHA-256 of files. A digest is valid while size, time of change and inode of the file are equal."""
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._old = read_json_object(file)  # without it, all files are read
-        self._new: dict[str, list[Any]] = {}
+        # By path: size, time, inode and digest of a file.
+        self._old = read_json_object(file)  # of the run before; empty if the file is missing
+        self._new: dict[str, list[Any]] = {}  # of this run
 
     def entry(self, file: Path, name: str) -> dict[str, Any]:
-        """Return the entry of a file in the manifest, under a name."""
+        """Return the entry of a file in the manifest: its name there, and its digest."""
         status = file.stat()
         stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
         old = self._old.get(str(file))
@@ -116,7 +118,7 @@ def verify_manifest(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, .
 
 
 def manifest_text(folder: Path, manifest: Mapping[str, Any], problems: Iterable[Deviation] | None) -> str:
-    """Return a summary of a manifest as text, with its deviations, `problems`; None means that it was not verified."""
+    """Return a summary of a manifest as text. `problems` are the deviations from it, or None if it was not verified."""
     frames = manifest["frames"]
     errors = [float(frame["header"]["relmse"]) for frame in frames if "relmse" in frame.get("header", {})]
     worst = f", largest relMSE {max(errors):.1e}" if errors else ""

@@ -1,7 +1,11 @@
-"""The outputs of a plan: files that are made of finished frames, and made again only where they would differ.
+"""Makes files that show finished frames, such as PNGs, movies and contact sheets, if they are missing or outdated.
 
-A ledger (`lookdev.run.ledger`) records the digest of each file, and its inputs: frame digests and options. So a new
-view, another number of frames, or a damaged file is detected even if no frame was rendered.
+An output is a kind of such files (`lookdev.output`). A ledger (`lookdev.run.ledger`) records for each file the digest
+of its content, and a key: a digest of its inputs, which are frames and options. A new view, another number of frames or
+a damaged file is therefore detected even if no frame was rendered.
+
+A job may have reference props, such as a colour chart. They are rendered as frames of their own, and composited over
+the frames of looks.
 """
 
 from __future__ import annotations
@@ -32,27 +36,29 @@ RenderBackground = Callable[[FrameTask], Reals]
 
 @dataclass(frozen=True, eq=False)
 class PictureFile:
-    """A file to make, with the same content at all of its paths; its frames in order, and a label for each frame."""
+    """A file to make of finished frames. It has several paths if several turntables show the same frame."""
 
     output: Output
     paths: tuple[Path, ...]
     title: str
-    frames: dict[Path, FrameTask]
-    labels: tuple[str, ...]
-    columns: int | None = None
+    frames: dict[Path, FrameTask]  # by their EXR, in their order in the file
+    labels: tuple[str, ...]  # a label for each frame
+    columns: int | None = None  # the number of frames in a row, for a wedge: a table of variations of a look or light
 
 
 class PictureWriter:
-    """The writer of the files that outputs make of frames.
+    """The writer of the files that show the frames of a plan.
 
     Parameters
     ----------
     plan, outputs
-        The frames, and the outputs that are made of them.
-    background, light
-        The background of the frames, as the ledger records it, and its light.
+        The frames, and the kinds of files to make of them.
+    background
+        The background of the frames as a value for JSON, which is a part of each file's key.
+    light
+        The function that returns the light of that background.
     ledger
-        The record of files that earlier runs and other runs have made; the caller closes it.
+        The record of files that earlier runs and other runs have made. The caller closes it.
     """
 
     def __init__(
@@ -63,7 +69,7 @@ class PictureWriter:
         self._background_light = light
         self._background = background
         self._ledger = ledger
-        self._due = set(plan.pictures)
+        self._due = set(plan.pictures)  # files that were missing or older than their frame when the plan was made
         self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
         self._sheets: list[PictureFile] = []
         self._files_of_frame = defaultdict[Path, list[PictureFile]](list)
@@ -76,9 +82,10 @@ class PictureWriter:
     def refresh_pictures(
         self, task: FrameTask, done: set[Path], pixels: tuple[Floats32, Floats32] | None = None
     ) -> None:
-        """Make the files of a single frame that are missing or outdated, if the props in front of it are `done`.
+        """Make the files that show this frame alone and are missing or outdated.
 
-        With `pixels`, the beauty and the alpha of a new frame, all its files are made from them.
+        A file is not made yet if reference props are composited over the frame and are not among the `done` files of
+        frames. `pixels` are the beauty and the alpha of a new frame: all its files are then made from these.
 
         Raises
         ------
@@ -94,14 +101,17 @@ class PictureWriter:
                 self.write(file, due, pixels)
 
     def refresh_frames_under(self, task: FrameTask, done: set[Path]) -> None:
-        """Make the due files of the single frames that are `done` and that show the props of a new frame in front."""
+        """Call `refresh_pictures` for all frames that are `done` and over which a new frame of props is composited."""
         frames = {self._tasks[frame].files for frame, props in self._plan.charts.items() if props in task.files}
         for files in frames:
             if files[0] in done:
                 self.refresh_pictures(self._tasks[files[0]], done)
 
     def finished_sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
-        """Yield the files of several frames whose frames are all done; with `task`, only those that show its frame."""
+        """Yield the files that show several frames, if all these are done.
+
+        With `task`, yield only those that show its frame, or on which its props are composited.
+        """
         for file in self._sheets:
             inputs = file.frames.keys() | self._props_over(file)
             if inputs <= done and not (task is not None and inputs.isdisjoint(task.files)):
@@ -112,9 +122,13 @@ class PictureWriter:
         return not self._is_current(file.paths[0], self._key(file))
 
     def write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats32, Floats32] | None = None) -> None:
-        """Write a file to some paths: from `pixels`, the beauty and alpha of its only frame, or from frames on disk."""
+        """Write a file to some of its paths, and record it in the ledger.
+
+        `pixels` are the beauty and the alpha of its only frame. Without them, frames are read from disk.
+        """
 
         def layers(frame: Path) -> tuple[Floats32, Floats32]:
+            """Return the premultiplied light and the alpha of a frame, with reference props composited over it."""
             props = self._plan.charts.get(frame)
             if pixels is None:
                 layer = read_rec709(frame)
@@ -123,6 +137,7 @@ class PictureWriter:
             return layer if props is None else composite_layers(read_rec709(props), layer)
 
         def light(frame: Path) -> Floats32:
+            """Return the light of a frame over the background."""
             return composite(*layers(frame), self._background_light(file.frames[frame]))
 
         frames = FrameSequence(
@@ -136,40 +151,48 @@ class PictureWriter:
             self._ledger.add(self._name(path), key, digest)
 
     def _props_over(self, file: PictureFile) -> set[Path]:
-        """Return the frames of props that are shown in front of the frames of a file."""
+        """Return the frames of reference props that are composited over the frames of a file."""
         return {self._plan.charts[frame] for frame in file.frames if frame in self._plan.charts}
 
     def _key(self, file: PictureFile) -> str:
-        """Return a digest of the inputs of a file."""
+        """Return the key of a file: a digest of its frames, their labels, the background and the options."""
         digests = [task.digest for task in file.frames.values()]
         digests += [self._tasks[self._plan.charts[frame]].digest for frame in file.frames if frame in self._plan.charts]
         inputs = [digests, file.labels, self._background, self._options(file.output)]
         inputs += [file.columns] if file.columns else []
+        # Inputs that JSON does not know, such as a view, have an attribute `digest`.
         return hashlib.sha256(json.dumps(inputs, default=attrgetter("digest")).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
+        """Return the options of an output, as `FrameSequence.options`."""
         options = {name: getattr(self._outputs, name) for name in output.options}
         burn_in = {"burn_in": True} if output.name in self._outputs.burn_in else {}
         return {"view": self._outputs.display_view(output.name), **burn_in, **options}
 
     def _is_current(self, path: Path, key: str) -> bool:
+        """Return whether a file exists and has the content that belongs to a key."""
         return path.is_file() and self._ledger.has(self._name(path), key, path)
 
     def _name(self, path: Path) -> str:
+        """Return the name of a file in the ledger: its path relative to the output folder."""
         return path.relative_to(self._plan.output).as_posix()
 
 
 def link_to_first(paths: Sequence[Path]) -> None:
-    """Link or copy the file of the first path to the others."""
+    """Make the file at the first path appear at the others, too, by links or copies."""
     for path in paths[1:]:
         link_or_copy(paths[0], path)
 
 
 def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
-    """Yield the files of an output."""
+    """Yield all files that an output makes of the frames of a plan, by the output's scope.
+
+    A reel has the frames of one look under one light in one turntable.
+    """
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
 
     def file(paths: Iterable[Path], title: Iterable[str], frames: Iterable[Path], labels: Iterable[str]) -> PictureFile:
+        """Return a file of some frames; `title` has the parts of its title."""
         return PictureFile(
             output, tuple(paths), " / ".join(title), {path: tasks[path] for path in frames}, tuple(labels)
         )
@@ -189,7 +212,7 @@ def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
             path = plan.output / sheet.look / sheet.rig / f"{turntable}.{sheet.name}{output.suffix}"
             yield replace(file([path], (turntable, sheet.title), cells, sheet.labels), columns=sheet.columns)
     else:
-        sides: dict[tuple[str, str], list[Reel]] = {}
+        sides: dict[tuple[str, str], list[Reel]] = {}  # by light and turntable: the reels of all looks, side by side
         for reel in plan.reels:
             sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
         for (ibl, turntable), reels in sides.items():
@@ -200,4 +223,5 @@ def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
 
 
 def _digits(frame: Path) -> str:
+    """Return the frame number of a file, as in its name."""
     return FrameName.of(frame).digits

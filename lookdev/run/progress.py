@@ -1,4 +1,7 @@
-"""The progress of a run: a live display in a terminal, plain lines in a log file, or lines of JSON for programs."""
+"""Shows the progress of a run: a live display in a terminal, plain lines in a log file, or lines of JSON for programs.
+
+A report is a function of an event (`lookdev.run.events`). A run calls it with each event.
+"""
 
 from __future__ import annotations
 
@@ -26,13 +29,13 @@ from lookdev.run.events import Event, LogFormat, ReportEvent
 if TYPE_CHECKING:
     from lookdev.fitting.picture.search import LossPoint
 
-_MAX_BARS = 8  # of frames
-_LEVELS: dict[type[Event], str] = {events.FrameFailed: "error", events.FrameRetried: "warning"}
+_MAX_BARS = 8  # the most frames with a bar of their own in the live display
+_LEVELS: dict[type[Event], str] = {events.FrameFailed: "error", events.FrameRetried: "warning"}  # others are "info"
 
 
 @contextmanager
 def show_progress(stream: TextIO, log_format: LogFormat = LogFormat.TEXT) -> Iterator[ReportEvent]:
-    """Yield a report that writes to `stream`: as text, a live display in a terminal, else a line for each event."""
+    """Yield a report that writes to a stream. Text is a live display in a terminal, and a line per event elsewhere."""
     if log_format is LogFormat.JSON:
         yield JsonReport(stream)
     elif log_format is LogFormat.OPENJD:
@@ -47,7 +50,7 @@ def show_progress(stream: TextIO, log_format: LogFormat = LogFormat.TEXT) -> Ite
 
 @contextmanager
 def show_fit(stream: TextIO) -> Iterator[Callable[[LossPoint], None]]:
-    """Yield a report of the renders that a fit tries: a line that is updated in a terminal, else nothing."""
+    """Yield a report of the renders of a fit: a line that changes in a terminal, and nothing elsewhere."""
     counts: Counter[str] = Counter()
     with Console(file=stream).status("reading") if stream.isatty() else nullcontext() as status:
 
@@ -61,16 +64,16 @@ def show_fit(stream: TextIO) -> Iterator[Callable[[LossPoint], None]]:
 
 
 class Tally:
-    """The count of the events so far, and their lines of text."""
+    """Counts frames from the events of a run, and writes a line of text for an event."""
 
     def __init__(self) -> None:
-        self.total = 0
-        self.pending = 0
-        self.settled = 0  # frames to render that are done or failed
+        self.total = 0  # frames in the plan
+        self.pending = 0  # frames to render, when the run started
+        self.settled = 0  # how many of `pending` are done or failed
         self._started = time.monotonic()
 
     def count(self, event: Event) -> str | None:
-        """Count an event; return its line, or None for events that only the live display shows."""
+        """Count an event; return its line of text, or None for an event without one, such as progress of a frame."""
         match event:
             case events.Noted():
                 return f"note: {event.text}"
@@ -104,15 +107,16 @@ class Tally:
         return str(timedelta(seconds=round(waiting * (time.monotonic() - self._started) / self.settled)))
 
     def _position(self) -> str:
+        """Return how many frames of the plan are done or failed, as "[3/24]"."""
         return f"[{self.total - self.pending + self.settled}/{self.total}]"
 
 
 class JsonReport:
-    """A report for programs that follow a run: each event as a line of JSON, written at once.
+    """A report for programs that follow a run: writes each event as a line of JSON at once.
 
-    A line is an object with ``time`` (UTC), ``level``, ``event``, ``host``, ``process``, the ``run`` and its ``chunk``.
-    The event of a frame has its name, ``frame``, and its ``id``: the digest of the frame, as in its plan, its worker's
-    log and its EXR.
+    A line is an object with ``time`` (UTC), ``level``, ``event`` (the name of the event's class in snake case),
+    ``host``, ``process``, ``run``, ``chunk``, and the fields of the event. An event of a frame has the name of the
+    frame as ``frame``, and as ``id`` the frame's digest, which its plan, its worker's log and its EXR contain, too.
     """
 
     def __init__(self, stream: TextIO) -> None:
@@ -136,12 +140,15 @@ class JsonReport:
 
 
 def _plain(value: Any) -> Any:
+    """Return a value that JSON can have: None for nan and infinity, text for a path."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return str(value) if isinstance(value, Path) else value
 
 
 class _PlainReport:
+    """A report that writes a line of text for each event."""
+
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
         self._tally = Tally()
@@ -149,11 +156,11 @@ class _PlainReport:
     def __call__(self, event: Event) -> None:
         if (line := self._tally.count(event)) is not None:
             self._stream.write(replace_controls(line) + "\n")
-            self._stream.flush()  # users follow a log file while the run goes on
+            self._stream.flush()  # so that a user can follow the log file during the run
 
 
 class _OpenJdReport(_PlainReport):
-    """A plain report that also sends messages to a session: percent of the frames, status and failures."""
+    """A plain report with messages of Open Job Description: percent of the frames, status and failures."""
 
     def __call__(self, event: Event) -> None:
         super().__call__(event)
@@ -166,18 +173,22 @@ class _OpenJdReport(_PlainReport):
             self._send("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
 
     def _send(self, kind: str, text: str) -> None:
+        """Write a message of Open Job Description, which is a line that begins with its kind."""
         self._stream.write(f"openjd_{kind}: {' '.join(replace_controls(text).split())}\n")
         self._stream.flush()
 
 
 class _LiveReport:
-    """A bar for all frames and bars for the samples of frames that are being rendered, below the lines of events."""
+    """A report as a live display: the lines of events, a bar for all frames, and a bar for each frame in work.
+
+    The bar of a frame shows how many of its samples are rendered.
+    """
 
     def __init__(self, display: Progress) -> None:
         self._display = display
         self._tally = Tally()
         self._frames = display.add_task("frames", total=None, note="")
-        self._rendering: dict[str, TaskID] = {}
+        self._rendering: dict[str, TaskID] = {}  # the bar of each frame in work, by the frame's name
 
     def __call__(self, event: Event) -> None:
         tally = self._tally

@@ -1,4 +1,8 @@
-"""Renders a job or a plan to frames on disk: workers may fail, files are written whole, and a run can be resumed."""
+"""Renders a job or a plan to frames on disk: the entry points of a run.
+
+The command line calls `render_job`; programs that have scenes in memory call `render_setups`. Workers may fail, files
+are written completely or not at all, and an interrupted run can be continued.
+"""
 
 from __future__ import annotations
 
@@ -34,12 +38,18 @@ if TYPE_CHECKING:
     from lookdev.plan.prepare import PlannedJob
 
 Backdrop = str | tuple[float, float, float]
+"""The background of pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour."""
 
 PrepareJob = Callable[[Job, Callable[[SceneTask], None] | None], "PlannedJob"]
+"""Reads the files of a job and plans its frames.
+
+The second argument is a function, or None. It is called early, with a scene for which a worker can prepare itself."""
 
 
 def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> PlannedJob:
-    # Imported while Blender starts: the readers of files take as long to import as the rest of the program.
+    """Plan a job by `lookdev.plan.prepare.plan_job`."""
+    # This is not imported at the top, because its readers of files take as long to import as the rest of the program.
+    # Here, Blender starts at the same time.
     from lookdev.plan.prepare import plan_job
 
     return plan_job(job, ahead)
@@ -58,24 +68,24 @@ def render_job(
     executor_options: ExecutorOptions = LOCAL_OPTIONS,
     report: ReportEvent = lambda event: None,
 ) -> RunResult:
-    """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
+    """Render a job file: join the runs of its output folder, plan its frames, render them, write the manifest.
 
     Parameters
     ----------
     path
         The job file.
     prepare
-        `lookdev.plan.prepare.plan_job`, except in tests.
+        The function that plans the frames: `lookdev.plan.prepare.plan_job`, except in tests.
     rules
-        The path rules: they replace beginnings of paths.
+        The path rules, which replace beginnings of paths, such as those of another machine.
     output
         The output folder, instead of the job's.
     chunk
-        Render the frames of this chunk alone, without files of several frames and without the manifest.
+        Render only the frames of this chunk, without files of several frames and without the manifest.
     force, only, outputs_only, report
         As for `run_plan`.
-    choice
-        The executor that renders.
+    executor_options
+        The choice of the executor that renders.
 
     Raises
     ------
@@ -95,7 +105,7 @@ def render_job(
         if not outputs_only and (force or _lacks_frames(job)):
             if executor_options.is_local:
                 backend.check_device(job.render.device)
-            # Blender starts while files are read.
+            # Blender starts while this process reads the files of the job.
             executor.launch()
         prepared = prepare(job, executor.prepare if backend.can_prepare else None)
         for note in prepared.notes:
@@ -129,7 +139,7 @@ def render_job(
 
 
 def mapped_files(rules: PathRules) -> AbstractContextManager[None]:
-    """Return a context that applies path rules to the asset paths in USD files."""
+    """Return a context in which path rules are applied to the asset paths in USD files."""
     if not rules:
         return nullcontext()
     from lookdev.stage import map_asset_paths  # not at the top: reading USD files takes long to import
@@ -138,7 +148,7 @@ def mapped_files(rules: PathRules) -> AbstractContextManager[None]:
 
 
 def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
-    """Load a job, with `output` and the kind of `device` instead of the job's where they are not None.
+    """Load a job. `output` and the kind of `device` replace those of the job if they are not None.
 
     Raises JobError, and LookdevError where the backend of the job does not run on the device.
     """
@@ -157,7 +167,11 @@ def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = Non
 
 
 def _lacks_frames(job: Job) -> bool:
-    """Return whether frames of a job are missing; only frames whose names follow from the job file are considered."""
+    """Return whether frames of a job are missing, as far as their names follow from the job file alone.
+
+    A look whose variant is ``"*"`` becomes several looks, whose names are known only from USD files. It counts as
+    complete if the frames of all its folders in the output exist.
+    """
     turns = TurntableFrames(job.turntable, job.output)
     for look in job.look:
         wild = "*" in look.variants.values()
@@ -169,10 +183,13 @@ def _lacks_frames(job: Job) -> bool:
 
 
 def _join_runs(run: Run, plan: Plan, report: ReportEvent) -> None:
-    """Announce the plan of a run, and report other runs of the plan; raises OutputError where a run has another."""
+    """Announce the plan of a run to other runs, and report those that render the same plan.
+
+    Raises OutputError where another run renders another plan to the output.
+    """
     others = run.announce_plan(plan.digest)
     report(RunJoined(run.info.id, run.info.part, plan.digest))
-    # Other chunks of the job are expected: they are not reported.
+    # Runs that render other chunks are not reported, because they are expected.
     if same := [other for other in others if not run.info.part or other.part in ("", run.info.part)]:
         more = f" and {len(same) - 1} more" if len(same) > 1 else ""
         report(Noted(f"{same[0]}{more} also renders to {plan.output}: each frame is rendered by one of these runs"))
@@ -180,11 +197,11 @@ def _join_runs(run: Run, plan: Plan, report: ReportEvent) -> None:
 
 @contextmanager
 def _output_errors(output: Path) -> Iterator[None]:
-    """Raise OutputError for an OSError in the block that names a file in the output, or no file."""
+    """Turn an OSError in the block into an OutputError if it names a file in the output, or no file."""
     try:
         yield
     except BrokenPipeError:
-        raise  # from the report: frames are not written to pipes
+        raise  # the report raises it: only the report writes to a pipe
     except OSError as error:
         path = error.filename or output
         if not Path(str(path)).is_relative_to(output):
@@ -214,7 +231,11 @@ def render_setups(
     *,
     report: ReportEvent = lambda event: None,
 ) -> tuple[Plan, RunResult]:
-    """Render scenes in memory: join the runs of the output, plan, run the plan. Raises the errors of `render_job`."""
+    """Render scenes that are in memory: join the runs of the output, plan the frames, render them.
+
+    setups : the scenes; turns : the turntables and the output folder; outputs : the files to make of the frames. Raises
+    the errors of `render_job`.
+    """
     with Run(turns.output) as run:
         plan = build_plan(setups, turns, read_header, frame_suffixes=outputs.frame_suffixes)
         _join_runs(run, plan, report)
@@ -236,31 +257,35 @@ def run_plan(
     timeout: float = ANSWER_TIMEOUT,
     report: ReportEvent = lambda event: None,
 ) -> RunResult:
-    """Render pending frames, and make the pictures and sheets that are missing or out of date.
+    """Render the frames of a plan that are not done, and make the pictures and sheets that are missing or outdated.
 
-    Other runs of the same plan may render at the same time: each frame is rendered by the run that claims it, and this
-    run ends when all frames are done. Ctrl-C ends the run; finished frames remain.
+    A picture shows one frame, a sheet several. Other runs of the same plan may render at the same time: each frame is
+    rendered by the run that claims it, and this run ends when all frames are done. Ctrl-C ends the run; finished frames
+    remain.
 
     Parameters
     ----------
-    plan, outputs
-        The frames, and the pictures and sheets to make of them, with their views.
+    plan
+        The frames.
+    outputs
+        The kinds of pictures and sheets to make of the frames, and the OpenColorIO views for these.
     background
         The background of pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour.
     force
-        Render every frame, done or not.
+        Render every frame, even if it is done.
     only
-        Render these frames alone. The name of a frame is the path of one of its files, as "gold/city/element.0001".
+        Render only these frames. The name of a frame is the path of one of its files, as "gold/city/element.0001".
     outputs_only
-        Render nothing; the result has the names of the missing frames.
-    behind
-        Returns the light behind a frame, instead of `background_light`.
+        Render nothing, but make pictures and sheets. The result has the names of the missing frames.
+    render_background
+        Returns the light behind a frame, in place of the result of `background_light`.
     run
-        A run that the caller has entered; None starts a new run.
+        A run that the caller has entered. None starts a new run.
     executor
-        The executor that renders, which the caller closes; None opens one worker on this machine.
+        The executor that renders, which the caller closes. None opens one worker on this machine.
     worker_command, timeout
-        The command of that worker, by default the backend's, and the seconds without an answer after which it fails.
+        For that worker: its command, by default the backend's, and the seconds without an answer after which it counts
+        as hung.
     report
         A function that is called with every event.
 
@@ -301,16 +326,19 @@ def run_plan(
 
 @contextmanager
 def _open_ledger(run: Run) -> Iterator[Ledger]:
+    """Yield the ledger of a run's output folder, and close it."""
     ledger = Ledger(run.state, run.info.id)
     try:
         yield ledger
     finally:
-        with suppress(OSError):  # such as a full disk, which writing a frame reports; the next run merges the files
+        # The next run merges the files of the ledger if this fails. The error, such as a full disk, is reported where a
+        # frame is written.
+        with suppress(OSError):
             ledger.close([other.id for other in run.others()])
 
 
 def background_light(background: Backdrop) -> RenderBackground:
-    """Return a function of a frame that returns the light behind it."""
+    """Return a function that takes the task of a frame and returns the light behind the asset in that frame."""
     if background == "ibl":
         from lookdev.output.background import environment_background
 

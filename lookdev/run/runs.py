@@ -1,12 +1,14 @@
-"""The runs that write to one output folder, on any number of machines that share it.
+"""The runs that write to one output folder, on any number of machines that share the folder.
 
-Each run has a file in ``.lookdev/runs`` and sets its time repeatedly: the heartbeat of the run. A run is dead if its
-process has ended, or if its heartbeat stops for the time of a lease. Another run then removes its file; if the dead run
-continues after all, it stops. Clocks of two machines are never compared: any change of the file's time is a heartbeat,
-and the observer measures the time between heartbeats by its own clock.
+Each run has a file in ``.lookdev/runs``. It sets the time of this file again and again: this is its heartbeat. A run is
+dead if its process has ended, or if it has had no heartbeat for the time of a lease. Another run then removes the file
+of the dead run. If the process of the dead run goes on after all, it notices this and stops. Clocks of two machines are
+never compared: any change of the file's time is a heartbeat, and the observer measures the time between heartbeats by
+its own clock.
 
-A run claims a file before it makes it, by a hard link to its own file: one run alone can create the link. Claims of
-dead runs are void. Claims only save work: files are written whole, and their content does not depend on the run.
+Before a run makes a frame or another file, it claims the name of that file. The claim is a hard link to the run's own
+file, which only one run can create. Claims of dead runs are void. Claims only save work, they do not protect files: a
+file is written completely or not at all, and its content does not depend on the run.
 """
 
 from __future__ import annotations
@@ -35,28 +37,28 @@ from lookdev.output.manifest import STATE_FOLDER
 from lookdev.safe_text import environment_limit, read_json_object
 
 LEASE_VARIABLE = "LOOKDEV_LEASE"
-"""Environment variable: seconds without a heartbeat after which a run counts as dead."""
+"""The environment variable with the lease: the seconds without a heartbeat after which a run counts as dead."""
 
 DEFAULT_LEASE = 60
 
 _BEATS_PER_LEASE = 6  # heartbeats in the time of a lease
-_SCRATCH = "scratch-"
-# The temporary names of lookdev.cache.atomic_path.
+_SCRATCH = "scratch-"  # the start of the names of folders for temporary files
+# The names of temporary files of `lookdev.cache.atomic_path`. The group is the name of the process that writes it.
 _TEMPORARY_NAME = re.compile(r"\..+\.([0-9a-f]+)-[0-9a-f]{8}(?:\.[a-z0-9]+)?")
 
 
 @dataclass(frozen=True)
 class RunInfo:
-    """A run, as in its file: its id and process, its chunk, and the digest of its plan, "" before it has one."""
+    """The description of a run, as its file has it."""
 
-    id: str  # begins with the name of its process, as its temporary files do
+    id: str  # begins with the name of the process, `lookdev.cache.process_name`
     host: str
-    machine: str  # the ids of the boot and of the process namespace
-    process: int
-    started: str  # the start time of the process, in the kernel's ticks
-    since: str  # UTC
-    part: str = ""  # the chunk, as 2/8
-    plan: str = ""
+    machine: str  # the ids of the boot and of the process namespace: process ids are unique within these
+    process: int  # the process id
+    started: str  # the start time of the process, in the kernel's ticks: a later process may have the same id
+    since: str  # the start of the run, UTC
+    part: str = ""  # the chunk that it renders, such as "2/8"; "" for all frames
+    plan: str = ""  # the digest of its plan; "" before it has one
 
     @classmethod
     def of_this_process(cls, part: str) -> Self:
@@ -70,31 +72,36 @@ class RunInfo:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run was on this machine, and its process has ended."""
+        """Whether the run is one of this machine, and its process has ended."""
         return self.machine == _machine() and not _is_running(self.process, self.started)
 
 
 class Runs:
-    """The runs of an output folder, watched by one observer."""
+    """The runs of an output folder, as one observer sees them; `state` is the state folder, ``.lookdev``.
+
+    The observer remembers heartbeats to detect new ones.
+    """
 
     def __init__(self, state: Path) -> None:
         self._folder = state / "runs"
         self._lease = lease_seconds()
-        self._heartbeats: dict[str, tuple[int, float]] = {}  # the last of each run, and when it was observed
+        # By the id of a run: the time of its file at the last heartbeat, and when this process noticed that.
+        self._heartbeats: dict[str, tuple[int, float]] = {}
 
     def all(self) -> list[RunInfo]:
         """Return the runs that have files, including dead runs."""
         return [run for file in sorted(self._folder.glob("[!.]*")) if (run := _read_run(file))]
 
     def alive(self) -> list[RunInfo]:
-        """Return the runs that are not known to be dead; the files of dead runs are removed."""
+        """Return the runs that are not known to be dead, and remove the files of dead runs."""
         return [run for run in self.all() if self.is_alive(run)]
 
     def is_alive(self, run: RunInfo) -> bool:
-        """Return whether a run is not known to be dead; the file of a dead run is removed."""
+        """Return whether a run is not known to be dead; remove the file of a dead run."""
         file = self._folder / run.id
         try:
-            # Opening a file asks the file server for its state; a stat may be as old as a minute.
+            # A file server is asked for the file's state when the file is opened. Without that, the result of stat may
+            # be as old as a minute.
             with file.open("rb") as stream:
                 heartbeat = os.fstat(stream.fileno()).st_mtime_ns
         except OSError as error:
@@ -111,7 +118,10 @@ class Runs:
         return False
 
     def wait_for_heartbeat(self, run: RunInfo) -> bool:
-        """Wait for the next heartbeat of a run; return False where the run is dead."""
+        """Wait until a run has a heartbeat, which shows that it is alive; return False if it is dead.
+
+        A run of this machine needs no heartbeat: its process is looked up.
+        """
         if not self.is_alive(run):
             return False
         first = self._heartbeats[run.id][0] if run.id in self._heartbeats else None
@@ -123,7 +133,10 @@ class Runs:
 
 
 class Run:
-    """The run of this process, as a context. A thread sets the time of its file until the context ends."""
+    """The run of this process, as a context manager. Until the context ends, a thread gives the run its heartbeat.
+
+    `output` is the output folder, `part` the chunk that the run renders, "" for all frames.
+    """
 
     def __init__(self, output: Path, part: str = "") -> None:
         self.state = output / STATE_FOLDER
@@ -133,8 +146,8 @@ class Run:
         self._output = output
         self._file = self.state / "runs" / self.info.id
         self._claims_folder = self.state / "claims"
-        self._claim_files: dict[str, Path] = {}
-        self._ended, self._is_lost = threading.Event(), False
+        self._claim_files: dict[str, Path] = {}  # by `claim_key`: the claims of this run
+        self._ended, self._is_lost = threading.Event(), False  # lost: other runs have removed the file of this run
         self._heartbeat = threading.Thread(target=self._beat_until_end, daemon=True)
 
     def __enter__(self) -> Self:
@@ -148,15 +161,16 @@ class Run:
         self._ended.set()
         self._heartbeat.join()
         try:
-            # Other runs remove the temporary files of a run that counts as dead, which causes such errors.
+            # If this run counts as dead, other runs remove its temporary files, which causes these errors. The error of
+            # `check_alive` then states the cause.
             if isinstance(error, OutputError | WorkerError | FileNotFoundError):
                 self.check_alive()
         finally:
             self._remove_own_files()
 
     def _remove_own_files(self) -> None:
-        """Remove the files of this run from the state folder, and the folders of runs where it is the last run."""
-        with suppress(OSError):  # remaining files are void, since the process ends
+        """Remove the files of this run from the state folder. The last run also removes the folders of runs."""
+        with suppress(OSError):  # the process ends: other runs ignore files of it that could not be removed
             for key in list(self._claim_files):
                 self.release(key)
             self._file.unlink(missing_ok=True)
@@ -169,9 +183,9 @@ class Run:
         return [run for run in self.runs.alive() if run.id != self.info.id]
 
     def announce_plan(self, plan: str) -> list[RunInfo]:
-        """Write the digest of this run's plan to its file; return the other runs, which have the same plan.
+        """Write the digest of this run's plan to its file, and return the other runs.
 
-        Raises OutputError where a living run has another plan: each would replace the frames of the other.
+        Raises OutputError where a living run has another plan, because each would replace the frames of the other.
         """
         self.info = replace(self.info, plan=plan)
         self._write_info()
@@ -184,7 +198,7 @@ class Run:
         return self.others()
 
     def check_alive(self) -> None:
-        """Raise OutputError where this run had no heartbeat for a lease, so that it counts as dead."""
+        """Raise OutputError if this run counts as dead, because it had no heartbeat for the time of a lease."""
         self._beat()
         if self._is_lost:
             raise OutputError(
@@ -193,7 +207,11 @@ class Run:
             )
 
     def claim(self, name: str) -> bool:
-        """Claim a name; return False where another living run has it. Raises as `check_alive`, and OSError."""
+        """Claim a name; return False if another living run has claimed it. Raises as `check_alive`, and OSError.
+
+        The claims of a name are files with consecutive numbers. Only the last one can be valid: the others are those of
+        dead runs.
+        """
         self.check_alive()
         key = claim_key(name)
         number = 0
@@ -207,10 +225,12 @@ class Run:
                 return True
             if owner is not None and self.runs.is_alive(owner):
                 return False
-            number += file.exists()  # after the claim of a dead run, the next number; a released claim is tried again
+            # If this is the claim of a dead run, the next number is tried. If it has been released in the meantime, the
+            # same number is tried again.
+            number += file.exists()
 
     def release(self, name: str) -> None:
-        """Release the claim of a name, and remove the claims of dead runs before it."""
+        """Release this run's claim of a name, or of its key, and remove the earlier claims of dead runs."""
         key = claim_key(name) if name not in self._claim_files else name
         if (file := self._claim_files.pop(key, None)) is None:
             return
@@ -228,26 +248,27 @@ class Run:
             shutil.rmtree(folder, ignore_errors=True)
 
     def log_file(self, name: str) -> Path:
-        """Return the path of a log of this run in the state folder; it has the run's id if another run has the log."""
+        """Return a path for a log in the state folder. It contains the run's id if another run uses the plain path."""
         stem = f"{name}.{self.info.part.replace('/', '-')}" if self.info.part else name
         is_free = self.claim(f"log {stem}")
         return self.state / (f"{stem}.log" if is_free else f"{stem}.{self.info.id}.log")
 
     def remove_logs(self) -> None:
-        """Remove the logs of other runs; all frames are done, and no other run is left."""
+        """Remove the logs of other runs. Call this when all frames are done and no other run is left."""
         for file in self.state.glob("worker*.log"):
             stem = file.name.removesuffix(".log")
             if claim_key(f"log {stem}") not in self._claim_files and self.info.id not in stem:
                 file.unlink(missing_ok=True)
 
     def remove_leftovers(self, folders: Iterable[Path]) -> None:
-        """Remove the temporary files of dead runs from folders."""
+        """Remove the temporary files of dead runs from some folders."""
         leftovers: list[tuple[Path, str]] = []
         for folder in folders:
             with suppress(FileNotFoundError, NotADirectoryError):
                 names = ((path, _TEMPORARY_NAME.fullmatch(path.name)) for path in folder.iterdir())
                 leftovers += [(path, match[1]) for path, match in names if match]
-        # The runs are listed after the files: the run that writes a file has joined before.
+        # The runs are listed after the files. A run has a file in the state folder before it writes temporary files, so
+        # the list has the runs of all files found above, unless they are dead.
         processes = {run.id[: len(process_name())] for run in self.runs.alive()} if leftovers else set()
         for path, process in leftovers:
             if process not in {*processes, process_name()}:
@@ -275,7 +296,7 @@ class Run:
             with file.open("x") as stream:
                 stream.write(self._info_text())
         except FileExistsError:
-            # Between its creation and its content, the owner of a claim is unknown.
+            # The owner of a claim is unknown until the file has its content, so this waits for up to two seconds.
             with suppress(FileNotFoundError):
                 for _ in range(20):
                     if file.stat().st_size:
@@ -285,43 +306,49 @@ class Run:
         return True
 
     def _info_text(self) -> str:
+        """Return the content of this run's file."""
         return json.dumps(asdict(self.info))
 
     def _register(self) -> None:
+        """Create the file of this run, and the folders of the state folder."""
         for tries in range(5):
             self._claims_folder.mkdir(parents=True, exist_ok=True)
             try:
                 self._write_info()
-            except FileNotFoundError:  # the last run ends at this moment and removes the folders
+            except FileNotFoundError:  # at this moment, another run ends as the last one and removes the folders
                 if tries == 4:
                     raise
             else:
                 return
 
     def _write_info(self) -> None:
+        """Write this run's file."""
         write_file(self._file, self._info_text())
 
     def _beat_until_end(self) -> None:
+        """Give the run its heartbeat, in a thread, until its context ends."""
         while not self._ended.wait(self._lease / _BEATS_PER_LEASE):
             self._beat()
 
     def _beat(self) -> None:
+        """Set the time of this run's file; note if the file is gone."""
         try:
             os.utime(self._file)
-        except OSError as error:  # where the file system cannot be written for a while, writing frames reports it
+        except OSError as error:  # another error is reported by the next write of a frame
             self._is_lost = self._is_lost or error.errno in (errno.ENOENT, errno.ESTALE)
 
     def _remove_scratch(self) -> None:
+        """Remove the folders for temporary files of dead runs."""
         folders = list(self.state.glob(f"{_SCRATCH}*"))
-        # The runs are listed after the folders: the run that makes a folder has joined before.
+        # The runs are listed after the folders, for the reason in `remove_leftovers`.
         living = {run.id for run in self.runs.alive()} | {self.info.id}
         for folder in folders:
             if folder.name.removeprefix(_SCRATCH).partition("-")[0] not in living:
-                # The worker of a killed run may still write to it; the next run removes what remains.
+                # The worker of a killed run may still write to the folder. The next run removes such files.
                 shutil.rmtree(folder, ignore_errors=True)
 
     def _remove_state(self) -> None:
-        """Remove the folders of runs and claims. A run that starts at this moment makes them again."""
+        """Remove the folders of runs and claims. A run that starts at this moment creates them again."""
         self.remove_leftovers([self._file.parent])
         for file in self._claims_folder.iterdir():
             file.unlink(missing_ok=True)
@@ -331,27 +358,27 @@ class Run:
 
 
 def lease_seconds() -> float:
-    """Return the seconds in `LEASE_VARIABLE`, or the default; raises OutputError where it is not a number."""
+    """Return the lease in seconds: `LEASE_VARIABLE`, or the default; raises OutputError for an invalid value."""
     return float(environment_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
 
 
 def read_claims(state: Path) -> dict[str, list[str]]:
-    """Return the keys of the claims of all runs, by the ids of the runs."""
+    """Return the claims in a state folder: by the id of a run, the keys (`claim_key`) of the names it has claimed."""
     files = sorted((state / "claims").glob("*.*"), key=lambda file: int(file.suffix[1:]))
     keys: dict[str, list[str]] = {}
-    for key, file in {file.stem: file for file in files}.items():  # of several claims, the last
+    for key, file in {file.stem: file for file in files}.items():  # of several claims with one key, only the last
         if run := _read_run(file):
             keys.setdefault(run.id, []).append(key)
     return keys
 
 
 def claim_key(name: str) -> str:
-    """Return the key of a claimed name, for the names of claim files: the name may be too long for a file."""
+    """Return a hash of a claimed name, for the name of the claim's file. The name itself may be too long for a file."""
     return hashlib.sha256(name.encode()).hexdigest()[:32]
 
 
 def _read_run(file: Path) -> RunInfo | None:
-    """Return the run in a file; None where the file is missing or damaged."""
+    """Return the description of a run in a file, or None if the file is missing or damaged."""
     try:
         return RunInfo(**read_json_object(file))
     except TypeError:
@@ -360,23 +387,27 @@ def _read_run(file: Path) -> RunInfo | None:
 
 @cache
 def _machine() -> str:
+    """Return the ids of this boot and of this process namespace. Process ids are unique within these."""
     boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     return f"{boot} {Path('/proc/self/ns/pid').readlink()}"
 
 
 def _is_running(process: int, started: str) -> bool:
-    """Return whether a process of this machine is running: a later process with its number has another start time."""
+    """Return whether a process of this machine, by its id and start time, is running.
+
+    A later process may have the same id, but not the same start time.
+    """
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
-    except PermissionError:  # of another user, whose processes /proc may hide
+    except PermissionError:  # it runs, for another user: /proc may hide its start time
         return True
     return _start_time(process) == started
 
 
 def _start_time(process: int) -> str:
-    """Return the start time of a process, in ticks since boot (proc(5)); "" where it is missing or a zombie."""
+    """Return the start time of a process, in ticks since boot (proc(5)), or "" if it is missing or a zombie."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     except (FileNotFoundError, ProcessLookupError):

@@ -1,7 +1,7 @@
-"""The status of a job that any number of runs render: frames that are done, rendering or failed, and stalled runs.
+"""The status of a job that any number of runs render (`lookdev status`): its frames, and the runs that render them.
 
-A run records its plan and its failed frames in the output's state folder. The rest of the status is read from the
-frames and the claims on disk, so that no process has to run to answer.
+Everything is read from the output folder, so no run needs to answer. A run records its plan and its failed frames in
+the state folder there. Which frames are done or in work follows from the frames and the claims on disk.
 """
 
 from __future__ import annotations
@@ -29,57 +29,56 @@ from lookdev.plan.costs import estimate_costs
 from lookdev.run.runs import Run, RunInfo, Runs, claim_key, lease_seconds, read_claims
 from lookdev.safe_text import align_columns, read_json_object
 
-_PLAN, _FAILED = "plan.json", "failed"
-_MAX_PLAN_BYTES = 1 << 28  # bytes of a plan
-_MAX_LISTED_FAILURES = 10  # in the text
+_PLAN, _FAILED = "plan.json", "failed"  # the file of the plan, and the folder of failed frames, in the state folder
+_MAX_PLAN_BYTES = 1 << 28  # a larger file of a plan is not read
+_MAX_LISTED_FAILURES = 10  # the most failures that the text lists
 
 
 @dataclass(frozen=True)
 class FailedFrame:
-    """A frame whose last try failed in a run on a host; `log` is the file with the details there, or ""."""
+    """A frame whose last try failed."""
 
     name: str
     reason: str
-    host: str
-    log: str
+    host: str  # the machine of the run that tried it
+    log: str  # the file with the details on that machine, or ""
 
 
 @dataclass(frozen=True)
 class ActiveRun:
-    """A run that has not ended by itself: its frames and its state.
+    """A run that has a file in the state folder: it still runs, or it died before it could remove the file.
 
-    `silent` are the seconds since its last heartbeat, by the clock of the file system. `state` is ``working``,
-    ``stalled`` without a heartbeat for a lease, or ``dead`` where its process is known to have ended.
+    `state` is ``"working"``, or ``"stalled"`` if it had no heartbeat for the time of a lease (`lookdev.run.runs`), or
+    ``"dead"`` if its process is known to have ended.
     """
 
     run: RunInfo
     state: str
-    silent: float
-    frames: tuple[str, ...]
+    silent: float  # seconds since its last heartbeat, by the clock of the file system
+    frames: tuple[str, ...]  # the names of the frames that it has claimed and that are not done
 
 
 @dataclass(frozen=True)
 class Status:
-    """The state of a job's frames in its output folder.
-
-    `frame_seconds` is the mean time of the frames that are done, None before the first. `seconds` is the time left,
-    None where no run works.
-    """
+    """The state of a job's frames in its output folder."""
 
     output: Path
-    job: str
-    total: int
-    done: int
-    waiting: int
-    rendering: int
+    job: str  # the path of the job file
+    total: int  # number of frames
+    done: int  # number of frames on disk
+    waiting: int  # number of frames that no run renders and that have not failed
+    rendering: int  # number of frames that working runs have claimed
     failed: tuple[FailedFrame, ...]
     runs: tuple[ActiveRun, ...]
-    frame_seconds: float | None
-    seconds: float | None
+    frame_seconds: float | None  # the mean render time of the frames on disk; None before the first
+    seconds: float | None  # an estimate of the time left; None if no run renders a frame
 
 
 def record_plan(run: Run, job: Path, plan: Plan) -> None:
-    """Write the plan of a run to the state folder, unless the folder has it; raises OSError."""
+    """Write the plan of a run to the state folder, unless the folder has this plan already; raises OSError.
+
+    The file has the digest of the plan, the path of the job, and for each frame its digest and its estimated cost.
+    """
     file = run.state / _PLAN
     if _read_plan(file).get("plan") == plan.digest:
         return
@@ -92,7 +91,7 @@ def record_plan(run: Run, job: Path, plan: Plan) -> None:
 
 
 def record_failure(run: Run, name: str, reason: str, log: Path | None) -> FailedFrame:
-    """Write the reason of a failed frame to the state folder, and return its record."""
+    """Write the record of a failed frame to the state folder, and return it."""
     failed = FailedFrame(name, reason, run.info.host, str(log or ""))
     with suppress(OSError):
         write_file(run.state / _FAILED / f"{claim_key(name)}.json", json.dumps(asdict(failed)))
@@ -100,18 +99,18 @@ def record_failure(run: Run, name: str, reason: str, log: Path | None) -> Failed
 
 
 def remove_failures(state: Path) -> None:
-    """Remove the failures from a state folder; all frames of the output are done."""
+    """Remove all records of failed frames from a state folder. Call this when all frames of the output are done."""
     shutil.rmtree(state / _FAILED, ignore_errors=True)
 
 
 def read_status(output: Path) -> Status:
-    """Return the state of the job of an output folder; raises OutputError where no run has recorded its plan."""
+    """Read the status of the job of an output folder; raises OutputError if no run has recorded a plan there."""
     state = output / STATE_FOLDER
     plan = _read_plan(state / _PLAN)
     if not plan:
         raise OutputError(f"{output}: no run of 'lookdev render' has recorded a plan there; is it the output of a job?")
-    left: dict[str, tuple[str, float]] = {}
-    times: dict[str, list[float]] = {}
+    left: dict[str, tuple[str, float]] = {}  # by name, for frames that are not done: digest and estimated cost
+    times: dict[str, list[float]] = {}  # by scene, for frames that are done: render times in seconds
     for name, (digest, cost) in plan["frames"].items():
         header: Mapping[str, str] = {}
         with suppress(OutputError):
@@ -180,6 +179,7 @@ def status_metrics(status: Status) -> str:
     registry = CollectorRegistry()
 
     def gauge(name: str, text: str, values: Mapping[str, float | None], label: str) -> None:
+        """Add a metric with a number for each value of a label; an empty label means a single number."""
         metric = Gauge(f"lookdev_{name}", text, ["output", label] if label else ["output"], registry=registry)
         for state, number in values.items():
             if number is not None:
@@ -196,6 +196,7 @@ def status_metrics(status: Status) -> str:
 
 
 def _active_runs(state: Path, frames: Mapping[str, list[str]]) -> Iterator[ActiveRun]:
+    """Yield the runs of a state folder; `frames` has the names of their claimed frames, by the id of a run."""
     now = _file_system_time(state)
     for run in Runs(state).all():
         silent = now - (state / "runs" / run.id).stat().st_mtime
@@ -204,7 +205,7 @@ def _active_runs(state: Path, frames: Mapping[str, list[str]]) -> Iterator[Activ
 
 
 def _file_system_time(folder: Path) -> float:
-    """Return the time of the file system's clock, or this machine's where no file can be written."""
+    """Return the time by the clock of a folder's file system, or this machine's clock if no file can be written."""
     file = folder / f".time.{os.getpid()}"
     try:
         file.touch()
@@ -218,10 +219,14 @@ def _file_system_time(folder: Path) -> float:
 def _time_left(
     planned: Mapping[str, tuple[str, float]], left: Mapping[str, float], times: Mapping[str, list[float]], at_once: int
 ) -> float | None:
-    """Return an estimate of the time left; None where no frame is being rendered.
+    """Return an estimate of the seconds left, or None if no frame is being rendered.
 
-    A frame takes the mean time of its scene's frames. In a scene without frames it takes its estimated cost times the
-    mean ratio of time to cost in the other scenes.
+    A frame is assumed to take the mean time of the frames of its scene that are done. If there are none, it is assumed
+    to take its estimated cost times the mean ratio of time to cost in other scenes.
+
+    planned : digest and estimated cost of each frame of the plan, by name; left : estimated cost of each frame that is
+    not done, by name; times : seconds of the frames that are done, by scene; at_once : how many frames are rendered at
+    the same time.
     """
     if not at_once:
         return None
@@ -234,15 +239,18 @@ def _time_left(
 
 
 def _scene_name(name: str) -> str:
+    """Return the scene of a frame by its name: the look and the light, as look/ibl."""
     return name.rpartition("/")[0]
 
 
 def _read_failures(state: Path) -> Iterator[FailedFrame]:
+    """Yield the records of failed frames in a state folder."""
     for file in sorted((state / _FAILED).glob("*.json")):
         with suppress(TypeError):
             yield FailedFrame(**read_json_object(file))
 
 
 def _read_plan(file: Path) -> dict[str, Any]:
+    """Return the plan that `record_plan` has written, or {} if the file is missing or damaged."""
     plan = read_json_object(file, _MAX_PLAN_BYTES)
     return plan if plan.keys() >= {"plan", "job", "frames"} else {}

@@ -47,7 +47,7 @@ def as_cage(mesh: Mesh) -> Mesh:
 def displace(asset: Asset, look_of_slot: Mapping[str, Look]) -> Asset:
     """Return the asset with displaced meshes; meshes that looks displace have been refined before.
 
-    `look_of_part` maps the paths of slots to looks, as `Scene.look_of_slot`. A height h moves a point by
+    `look_of_slot` maps the paths of slots to looks, as `Scene.look_of_slot`. A height h moves a point by
     ``(h - midlevel) scale`` along its normal. `Displacement.units` determines where this distance is measured. In
     "world", it is in metres in world space, after the instance's matrix. Otherwise it is in the object's own space, in
     the unit of the asset's file. With "world", instances of a mesh that differ by more than a translation get meshes of

@@ -33,7 +33,7 @@ class Ground:
 
 
 def add_ground(
-    asset: Asset, look_of_part: Mapping[str, Look], ground: Ground, axis: tuple[float, float]
+    asset: Asset, look_of_slot: Mapping[str, Look], ground: Ground, axis: tuple[float, float]
 ) -> tuple[Asset, dict[str, Look]]:
     """Return the asset with the ground as an additional part, and the look of each slot by its path.
 
@@ -45,7 +45,7 @@ def add_ground(
     instances = [*asset.instances, Instance(len(asset.meshes), matrix, GROUND_PATH)]
     revolved = asset.is_revolved and bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
     combined = make_asset(asset.name, meshes, instances, [*asset.slots, Slot(GROUND_PATH)], revolved=revolved)
-    return replace(combined, unit=asset.unit, notes=asset.notes), {**look_of_part, GROUND_PATH: ground.look}
+    return replace(combined, unit=asset.unit, notes=asset.notes), {**look_of_slot, GROUND_PATH: ground.look}
 
 
 def _disc(radius: float) -> Mesh:

@@ -158,7 +158,7 @@ def link_lights(scene: Scene) -> Scene:
     instances have different links are split, so that all parts of a slot have the same links. If no light has a link,
     the scene is the same object.
     """
-    asset, look_of_part, lights = scene.asset, scene.look_of_slot, scene.lights
+    asset, look_of_slot, lights = scene.asset, scene.look_of_slot, scene.lights
     light_links = [light.emission.light_link for light in lights]
     shadow_links = [light.emission.shadow_link for light in lights]
     if not any(light_links) and not any(shadow_links):
@@ -186,7 +186,7 @@ def link_lights(scene: Scene) -> Scene:
     return replace(
         scene,
         asset=split,
-        look_of_slot={path: look_of_part[old_path] for path, (old_path, _, _) in link_choices.items()},
+        look_of_slot={path: look_of_slot[old_path] for path, (old_path, _, _) in link_choices.items()},
         lights=tuple(starmap(exclude_groups, enumerate(lights))),
         lights_of_slot={path: light_numbers for path, (_, light_numbers, _) in link_choices.items()}
         if any(light_links)

@@ -27,7 +27,7 @@ def add_missing_uvs(
 ) -> tuple[Asset, tuple[str, ...]]:
     """Return the asset with the UV sets that its looks read, and notes on replaced sets.
 
-    `look_of_part` maps the paths of slots to looks, as `Scene.look_of_slot`. `bound` has the paths of slots whose look
+    `look_of_slot` maps the paths of slots to looks, as `Scene.look_of_slot`. `bound` has the paths of slots whose look
     comes from the asset itself. If a mesh has no UV set and only such looks read one, they read (0, 0), as USD's own
     readers do.
     """
@@ -58,7 +58,7 @@ def add_missing_uvs(
 
 
 def missing_primvar_notes(asset: Asset, look_of_slot: Mapping[str, Look]) -> tuple[str, ...]:
-    """Return notes on primvars that looks read and meshes lack; `look_of_part` is `Scene.look_of_slot`."""
+    """Return notes on primvars that looks read and meshes lack; `look_of_slot` is `Scene.look_of_slot`."""
     looks = [look_of_slot[slot.path] for slot in asset.slots]
     primvar_names = {id(look): {leaf.name for leaf in _leaves(look) if isinstance(leaf, Primvar)} for look in looks}
     lacking: dict[str, list[Mesh]] = {}

@@ -46,7 +46,7 @@ def test_csv_has_a_row_for_each_measurement(results: MatrixBenchmark, folder: Pa
     assert len(rows) == (2 + 1) * 2 * 2 * 2
     assert list(rows[0]) == [field.name for field in fields(Measurement)]
     first = results.cells[0].measurements[0]
-    assert (rows[0]["backend"], rows[0]["way"]) == ("exact", "raw")
+    assert (rows[0]["backend"], rows[0]["picture_kind"]) == ("exact", "raw")
     assert float(rows[0]["seconds"]) == first.seconds
     assert float(rows[0]["relmse"]) == first.relmse
 

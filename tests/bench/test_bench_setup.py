@@ -33,7 +33,7 @@ def test_what_was_measured_is_written_also_after_ctrl_c(tmp_path: Path, monkeypa
         "| `lookdev --help` | 0.20 (0.10..0.30) | 0.20 (0.15..0.25) |\n| start | 1.00 |  |\n<!-- end -->\nafter" in text
     )
     assert "Not complete" in text
-    assert json.loads((tmp_path / "out" / "setup.json").read_text())["taken"][1]["seconds"] == [1.0]
+    assert json.loads((tmp_path / "out" / "setup.json").read_text())["steps"][1]["seconds"] == [1.0]
 
 
 def test_a_command_that_fails_is_an_error() -> None:

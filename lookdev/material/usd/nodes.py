@@ -94,7 +94,7 @@ def _read_dot(node: UsdNode) -> NodeValue:
 def _read_convert(node: UsdNode) -> NodeValue:
     """Read a convert, which changes the number of channels."""
     term = node.read_any_term("in", 0.0)
-    return replace(convert_channels(term, node.width), tangent=term.is_tangent_normal)
+    return replace(convert_channels(term, node.width), is_tangent_normal=term.is_tangent_normal)
 
 
 def _read_extract(node: UsdNode) -> NodeValue:
@@ -263,10 +263,10 @@ def _read_height_to_normal(node: UsdNode) -> NodeValue:
 def _height_bump(node: UsdNode, height: NodeValue, scale: float) -> NodeValue:
     """Return the bump map of heights, which must be a channel of an image; for a constant, the shading normal."""
     if height.numbers is not None:
-        return replace(constant(0.0, 0.0, 1.0), tangent=True)
+        return replace(constant(0.0, 0.0, 1.0), is_tangent_normal=True)
     if not isinstance(height.leaf, Texture):
         raise NotCarriedError("only one channel of an image has a slope")
-    return replace(node.terms.leaf_term(Bump(height.leaf, scale * SOBEL_SCALE), 3, node.name), tangent=True)
+    return replace(node.terms.leaf_term(Bump(height.leaf, scale * SOBEL_SCALE), 3, node.name), is_tangent_normal=True)
 
 
 def _scale_bump(node: UsdNode, bump: NodeValue, scale: NodeValue) -> NodeValue:
@@ -276,7 +276,7 @@ def _scale_bump(node: UsdNode, bump: NodeValue, scale: NodeValue) -> NodeValue:
     if scale.numbers is None or len(set(scale.numbers)) != 1:
         raise NotCarriedError("the scale of a bump is not one constant")
     scaled = replace(bump.leaf, scale=bump.leaf.scale * scale.numbers[0])
-    return replace(node.terms.leaf_term(scaled, 3, node.name), tangent=True)
+    return replace(node.terms.leaf_term(scaled, 3, node.name), is_tangent_normal=True)
 
 
 NODES: dict[str, Callable[[UsdNode], NodeValue]] = {

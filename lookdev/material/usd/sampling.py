@@ -107,10 +107,10 @@ def tangent_normal(node: UsdNode, encoded: NodeValue, scale: NodeValue) -> NodeV
     """
     centred = node.terms.apply("{a} * 2 - 1", {"a": convert_channels(encoded, 3)}, ("a",))
     if scale.numbers == (1.0,) * len(scale.numbers or ()) and scale.numbers:
-        return replace(centred, tangent=True)
+        return replace(centred, is_tangent_normal=True)
     pair = convert_channels(scale, 2)
     factors = node.terms.join_channels(node.terms.channel(pair, 0), node.terms.channel(pair, 1), constant(1.0))
-    return replace(node.terms.apply("{a} * {b}", {"a": centred, "b": factors}, ("a", "b")), tangent=True)
+    return replace(node.terms.apply("{a} * {b}", {"a": centred, "b": factors}, ("a", "b")), is_tangent_normal=True)
 
 
 def read_texcoord(node: UsdNode) -> NodeValue:

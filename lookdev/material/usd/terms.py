@@ -189,7 +189,7 @@ class Terms:
         if isinstance(leaf, Coordinates):
             matrix = np.reshape(leaf.transform, (2, 3)) * scale[:2, np.newaxis]
             matrix[:, 2] += bias[:2]
-            return replace(self.leaf_term(Coordinates(leaf.st, to_transform(matrix)), 2, hint), tangent=False)
+            return replace(self.leaf_term(Coordinates(leaf.st, to_transform(matrix)), 2, hint), is_tangent_normal=False)
         full_scale, full_bias = np.ones(4), np.zeros(4)
         full_scale[: scale.size], full_bias[: bias.size] = scale, bias
         scaled = np.array(leaf.scale) * full_scale

@@ -238,10 +238,8 @@ def _compare_reels(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Ite
         if not comparisons:
             yield names | {"state": "other frames"}
             continue
-        worst = max(
-            comparisons, key=lambda result: (result.visible, result.share_beyond_noise or 0.0, result.relmse or 0.0)
-        )
-        parts = list(dict.fromkeys(part for comparison in comparisons for part in comparison.changed_inputs))
+        worst = max(comparisons, key=lambda result: (result.visible, result.beyond or 0.0, result.relmse or 0.0))
+        parts = list(dict.fromkeys(part for comparison in comparisons for part in comparison.changed))
         state = "changed" if worst.visible else "same picture" if parts or worst.relmse else "same"
         yield (
             names

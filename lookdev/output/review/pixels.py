@@ -106,15 +106,15 @@ class Comparison:
     `NOISE_LIMIT`, or None if an error is not known. Both are None if the frames differ in size.
     """
 
-    changed_inputs: tuple[str, ...]
+    changed: tuple[str, ...]
     relmse: float | None = None
-    share_beyond_noise: float | None = None
+    beyond: float | None = None
 
     @property
     def visible(self) -> bool:
         """Whether pixels differ by more than noise explains; if the noise is not known, whether they differ at all."""
-        if self.share_beyond_noise is not None:
-            return self.share_beyond_noise > CHANGED_SHARE
+        if self.beyond is not None:
+            return self.beyond > CHANGED_SHARE
         return self.relmse is None or self.relmse > 0.0
 
 

@@ -1,4 +1,7 @@
-"""The cores and the memory of this machine that workers do not use, by proc(5) and cgroups(7)."""
+"""Measures idle cores and free memory of this machine, by proc(5) and cgroups(7).
+
+Executors decide by these how many workers to start.
+"""
 
 from __future__ import annotations
 
@@ -11,28 +14,29 @@ from pathlib import Path
 
 from lookdev.rendering.threads import usable_cores
 
-_TICKS = os.sysconf("SC_CLK_TCK")
-_RESERVE = 0.1  # of the memory: left to other processes
-_MIN_GAIN = 0.5  # idle cores over those that a worker uses: with fewer, another worker gains little
-_START_SECONDS = 30.0  # seconds of remaining work: starting a worker and compiling take some
-_GROWTH = 1.5  # times the peak memory of a worker so far
+_TICKS = os.sysconf("SC_CLK_TCK")  # clock ticks per second: the unit of times in /proc is one tick
+_RESERVE = 0.1  # the share of the machine's memory that is left to other processes
+_MIN_GAIN = 0.5  # another worker gains little with fewer idle cores than this share of those that a worker uses now
+_START_SECONDS = 30.0  # with less work than this left, another worker gains little: starting and compiling take time
+_GROWTH = 1.5  # another worker may take this factor of the peak memory of a worker so far
 
 
 @dataclass(frozen=True)
 class CpuUse:
-    """The seconds of a clock, and the core seconds used until then: by some `processes`, and by the whole `machine`."""
+    """A measurement of the use of cores. Two measurements give the use in between."""
 
-    clock: float
-    processes: float
-    machine: float
+    clock: float  # seconds of `time.monotonic`
+    processes: float  # core seconds that some processes have used since they started
+    machine: float  # core seconds that all processes have used on the cores that this process may use
 
     @classmethod
     def of(cls, processes: Iterable[int]) -> CpuUse:
-        """Return the use of some running processes and of this one."""
+        """Measure the use of some running processes, by their ids, and of this one."""
         used = sum(map(_cpu_seconds, {os.getpid(), *processes}))
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
         rows = (line.split() for line in Path("/proc/stat").read_text().splitlines())
-        # In a row: user, nice, system, idle, waiting, interrupts (2), hypervisor. All but idle and waiting are use.
+        # A row of /proc/stat has the ticks in these states: user, nice, system, idle, waiting, interrupts (two
+        # numbers), stolen by a hypervisor. All except idle and waiting are use.
         busy = sum(sum(map(int, row[1:4])) + sum(map(int, row[6:9])) for row in rows if row[0] in allowed)
         return cls(time.monotonic(), used, busy / _TICKS)
 
@@ -47,8 +51,8 @@ def idle_cores(before: CpuUse, now: CpuUse) -> float:
 def is_worker_worthwhile(workers: int, idle: float, left: float, memory: int, free: int) -> bool:
     """Return whether one more worker gains more than it costs.
 
-    workers : running now; idle : unused cores; left : remaining seconds of work for each worker; memory : bytes that a
-    worker takes; free : bytes that are free.
+    workers : how many run now; idle : cores that are not used; left : seconds of work that remain for each worker;
+    memory : bytes that a worker takes; free : bytes that are free.
     """
     used = (usable_cores() - idle) / workers
     return idle > 0.0 and idle >= _MIN_GAIN * used and left > _START_SECONDS and free > _GROWTH * memory
@@ -66,6 +70,7 @@ def free_memory() -> int:
 
 
 def _cpu_seconds(process: int) -> float:
+    """Return the core seconds, in user and system mode, that a process has used since it started."""
     try:
         times = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]
     except OSError:  # the process has ended

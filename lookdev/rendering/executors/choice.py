@@ -1,4 +1,8 @@
-"""The executor that a user chooses, and its address."""
+"""The kinds of executors, and the choice of one by options of the command line.
+
+An executor renders the frames of a run on workers: those of this machine, those of a Dask cluster, or a warm worker,
+which stays alive between runs.
+"""
 
 from __future__ import annotations
 
@@ -19,15 +23,17 @@ class ExecutorOptions:
 
     Attributes
     ----------
-    kind, address
-        One of `EXECUTORS`, and its address, if that kind has one.
+    kind
+        The name of the kind of executor, a key of `EXECUTORS`.
+    address
+        The address of the executor; "" if it has none.
     workers
         The number of workers. None leaves it to the executor.
     device
-        The kind of device, in place of the job's. None leaves it to the job.
-    numbers
+        The kind of device, such as ``"cuda"``, which replaces the job's. None leaves it to the job.
+    device_numbers
         The numbers of the devices of that kind to use, as the vendor's tools count them; () means all.
-    stored
+    shared_output
         Whether workers write the files of frames, to a file system that they share with this machine.
     """
 
@@ -40,7 +46,10 @@ class ExecutorOptions:
 
     @property
     def is_local(self) -> bool:
-        """Whether workers start on this machine. At an address, workers run already, with devices of their own."""
+        """Whether the executor has no address and starts workers on this machine.
+
+        At an address, workers run already, with devices of their own.
+        """
         return not self.address
 
 
@@ -49,17 +58,17 @@ LOCAL_OPTIONS = ExecutorOptions()
 
 @dataclass(frozen=True)
 class ExecutorKind:
-    """A kind of executor: its help text, the form of its address ("" for none), the function that opens it."""
+    """A kind of executor, and the options that it has."""
 
     help: str
-    address: str
+    address: str  # an example of its address, for messages; "" if it has none
     open: Callable[[ExecutorOptions, WorkerFiles, StoreFrame], Executor]
     needs_address: bool = False
     has_worker_count: bool = False  # whether the user sets the number of its workers
     can_store: bool = False  # whether its workers can write the files of frames
 
 
-# Environment variables that restrict a process to some devices of this machine, by kind of device.
+# By kind of device: the environment variable that restricts a process to some devices of this machine.
 _VISIBLE_DEVICES = {
     "cuda": "CUDA_VISIBLE_DEVICES",
     "optix": "CUDA_VISIBLE_DEVICES",
@@ -102,14 +111,18 @@ EXECUTORS: dict[str, ExecutorKind] = {
 
 
 def open_executor(choice: ExecutorOptions, files: WorkerFiles, store: StoreFrame) -> Executor:
-    """Return the executor of a choice, a context manager; raises LookdevError where the options contradict it."""
+    """Return the executor that the options choose, a context manager.
+
+    `store` writes the file of a frame. Raises LookdevError where the executor does not have one of the options.
+    """
     return EXECUTORS[choice.kind].open(choice, files, store)
 
 
 def choose_executor(executor: str, *, workers: int | None, device: str | None, shared_output: bool) -> ExecutorOptions:
-    """Return the choice of options of the command line, such as ``dask:tcp://host:8786`` and ``cuda:0,1``.
+    """Parse and check the options of the command line.
 
-    Raises LookdevError where an option is wrong, or does not fit the executor.
+    executor : such as ``dask:tcp://host:8786``; device : such as ``cuda:0,1``. Raises LookdevError where an option is
+    wrong, or does not fit the executor.
     """
     kind, _, address = executor.partition(":")
     record = EXECUTORS.get(kind)
@@ -132,7 +145,7 @@ def choose_executor(executor: str, *, workers: int | None, device: str | None, s
 
 
 def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
-    """Return the kind and the numbers of the devices that an option names."""
+    """Return the kind of device, and the numbers of the devices, that an option such as ``cuda:0,1`` names."""
     kind, _, numbers = text.partition(":")
     kinds = list(dict.fromkeys(device for backend in BACKENDS.values() for device in backend.devices))
     if kind not in kinds:
@@ -147,9 +160,10 @@ def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
 
 
 def device_environments(choice: ExecutorOptions) -> tuple[Mapping[str, str], ...]:
-    """Return the environment variables that give workers their devices; workers take turns with the entries.
+    """Return sets of environment variables that restrict workers to the chosen devices.
 
-    With several devices and workers, an entry has one device; a single worker has all of them.
+    Worker i takes set i modulo the number of sets. If there are several workers, each set has one device. A single
+    worker has all devices.
     """
     if choice.device is None or not choice.device_numbers:
         return ({},)

@@ -1,10 +1,11 @@
-"""Workers of a Dask cluster, which starts on this machine or belongs to a scheduler that the user runs.
+"""The executor for workers of a Dask cluster, which it starts on this machine, or which the user runs elsewhere.
 
 - Rocklin 2015, "Dask: Parallel Computation with Blocked algorithms and Task Scheduling"; https://distributed.dask.org
 
-A task of Dask is a chunk: frames of one scene, for about 15 seconds (`frame_queue`). Each worker has two chunks of the
-scene that it renders. An adaptive scheduler therefore has more work than its workers can do, and starts more. The
-chunks of a lost worker go to others. A worker that lacks files is sent them, once.
+The executor submits chunks to Dask. A chunk is one task of Dask, and consists of frames of one scene that take about 15
+seconds (`frame_queue`). Each worker gets two chunks of its scene at a time. An adaptive scheduler then sees more work
+than its workers can do, and starts more workers. The chunks of a lost worker go to others. If a worker answers that it
+lacks files, the executor sends them, once. `dask_worker` is the code that runs on the workers.
 """
 
 from __future__ import annotations
@@ -60,41 +61,44 @@ from lookdev.rendering.threads import usable_cores
 if TYPE_CHECKING:
     from distributed import Future
 
-_CONNECT_TIMEOUT = 10.0  # seconds
-_PART_BYTES = 32 << 20  # bytes of a file in a message
-_CHUNKS_PER_WORKER = 2  # a worker renders one while the next is on its way
+_CONNECT_TIMEOUT = 10.0  # seconds within which a scheduler must answer
+_PART_BYTES = 32 << 20  # the most bytes of a file in one message
+_CHUNKS_PER_WORKER = 2  # a worker renders one chunk while the next is sent
 _POLL = 1.0  # seconds between checks of the cluster
-_NO_WORKER_NOTE = 15.0  # seconds without a worker until a note says so
-_CORES_PER_WORKER = 4  # of a cluster on this machine
-_MEMORY_PER_WORKER = 2 << 30  # bytes, of a cluster on this machine
+_NO_WORKER_NOTE = 15.0  # seconds without a worker after which the user gets a note
+_CORES_PER_WORKER = 4  # in a cluster on this machine
+_MEMORY_PER_WORKER = 2 << 30  # bytes, in a cluster on this machine
 
 
 @dataclass(eq=False)
 class _Chunk:
-    """Frames that Dask got as one task, and its future."""
+    """Frames of one scene that are one task of Dask. Addresses identify workers."""
 
     tasks: list[FrameTask]
-    worker: str = ""  # to which it is assigned; "" leaves the choice to Dask
-    future: Future = None
-    losses: int = 0  # number of workers that were lost while they rendered it
-    sent: set[str] = field(default_factory=set)  # the workers to which its files were sent
+    worker: str = ""  # the worker to which the chunk is assigned; "" leaves the choice to Dask
+    future: Future = None  # Dask's future of the chunk's `ChunkResult`, once the chunk is submitted
+    losses: int = 0  # number of workers that were lost while they rendered the chunk
+    sent: set[str] = field(default_factory=set)  # the workers to which the files of the chunk were sent
 
 
 class DaskExecutor:
-    """Renders on workers of Dask: of a cluster that it starts, or of a scheduler at an address.
+    """Renders on workers of Dask: those of a cluster that it starts, or those of a scheduler at an address.
 
     Parameters
     ----------
     files
-        The scratch folder, in the output folder, and the timeout of workers. Its command is not used: see `command`.
+        The scratch folder, which is in the output folder, and the timeout of workers. Its command is not used: see
+        `command`.
     address
-        That of the scheduler; "" starts a cluster on this machine.
+        The address of the scheduler. "" starts a cluster on this machine.
     workers
-        Their number on this machine's cluster. None starts one for each `_CORES_PER_WORKER` cores, as memory allows.
+        The number of workers in a cluster on this machine. None starts one for each `_CORES_PER_WORKER` cores, as
+        memory allows.
     store
-        The function by which workers write frames. None returns the pixels to the caller, who writes them.
+        The function by which workers write the files of frames. If it is None, workers return pixels to the caller, who
+        writes them.
     command
-        The command of workers. None takes that of their backend.
+        The command of the renderer that each worker of Dask starts. None takes the command of the backend.
     """
 
     def __init__(
@@ -107,16 +111,17 @@ class DaskExecutor:
     ) -> None:
         self._files, self._address, self._count = files, address, workers
         self._store, self._command = store, command
-        self._run = secrets.token_hex(4)
+        self._run = secrets.token_hex(4)  # a random name of the run, so that runs on one cluster differ
         self._stack = ExitStack()
+        # Chunks that have ended, and events of frames, from threads of Dask.
         self._incoming: queue.SimpleQueue[_Chunk | ExecutorEvent] = queue.SimpleQueue()
         self._task_of_digest: dict[str, FrameTask] = {}
         self._started: set[str] = set()  # digests of the frames that a renderer has started
-        self._in_flight: set[_Chunk] = set()
-        self._unfit: dict[str, str] = {}
-        self._workers_per_machine = 1  # the number of workers that share the cores of this machine
-        self._workers: set[str] = set()
-        self._number = 0
+        self._in_flight: set[_Chunk] = set()  # submitted, and without a result that was handled
+        self._unfit: dict[str, str] = {}  # by the address of a worker that cannot render: the reason
+        self._workers_per_machine = 1  # the number of workers that share the cores of a machine, if known
+        self._workers: set[str] = set()  # the addresses of workers at the last check
+        self._number = 0  # number of chunks submitted so far
 
     def __enter__(self) -> DaskExecutor:
         try:
@@ -127,7 +132,8 @@ class DaskExecutor:
         for name in ("distributed", "tornado.application", "bokeh"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # notes of this executor report lost workers
         with ExitStack() as stack, warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # on versions, which this executor compares, and on ports
+            # Dask warns about versions, which this executor compares itself, and about ports.
+            warnings.simplefilter("ignore")
             target: LocalCluster | str = self._address
             if not self._address:
                 count = self._count or max(
@@ -143,8 +149,8 @@ class DaskExecutor:
                 )
                 target = stack.enter_context(cluster)
             try:
-                # The connection is tried first: a client that cannot connect closes when it is garbage-collected, and
-                # hangs then if another client starts meanwhile.
+                # The address is tried before a client is made. A client that cannot connect closes when it is
+                # garbage-collected, and then hangs if another client starts meanwhile.
                 if self._address:
                     asyncio.run(_connect_once(self._address))
                 client = Client(target, timeout=_CONNECT_TIMEOUT, set_as_default=False, name="lookdev")
@@ -169,10 +175,10 @@ class DaskExecutor:
             self._stack.close()
 
     def launch(self) -> None:
-        """Do nothing: workers start with their first chunk."""
+        """Do nothing: workers start their renderers with their first chunk."""
 
     def prepare(self, scene: SceneTask) -> None:
-        """Do nothing: the worker of the scene is not known yet."""
+        """Do nothing: it is not known yet which worker will render the scene."""
 
     def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
         """Render tasks, as `Executor.render`."""
@@ -203,7 +209,8 @@ class DaskExecutor:
                 lost, self._workers = self._workers - set(workers), set(workers)
                 for worker in lost:
                     self._queue.remove_worker(worker)
-                # Without another worker, the scheduler would keep the chunks for a worker with the same address.
+                # The executor takes back the chunks of lost workers. The scheduler would keep them for a worker with
+                # the same address.
                 for chunk in [chunk for chunk in self._in_flight if chunk.worker in lost]:
                     self._in_flight.discard(chunk)
                     chunk.future.cancel(force=True)
@@ -222,7 +229,10 @@ class DaskExecutor:
                 yield from self._handle_result(item)
 
     def _submit_chunks(self, workers: Sequence[str]) -> None:
-        """Submit chunks for each worker until it has enough; without workers, submit one for the first that comes."""
+        """Submit chunks until each worker has `_CHUNKS_PER_WORKER`.
+
+        If there is no worker, submit one chunk, which Dask gives to the first worker that comes.
+        """
         chunk_counts = Counter(chunk.worker for chunk in self._in_flight)
         for worker in workers:
             while chunk_counts[worker] < _CHUNKS_PER_WORKER and (
@@ -236,10 +246,11 @@ class DaskExecutor:
 
     @property
     def _topic(self) -> str:
+        """The topic of Dask's event log under which workers log the events of this run."""
         return f"lookdev-{self._run}"
 
     def _create_shared_marker(self) -> Path | None:
-        """Create and return a file in the output folder: workers that see it see the same folder."""
+        """Create a file in the output folder, if workers write there, and return it; workers check that they see it."""
         if self._store is None:
             return None
         mark = self._files.scratch / f"shared-{self._run}"
@@ -247,6 +258,7 @@ class DaskExecutor:
         return mark
 
     def _submit_chunk(self, chunk: _Chunk) -> None:
+        """Submit a chunk to Dask. When it has ended, it is put into `_incoming`."""
         self._number += 1
         chunk.future = self._client.submit(
             render_chunk,
@@ -297,21 +309,28 @@ class DaskExecutor:
                         yield Finished(task, answer.result, answer.seconds)
 
     def _result_of(self, chunk: _Chunk) -> ChunkResult:
-        """Return the result of a chunk; raises TimeoutError where it does not arrive, soon if its worker is lost."""
+        """Return the result of a chunk that has ended.
+
+        Raises what the worker raised, and TimeoutError where the result does not arrive in time or the worker is lost.
+        """
         deadline = time.monotonic() + _CONNECT_TIMEOUT
         while True:
             try:
                 result: ChunkResult = chunk.future.result(timeout=_POLL)
                 return result
             except TimeoutError:
-                # Where Dask chose the worker, its address is not known here.
+                # If Dask has chosen the worker, `chunk.worker` is "".
                 if chunk.worker and chunk.worker not in self._addresses():
                     raise TimeoutError(f"worker {chunk.worker} was lost with its result") from None
                 if time.monotonic() > deadline:
                     raise TimeoutError(f"{chunk.worker or self._cluster} does not send a result") from None
 
     def _render_again(self, chunk: _Chunk, reason: str) -> Iterator[ExecutorEvent]:
-        """Submit the frames of a lost chunk again, singly if one was started; give up any lost `CRASH_TRIES` times."""
+        """Submit the frames of a lost chunk again, and give up a frame that was lost `CRASH_TRIES` times.
+
+        If the rendering of a frame had started, that frame may be the cause of the loss. Each frame is then submitted
+        by itself.
+        """
         started = any(task.digest in self._started for task in chunk.tasks)
         yield ExecutorNote(f"{len(chunk.tasks)} frames go to another worker: {reason}")
         groups = [[task] for task in chunk.tasks] if started else [chunk.tasks]
@@ -324,7 +343,7 @@ class DaskExecutor:
                 self._submit_chunk(_Chunk(tasks, losses=losses))
 
     def _exclude_worker(self, worker: str, reason: str) -> Iterator[ExecutorEvent]:
-        """Assign nothing more to a worker."""
+        """Assign no more chunks to a worker, and yield a note on that."""
         if worker not in self._unfit:
             self._unfit[worker] = reason
             yield ExecutorNote(f"left out: {reason}")
@@ -368,6 +387,7 @@ class DaskExecutor:
         return [address for address in self._addresses() if address not in self._unfit]
 
     def _addresses(self) -> list[str]:
+        """Return the addresses of all workers; raises WorkerError where the scheduler does not answer."""
         try:
             return list(self._client.nthreads())
         except Exception as error:
@@ -377,10 +397,11 @@ class DaskExecutor:
 
     @property
     def _cluster(self) -> str:
+        """The name of the cluster in messages."""
         return f"the scheduler {self._address}" if self._address else "the cluster of Dask on this machine"
 
     def _on_event(self, event: tuple[float, WorkerEvent]) -> None:
-        """Queue an event that a worker logs while it renders."""
+        """Queue an event that a worker has logged while it renders; `event` is a time stamp and the worker's fields."""
         fields = event[1]
         task = self._task_of_digest.get(fields.get("digest", ""))
         if task is None:
@@ -414,5 +435,6 @@ async def _connect_once(address: str) -> None:
 
 
 def _error_line(error: BaseException) -> str:
+    """Return the type of an error and the first line of its message."""
     lines = str(error).strip().splitlines()
     return f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__

@@ -1,7 +1,8 @@
-"""The functions that run on workers of Dask: a renderer that stays alive between chunks, and a content store.
+"""The functions that run on workers of Dask: they render chunks of frames, and receive files.
 
-`lookdev.rendering.executors.dask` calls these functions on other machines. A chunk is pickled, and unpickled only after
-the versions are known to be equal. Its result has an answer for each frame, or the reason why none was rendered.
+`lookdev.rendering.executors.dask` calls these functions, also on other machines. A chunk arrives pickled, and is
+unpickled only if both sides have equal versions of all packages. The result of a chunk has an answer for each frame, or
+the reason why no frame was rendered. The renderer, a child process, stays alive between chunks.
 """
 
 from __future__ import annotations
@@ -35,50 +36,46 @@ if TYPE_CHECKING:
 IDLE_SECONDS = 300.0
 """Seconds without a chunk after which a renderer is ended, so that others can use its memory."""
 
-_POLL = 0.5  # seconds between checks that the chunk is not cancelled, and between progress reports
-_APPEARANCE_TIMEOUT = 5.0  # seconds until a new file is visible on a shared file system
+_POLL = 0.5  # seconds between checks whether the chunk is cancelled, and between reports of progress
+_APPEARANCE_TIMEOUT = 5.0  # seconds within which a new file must be visible on a shared file system
 
 
 @dataclass(frozen=True)
 class ChunkRequest:
-    """A chunk of frames of one scene, pickled, and how to render it.
+    """A chunk of frames of one scene, and the settings with which a worker renders it."""
 
-    `store` writes frames to the shared output folder, which contains the file `shared_marker`. Without `store`, answers
-    have pixels. `command` replaces that of the backend, in tests. `workers_per_machine` workers share the cores of a
-    machine; the name of each is its number.
-    """
-
-    frames: bytes
+    frames: bytes  # the pickled list of tasks
     backend: str
-    versions: Mapping[str, str]
-    topic: str
-    timeout: float
-    store: StoreFrame | None = None
-    shared_marker: Path | None = None
-    command: tuple[str, ...] | None = None
+    versions: Mapping[str, str]  # of packages on the machine that sends the request
+    topic: str  # of Dask's event log, for `WorkerEvent`
+    timeout: float  # seconds without an answer after which the renderer counts as hung
+    store: StoreFrame | None = None  # writes a frame to the shared output folder; without it, answers have pixels
+    shared_marker: Path | None = None  # a file in the shared output folder, by which a worker checks that it sees it
+    command: tuple[str, ...] | None = None  # of the renderer; replaces that of the backend, in tests
+    # How many workers share the cores of a machine. If there are several, the name of each is its number.
     workers_per_machine: int = 1
 
 
 @dataclass(frozen=True)
 class FrameAnswer:
-    """The result of a frame, by its number in the chunk, and its seconds."""
+    """The result of a frame."""
 
-    number: int
-    result: WorkerFrame | StoredFrame | str  # a reason if the frame failed
-    seconds: float
+    number: int  # the index of the frame in the chunk
+    result: WorkerFrame | StoredFrame | str  # pixels, or figures of a written file, or the reason of a failure
+    seconds: float  # from the start of the frame to its result
 
 
 @dataclass(frozen=True)
 class ChunkAnswers:
     """The results of the frames of a chunk."""
 
-    worker: str
+    worker: str  # address
     frames: list[FrameAnswer]
 
 
 @dataclass(frozen=True)
 class MissingFiles:
-    """A worker needs these files before it can render."""
+    """A worker lacks these files, and can render the chunk only after it has received them."""
 
     worker: str
     files: tuple[Content, ...]
@@ -103,13 +100,15 @@ ChunkResult = ChunkAnswers | MissingFiles | UnfitWorker | UnwritableOutput
 
 
 class WorkerEvent(TypedDict, total=False):
-    """An event of a frame that a worker logs: its start, a try that failed, or its progress."""
+    """An event of a frame that a worker logs: the start of the frame, a failed try, or progress."""
 
-    digest: str
-    started: bool
+    digest: str  # of the frame, in every event
+    started: bool  # in the event of the start
+    # In the event of a failed try, as in `Retried`:
     reason: str
     attempt: int
     attempts: int
+    # In an event of progress, as in `ProgressMessage`:
     samples: int
     of: int
     relmse: float | None
@@ -146,7 +145,11 @@ def render_chunk(request: ChunkRequest) -> ChunkResult:
 
 
 def receive_file_part(name: str, digest: str, offset: int, data: bytes, is_last: bool) -> str:
-    """Append a part to a file of the content store, and check the file after the last. Return the error, or ""."""
+    """Write a part of a file for the content store; after the last part, check and store the file.
+
+    name : that of the file in the store; digest : of the whole file; offset : bytes before this part. Returns the
+    message of an error, or "".
+    """
     part = cache_dir("content") / f".{name}.{os.getpid()}.part"  # workers of one machine share the folder
     try:
         with part.open("r+b" if offset else "wb") as stream:
@@ -165,6 +168,7 @@ def receive_file_part(name: str, digest: str, offset: int, data: bytes, is_last:
 
 
 def _wait_for_file(file: Path) -> bool:
+    """Return whether a file exists within `_APPEARANCE_TIMEOUT` seconds."""
     deadline = time.monotonic() + _APPEARANCE_TIMEOUT
     while not file.exists():
         if time.monotonic() > deadline:
@@ -181,7 +185,11 @@ def _render_frame(
     dask_worker: DaskWorker,
     is_cancelled: Callable[[], bool],
 ) -> FrameAnswer:
-    started, last_report = time.monotonic(), [0.0]
+    """Render one frame of a chunk, write it if the request asks for it, and log its events.
+
+    `number` is the index of the frame in the chunk. `is_cancelled` returns whether the chunk is cancelled.
+    """
+    started, last_report = time.monotonic(), [0.0]  # a list, which `on_progress` can change
 
     def log_event(**fields: Unpack[WorkerEvent]) -> None:
         dask_worker.log_event(request.topic, {"digest": task.digest, **fields})
@@ -206,7 +214,7 @@ def _render_frame(
 
 @contextmanager
 def _stop_if_cancelled(dask_worker: DaskWorker, worker: Worker) -> Iterator[Callable[[], bool]]:
-    """Yield a function that tells whether this thread's chunk was cancelled; stop the renderer when it is."""
+    """Yield a function that returns whether this thread's chunk is cancelled; stop the renderer if that happens."""
     key, is_over, cancelled = dask_worker.get_current_task(), threading.Event(), threading.Event()
 
     def poll() -> None:
@@ -226,17 +234,17 @@ def _stop_if_cancelled(dask_worker: DaskWorker, worker: Worker) -> Iterator[Call
 
 
 class _Renderer:
-    """The one renderer of this process, which ends after `IDLE_SECONDS` seconds without use."""
+    """The only renderer of this process, a child process that is ended after `IDLE_SECONDS` without use."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = threading.Lock()  # held by the thread that uses the renderer
         self._worker: Worker | None = None
-        self._settings: object = None
-        self._idle: threading.Timer | None = None
+        self._settings: object = None  # those of the running renderer: other settings need another one
+        self._idle: threading.Timer | None = None  # ends the renderer
 
     @contextmanager
     def borrow(self, request: ChunkRequest, dask_worker: DaskWorker) -> Iterator[Worker]:
-        """Yield the renderer, to one thread at a time."""
+        """Yield the renderer to one thread at a time; replace it first if the request needs other settings."""
         command = request.command or BACKENDS[request.backend].command
         with self._lock:
             if self._idle is not None:
@@ -246,7 +254,7 @@ class _Renderer:
             settings = (command, cores, request.timeout)
             if self._worker is None or self._settings != settings:
                 self._end_renderer()
-                # Dask removes the folder when its worker ends. After a kill, a later worker removes it.
+                # Dask removes the folder when its worker ends. If Dask's worker is killed, a later one removes it.
                 scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=dask_worker.local_directory))
                 log = scratch / "worker.log"
                 self._worker = Worker(command, log, scratch, request.timeout, cores=cores)
@@ -259,6 +267,7 @@ class _Renderer:
                 self._idle.start()
 
     def _end_if_idle(self) -> None:
+        """End the renderer, unless a thread uses it."""
         if self._lock.acquire(blocking=False):
             try:
                 self._end_renderer()
@@ -266,6 +275,7 @@ class _Renderer:
                 self._lock.release()
 
     def _end_renderer(self) -> None:
+        """End the renderer if it runs, and remove its temporary files."""
         worker, self._worker = self._worker, None
         if worker is not None:
             worker.kill()

@@ -1,4 +1,7 @@
-"""The order in which workers get frames: a worker stays with its scene, because a change of scene takes seconds."""
+"""Queues from which executors take the next frame, or chunk of frames, for a worker.
+
+A worker gets frames of the same scene one after the other, because a change of scene takes seconds.
+"""
 
 from __future__ import annotations
 
@@ -9,34 +12,36 @@ from lookdev.rendering.executors.protocol import FrameFilter
 from lookdev.rendering.task import FrameTask, SceneTask
 
 _CHANGE_SECONDS = 2.0
-"""Assumed seconds of a change of scene, which compiles a shader, until one is measured."""
+"""Assumed seconds of a change of scene, which compiles a shader, until such a change is measured."""
 
-_CHUNK_SECONDS = 15.0  # seconds of frames in a chunk
-_CHUNK_BYTES = 64 << 20  # bytes of pixels in the answer of a chunk, about
+_CHUNK_SECONDS = 15.0  # the seconds in which a worker renders a chunk, approximately
+_CHUNK_BYTES = 64 << 20  # the most bytes of pixels in the answer for a chunk, approximately
 
 
 class FrameQueue:
-    """Waiting frames by scene, and the scene of each worker.
+    """Waiting frames by scene, and the scene that each worker renders.
 
-    A worker stays with its scene while the scene has frames. Then it takes the first scene that no worker renders.
-    Without such a scene, it takes the one with the most frames per worker, if its share of these takes longer than a
-    change of scene.
+    A worker stays with its scene while the scene has waiting frames. Then it takes the first scene that no other worker
+    renders. If there is none, it joins the workers of the scene with the most waiting frames per worker, if its share
+    of these frames takes longer than a change of scene.
     """
 
     def __init__(self, tasks: Iterable[FrameTask]) -> None:
         self._waiting: dict[int, deque[FrameTask]] = {}
         for task in tasks:
-            # The frames of a scene share its task, so that its id identifies it without a slow comparison.
+            # All frames of a scene refer to the same `SceneTask`. Its id identifies the scene, without a slow
+            # comparison of values.
             self._waiting.setdefault(id(task.scene), deque()).append(task)
-        self._scene_of: dict[Hashable, int] = {}
-        self._seconds: dict[int, float] = {}  # of the latest frame of each scene that was not a worker's first
+        self._scene_of: dict[Hashable, int] = {}  # by worker
+        # By scene: the seconds of the latest frame that was not its worker's first frame of the scene.
+        self._seconds: dict[int, float] = {}
         self._change_seconds = _CHANGE_SECONDS
 
     def __len__(self) -> int:
         return sum(map(len, self._waiting.values()))
 
     def next_frame(self, worker: Hashable) -> FrameTask | None:
-        """Remove and return a worker's next frame; None where the waiting frames are better left to other workers."""
+        """Remove and return a worker's next frame, or None if other workers are to render the waiting frames."""
         scene = self._next_scene(worker)
         if scene is None:
             return None
@@ -44,19 +49,19 @@ class FrameQueue:
         return self._waiting[scene].popleft()
 
     def put_back(self, task: FrameTask) -> None:
-        """Put a frame back in front of the waiting ones."""
+        """Put a frame back, before the waiting frames of its scene."""
         self._waiting[id(task.scene)].appendleft(task)
 
     def remove_worker(self, worker: Hashable) -> None:
-        """Remove a worker, and the claim on its scene."""
+        """Remove a worker, which then no longer counts as a worker of its scene."""
         self._scene_of.pop(worker, None)
 
     def frame_seconds(self, task: FrameTask) -> float | None:
-        """Return the seconds of a frame of the same scene as `task`; None until one is measured."""
+        """Return the seconds that a frame of the same scene as `task` took, or None until one is measured."""
         return self._seconds.get(id(task.scene))
 
     def record_time(self, task: FrameTask, seconds: float, *, first: bool) -> None:
-        """Record the seconds of a frame; `first` says whether it was the first of its scene on its worker."""
+        """Record the seconds that a frame took; `first` is true if it was its worker's first frame of the scene."""
         usual = self._seconds.get(id(task.scene))
         if not first:
             self._seconds[id(task.scene)] = seconds
@@ -64,6 +69,7 @@ class FrameQueue:
             self._change_seconds = max(seconds - usual, 0.0)
 
     def _next_scene(self, worker: Hashable) -> int | None:
+        """Return the id of the scene from which a worker takes its next frame, or None for no scene."""
         current = self._scene_of.get(worker)
         if current is not None and self._waiting[current]:
             return current
@@ -73,17 +79,17 @@ class FrameQueue:
             return free[0]
         if not waiting:
             return None
-        widest = max(waiting, key=lambda scene: len(self._waiting[scene]) / others.count(scene))
-        part = len(self._waiting[widest]) / (others.count(widest) + 1)
-        seconds = self._seconds.get(widest)
-        return widest if seconds is None or part * seconds > self._change_seconds else None
+        largest = max(waiting, key=lambda scene: len(self._waiting[scene]) / others.count(scene))
+        share = len(self._waiting[largest]) / (others.count(largest) + 1)
+        seconds = self._seconds.get(largest)
+        return largest if seconds is None or share * seconds > self._change_seconds else None
 
 
 class ChunkQueue:
-    """Waiting frames, which workers get in chunks of one scene.
+    """Waiting frames, which workers get in chunks: several frames of one scene.
 
-    `is_needed` is called before a frame goes to a worker. With `returns_pixels`, the answers of chunks contain pixels:
-    the number of pixels in a chunk is then limited.
+    `is_needed` is called before a frame goes to a worker; a frame for which it returns false is left out. With
+    `returns_pixels`, the answer for a chunk contains pixels, and the size of a chunk is limited accordingly.
     """
 
     def __init__(self, tasks: Iterable[FrameTask], is_needed: FrameFilter, *, returns_pixels: bool) -> None:
@@ -93,17 +99,20 @@ class ChunkQueue:
         self._scene_before: dict[str, SceneTask] = {}
 
     def record_time(self, task: FrameTask, seconds: float, worker: str) -> None:
-        """Record the seconds of a frame on a worker."""
+        """Record the seconds that a frame took on a worker."""
         first = self._scene_before.get(worker) is not task.scene
         self._scene_before[worker] = task.scene
         self._frames.record_time(task, seconds, first=first)
 
     def remove_worker(self, worker: str) -> None:
-        """Forget a worker."""
+        """Remove a worker, as `FrameQueue.remove_worker`."""
         self._frames.remove_worker(worker)
 
     def next_chunk(self, worker: str, workers: int) -> list[FrameTask]:
-        """Return frames of one scene for a worker; none where no waiting frames are worth a change of scene."""
+        """Return frames of one scene for a worker; none if other workers are to render the waiting frames.
+
+        `workers` is the number of all workers.
+        """
         frames: list[FrameTask] = []
         while (task := self._frames.next_frame(worker)) is not None:
             if frames and frames[0].scene is not task.scene:
@@ -115,11 +124,13 @@ class ChunkQueue:
         return frames
 
     def _chunk_size(self, task: FrameTask, workers: int) -> int:
-        """Return the number of frames in a chunk: one until the time of a frame is measured."""
+        """Return the number of frames for a chunk of the scene of `task`: one until the time of a frame is measured."""
         seconds = self._frames.frame_seconds(task)
         if seconds is None:
             return 1
         width, height = task.scene.resolution
+        # A pixel takes about 32 bytes: the colours of two halves, and alpha.
         bound = max(_CHUNK_BYTES // (width * height * 32), 1) if self._returns_pixels else len(self._frames)
-        # Towards the end chunks get smaller, so that all workers finish together.
+        # A chunk is at most half of a worker's share of the waiting frames. So chunks get smaller towards the end, and
+        # all workers finish at about the same time.
         return max(min(int(_CHUNK_SECONDS / max(seconds, 1e-3)), -(-len(self._frames) // (2 * workers)), bound), 1)

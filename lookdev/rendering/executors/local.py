@@ -1,7 +1,8 @@
-"""Workers on this machine: one, or several that render different frames at the same time.
+"""The executor for this machine: one worker, or several that render different frames at the same time.
 
-Each worker has a thread, which tries a frame again where the process dies. The thread of the run assigns frames. A
-worker of short frames gets its next frame ahead, so that it does not wait until a frame is written.
+A worker is a process. Each worker has a thread in this process, which tries a frame again if the worker dies. The
+thread of the run assigns frames to these threads. If frames are short, a worker gets its next frame ahead of time, so
+that it need not wait while a frame is written.
 """
 
 from __future__ import annotations
@@ -31,35 +32,41 @@ from lookdev.rendering.threads import share_of_cores
 from lookdev.rendering.worker import Worker
 
 _MEASURED_SECONDS = 4.0
-"""Seconds over which the idle cores are measured."""
+"""Seconds over which idle cores are measured."""
 
 _SHORT_FRAME = 5.0
-"""Seconds of a frame up to which a worker gets one ahead; of longer ones, others would wait for it at the end."""
+"""A worker whose last frame took at most this many seconds gets its next frame ahead of time.
+
+With longer frames, the other workers would be idle at the end while this frame waits for its worker.
+"""
 
 
 @dataclass(frozen=True)
 class _ThreadError:
-    """The thread of a worker raised an error that ends the run."""
+    """A report that the thread of a worker raised an error, which ends the run."""
 
     error: BaseException
 
 
 class _WorkerThread:
-    """A worker and its thread, which renders the assigned frames and reports to a queue that all threads share."""
+    """A worker and its thread, which has the worker render assigned frames and reports to a queue.
+
+    All threads share the queue. Its entries are a thread and an event or error.
+    """
 
     def __init__(
         self, worker: Worker, reports: queue.Queue[tuple[_WorkerThread, ExecutorEvent | _ThreadError]]
     ) -> None:
         self.worker = worker
-        self.assigned = 0  # frames that are not finished
-        self.seconds: float | None = None  # of its last frame
-        self._inbox: queue.SimpleQueue[FrameTask | None] = queue.SimpleQueue()
+        self.assigned = 0  # number of assigned frames that are not finished
+        self.seconds: float | None = None  # duration of its last frame
+        self._inbox: queue.SimpleQueue[FrameTask | None] = queue.SimpleQueue()  # None ends the thread
         self._reports = reports
         self._thread: threading.Thread | None = None
         self._closing = False
 
     def assign(self, task: FrameTask) -> None:
-        """Render a frame, after those assigned before."""
+        """Queue a frame, to be rendered after those that were assigned before."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._serve, daemon=True)
             self._thread.start()
@@ -70,13 +77,14 @@ class _WorkerThread:
         """End the process and the thread, and drop the assigned frames."""
         self._closing = True
         self._inbox.put(None)
-        # The thread may be starting another process just then.
+        # The thread may start the worker's process again, so the process is stopped repeatedly until the thread ends.
         while self._thread is not None and self._thread.is_alive():
             self.worker.stop()
             self._thread.join(0.05)
         self.worker.kill()
 
     def _serve(self) -> None:
+        """Render the assigned frames, in the thread, until it is to end."""
         while (task := self._inbox.get()) is not None and not self._closing:
             try:
                 self._render(task)
@@ -85,6 +93,7 @@ class _WorkerThread:
                 return
 
     def _render(self, task: FrameTask) -> None:
+        """Render a frame, and report its events."""
         start = time.monotonic()
         self._report(Started(task))
 
@@ -96,6 +105,7 @@ class _WorkerThread:
         self._report(result if isinstance(result, GivenUp) else Finished(task, result, seconds))
 
     def _report(self, event: ExecutorEvent | _ThreadError) -> None:
+        """Put an event into the shared queue, unless the thread is to end."""
         if not self._closing:
             self._reports.put((self, event))
 
@@ -106,11 +116,11 @@ class LocalExecutor:
     Parameters
     ----------
     files
-        The files of logs and scratch, and the workers' command and timeout.
+        The files of logs, the scratch folder, and the command and timeout of workers.
     workers
-        Their number. None starts one, and others while cores and memory are idle.
+        The number of workers. None starts one worker, and adds others while cores and memory are idle.
     devices
-        Environment variables that give a worker its devices; workers take turns with the entries.
+        Sets of environment variables, as `device_environments` returns them. Worker i takes set i modulo their number.
     """
 
     def __init__(
@@ -132,25 +142,25 @@ class LocalExecutor:
             thread.close()
 
     def launch(self) -> None:
-        """Start the first worker without waiting for it; the first frame raises the error if that fails."""
+        """Start the first worker without waiting for it. If that fails, the first frame raises the error."""
         try:
             self._threads[0].worker.launch()
         except WorkerError:
             return
 
     def prepare(self, scene: SceneTask) -> None:
-        """Send a scene to the first worker while that is starting."""
+        """Send a scene to the first worker, which prepares it if it is still starting."""
         self._threads[0].worker.prepare(scene)
 
     def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
         """Render tasks, as `Executor.render`."""
-        shares = FrameQueue(tasks)
+        frames = FrameQueue(tasks)
         self._use_before = None
         scene_of: dict[_WorkerThread, object] = {}
         while len(self._threads) < min(self._workers or 1, len(tasks)):
             self._threads.append(self._new_thread())
         for thread in self._threads:
-            self._assign_frames(thread, shares, is_needed)
+            self._assign_frames(thread, frames, is_needed)
         while any(thread.assigned for thread in self._threads):
             thread, event = self._reports.get()
             match event:
@@ -159,23 +169,26 @@ class LocalExecutor:
                 case Finished(task, rendered, seconds):
                     first = scene_of.get(thread) is not task.scene
                     scene_of[thread] = task.scene
-                    shares.record_time(task, seconds, first=first)
+                    frames.record_time(task, seconds, first=first)
                     thread.seconds = seconds
                     assert isinstance(rendered, WorkerFrame)  # workers of this machine do not write frames
                     if (
                         self._workers is None
                         and not first
-                        and self._is_worker_worthwhile(shares, rendered.memory, seconds)
+                        and self._is_worker_worthwhile(frames, rendered.memory, seconds)
                     ):
                         self._threads.append(self._new_thread())
-                        self._assign_frames(self._threads[-1], shares, is_needed)
+                        self._assign_frames(self._threads[-1], frames, is_needed)
             if isinstance(event, Finished | GivenUp):
                 thread.assigned -= 1
-                self._assign_frames(thread, shares, is_needed)
+                self._assign_frames(thread, frames, is_needed)
             yield event
 
-    def _is_worker_worthwhile(self, shares: FrameQueue, memory: int, seconds: float) -> bool:
-        """Return whether another worker is worth it, by the cores and the memory that were idle in the last seconds."""
+    def _is_worker_worthwhile(self, frames: FrameQueue, memory: int, seconds: float) -> bool:
+        """Return whether another worker is worth it, by idle cores since the last measurement and by free memory.
+
+        memory : bytes that a worker takes; seconds : those of a frame.
+        """
         now = CpuUse.of(pid for thread in self._threads if (pid := thread.worker.pid) is not None)
         before = self._use_before
         if before is None or now.clock < before.clock + _MEASURED_SECONDS:
@@ -183,23 +196,24 @@ class LocalExecutor:
             return False
         self._use_before = now
         idle, count = idle_cores(before, now), len(self._threads)
-        is_worth_it = is_worker_worthwhile(count, idle, len(shares) * seconds / count, memory, free_memory())
-        self._use_before = None if is_worth_it else now  # measured anew when the next worker renders
+        is_worth_it = is_worker_worthwhile(count, idle, len(frames) * seconds / count, memory, free_memory())
+        self._use_before = None if is_worth_it else now  # after a new worker, the measurement starts anew
         return is_worth_it
 
-    def _assign_frames(self, thread: _WorkerThread, shares: FrameQueue, is_needed: FrameFilter) -> None:
-        """Assign frames to a worker until it has enough."""
+    def _assign_frames(self, thread: _WorkerThread, frames: FrameQueue, is_needed: FrameFilter) -> None:
+        """Assign frames to a worker until it has one, or two if its frames are short."""
         limit = 2 if thread.seconds is not None and thread.seconds < _SHORT_FRAME else 1
-        while thread.assigned < limit and (task := shares.next_frame(thread)) is not None:
+        while thread.assigned < limit and (task := frames.next_frame(thread)) is not None:
             if is_needed(task):
                 thread.assign(task)
         if not thread.assigned:
-            shares.remove_worker(thread)
+            frames.remove_worker(thread)
 
     def _new_thread(self) -> _WorkerThread:
+        """Return a further worker with its thread, its log, and its share of devices and cores."""
         number = len(self._threads)
         name = f"worker-{number + 1}" if number else "worker"
-        # The pixels do not depend on the cores: each pixel is one sum, in the order of its samples.
+        # The number of cores does not change pixels: the samples of a pixel are summed up in their order.
         count = self._workers or 1
         cores = share_of_cores(number, count) if count > 1 else None
         files, variables = self._files, self._devices[number % len(self._devices)]

@@ -1,4 +1,7 @@
-"""The protocol of executors, which render frame tasks somewhere, and the events that they report."""
+"""The protocol of executors, and the events that they report while they render.
+
+An executor renders the frames of a run on workers, which are processes on this machine or on others.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,10 @@ from lookdev.rendering.task import FrameTask, SceneTask
 from lookdev.rendering.worker import ANSWER_TIMEOUT
 
 CRASH_TRIES = 3
-"""Tries of a frame whose worker dies, hangs or sends an invalid answer: the previous frame may be the cause."""
+"""The most tries of a frame whose worker dies, hangs or sends an invalid answer: a previous frame may be the cause."""
 
 CLEAN_TRIES = 2
-"""Tries of a frame that the worker reports as failed: most such errors recur."""
+"""The most tries of a frame that a worker reports as failed. Most such errors recur, so they are few."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Retried:
 
 @dataclass(frozen=True)
 class StoredFrame:
-    """The figures of a frame whose file its worker has written."""
+    """The figures of a frame whose file its worker has written; the fields are those of `WorkerFrame`."""
 
     samples: int
     relmse: float
@@ -57,7 +60,8 @@ class StoredFrame:
 class Finished:
     """A frame is rendered.
 
-    `rendered` has its pixels, or the figures of its file; `seconds` is the wall time since it first went to a worker.
+    `rendered` has the pixels of the frame, or its figures if the worker has written the file. `seconds` is the wall
+    time since the frame first went to a worker.
     """
 
     task: FrameTask
@@ -67,7 +71,7 @@ class Finished:
 
 @dataclass(frozen=True)
 class GivenUp:
-    """A frame failed in all its tries; `log` is the file with the details, if it is on this machine."""
+    """A frame failed in all its tries. `log` is the file with the details; None if it is on another machine."""
 
     task: FrameTask
     reason: str
@@ -76,30 +80,35 @@ class GivenUp:
 
 @dataclass(frozen=True)
 class ExecutorNote:
-    """A note for the user on the execution, such as the loss of a worker."""
+    """A note for the user about the execution, such as the loss of a worker."""
 
     text: str
 
 
 ExecutorEvent = Started | Progressed | Retried | Finished | GivenUp | ExecutorNote
 FrameFilter = Callable[[FrameTask], bool]
+"""Returns whether a frame is still to be rendered: another run may have rendered it meanwhile."""
+
 StoreFrame = Callable[[FrameTask, WorkerFrame], StoredFrame]
-"""Writes the file of a frame. A function of a module, so that it can be pickled to other machines."""
+"""Writes the files of a frame. It is a function of a module, so that it can be pickled and sent to other machines."""
 
 
 class Executor(AbstractContextManager["Executor"], Protocol):
     """Renders frames somewhere; the workers that it starts end with its context."""
 
     def launch(self) -> None:
-        """Start workers without waiting for them, if the executor can."""
+        """Start workers without waiting for them. An executor that cannot do this does nothing."""
 
     def prepare(self, scene: SceneTask) -> None:
-        """Take a scene ahead of its frames, so that frames of its looks start sooner, if the executor can."""
+        """Take a scene before its first frame, so that frames with its looks start sooner.
+
+        An executor that cannot do this does nothing.
+        """
 
     def render(self, tasks: Sequence[FrameTask], is_needed: FrameFilter) -> Iterator[ExecutorEvent]:
-        """Render tasks of one backend, in any order, and yield events.
+        """Render tasks, all for the same backend, in any order, and yield events.
 
-        `is_needed` is called in this thread just before a frame goes to a worker; a frame for which it returns false is
+        `is_needed` is called in this thread just before a frame goes to a worker. A frame for which it returns false is
         left out. Ending the iteration early cancels the frames that are not finished.
 
         Raises WorkerError where no worker can render, OutputError where a worker cannot write.
@@ -110,7 +119,7 @@ class Executor(AbstractContextManager["Executor"], Protocol):
 class WorkerFiles:
     """The files of an executor on this machine, and the command and the timeout of its workers."""
 
-    scratch: Path  # an existing folder; the caller removes it
-    log: Callable[[str], Path]  # returns the file of a log, by its name
-    command: tuple[str, ...]
-    timeout: float = ANSWER_TIMEOUT
+    scratch: Path  # an existing folder for temporary files; the caller removes it
+    log: Callable[[str], Path]  # returns the file of a worker's log, by the name of the log
+    command: tuple[str, ...]  # the program of a worker and its arguments
+    timeout: float = ANSWER_TIMEOUT  # seconds without an answer after which a worker counts as hung

@@ -1,4 +1,4 @@
-"""Renders a frame on a worker, in several tries."""
+"""Renders a frame on a worker, with several tries. All executors use it."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ def render_with_retries(
     on_retry: Callable[[Retried], None],
     is_ended: Callable[[], bool] = lambda: False,
 ) -> WorkerFrame | GivenUp:
-    """Render a frame; try again if its worker dies or fails, unless `is_ended` returns that the run has ended.
+    """Render a frame, and try again if its worker dies or fails, until `is_ended` returns that the run has ended.
 
-    Raises WorkerError where the worker does not start, OutputError where it cannot write.
+    After the last try, the result is a `GivenUp`. Raises WorkerError where the worker does not start, OutputError where
+    it cannot write.
     """
     attempt = 1
     while True:
@@ -36,7 +37,7 @@ def render_with_retries(
 
 
 def start_worker(worker: Worker) -> None:
-    """Start a worker, with `CRASH_TRIES` tries; raises WorkerError."""
+    """Start a worker, with at most `CRASH_TRIES` tries; raises WorkerError where all fail."""
     for attempt in range(CRASH_TRIES):
         try:
             worker.start()

@@ -1,4 +1,7 @@
-"""The versions of packages, which are equal on all machines of a run, so that a frame is the same on each."""
+"""Compares the versions of packages between the machines of a run.
+
+Frames are the same on each machine only if these versions are equal.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,7 @@ def package_versions(backend: str) -> dict[str, str]:
 
 
 def version_mismatch(local: Mapping[str, str], remote: Mapping[str, str], worker: str) -> str:
-    """Return how a worker's `remote` versions differ from the `local` ones, and the remedy; "" if they are equal."""
+    """Return a message on how a worker's `remote` versions differ from the `local` ones, or "" if they are equal."""
     differences = [
         f"{name} {remote.get(name, 'none')}, here {value}" for name, value in local.items() if remote.get(name) != value
     ]

@@ -1,8 +1,9 @@
-"""A worker that stays alive between runs: a server with a renderer at a socket, and the executor that uses it.
+"""A renderer that stays alive between runs, so that a run need not start and compile one (`lookdev warm`).
 
-A run uses it like a worker of its own, through `lookdev.rendering.executors.relay`. The first line of a connection is a
-question: the run's command and code, a ping, or a request to stop. When a run ends in the middle of a frame, the state
-of the renderer is unknown, and the server replaces it.
+A server process keeps the renderer, and listens at a socket. `WarmExecutor` uses the renderer like a worker of its own:
+the worker's process is a relay (`lookdev.rendering.executors.relay`), which forwards all lines to the socket. The first
+line of a connection is a request: the command and the code version of a run, a ping, or a request to stop. If a run
+ends in the middle of a frame, the state of the renderer is unknown, and the server starts a new one.
 """
 
 from __future__ import annotations
@@ -30,45 +31,46 @@ from lookdev.rendering.task import SceneTask
 IDLE_SECONDS = 900
 """Seconds without a run after which the server ends."""
 
-_POLL = 2.0  # seconds between checks that the socket's file exists
-_START_TIMEOUT = 30.0  # seconds in which the server has to answer
-_MAX_PATH_BYTES = 100  # bytes of a socket's path (sockaddr_un)
+_POLL = 2.0  # seconds between checks whether the socket's file still exists
+_START_TIMEOUT = 30.0  # seconds within which the server must answer
+_MAX_PATH_BYTES = 100  # the most bytes of a socket's path; sockaddr_un limits it
 
 
 class WarmExecutor(LocalExecutor):
     """Renders on the warm worker at a socket."""
 
     def __init__(self, files: WorkerFiles, path: Path) -> None:
-        _send_question(path, {"ping": True})
+        _send_request(path, {"ping": True})
         super().__init__(replace(files, command=relay_command(path, files.command)))
 
     def prepare(self, scene: SceneTask) -> None:
-        """Do nothing: the worker may have the compiled scene of an earlier run, which another scene would replace."""
+        """Do nothing: the renderer may have the compiled scene of an earlier run, which this one would replace."""
 
 
 def relay_command(path: Path, command: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the command of the relay to the worker at a socket; `command` is that worker's own command."""
+    """Return the command of a relay to the renderer at the socket `path`; `command` is the renderer's own command."""
     return (sys.executable, "-m", "lookdev.rendering.executors.relay", str(path), json.dumps(command))
 
 
 def start(path: Path, backend: str, idle: int = IDLE_SECONDS) -> None:
-    """Start a server and its renderer at a socket, and return when it answers.
+    """Start a server with a renderer at a socket, and return when it answers.
 
-    Raises LookdevError where a server is there already or the path is too long, WorkerError where it does not start.
+    path : of the socket; idle : seconds without a run after which the server ends. Raises LookdevError where a server
+    is there already or the path is too long, WorkerError where the server does not start.
     """
     if backend not in BACKENDS:
         raise LookdevError(f"unknown backend '{backend}'; known: {', '.join(BACKENDS)}")
     if len(os.fsencode(path.absolute())) > _MAX_PATH_BYTES:
         raise LookdevError(f"{path}: a socket's path has at most {_MAX_PATH_BYTES} bytes: choose a shorter one")
     with suppress(WorkerError):
-        _send_question(path, {"ping": True})
+        _send_request(path, {"ping": True})
         raise LookdevError(f"{path}: a worker is kept there already; 'lookdev warm stop {path}' ends it")
     log = path.with_name(path.name + ".log")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.unlink(missing_ok=True)  # the socket of a server that was killed
         with log.open("ab") as log_stream, Path(os.devnull).open("rb") as no_input:
-            # Not by Popen, which warns where its process is still running when its object is deleted.
+            # Popen is not used here: it warns if its process still runs when the Popen object is deleted.
             arguments = ["-m", "lookdev.rendering.executors.warm", str(path.absolute()), backend, str(idle)]
             server = os.posix_spawn(
                 sys.executable,
@@ -85,16 +87,16 @@ def start(path: Path, backend: str, idle: int = IDLE_SECONDS) -> None:
     deadline = time.monotonic() + _START_TIMEOUT
     while os.waitpid(server, os.WNOHANG) == (0, 0) and time.monotonic() < deadline:
         with suppress(WorkerError):
-            _send_question(path, {"ping": True})
+            _send_request(path, {"ping": True})
             return
         time.sleep(0.05)
     raise WorkerError(f"{path}: the worker does not start (log: {log})")
 
 
 def stop(path: Path) -> bool:
-    """End the server at a socket; return whether there was one."""
+    """End the server at a socket, and return whether there was one."""
     try:
-        _send_question(path, {"stop": True})
+        _send_request(path, {"stop": True})
     except WorkerError:
         return False
     deadline = time.monotonic() + _START_TIMEOUT
@@ -103,12 +105,13 @@ def stop(path: Path) -> bool:
     return True
 
 
-def _send_question(path: Path, question: dict[str, bool]) -> None:
+def _send_request(path: Path, request: dict[str, bool]) -> None:
+    """Send a request to the server at a socket, and wait for its answer; raises WorkerError where no server answers."""
     try:
         with socket.socket(socket.AF_UNIX) as connection:
             connection.settimeout(_START_TIMEOUT)
             connection.connect(str(path))
-            connection.sendall(json.dumps(question).encode() + b"\n")
+            connection.sendall(json.dumps(request).encode() + b"\n")
             connection.recv(1)
     except OSError as error:
         raise WorkerError(
@@ -117,17 +120,29 @@ def _send_question(path: Path, question: dict[str, bool]) -> None:
 
 
 class WarmServer:
-    """A renderer, and the socket through which runs use it, one after the other."""
+    """A renderer, and the socket through which runs use it, one after the other.
+
+    Parameters
+    ----------
+    path
+        The path of the socket.
+    command
+        The command of the renderer.
+    idle
+        Seconds without a run after which `serve` returns.
+    scratch
+        The folder for temporary files of the renderer.
+    """
 
     def __init__(self, path: Path, command: tuple[str, ...], idle: float, scratch: Path) -> None:
         self._path, self._command, self._idle = path, command, idle
         self._environment = os.environ | {"TMPDIR": str(scratch)}
-        self._environment.pop("OCIO", None)  # as `Worker` does
+        self._environment.pop("OCIO", None)  # for the same reason as in `Worker`
         self._process: subprocess.Popen[bytes] | None = None
         self._ready_line = b""  # the first line that the renderer writes
 
     def serve(self) -> None:
-        """Serve runs until a connection asks to stop, no run comes for the idle time, or the socket's file is gone."""
+        """Serve runs until a request to stop, until the idle time is over, or until the socket's file is gone."""
         with socket.socket(socket.AF_UNIX) as listening, _private_files():
             listening.bind(str(self._path))
             listening.listen()
@@ -148,8 +163,8 @@ class WarmServer:
                 self._path.unlink(missing_ok=True)
 
     def _serve_connection(self, connection: socket.socket) -> bool:
-        """Serve a connection; return whether the server continues."""
-        with suppress(OSError, ValueError):  # the client has gone, or sent another kind of line
+        """Serve a connection until it ends; return whether the server continues."""
+        with suppress(OSError, ValueError):  # the client has gone, or its line is not JSON
             match json.loads(_first_line(connection)):
                 case {"stop": True}:
                     return False
@@ -163,14 +178,18 @@ class WarmServer:
         return True
 
     def _refusal(self, command: list[str], code: str) -> str:
-        """Return why a run cannot use the renderer, or ""."""
+        """Return why a run with this command and this digest of the package's code cannot use the renderer, or ""."""
         again = f"'lookdev warm stop {self._path}', and start it again"
         if tuple(command) != self._command:
             return f"the worker kept at {self._path} is of another backend, or another installation: {again}"
         return "" if code == package_digest() else f"the worker kept at {self._path} is of another version: {again}"
 
     def _relay(self, connection: socket.socket) -> None:
-        """Copy lines between a run and the renderer until either ends; then replace a renderer that owes an answer."""
+        """Copy lines between a run and the renderer until either ends; then replace a renderer that is still busy.
+
+        The renderer is busy from a task of the run until its last answer for that task. `tails` has the incomplete last
+        line of each side.
+        """
         process = self._start_renderer()
         assert process.stdin is not None
         assert process.stdout is not None
@@ -187,6 +206,7 @@ class WarmServer:
                         *lines, tails[key.fd] = (tails[key.fd] + data).split(b"\n")
                         from_run = key.fd == connection.fileno()
                         for message in map(json.loads, lines):
+                            # Only the task of a frame has the key "files".
                             if from_run:
                                 answer_due = answer_due or "files" in message
                             else:
@@ -199,11 +219,11 @@ class WarmServer:
             if answer_due:
                 self._end_renderer()
             with suppress(OSError):
-                connection.shutdown(socket.SHUT_RDWR)  # so that the run does not wait for the next renderer
+                connection.shutdown(socket.SHUT_RDWR)  # so that the run does not wait while a new renderer starts
             self._start_renderer()
 
     def _start_renderer(self) -> subprocess.Popen[bytes]:
-        """Return the renderer when it is ready; start it if none runs."""
+        """Return the renderer when it is ready; start one if none runs."""
         if self._process is None or self._process.poll() is not None:
             self._end_renderer()
             self._process = subprocess.Popen(
@@ -214,6 +234,7 @@ class WarmServer:
         return self._process
 
     def _end_renderer(self) -> None:
+        """Kill the renderer if there is one, and close its pipes."""
         process, self._process = self._process, None
         if process is not None:
             process.kill()
@@ -233,7 +254,7 @@ def _first_line(connection: socket.socket) -> bytes:
 
 @contextmanager
 def _private_files() -> Iterator[None]:
-    """Create files in the block with access for this user alone."""
+    """In the block, create files that only this user can access."""
     before = os.umask(0o077)
     try:
         yield

@@ -218,10 +218,10 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Sp
     ``/charts``.
     """
     asset = asset_of_props(strip, camera)
-    look_of_part = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
+    look_of_slot = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
     emissions = (replace(light.emission, camera=False, shadow_link=None) for light in lights)
     invisible_lights = tuple(light.with_emission(emission) for light, emission in zip(lights, emissions, strict=True))
-    return link_lights(Scene(asset, look_of_part, invisible_lights, camera, Film(strip.resolution, space)))
+    return link_lights(Scene(asset, look_of_slot, invisible_lights, camera, Film(strip.resolution, space)))
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
