@@ -134,9 +134,9 @@ class Asset:
     slots: tuple[Slot, ...]
     center: tuple[float, float, float]
     radius: float
-    is_convex: bool = False
-    is_sheet: bool = False
-    is_revolved: bool = False
+    convex: bool = False
+    sheet: bool = False
+    revolved: bool = False
     digest: str = ""
     unit: float = 1.0
     notes: tuple[str, ...] = ()

@@ -190,6 +190,8 @@ def summarize_trials(trials: Sequence[Trial]) -> str:
     for samples in sorted({trial.samples for trial in trials}):
         subset = [trial for trial in trials if trial.samples == samples]
         gain = statistics.geometric_mean(trial.raw_relmse / trial.denoised_relmse for trial in subset)
-        raw, denoised = (statistics.fmean(getattr(trial, name) for trial in subset) for name in ("raw_flip", "flip"))
+        raw, denoised = (
+            statistics.fmean(getattr(trial, name) for trial in subset) for name in ("raw_flip", "denoised_flip")
+        )
         lines.append(f"{samples} samples: error / {gain:.2f}, FLIP {raw:.4f} raw, {denoised:.4f} denoised")
     return "\n".join(lines)

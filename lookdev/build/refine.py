@@ -78,7 +78,7 @@ class Refiner:
         meshes = refine_all(list(missing.values()), [level for _, level in missing])
         self._meshes |= {cage_key: (mesh, missing[cage_key]) for cage_key, mesh in zip(missing, meshes, strict=True)}
         meshes = [self._meshes[id(cage), level][0] for cage, level in zip(asset.meshes, levels, strict=True)]
-        flags = {"convex": asset.is_convex, "sheet": asset.is_sheet, "revolved": asset.is_revolved}
+        flags = {"convex": asset.convex, "sheet": asset.sheet, "revolved": asset.revolved}
         refined = make_asset(asset.name, meshes, asset.instances, asset.slots, **flags)
         if not has_shared_mesh:
             file = Content.store_copy(save_asset(refined))

@@ -180,7 +180,7 @@ def _render_albedo(
     Each pixel has its own scramble of the samples, so the spread of the pixels gives the standard error of their mean.
     """
     # The card is not marked as convex, so its shader has bounces and shadow rays as for any asset.
-    card = replace(load_asset(builtin="plane"), is_convex=False, digest="")
+    card = replace(load_asset(builtin="plane"), convex=False, digest="")
     value, error = np.zeros((2, len(views), 2, 3))
     white = prepare_light(load_environment(builtin="white"))
     for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (white,)):

@@ -57,7 +57,7 @@ def make_setup(look: str, ibl: str, scene: Scene, sampling: Sampling, tasks: Sce
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
     # With passes, frames differ even for a surface of revolution, because some passes show positions.
-    is_revolved = scene.asset.is_revolved and _orbits_asset_axis(scene)
+    is_revolved = scene.asset.revolved and _orbits_asset_axis(scene)
     is_invariant = not sampling.passes and is_revolved and is_rotation_invariant(task.shaders)
     return Setup(look, ibl, scene, task, sampling, is_invariant)
 

@@ -81,10 +81,10 @@ class SceneTasks:
             return sources
 
         asset = scene.asset
-        effective = replace(sampling, bounces=0) if asset.is_convex else sampling
-        sources = generate(effective, not asset.is_convex)
+        effective = replace(sampling, bounces=0) if asset.convex else sampling
+        sources = generate(effective, not asset.convex)
         # A sheet is convex and flat: light that it transmits does not hit it again, either.
-        if asset.is_convex and not asset.is_sheet and any(source.transmits or source.see_through for source in sources):
+        if asset.convex and not asset.sheet and any(source.transmits or source.see_through for source in sources):
             effective = sampling
             sources = generate(effective, True)
         for source, surface in zip(sources, surfaces, strict=True):

@@ -43,7 +43,7 @@ def add_ground(
     matrix = np.eye(4)
     matrix[:3, 3] = (*axis, ground.height)
     instances = [*asset.instances, Instance(len(asset.meshes), matrix, GROUND_PATH)]
-    revolved = asset.is_revolved and bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
+    revolved = asset.revolved and bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
     combined = make_asset(asset.name, meshes, instances, [*asset.slots, Slot(GROUND_PATH)], revolved=revolved)
     return replace(combined, unit=asset.unit, notes=asset.notes), {**look_of_slot, GROUND_PATH: ground.look}
 

@@ -87,7 +87,7 @@ def test_true_errors_are_without_the_references_own(tmp_path: Path) -> None:
     assert trials[0].denoised_flip < 0.5 * trials[0].raw_flip
     with (tmp_path / "out" / DenoiseTrial.FILE).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert [float(row["denoised"]) for row in rows] == [trial.denoised_relmse for trial in trials]
+    assert [float(row["denoised_relmse"]) for row in rows] == [trial.denoised_relmse for trial in trials]
 
 
 def test_frames_share_no_seed_and_references_are_kept(tmp_path: Path) -> None:

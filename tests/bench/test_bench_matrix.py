@@ -31,7 +31,7 @@ from lookdev.rendering.task import SceneTask
 def test_a_boulder_has_the_triangles_it_should(triangles: int) -> None:
     asset = make_boulder(triangles)
     assert triangle_count(asset) == pytest.approx(triangles, rel=0.07)
-    assert not asset.is_convex
+    assert not asset.convex
     mesh = asset.meshes[0]
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-6)
     # Outward: the surface is a sphere with waves of a tenth.

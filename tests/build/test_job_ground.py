@@ -51,7 +51,7 @@ def test_the_asset_stands_on_it_and_all_else_is_as_without(tmp_path: Path, kind:
         np.testing.assert_allclose(disc[:, :2].mean(axis=0), scene.camera.pivot, atol=1e-5)
         assert np.ptp(disc[:, 0]) == pytest.approx(10.0 * before.radius, rel=1e-6)
         assert len(asset.instances) == len(before.instances) + 1
-        assert not asset.is_convex
+        assert not asset.convex
 
 
 def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
@@ -64,9 +64,9 @@ def test_a_ground_of_a_height_and_of_a_revolved_asset() -> None:
     ground = ground_under(JobGround(height=-3.0), sphere, None, camera)
     assert (ground.height, ground.radius) == (-3.0, 10.0 * sphere.radius)
     grounded = add_ground(sphere, look_of_part, ground, (0.0, 0.0))[0]
-    assert grounded.is_revolved
+    assert grounded.revolved
     assert {*map(tuple, grounded.meshes[-1].tangents.tolist())} == {(1.0, 0.0, 0.0)}
-    assert not add_ground(sphere, look_of_part, ground, (0.5, 0.0))[0].is_revolved
+    assert not add_ground(sphere, look_of_part, ground, (0.5, 0.0))[0].revolved
 
 
 def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:

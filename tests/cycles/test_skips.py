@@ -71,7 +71,7 @@ def sphere() -> Asset:
 def test_a_convex_asset_needs_no_bounces_and_no_shadow_rays(
     layer: Layer, worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
 ) -> None:
-    full = replace(sphere, is_convex=False)
+    full = replace(sphere, convex=False)
     scenes = [scene_of(asset, layer, light_of("studio")) for asset in (sphere, full)]
     assert_skips_keep_picture(worker, *scenes, {"bounces", "shadow rays"})
 

@@ -46,8 +46,8 @@ class CornerTexels:
     reflected, else 1. The second texel is its unit normal and the number of its slot. The attributes that looks read
     follow; `attributes` has the texel of the corner, and the first component in it, of each.
 
-    After the corners, from texel `occluders` on, is the `Hierarchy` of all triangles for shadow rays, with `nodes`
-    nodes. If `occluders` is 0, there is no hierarchy.
+    After the corners, from texel `hierarchy_start` on, is the `Hierarchy` of all triangles for shadow rays, with
+    `hierarchy_nodes` nodes. If `hierarchy_start` is 0, there is no hierarchy.
 
     `vertices` (v,) and `indices` (triangles, 3) are the triangles that the camera sees. A vertex has a ``position`` and
     a ``number``: the last vertex of a triangle has the triangle's number, which WebGL's shaders cannot read otherwise.

@@ -92,9 +92,9 @@ class Shadows(IntEnum):
 
         A convex asset occludes no light from the front of its surface. If it is a sheet, it occludes no light at all.
         """
-        if not asset.is_convex:
+        if not asset.convex:
             return cls.TRACED
-        if asset.is_sheet or not (look.program.transmits or look.program.see_through):
+        if asset.sheet or not (look.program.transmits or look.program.see_through):
             return cls.NONE
         # In a rig that is not plain, whether light is occluded depends on the distance or the group of the occluder.
         return cls.BEHIND if rig.plain else cls.TRACED

@@ -113,7 +113,7 @@ def view_scene(
     corners = pack_corners(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
     left_out = [INTERREFLECTION, *[_HOLES] * any(look.program.see_through for look in functions)]
     shaders = [
-        look_shaders(glsl, rig, corners, shadow, scene.asset.is_convex)
+        look_shaders(glsl, rig, corners, shadow, scene.asset.convex)
         for glsl, shadow in zip(functions, shadows, strict=True)
     ]
     parts = _parts(scene, look_numbers, corners)
