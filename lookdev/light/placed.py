@@ -64,7 +64,7 @@ class Lamp(Light):
 class PlacedLight(Lamp):
     """A lamp at `position`, in metres, whose `shape_numbers` are its sizes in metres."""
 
-    far = False
+    is_infinitely_far = False
 
     example_sizes: ClassVar[Mapping[str, Any]]
     """The sizes of `example`, by the names of their fields in the order of `shape_numbers`."""

@@ -35,7 +35,7 @@ class LocalDome(Light):
     """
 
     kind = "local_dome"
-    far = False
+    is_infinitely_far = False
 
     dome: Dome
     position: Vector = field()
