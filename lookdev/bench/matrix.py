@@ -171,9 +171,9 @@ class TableBenchmark(MatrixBenchmark):
         "reference": 4,
         "targets": (1e-2, 1e-3),
         "denoise": True,
-        "aim": 1e-3,
-        "until": 1e-3,
-        "enough": 1.25e-4,
+        "target_estimate": 1e-3,
+        "stop_relmse": 1e-3,
+        "reference_relmse": 1.25e-4,
         "frames": 48,
         "independent": True,
     }

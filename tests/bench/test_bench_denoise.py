@@ -114,8 +114,13 @@ def test_ctrl_c_keeps_the_frames_before_it(tmp_path: Path) -> None:
 
 def test_the_report_counts_what_is_out_of_bounds() -> None:
     one = Trial("sphere", "plastic", "lamp", 0.0, 0.0, 8, 4e-2, 4e-2, 1e-2, 1e-2, 0.2, 0.1, 1e-5, 1.0)
-    trials = [one, replace(one, estimate=1.4e-2), replace(one, estimate=0.5e-2), replace(one, denoised=5e-2)]
-    same = replace(one, denoised=4e-2 * (1.0 + 1e-6))  # as rounding leaves it
+    trials = [
+        one,
+        replace(one, denoised_estimate=1.4e-2),
+        replace(one, denoised_estimate=0.5e-2),
+        replace(one, denoised_relmse=5e-2),
+    ]
+    same = replace(one, denoised_relmse=4e-2 * (1.0 + 1e-6))  # as rounding leaves it
     lines = summarize_trials(trials).splitlines()
     assert "denoised frames / truth: within 1.3 for 25%, least 0.20 (2 below 0.6)" in lines[1]
     assert "raw frames / truth: within 1.3 for 100%, least 1.00 (0 below 0.6)" in lines[2]

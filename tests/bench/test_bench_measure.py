@@ -154,19 +154,19 @@ def test_samples_stop_rising_where_the_error_is_small_enough() -> None:
     # relMSE is about 0.018 / samples: 16 samples are just not enough for 1e-3, 64 are, raw and denoised.
     exact = FakeRenderer("exact", 0.1)
     limit = 1.3 * exact.relmse(16)
-    assert {row.samples for row in run_cell(replace(SMALL, until=limit), exact).measurements} == {4, 16}
+    assert {row.samples for row in run_cell(replace(SMALL, stop_relmse=limit), exact).measurements} == {4, 16}
     assert {row.samples for row in run_cell(SMALL, FakeRenderer("exact", 0.1)).measurements} == {4, 16, 64}
 
 
 def test_frames_end_at_a_target_error() -> None:
     exact = FakeRenderer("exact", 0.1)
     aim = 1.01 * exact.relmse(32)
-    result = run_cell(replace(DENOISED, aim=aim), exact)
+    result = run_cell(replace(DENOISED, target_estimate=aim), exact)
     aimed, denoised = (result.measurements_of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
     assert [row.samples for row in aimed] == [32, 32]
     assert [row.samples for row in denoised] == [8, 8]
     # What the most samples do not reach is tried once.
-    assert len(run_cell(replace(SMALL, aim=1e-9), exact).measurements_of(Series("exact", "aimed"))) == 1
+    assert len(run_cell(replace(SMALL, target_estimate=1e-9), exact).measurements_of(Series("exact", "aimed"))) == 1
 
 
 def test_beyond_its_samples_a_curve_falls_as_that_of_independent_samples() -> None:
