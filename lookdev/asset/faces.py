@@ -86,8 +86,10 @@ class Faces:
         face_starts = np.searchsorted(face_source, all_face_starts)
         sizes = sizes[is_valid]
         corner_starts = np.concatenate([[0], np.cumsum(sizes)])[face_starts]
-        starts = point_starts, all_face_starts, all_corner_starts, face_starts, corner_starts
-        return cls(shapes, *starts, sizes, face_source, corner_source, points, holes[is_valid])
+        starts = point_starts, all_face_starts, all_corner_starts
+        return cls(
+            shapes, *starts, face_starts, corner_starts, sizes, face_source, corner_source, points, holes[is_valid]
+        )
 
     def corner_values(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats32]:
         """Return, for each attribute, its values (c,) or (c, width) at the c corners of its shape's valid faces.

@@ -1,4 +1,4 @@
-"""Finds faults of value clips, which USD does not report: it silently takes other values.
+"""Finds faults of value clips. USD does not report them, and silently takes other values.
 
 Value clips are files that hold the animation of a prim, one for each range of time. A clip set is the metadata that
 names them.
