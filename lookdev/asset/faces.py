@@ -23,8 +23,8 @@ from lookdev.errors import AssetError
 class Faces:
     """The valid faces of shapes, concatenated in the order of the shapes.
 
-    There are s shapes; their valid faces are f faces with m corners. "All" points, faces and corners are those of the
-    shapes as given, with the faces that are not valid, concatenated in the order of the shapes.
+    There are s shapes, with f valid faces that have m corners altogether. "All" points, faces and corners are the
+    concatenated points, faces and corners of the shapes, including faces that are not valid.
 
     - shapes: the s shapes
     - all_point_starts, all_face_starts, all_corner_starts (s + 1,): the index of each shape's first point, face and

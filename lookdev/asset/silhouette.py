@@ -1,7 +1,7 @@
 """Finds the points that determine an asset's silhouette from all directions.
 
-`lookdev.scene.framing.frame_fill` places the camera by these points, and `lookdev.asset.bounds` computes the
-bounding sphere from them. A point cloud here is the points of a mesh or of a part of it.
+`lookdev.scene.framing.frame_fill` places the camera by these points, and `lookdev.asset.bounds` computes the bounding
+sphere from them. A point cloud here is the points of a mesh or of a part of a mesh.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats
     """Return points (n, 3) in world space that have the same convex hull as the faces of all instances.
 
     These points determine the silhouette in every perspective view from outside. They may include points inside the
-    hull. With one instance, they are all its points. For several instances, the hull of some extreme points is computed
-    first: a polytope. Everything inside the polytope is dropped: instances and parts of instances if their bounding
-    boxes are inside, then single points. The corners of the polytope and the remaining points are returned.
+    hull. For one instance, all its points are returned. For several instances, the hull of some extreme points is
+    computed first: a polytope. Everything inside the polytope is dropped: instances and parts of instances if their
+    bounding boxes are inside, then single points. The corners of the polytope and the remaining points are returned.
     """
     mesh_numbers = np.array([instance.mesh for instance in instances])
     uses = np.bincount(mesh_numbers, minlength=len(meshes)).tolist()
@@ -87,9 +87,9 @@ class _Polytope:
         return len(self.planes) > 0
 
     def grow(self, points: Floats, count: int) -> _Polytope:
-        """Return the hull, extended by those of the points (n, 3) that are farthest beyond its planes.
+        """Return the hull, extended by the given points that are farthest beyond its planes.
 
-        The extension is repeated until the hull has at least `count` planes or contains all the points.
+        The extension is repeated until the hull has at least `count` planes or contains all the points (n, 3).
         """
         polytope = self
         while 0 < len(polytope.planes) < count:

@@ -15,8 +15,8 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.tangents import perpendicular
 
-# The points of a ring are displaced along the curve into the plane of the cross-section. This is the largest
-# displacement, in radii. Where a curve reverses, there is no bound without it: the bisecting plane contains the curve.
+# The points of a ring are displaced along the curve into the plane of the cross-section, by at most this number of
+# radii. Where a curve reverses, the bisecting plane contains the curve, and the displacement would have no bound.
 _MAX_CUT = 4.0
 
 
@@ -117,7 +117,7 @@ def ribbons(rings: CurveSamples, facing: Floats) -> Strips:
 
 
 def _strips(rings: CurveSamples, outward: Floats, normals: Floats, u: Floats, fractions: Floats) -> Strips:
-    """Return strips of faces between consecutive rings of each piece; a ring has c points, one for each column.
+    """Return the faces between consecutive rings of each piece, from r rings of c points each.
 
     - outward (r, c, 3): unit vectors from the curve towards the points
     - normals (r, c, 3): unit normals at the points
@@ -157,7 +157,7 @@ def _strips(rings: CurveSamples, outward: Floats, normals: Floats, u: Floats, fr
 
 
 def run_ends(groups: Indices) -> tuple[Indices, Indices]:
-    """Return the indices of the first and of the last element of each run of equal numbers in `groups`, two arrays."""
+    """Return two arrays: the indices of the first and of the last element of each run of equal numbers."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     return starts, np.append(starts[1:], len(groups)) - 1
 
@@ -183,7 +183,7 @@ def _slopes(rings: CurveSamples) -> Floats:
 def _cut_normals(rings: CurveSamples) -> Floats:
     """Return a normal (r, 3), not normalised, of the plane of each ring's cross-section."""
     planes = rings.directions.copy()
-    # The last ring of a piece and the first ring of the next piece of the same curve share a plane. It bisects the
+    # The last ring of a piece and the first ring of the next piece of the same curve share a plane, which bisects the
     # angle between the pieces.
     last = np.flatnonzero((rings.pieces[:-1] != rings.pieces[1:]) & (rings.curves[:-1] == rings.curves[1:]))
     starts, ends = run_ends(rings.curves)

@@ -50,8 +50,7 @@ def group_cages(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple
     """Yield batches of cages as pairs: the indices in `meshes` of the batch's cages, and the level of all of them.
 
     The cages of a batch also have the same rules, and their UV sets and primvars the same interpolations and widths. A
-    batch has
-    about `_BATCH_CORNERS` refined corners; a larger cage is not split.
+    batch has about `_BATCH_CORNERS` refined corners; a larger cage is not split.
     """
     groups: dict[tuple[int, *tuple[object, ...]], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):

@@ -1,9 +1,9 @@
-"""Builds the half-edges of face-varying values, such as UVs. Their points are the distinct values at each point.
+"""Builds half-edges for face-varying values, such as UVs, which can differ between the faces at a point.
 
-By OpenSubdiv's rules (its documentation, "Face-Varying Interpolation Rules"), values are refined as the surface is. A
-seam, where the values on both sides of an edge differ, is a boundary. USD's rule (`FaceVaryingRule`) determines which
-values at seams are sharp corners. Values therefore have half-edges of their own, with the sharpness of the surface's
-edges and points.
+In these half-edges, each distinct value at a point of the surface is a point. By OpenSubdiv's rules (its documentation,
+"Face-Varying Interpolation Rules"), values are refined as the surface is. A seam, where the values on both sides of an
+edge differ, is a boundary. USD's rule (`FaceVaryingRule`) determines which values at seams are sharp corners. Values
+therefore have half-edges of their own, with the sharpness of the surface's edges and points.
 
 There are v values, and n points of the surface. `level` is the half-edges of the values, and `surface` the half-edges
 of the surface; both have the same corners (m,).

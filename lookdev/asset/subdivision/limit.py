@@ -128,7 +128,7 @@ def limit_surface(
 
 
 def complete_normals(level: HalfEdges, positions: Floats, normals: Floats32) -> None:
-    """Replace zero vectors in `normals` (m, 3): by the area-weighted mean normal of the faces in the corner's sector.
+    """Replace zero vectors in `normals` (m, 3) by area-weighted mean normals of the faces in the corners' sectors.
 
     `positions` (n, 3) are the positions of the points of `level`.
     """

@@ -91,7 +91,7 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
         corner_columns[number] = corner_values.astype(np.float32)
     for group in seam_groups:
         _assign_columns(*_refine_group(group, rules, level), group.columns, corner_columns)
-    # Values that are constant over a face are those of the first corner of the face in the cage.
+    # Values that are constant over a face are taken from the face's first corner in the cage.
     first = np.cumsum(control.sizes) - control.sizes
     for number, (interpolation, corner_values) in enumerate(control.values):
         if interpolation in ("constant", "uniform"):
@@ -124,8 +124,7 @@ def _group_values(
 
     Return three results: the group of the positions and of values that are refined with them; the groups that have
     half-edges of their own because of seams; and the values (m, k) at corners that are refined linearly over each face,
-    by their index in `control.values`. Values that are constant over a face are in none of the
-    results.
+    by their index in `control.values`. Values that are constant over a face are in none of the results.
     """
     count, rule = len(control.points), subdivision.face_varying
     surface, seam_groups = _ValueGroup(cage.half_edges, control.points, [(-1, 3)]), dict[bytes, _ValueGroup]()
@@ -184,7 +183,7 @@ def _assign_columns(
 ) -> None:
     """Write the values of a group to `corner_columns`: arrays (m, k) over corners, by index in `ControlMesh.values`.
 
-    `values` (n, k) and `columns` are those of the group (`_ValueGroup`).
+    `values` (n, k) and `columns` are as in `_ValueGroup`.
     """
     start = 0
     for number, width in columns:

@@ -73,7 +73,7 @@ def _smooth_edges(level: HalfEdges, means: Floats, edge_points: Floats, rules: R
     """Replace the edges' middles in `edge_points` (e, k) by new points where an edge's sharpness is below 1.
 
     A smooth edge's point is the mean of its ends and of both faces' centroids, `means` (f, k) (Catmull and Clark 1978).
-    With a sharpness between 0 and 1, it is interpolated between that mean and the middle.
+    With a sharpness between 0 and 1, the point is interpolated between this mean and the edge's middle.
     """
     edges, half_edges, sharpness = _soft_edges(level)
     a, b = level.faces[half_edges], level.faces[level.twins[half_edges]]
@@ -89,7 +89,7 @@ def _smooth_loop_edges(level: HalfEdges, values: Floats, edge_points: Floats) ->
     """Replace the edges' middles in `edge_points` (e, k) by new points where an edge's sharpness is below 1.
 
     A smooth edge's point has weights of 3/8 for both ends and 1/8 for both opposite points (Loop 1987). With a
-    sharpness between 0 and 1, it is interpolated between that point and the middle.
+    sharpness between 0 and 1, the new point is interpolated between this point and the edge's middle.
     """
     edges, half_edges, sharpness = _soft_edges(level)
     opposite = level.points[level.previous]

@@ -91,7 +91,7 @@ class HalfEdges:
 
 @dataclass(frozen=True, eq=False)
 class Connectivity:
-    """The properties of edges and points by which a cage is manifold or not.
+    """The edges of a cage that are not manifold, and the fans of faces around its points.
 
     - is_nonmanifold_edge (e,): whether an edge has more than two faces, occurs twice in one face, or joins two faces of
       opposite winding

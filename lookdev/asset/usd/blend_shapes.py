@@ -60,7 +60,7 @@ class Offsets:
 def blend_offsets(
     prim: Usd.Prim, names: Sequence[str], targets: Sequence[Sdf.Path], weights: Mapping[str, float], notes: list[str]
 ) -> Iterator[Offsets]:
-    """Yield the offsets of each of a gprim's blend shapes whose weight is not 0.
+    """Yield the offsets of a gprim's blend shapes; shapes of weight 0 are left out.
 
     The offsets are interpolated linearly between the two shapes with the nearest weights below and above. The shapes
     are: no offset at weight 0, each inbetween at its weight, and the blend shape itself at weight 1. `names` and

@@ -174,8 +174,9 @@ class _Samples:
         return values[self.curves] if interpolation == "uniform" else self.interpolate_vertices(values)
 
     def _interpolate_varying(self, values: Floats, label: str) -> Floats:
-        """Return `interpolate` for values (n, c) at the ends of segments: linear over each segment."""
-        # For each sample, the number in its curve of the value at the segment's start, and of the one at its end.
+        """Return the result of `interpolate` for values (n, c) at the ends of segments, linear over each segment."""
+        # For each sample: `number` is the number, in its curve, of the value at the start of the segment, and
+        # `following` the number of the value at the end.
         splines, curves = self.splines, self.curves
         number = self.segments - run_starts(splines.segment_counts)[curves]
         counts = splines.segment_counts + (not splines.periodic)
@@ -274,7 +275,7 @@ def _rings(
 
 
 def _splines(prim: Usd.Prim, time: Usd.TimeCode, counts: Indices) -> Splines:
-    """Return the splines of a prim's curves, which have the numbers of vertices `counts` (c,)."""
+    """Return the splines of a prim's curves; `counts` (c,) are the numbers of the curves' vertices."""
     path = str(prim.GetPath())
     if prim.IsA(UsdGeom.NurbsCurves):
         orders, knots = read_array(prim, "order", time, np.intp), read_array(prim, "knots", time, np.float64)

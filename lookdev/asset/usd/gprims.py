@@ -114,9 +114,9 @@ class GprimReader:
         return GprimSurface(shape, subsets)
 
     def copies(self, prim: Usd.Prim, surface: GprimSurface) -> Floats | None:
-        """Return the placements (k, 4, 4) of a gprim's surface, as in `GprimSurface.copies`, or None for a single one.
+        """Return the placements (k, 4, 4) of a gprim's surface, as in `GprimSurface.copies`, which may be None.
 
-        Unlike `surface.copies`, they include the scale of a primitive relative to the surface that it shares.
+        Unlike `surface.copies`, the placements include the scale of a primitive relative to the surface that it shares.
         """
         scale = self._shared_scale(prim)
         return surface.copies if scale == 1.0 else np.diag([scale, scale, scale, 1.0])[None]

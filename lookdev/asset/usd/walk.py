@@ -40,8 +40,8 @@ class PlacedGprim:
     """A visible gprim and its placements in the stage, as matrices for row vectors.
 
     `transforms` (k, 4, 4) map the gprim's space to the stage. `prototype` is the prototype of a point instancer that
-    contains the gprim, and `prototype_placements` (j, 4, 4) map its space to the stage. For a gprim that is not in a
-    prototype, `prototype` is None, and `prototype_placements` is one identity matrix.
+    contains the gprim, and `prototype_placements` (j, 4, 4) map the prototype's space to the stage. For a gprim that is
+    not in a prototype, `prototype` is None, and `prototype_placements` is one identity matrix.
     """
 
     prim: Usd.Prim
