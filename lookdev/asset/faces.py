@@ -1,7 +1,7 @@
 """Finds the valid faces of shapes, and the values of attributes at the corners of these faces, for `finish`.
 
 A face is dropped if it has fewer than three corners, has the same point twice, or repeats the corners of an earlier
-face in the same order. Holes are dropped too, except those of control cages. The arrays of many shapes are
+face in the same order. Holes are dropped too, except in control cages. The arrays of many shapes are
 concatenated, so that one NumPy call serves many small shapes.
 """
 

@@ -122,7 +122,7 @@ class Slot:
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """The geometry of a render. `center` and `radius` describe the smallest sphere around it, in metres.
+    """The geometry of a render. `center` and `radius` describe the smallest sphere around the faces, in metres.
 
     `convex` is True only if reflected light never meets the surface again. `sheet` is True only if transmitted light
     does not meet the surface again either, as with a flat card; a convex sheet has no indirect light. `revolved` is

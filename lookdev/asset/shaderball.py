@@ -1,9 +1,9 @@
 """Makes the built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a base.
 
-It consists of two surfaces of revolution. The ball's axis is tilted towards the camera of pose 0, the pose before the
-turntable turns. A profile consists of pieces, which are arcs and lines. A piece is an array of points (k, 2): radius
-and height in metres. Every corner between two pieces has a fillet, which shows a highlight as a real edge does. Normals
-are smooth everywhere.
+The shader ball consists of two surfaces of revolution. The ball's axis is tilted towards the camera of pose 0, the pose
+before the turntable turns. A profile consists of pieces, which are arcs and lines. A piece is an array of points
+(k, 2): radius and height in metres. Every corner between two pieces has a fillet, which shows a highlight as a real
+edge does. Normals are smooth everywhere.
 """
 
 from __future__ import annotations

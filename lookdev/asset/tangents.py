@@ -115,8 +115,8 @@ def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
 def handedness(mesh: Mesh) -> Floats32:
     """Return the handedness (m,) at each corner: 1 if v grows along cross(normal, tangent), -1 if UVs are mirrored.
 
-    The UVs are those of the mesh's first UV set. The sign is constant over a face. It is 1 for a face whose UVs cover
-    no area, and for a mesh without UVs. Normal maps need the sign: their green channel tilts normals towards
+    The UVs are those of the mesh's first UV set. The sign is constant over a face. The sign is 1 for a face whose UVs
+    cover no area, and for a mesh without UVs. Normal maps need the sign: their green channel tilts normals towards
     increasing v.
     """
     uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2))).astype(np.float64)
@@ -141,7 +141,7 @@ def _face_tangents(
 ) -> Floats:
     """Return each face's tangent (f, 3), which is not a unit vector; it is zero for a face without orientation.
 
-    `positions` (m, 3) and `uvs` (m, 2) are those of the corners. Let P be the position and N the face's normal. By
+    `positions` (m, 3) and `uvs` (m, 2) are given at the corners. Let P be the position and N the face's normal. By
     Stokes' theorem, the integral of v dP around a face is the integral of N x grad v over the face. The tangent dP/du
     points along grad v x N if the UVs have the face's winding, and against it if they are mirrored.
     """

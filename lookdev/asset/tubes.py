@@ -65,8 +65,8 @@ def tubes(rings: CurveSamples, sides: int) -> Strips:
     """Return tubes of `sides` faces around each curve, with flat caps; a tube with radius 0 at an end ends in a point.
 
     In `st`, u grows around the curve, counter-clockwise when seen against the direction of the curve. v grows from 0 to
-    1 with the length along the curve. A cap is a disc in the unit square. Normals are those of a round tube; they are
-    exact where the tube is straight or does not taper.
+    1 with the length along the curve. A cap is a disc in the unit square. Normals are computed as for a round tube;
+    they are exact where the tube is straight or does not taper.
     """
     # Each ring has `sides` + 1 points; the last has the position of the first, but u = 1. At each ring, x and y span
     # the cross-section, and `slope` is the derivative of the radius along the curve.

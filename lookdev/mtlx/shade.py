@@ -3,7 +3,7 @@
 - /MaterialX/Materials/<name> is a Material, whose `outputs:mtlx:surface` is connected to its shader. The shader's
   inputs without a connection are also inputs of the material, which other layers may override.
 - A node is a Shader. Its `info:id` is the name of its node definition, by the convention ``ND_<category>_<type>``.
-- Values, connections and colour spaces (as `colorSpace` of an attribute) are those of the document. Paths of images
+- Values, connections and colour spaces (as `colorSpace` of an attribute) are as in the document. Paths of images
   become absolute, lengths are in metres, and angles in degrees.
 
 All nodes upstream of a material are written into that material, so that a reference to the material alone is complete.

@@ -148,7 +148,7 @@ def lights_hint(stage: Usd.Stage) -> str:
 
 
 def dependencies(file: Path) -> set[Path]:
-    """Return the absolute paths of a USD file, its layers and its images, including those of unselected variants."""
+    """Return the absolute paths of a USD file, its layers and its images, including files of unselected variants."""
     with usd_errors_as_faults(file):
         open_layers = [] if _MAP_PATH.get() is None else _open_layers(file)
         layers, images, _ = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(file)))
@@ -356,9 +356,9 @@ def _open_layer(file: Path) -> Sdf.Layer:
 
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
-    """Check and open a file and all layers that can be composed with it, including those of unselected variants.
+    """Check and open a file and all layers that can be composed with it, including layers of unselected variants.
 
-    The first of the returned layers is that of the file. Raises StageError with the faults of all layers.
+    The first of the returned layers is the file's own. Raises StageError with the faults of all layers.
     """
     if not has_text_path(file):
         raise StageError.at(file, "", "its path is not UTF-8", "rename it, or its folder")

@@ -1,10 +1,10 @@
 """Chooses the refinement levels of an asset's cages by their size in the frame.
 
-Each refinement halves the edges. It divides the distance between the limit surface and the chord of an edge by four,
-and the angle by which the surface turns along an edge by two. Distance and angle are measured at the cage's edges, on
-the limit surface itself. At the chosen level, the distance is at most `SURFACE_TOLERANCE` pixels, and the angle is at
-most `MAX_TURN` or the edge at most `SMALL_EDGE` pixels long. The edges that need the highest levels, up to
-`OUTLIER_FRACTION` of the total length, may need one level more than the chosen level.
+Each refinement halves the edges. A refinement also divides the distance between the limit surface and the chord of an
+edge by four, and the angle by which the surface turns along an edge by two. Distance and angle are measured at the
+cage's edges, on the limit surface itself. At the chosen level, the distance is at most `SURFACE_TOLERANCE` pixels, and
+the angle is at most `MAX_TURN` or the edge at most `SMALL_EDGE` pixels long. The edges that need the highest levels, up
+to `OUTLIER_FRACTION` of the total length, may need one level more than the chosen level.
 """
 
 from __future__ import annotations

@@ -79,7 +79,7 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
 
 @dataclass(frozen=True, eq=False)
 class _ValueFans:
-    """The faces around each value: those that have the value at a corner. All arrays are (v,).
+    """The faces around each value, which are the faces with the value at a corner. All arrays are (v,).
 
     - is_used: whether there are any such faces
     - face_count: the number of these faces

@@ -3,8 +3,8 @@
 The ring of a point is the points at the other ends of its edges and, for quads, the opposite points of its faces. A
 sector is the faces around a point between two sharp edges, or all faces around it. A dart is a point at which one sharp
 edge ends. The masks are left eigenvectors of the ring's refinement matrix (Halstead, Kass and DeRose, "Efficient, Fair
-Interpolation using Catmull-Clark Surfaces", 1993, section 4 and appendix A). The eigenvalues are those of Stam, "Exact
-Evaluation of Catmull-Clark Subdivision Surfaces at Arbitrary Parameter Values" (1998), section 3, and of Loop (1987).
+Interpolation using Catmull-Clark Surfaces", 1993, section 4 and appendix A). The eigenvalues follow Stam, "Exact
+Evaluation of Catmull-Clark Subdivision Surfaces at Arbitrary Parameter Values" (1998), section 3, and Loop (1987).
 
 In two cases OpenSubdiv 3.6 uses other masks, which do not agree with its own refinement rules. At a dart it uses the
 masks of a smooth point. For the tangent across a crease with three or more faces on a side (Loop: four), it uses the
@@ -75,7 +75,7 @@ def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
     elif kind == SectorKind.CORNER:
         point[:], edges[1, 0], edges[2, 1] = (1.0, -1.0, -1.0), 1.0, 1.0
     elif kind == SectorKind.CREASE:
-        # A crease is a cubic B-spline. This is the limit position and the tangent of a B-spline at a vertex.
+        # A crease is a cubic B-spline. These weights give the limit position and the tangent of a B-spline at a vertex.
         point[0], edges[0, [0, size]] = 2.0 / 3.0, 1.0 / 6.0
         edges[1, [0, size]] = 1.0, -1.0
         point[2], edges[2], faces[2] = _cross_tangent(size, rules)

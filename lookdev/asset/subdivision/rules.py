@@ -117,8 +117,8 @@ def _refine_points(level: HalfEdges, values: Floats, around: Floats, rules: Rule
     point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
     result: Floats = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
     result += (smooth * ring_weight)[:, None] * sum_by(level.points, around, len(values))
-    # Add the other ends of the two edges of a crease. They are the sharp edges, or, at a point that is on a crease only
-    # at the next level, the edges that stay sharp.
+    # Add the other ends of the two edges of a crease. These are the sharp edges, or, at a point that is on a crease
+    # only at the next level, the edges that stay sharp.
     threshold = np.where(is_crease, 0.0, 1.0)
     for this, other in (level.ends.T, level.ends.T[::-1]):
         edges = np.flatnonzero((level.edge_sharpness > threshold[this]) & (crease[this] > 0.0))

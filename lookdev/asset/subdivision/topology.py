@@ -159,10 +159,10 @@ def _fan_counts(level: HalfEdges) -> Indices:
 def split_faces(level: HalfEdges, triangles: bool) -> HalfEdges:
     """Return the next level: each face becomes quads, one for each corner, or with `triangles`, four triangles.
 
-    The points of the next level are those of this level, then one for each edge and, unless `triangles`, one for each
-    face. A new face is called a child. The child at corner c starts at the point of c, with the half-edge that
-    `first_child` returns for c. The fourth triangle is in the middle. Sharpness falls by one ("uniform" creasing,
-    DeRose et al. 1998, section 3).
+    The points of the next level are the points of this level, then a point for each edge and, unless `triangles`, a
+    point for each face. A new face is called a child. The child at corner c starts at the point of c, with the
+    half-edge that `first_child` returns for c. The fourth triangle is in the middle. Sharpness falls by one ("uniform"
+    creasing, DeRose et al. 1998, section 3).
     """
     edge_count, count = len(level.ends), len(level.point_sharpness)
     corners = np.arange(len(level.points))

@@ -1,6 +1,6 @@
 """Finds the visible gprims of a stage and their placements.
 
-It follows visibility, purpose, scene-graph instances and point instancers. A prim in a prototype of several point
+The walk follows visibility, purpose, scene-graph instances and point instancers. A prim in a prototype of several point
 instancers is visited once for each instancer, with a transform for each instance.
 """
 
@@ -140,7 +140,7 @@ class Walk:
     ) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below `root`.
 
-        `prototype` and `prototype_placements` are those of `PlacedGprim`. `outer_instancers` are the instancers whose
+        `prototype` and `prototype_placements` are as in `PlacedGprim`. `outer_instancers` are the instancers whose
         prototypes contain the root.
         """
         prims = iter(Usd.PrimRange(root, predicate))
